@@ -1,0 +1,200 @@
+"""Derivatives of a picture by the numbers of its scene, named by address.
+
+Found detached, felt attached: which object is seen, and which light is blocked, is looked for without derivatives; where
+the winner is hit and how it is shaded carries them. So a derivative holds what happens inside every visible patch, and
+not what a moving silhouette or shadow edge adds: where that is left out, `gradient` and `derivative` warn.
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import integrator, tables
+from visray.errors import UserError
+from visray.features import features
+from visray.film import Moments
+from visray.primitives.flat import Flat
+from visray.primitives.sphere import Sphere
+from visray.quantities import Arrays, quantities
+from visray.render import adjusted, arrays, expose, lanes, set_up
+from visray.sampling import Plan
+from visray.scene import address as addresses
+from visray.scene.load import checked
+from visray.scene.scene import Gradient, Scene
+from visray.shading import beam, feel
+from visray.search import closest
+
+
+class EdgeWarning(UserWarning):
+    """A derivative leaves out what moving silhouettes or shadow edges add."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the tables hold the number of an address: the arrays, the row, and the component or None for all three."""
+
+    arrays: tuple[Any, ...]
+    row: int
+    part: int | None
+
+    def read(self, values: Sequence[Any]) -> Any:
+        """The entry, out of arrays shaped like `arrays`, summed over them."""
+        entry = sum(np.array(v, float)[..., self.row] for v in values)
+        return float(entry) if entry.ndim == 0 else entry if self.part is None else float(entry[self.part])
+
+    def one_hot(self) -> list[np.ndarray]:
+        """Arrays that are 1 at the entry and 0 elsewhere."""
+        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
+        for h in hot:
+            h[(Ellipsis, self.row) if self.part is None else (self.part, self.row)] = 1
+        return hot
+
+
+def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, address: str) -> Place:
+    """Where the tables hold the number at `address`."""
+    addresses.value(scene, address)  # the address must exist
+    parts = address.split(".")
+    head, name, field = (parts + ["", ""])[:3]
+    if head == "ambient":
+        return Place((t.ambient,), 0, int(name) if name else None)
+    if head == "background":
+        flat = not isinstance(scene.background, Gradient)
+        both = (t.background.top, t.background.bottom) if flat else (getattr(t.background, name or "top"),)
+        rest = name if flat else field
+        return Place(both, 0, int(rest) if rest else None)
+    if head == "camera":
+        table, row, field, rest = t.camera, 0, name, parts[2:]
+    elif head in ("materials", "lights"):
+        names = list({"default": None} | scene.materials) if head == "materials" else list(scene.lights)
+        table, row, rest = getattr(t, head), names.index(name), parts[3:]
+    elif head == "objects":
+        number = next(i for i, k in enumerate(kin) if name in k.names)
+        table, row, rest = t.objects[number], kin[number].names.index(name), parts[3:]
+    else:
+        raise UserError(f"{address}: is not a number that a picture depends on smoothly")
+    if field not in quantities(type(table)):
+        raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
+    return Place((getattr(table, field),), row, int(rest[0]) if rest else None)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One differentiable rendering: the places of the addresses, and the picture that hangs on them."""
+
+    places: dict[str, Place]
+    picture: Any
+    order: np.ndarray
+
+
+def _moves(address: str) -> bool:
+    return address.startswith(("objects.", "camera.")) or address.endswith("position") or ".position." in address
+
+
+def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
+    """The picture, attached to the arrays that `mark` has enabled. Shape: (3, H W), in the order of lanes."""
+    a = arrays(backend, scene.settings.precision)
+    kin, size = tables.kinships(scene), (scene.film.width, scene.film.height)
+    packed = tables.pack(scene, a)
+    places = {w: place(scene, kin, packed, w) for w in wrt}
+    for p in places.values():
+        mark(p)
+    ready = tables.prepare(packed, kin, size, a)
+    stage = integrator.stage(ready, kin, features(scene, tuple(wrt)), a, not scene.film.transparent)
+    order, x, y = lanes(a, *size)
+    if any(map(_moves, wrt)) and (edges := _edges(stage, x, y)):
+        warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
+    m: Moments = integrator.sample(stage, Plan.of(a, scene.settings.seed, spp, 0, spp), x, y)
+    return Trace(places, m.reference + m.total * (1 / a.F(spp)), order)
+
+
+def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
+    """What edges the pixel centres show, or nothing: then no derivative is missing but within a pixel."""
+    s = stage.scenery
+    ray = integrator.camera_ray(stage, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
+    hit = closest(stage.watch, ray)
+    surface = feel(s, ray, hit)[0]
+    within = dr.dot(surface.n, s.a.V(ray.d)) > 0
+    n = dr.select(within, -surface.n, surface.n)
+    lit = [beam(s, i, hit, surface, n, within).reached for i in range(len(s.lights))]
+    found = []
+    seen = np.unique(np.array(hit.index))
+    if len(seen) > 1:
+        found.append("silhouettes")
+    kinds = [k.kind for k in s.kin for _ in k.names]
+    if any(not issubclass(kinds[i], (Flat, Sphere)) for i in seen if i < len(kinds)):
+        found.append("creases")
+    if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in lit):
+        found.append("shadow edges")
+    return " and ".join(found) + " are in view" if found else ""
+
+
+def gradient(
+    scene: Scene,
+    wrt: Sequence[str],
+    loss: Callable[[Any], Any] | None = None,
+    *,
+    spp: int | None = None,
+    precision: str = "double",
+    backend: str = "llvm",
+) -> dict[str, Any]:
+    """Reverse mode: the derivative of a loss by each address, a number or an array of three.
+
+    loss: takes the picture, a Dr.Jit triple of H * W entries row by row, to one number; by default its mean over pixels
+    and channels.
+    """
+    scene = checked(adjusted(scene, precision=precision, spp=spp))
+    trace = _traced(scene, wrt, scene.settings.spp, lambda p: dr.enable_grad(*p.arrays), backend)
+    picture = trace.picture
+    if loss is not None:
+        back = np.empty(len(trace.order), np.uint32)
+        back[trace.order] = np.arange(len(back), dtype=np.uint32)
+        picture = dr.gather(type(picture), picture, dr.uint32_array_t(dr.detached_t(type(picture.x)))(back))
+    dr.backward((loss or _mean)(picture))
+    return {w: p.read([dr.grad(v) for v in p.arrays]) for w, p in trace.places.items()}
+
+
+def derivative(
+    scene: Scene, address: str, *, spp: int | None = None, precision: str = "double", backend: str = "llvm"
+) -> np.ndarray:
+    """Forward mode: the derivative of every pixel by the number at one address. Shape: (H, W, 3).
+
+    For an address of three numbers: the derivative as all three grow alike; name one with `.0`, `.1` or `.2`.
+    """
+    scene = checked(adjusted(scene, precision=precision, spp=spp))
+
+    def mark(p: Place) -> None:
+        for array, hot in zip(p.arrays, p.one_hot()):
+            dr.enable_grad(array)
+            dr.set_grad(array, type(dr.detach(array))(hot))
+
+    trace = _traced(scene, [address], scene.settings.spp, mark, backend)
+    slope = np.array(dr.forward_to(trace.picture)).T
+    picture = np.empty_like(slope)
+    picture[trace.order] = slope
+    return picture.reshape(scene.film.height, scene.film.width, 3)
+
+
+def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
+    """The slow twin of `derivative`: central differences in double, with the same samples. Shape: (H, W, 3).
+
+    Error: step^2 times the third derivative, and 1e-16 / step of rounding; edges count here.
+    """
+    scene = checked(adjusted(scene, precision="double", spp=spp))
+    middle = np.array(addresses.value(scene, address), float)
+    width = step * max(1.0, float(np.max(np.abs(middle))))
+    sides = []
+    for sign in (1, -1):
+        moved = middle + sign * width
+        made = set_up(addresses.replaced(scene, address, tuple(moved) if moved.ndim else float(moved)))
+        mean = np.array(expose(made)[0].mean).T
+        sides.append(np.empty_like(mean))
+        sides[-1][made.order] = mean
+    return ((sides[0] - sides[1]) / (2 * width)).reshape(scene.film.height, scene.film.width, 3)
+
+
+def _mean(picture: Any) -> Any:
+    return dr.mean(picture.x + picture.y + picture.z) / 3

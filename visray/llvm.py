@@ -1,0 +1,250 @@
+"""Finds a libLLVM that Dr.Jit can use, before Dr.Jit is imported.
+
+Dr.Jit loads libLLVM at its import, and takes the first one it meets. LLVM 15 and 16, which distributions ship, end the
+process in the middle of a render: no exception, nothing to catch. So the library is chosen here, by its version, and
+handed over in DRJIT_LIBLLVM_PATH. Where none is usable, that variable names a path that does not exist, because Dr.Jit
+left alone would take a fatal one.
+"""
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from glob import escape, glob
+from importlib import import_module, metadata
+
+from visray.errors import UserError
+
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+WHEEL = "karellen-llvm-core"
+# Dr.Jit 1.5 emits llvm.minimum and llvm.maximum, which LLVM before 17 cannot compile.
+OLDEST = 17
+NOWHERE = "/no usable LLVM (see: visray doctor)"
+ANY_LLVM = {"darwin": "libLLVM*.dylib", "win32": "LLVM-C.dll"}.get(sys.platform, "libLLVM*.so*")
+_LIBRARY = re.compile(r"libLLVM(?:-\d[\w.]*)?\.(?:so|dylib|\d+)|LLVM-C\.dll$")
+# A single digit after .so is the number of an ABI, not a version.
+_IN_NAME = re.compile(r"libLLVM(?:-|\.so\.(?=\d\d)|\.(?=\d\d))(\d+(?:\.\d+)*)")
+_IN_FOLDER = re.compile(r"/Cellar/llvm(?:@\d+)?/(\d+(?:\.\d+)*)")
+
+_ASK = """
+import ctypes, sys
+try:
+    library = ctypes.CDLL(sys.argv[1])
+except OSError as error:
+    sys.exit(f"cannot be loaded: {error}")
+if not hasattr(library, "LLVMDisposeMessage"):
+    sys.exit("is not LLVM")
+if not hasattr(library, "LLVMGetVersion"):
+    sys.exit("is LLVM 15 or older, which ends the process during a render")
+numbers = [ctypes.c_uint() for _ in range(3)]
+library.LLVMGetVersion(*map(ctypes.byref, numbers))
+print(".".join(str(number.value) for number in numbers))
+"""
+
+
+@dataclass(frozen=True)
+class LLVM:
+    """A libLLVM: its path, its version as far as it is known, and where it was found."""
+
+    path: str
+    version: tuple[int, ...]
+    source: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a search came to: the library, or None, and a line for each one refused on the way.
+
+    `early` is True where Dr.Jit had been imported before: then nothing was searched and nothing can be changed.
+    """
+
+    llvm: LLVM | None
+    refused: tuple[str, ...] = ()
+    early: bool = False
+
+
+_outcome: Outcome | None = None
+
+
+def prepare() -> Outcome:
+    """Searches once, and sets DRJIT_LIBLLVM_PATH; to be called before drjit or mitsuba is imported."""
+    global _outcome
+    if _outcome is None:
+        if "drjit" in sys.modules:
+            _outcome = Outcome(None, early=True)
+        else:
+            _outcome = search()
+            os.environ[VARIABLE] = _outcome.llvm.path if _outcome.llvm else NOWHERE
+    return _outcome
+
+
+def found() -> LLVM | None:
+    """The libLLVM that Dr.Jit uses or will use, or None where there is no usable one."""
+    outcome = prepare()
+    if not outcome.early:
+        return outcome.llvm
+    version = loaded()
+    path = os.environ.get(VARIABLE) or "chosen by Dr.Jit"
+    return LLVM(path, version, "loaded before visray was imported") if version else None
+
+
+def require() -> LLVM:
+    """The libLLVM in use, with the version it reports itself; UserError where a render would fail or abort."""
+    outcome = prepare()
+    if not outcome.early and outcome.llvm is None:
+        raise UserError(_advice(outcome.refused))
+    version = loaded()
+    library = found()
+    if library and version and version[0] >= OLDEST:
+        return LLVM(library.path, version, library.source)
+    what = f"LLVM {_dotted(version)}, which ends the process during a render" if version else "no LLVM"
+    if not outcome.early:
+        right = f"set {VARIABLE} to a libLLVM of version {OLDEST} or newer, or {_installation()}"
+        raise UserError(f"LLVM: Dr.Jit was given {outcome.llvm.path} and loaded {what}; {right}")
+    right = "import visray before drjit and mitsuba"
+    if search().llvm is None:
+        right += f", after you {_installation()}"
+    raise UserError(f"LLVM: Dr.Jit was imported before visray and loaded {what}; {right}")
+
+
+def loaded() -> tuple[int, ...] | None:
+    """The version of the libLLVM that Dr.Jit has loaded, or None; imports Dr.Jit."""
+    # Not at the top: the import loads libLLVM, so it must come after the search.
+    version = import_module("drjit.detail").llvm_version()
+    return tuple(version) if version[0] > 0 else None
+
+
+def search() -> Outcome:
+    """Searches the variable, then the Python environment, then the system; loads nothing into this process.
+
+    A library that the variable names is never replaced by another: its user has asked for it.
+    """
+    named = os.environ.get(VARIABLE)
+    if named and named != NOWHERE:
+        answer = judge(named, VARIABLE)
+        return Outcome(answer) if isinstance(answer, LLVM) else Outcome(None, (f"{VARIABLE}={answer}",))
+    refused: list[str] = []
+    for source, paths in (("Python environment", _environment), ("system", _system)):
+        answers = [judge(path, source) for path in _distinct(paths())]
+        refused += [answer for answer in answers if isinstance(answer, str)]
+        usable = [answer for answer in answers if isinstance(answer, LLVM)]
+        if usable:
+            return Outcome(max(usable, key=lambda library: library.version), tuple(refused))
+    return Outcome(None, tuple(refused))
+
+
+def judge(path: str, source: str) -> LLVM | str:
+    """The library at `path` as a record, or why it is refused as `<path> <reason>`."""
+    if os.path.dirname(path) and not os.path.isfile(path):
+        return f"{path} " + ("is not a file" if os.path.exists(path) else "does not exist")
+    version = version_in_name(path) if os.path.dirname(path) else None
+    if version is None:
+        version = _ask(path)
+    if isinstance(version, str):
+        return f"{path} {version}"
+    if version[0] < OLDEST:
+        return f"{path} is LLVM {_dotted(version)}, which ends the process during a render"
+    return LLVM(path, version, source)
+
+
+def version_in_name(path: str) -> tuple[int, ...] | None:
+    """The version that the name of the file behind `path` tells, or None where it tells none."""
+    real = os.path.realpath(path)
+    match = _IN_NAME.match(os.path.basename(real)) or _IN_FOLDER.search(real)
+    return tuple(int(number) for number in match[1].split(".")) if match else None
+
+
+def _ask(path: str) -> tuple[int, ...] | str:
+    """The version that the library itself reports, or what is wrong with it; asked in a process that may die of it."""
+    try:
+        run = subprocess.run(
+            [sys.executable, "-I", "-S", "-c", _ASK, path],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=60,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return "does not tell its version"
+    answer = run.stdout.strip()
+    if run.returncode == 0 and re.fullmatch(r"\d+(\.\d+)*", answer):
+        return tuple(int(number) for number in answer.split("."))
+    lines = run.stderr.strip().splitlines()
+    return lines[-1] if run.returncode == 1 and lines else "does not tell its version"
+
+
+def _environment() -> Iterator[str]:
+    """Libraries that a Python package or the environment around it (conda) has brought."""
+    try:
+        files = metadata.distribution(WHEEL).files or []
+    except metadata.PackageNotFoundError:
+        files = []
+    yield from (str(file.locate()) for file in files if _LIBRARY.match(file.name))
+    data = sysconfig.get_path("data")
+    for folder in ("lib", os.path.join("Library", "bin")):
+        yield from glob(os.path.join(escape(data), folder, ANY_LLVM))
+
+
+def _system() -> Iterator[str]:
+    """Libraries that the operating system or its package manager has brought, for this processor."""
+    if sys.platform == "darwin":
+        roots = ("/opt/homebrew", "/usr/local")
+        patterns = [f"{root}/{home}/lib/" for root in roots for home in ("opt/llvm*", "Cellar/llvm*/*")]
+        patterns += ["/opt/local/libexec/llvm-*/lib/"]
+    elif sys.platform == "win32":
+        programs = os.environ.get("PROGRAMFILES", r"C:\Program Files")
+        patterns = [os.path.join(programs, "LLVM", "bin", "")]
+        patterns += [os.path.join(escape(folder), "") for folder in os.get_exec_path() if folder]
+    else:
+        patterns = [f"/usr/lib/{platform.machine()}-linux-gnu/", "/usr/lib/llvm-*/lib/", "/usr/lib/llvm/*/lib64/"]
+        patterns += ["/usr/lib64/", "/usr/lib64/llvm*/lib/", "/usr/lib/", "/usr/local/lib/"]
+        yield from _ldconfig()
+    for pattern in patterns:
+        yield from glob(pattern + ANY_LLVM)
+
+
+def _ldconfig() -> Iterator[str]:
+    """Libraries that the dynamic linker's cache lists for 64-bit processes."""
+    program = shutil.which("ldconfig") or shutil.which("ldconfig", path="/sbin:/usr/sbin")
+    if program is None:
+        return
+    run = subprocess.run([program, "-p"], capture_output=True, text=True, timeout=60, check=False)
+    for line in run.stdout.splitlines():
+        name, arrow, path = line.strip().partition(" => ")
+        if arrow and name.startswith("libLLVM") and ("x86-64" in name or "AArch64" in name):
+            yield path
+
+
+def _distinct(paths: Iterable[str]) -> list[str]:
+    """The files behind `paths` that are libLLVM by their name, each once, in order."""
+    real = (os.path.realpath(path) for path in paths if _LIBRARY.match(os.path.basename(path)))
+    return list(dict.fromkeys(path for path in real if os.path.isfile(path)))
+
+
+def _advice(refused: tuple[str, ...]) -> str:
+    """One line: that no library is usable, what to install, and why those found were refused."""
+    if refused and refused[0].startswith(VARIABLE):
+        return f"{refused[0]}; set it to a libLLVM of version {OLDEST} or newer, or unset it and {_installation()}"
+    line = f"LLVM: Dr.Jit needs version {OLDEST} or newer and there is none; {_installation()}"
+    return f"{line} (refused: {'; '.join(refused)})" if refused else line
+
+
+def _installation() -> str:
+    """How a libLLVM is installed on this platform."""
+    if sys.platform == "darwin":
+        return "run: brew install llvm"
+    if sys.platform == "win32":
+        return "run: winget install LLVM.LLVM"
+    if platform.machine() == "x86_64":
+        return f"run: pip install {WHEEL}"
+    return f"install libLLVM {OLDEST} or newer from your distribution (for example: apt install libllvm19)"
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(str(number) for number in version)

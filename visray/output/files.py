@@ -1,0 +1,97 @@
+"""Writing files so that an old one is never lost and a new one is never half there."""
+
+import errno
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from visray.errors import UserError
+
+_REASONS = {
+    errno.ENOSPC: "the disk is full; free some space or write to another disk",
+    errno.EDQUOT: "your disk quota is used up; free some space or write to another disk",
+    errno.EFBIG: "the file would be larger than the file system or a limit allows; write to another disk",
+    errno.EACCES: "there is no permission to write there; write to another folder",
+    errno.EPERM: "there is no permission to write there; write to another folder",
+    errno.EROFS: "the file system is read-only; write to another disk",
+    errno.ENAMETOOLONG: "the name is too long; choose a shorter one",
+}
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Returns if a file can be written at `path` now, else raises a UserError; to be called before a long render."""
+    try:
+        _check(Path(path))
+        trial = _reserve(_target(path))
+    except OSError as error:
+        raise _explain(path, error) from error
+    trial.unlink()
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yields a temporary path beside `path`, which takes its place at the end, or vanishes on any failure.
+
+    An OSError, such as a full disk, becomes a UserError. A link is followed: the file it points to is replaced.
+    """
+    temporary = None
+    try:
+        _check(Path(path))
+        target = _target(path)
+        temporary = _reserve(target)
+        yield temporary
+        _flush(temporary)
+        if target.exists():
+            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+        os.replace(temporary, target)
+    except OSError as error:
+        raise _explain(path, error) from error
+    finally:
+        # `finally` and not `except`, so that an interrupt cleans up as well; after the replacement there is none left.
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def _check(path: Path) -> None:
+    folder = path.parent
+    if path.is_dir():
+        raise UserError(f"{path}: this is a folder; give the name of a file in it")
+    if not folder.exists():
+        raise UserError(f"{path}: the folder '{folder}' does not exist; create it first")
+    if not folder.is_dir():
+        raise UserError(f"{path}: '{folder}' is a file, not a folder; write to another folder")
+    if not path.exists():
+        return
+    if not path.is_file():
+        raise UserError(f"{path}: this is not a regular file; choose another name")
+    if not os.access(path, os.W_OK):
+        raise UserError(f"{path}: the file is write-protected; choose another name or remove the protection")
+
+
+def _target(path: str | os.PathLike[str]) -> Path:
+    """The file behind `path`. A name too long is found out here and not after the render."""
+    target = Path(os.path.realpath(path))
+    with suppress(FileNotFoundError):
+        target.lstat()
+    return target
+
+
+def _reserve(target: Path) -> Path:
+    """A new empty file beside `target`, with its suffix, and the permissions that the process gives to new files."""
+    path = target.with_name(f".visray-{secrets.token_hex(8)}{target.suffix}")
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    return path
+
+
+def _flush(path: Path) -> None:
+    """Waits until the file is on the disk; without this, a crash of the system may leave an empty file behind."""
+    with open(path, "rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _explain(path: str | os.PathLike[str], error: OSError) -> UserError:
+    reason = _REASONS.get(error.errno, error.strerror or str(error))
+    return UserError(f"{os.fspath(path)}: cannot be written, {reason}")

@@ -1,0 +1,180 @@
+"""The picture: named layers of numbers, and where they come from."""
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from difflib import get_close_matches
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from visray.errors import UserError
+
+# Modules and not names, because exr imports this module too: it makes images of files.
+from visray.output import exr, files, png
+
+Gamma = float | Literal["srgb"]
+SUFFIXES = (".exr", ".png")
+# With the prefix `visray/`, as long as a keyword of a PNG file may be.
+_KEY = re.compile(r"[A-Za-z][\w./-]{0,71}", re.ASCII)
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A picture of `height` x `width` pixels, the first row on top.
+
+    Layers: `RGB` (H, W, 3) linear Rec. 709, premultiplied by the coverage `A` (H, W). Where they were asked for:
+    `variance` (H, W, 3) of the samples of the colour; `Z` (H, W) depth along the view and `distance` (H, W) along the
+    ray, both in world units; `N`, `P` (H, W, 3) in world space; `UV` (H, W, 2); `albedo` (H, W, 3); `id` (H, W) uint32,
+    0 where there is no object. Any other name is a layer too.
+
+    Metadata: what the picture was made of, as str, int, float or list of str. `worldToCamera` and `worldToNDC` are
+    4 x 4 lists that multiply a row vector from the right (the translation is the last row).
+    """
+
+    layers: dict[str, np.ndarray]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise UserError("image: it has no layers; give at least one, such as RGB")
+        for name, values in self.layers.items():
+            if values.ndim not in (2, 3) or values.shape[:2] != (self.height, self.width) or not values.size:
+                first = next(iter(self.layers))
+                shape = f"({self.height}, {self.width}) or ({self.height}, {self.width}, n), as '{first}'"
+                raise UserError(f"image: layer '{name}' has the shape {values.shape}; right would be {shape}")
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """The numbers of one layer: (H, W) or (H, W, n)."""
+        self.check_layers([name])
+        return self.layers[name]
+
+    @property
+    def height(self) -> int:
+        return next(iter(self.layers.values())).shape[0]
+
+    @property
+    def width(self) -> int:
+        return next(iter(self.layers.values())).shape[1]
+
+    def __repr__(self) -> str:
+        return f"<Image {self.width} x {self.height}: {', '.join(self.layers)}>"
+
+    def _repr_png_(self) -> bytes | None:
+        return png.encode(self) if "RGB" in self.layers else None
+
+    def check_layers(self, names: Sequence[str]) -> None:
+        """Returns if the picture has all these layers, else raises a UserError with the nearest name."""
+        for name in names:
+            if name not in self.layers:
+                near = get_close_matches(name, self.layers, 1, 0.5) or get_close_matches(name.upper(), self.layers, 1)
+                right = f"did you mean '{near[0]}'?" if near else "it has " + ", ".join(self.layers)
+                raise UserError(f"image: there is no layer '{name}'; {right}")
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        gamma: Gamma = "srgb",
+        exposure: float = 0.0,
+        layers: Sequence[str] | None = None,
+    ) -> None:
+        """Writes .exr (linear, `layers` or all of them) or .png (8 bits, with `gamma`, and `exposure` in stops)."""
+        check_destination(path, gamma, exposure, layers)
+        if _suffix(path) == ".exr":
+            exr.write_exr(self, path, layers)
+        else:
+            png.write_png(self, path, gamma, exposure)
+
+    def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
+        """The picture for a screen: uint8 (H, W, 3), or (H, W, 4) with straight alpha where A is not 1 everywhere."""
+        check_curve(gamma, exposure)
+        rgb = numbers(self, "RGB").astype(np.float64)
+        alpha = np.clip(numbers(self, "A").astype(np.float64), 0, 1) if "A" in self.layers else np.ones(rgb.shape[:2])
+        opaque = bool((alpha == 1).all())
+        if not opaque:
+            rgb = np.divide(rgb, alpha[..., None], out=np.zeros_like(rgb), where=alpha[..., None] > 0)
+        # Clipped before the exposure too: 0 times an infinite factor would be no number.
+        light = np.clip(np.clip(rgb, 0, np.finfo(np.float32).max) * 2.0**exposure, 0, 1)
+        seen = _curve(light, gamma)
+        if not opaque:
+            seen = np.dstack([seen, alpha])
+        return np.floor(seen * 255 + 0.5).astype(np.uint8)
+
+    def provenance(self) -> dict[str, Any]:
+        """The metadata with what every file states: `software`, `capDate` (local time) and `utcOffset` (s)."""
+        for key in self.metadata:
+            if not _KEY.fullmatch(key):
+                raise UserError(f"image: metadata key '{key}' cannot be written; use up to 72 of A-Z a-z 0-9 _ . / -")
+        now = datetime.now().astimezone()
+        # OpenEXR's sign: UTC = local time + utcOffset.
+        offset = -now.utcoffset().total_seconds()
+        stamp = {"capDate": f"{now:%Y:%m:%d %H:%M:%S}", "utcOffset": offset}
+        given = {key: value.item() if isinstance(value, np.generic) else value for key, value in self.metadata.items()}
+        return {"software": software()} | ({} if "capDate" in given else stamp) | given
+
+
+def software() -> str:
+    """The name and, where it is installed, the version of this program."""
+    try:
+        return f"visray {version('visray')}"
+    except PackageNotFoundError:
+        return "visray"
+
+
+def numbers(image: Image, name: str) -> np.ndarray:
+    """A layer, checked: a UserError names its first pixel that is not a number."""
+    values = image[name]
+    bad = np.isnan(values) if np.issubdtype(values.dtype, np.floating) else np.zeros(1, bool)
+    if bad.any():
+        y, x = np.argwhere(bad)[0][:2]
+        count = int(bad.reshape(image.height, image.width, -1).any(axis=2).sum())
+        where = f"pixel (x {x}, y {y})" + (f" and {count - 1} more" if count > 1 else "")
+        raise UserError(f"image: layer '{name}' is not a number (NaN) at {where}; nothing was written")
+    return values
+
+
+def check_curve(gamma: Gamma, exposure: float) -> None:
+    """Returns if `gamma` and `exposure` can be applied, else raises a UserError."""
+    if gamma != "srgb" and not (_real(gamma) and gamma > 0):
+        raise UserError(f"gamma: {gamma!r} cannot be used; give 'srgb' or a number above 0, such as 2.2")
+    if not (_real(exposure) and abs(exposure) <= 100):
+        raise UserError(f"exposure: {exposure!r} cannot be used; give a number of stops from -100 to 100, such as -1")
+
+
+def check_destination(
+    path: str | os.PathLike[str],
+    gamma: Gamma = "srgb",
+    exposure: float = 0.0,
+    layers: Sequence[str] | None = None,
+) -> None:
+    """Returns if a picture could be written so, else raises a UserError; to be called before a long render."""
+    check_curve(gamma, exposure)
+    suffix = _suffix(path)
+    if suffix == ".exr" and (gamma != "srgb" or exposure):
+        raise UserError(f"{path}: an EXR file holds linear light, so gamma and exposure do not apply; write a .png")
+    if suffix == ".png" and layers is not None:
+        raise UserError(f"{path}: a PNG file holds the colour alone, so layers do not apply; write an .exr")
+    files.check_writable(path)
+
+
+def _suffix(path: str | os.PathLike[str]) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UserError(f"{path}: the name says no format visray writes; end it in {' or '.join(SUFFIXES)}")
+    return suffix
+
+
+def _real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
+    """Linear light from 0 to 1 as the fraction of full scale to display: sRGB (IEC 61966-2-1) or light^(1/gamma)."""
+    if gamma == "srgb":
+        return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.sqrt(light) if gamma == 2 else light ** (1 / gamma)

@@ -1,0 +1,12 @@
+"""The primitives. A new kind is one file here, its name in KINDS and one sample in tests/samples.py."""
+
+from visray.primitives.box import Box
+from visray.primitives.cone import Cone
+from visray.primitives.cylinder import Cylinder
+from visray.primitives.disk import Disk
+from visray.primitives.plane import Plane
+from visray.primitives.rectangle import Rectangle
+from visray.primitives.sphere import Sphere
+from visray.primitives.triangle import Triangle
+
+KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone)

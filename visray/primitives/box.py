@@ -1,0 +1,92 @@
+"""The box."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame
+from visray.primitives.primitive import Twin, boxed_reach, homogeneous
+from visray.primitives.solid import Solid
+from visray.quantities import Point
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box(Solid):
+    """All points between two corners, `min` and `max`; turn it with a transform.
+
+    uv: each face from 0 to 1, upright and unmirrored when looked at from outside (top and bottom with -z and +z up).
+    """
+
+    type: Literal["box"] = "box"
+    min: Point = (-0.5, -0.5, -0.5)
+    max: Point = (0.5, 0.5, 0.5)
+
+    def flaws(self) -> list[tuple[str, str]]:
+        flat = [axis for axis, low, high in zip("xyz", self.min, self.max) if not high > low]
+        return [("max", f"must be greater than min in {', '.join(flat)}")] if flat else []
+
+    def frame(self) -> Frame:
+        h, w = 0.5 * (self.max - self.min), type(self.min)
+        return Frame(w(h.x, 0, 0), w(0, h.y, 0), w(0, 0, h.z), 0.5 * (self.min + self.max))
+
+    @staticmethod
+    def reach(whole: Frame) -> Any:
+        return boxed_reach(whole)
+
+    @staticmethod
+    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+        """The common part of three slabs. A ray parallel to a slab is in it for ever or never."""
+        t0, t1 = type(squared)(-dr.inf), type(squared)(dr.inf)
+        for x, dx in ((o.x, d.x), (o.y, d.y), (o.z, d.z)):
+            inverse, parallel, inside = dr.rcp(dx), dx == 0, dr.abs(x) <= 1
+            middle, half = -x * inverse, dr.abs(inverse)
+            near = dr.select(parallel, dr.select(inside, -dr.inf, dr.inf), middle - half)
+            far = dr.select(parallel, dr.select(inside, dr.inf, -dr.inf), middle + half)
+            t0, t1 = dr.select(near > t0, near, t0), dr.select(far < t1, far, t1)
+        return t0, t1
+
+    @staticmethod
+    def faces(p: Any) -> tuple[Any, Any]:
+        """Masks of the x and y faces; where neither holds it is a z face."""
+        a = dr.abs(p)
+        on_x = (a.x >= a.y) & (a.x >= a.z)
+        return on_x, ~on_x & (a.y >= a.z)
+
+    @classmethod
+    def depth(cls, p: Any) -> tuple[Any, Any]:
+        on_x, on_y = cls.faces(p)
+        on_z = ~(on_x | on_y)
+        axis = type(p)(*(dr.select(m, dr.copysign(type(p.x)(1), x), 0) for m, x in zip((on_x, on_y, on_z), (p.x, p.y, p.z))))
+        return dr.dot(axis, p) - 1, axis
+
+    @classmethod
+    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
+        q = placed.point(p)
+        on_x, on_y = cls.faces(q)
+        u = dr.select(on_x, -dr.copysign(q.z, q.z * q.x), dr.select(on_y, q.x, dr.copysign(q.x, q.x * q.z)))
+        v = dr.select(on_y, -dr.copysign(q.z, q.z * q.y), q.y)
+        return 0.5 + 0.5 * u, 0.5 + 0.5 * v
+
+    def mitsuba(self) -> Twin | str:
+        h, c = (np.array(self.max, float) - self.min) / 2, (np.array(self.max, float) + self.min) / 2
+        shapes = []
+        for n, u, v in _FACES:
+            columns = (np.array(e, float) * h for e in (u, v))
+            shapes.append(
+                {"type": "rectangle", "to_world": homogeneous(*columns, n, c + np.array(n) * h, compose(self.transform))}
+            )
+        return Twin(shapes, uv=lambda uv: uv)
+
+
+# Each face of the box: its normal, and the directions of u and v on it.
+_FACES = (
+    ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    ((0, 1, 0), (1, 0, 0), (0, 0, -1)),
+    ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+    ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
+    ((0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+)

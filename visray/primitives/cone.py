@@ -1,0 +1,104 @@
+"""The capped cone."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame
+from visray.primitives.cylinder import around, axial_frame, slab
+from visray.primitives.primitive import Twin
+from visray.primitives.solid import Solid
+from visray.quantities import Direction, Length, Point
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cone(Solid):
+    """A closed cone: a disk of `radius` about `base`, and the apex at `height` along `axis` from it.
+
+    uv: u around the axis, eastwards; v along it from 0 at the base to 1 at the apex. On the base: the square around it.
+    """
+
+    type: Literal["cone"] = "cone"
+    base: Point = (0.0, 0.0, 0.0)
+    axis: Direction = (0.0, 1.0, 0.0)
+    radius: Length = 0.5
+    height: Length = 1.0
+
+    def frame(self) -> Frame:
+        middle = self.base + 0.5 * self.height * dr.normalize(self.axis)
+        return axial_frame(middle, self.axis, self.radius, self.height)
+
+    @staticmethod
+    def reach(whole: Frame) -> Any:
+        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
+        along = dr.norm(whole.z)
+        lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
+        return dr.sqrt(across * across + along * along + 2 * lean)
+
+    @staticmethod
+    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+        """x^2 + y^2 <= w^2 with w = (1 - z)/2, cut by the slab, where w is not negative.
+
+        Recentred at the middle of the slab's interval, or where the ray is nearest to the axis if it runs along the slab.
+        a > 0: inside between the roots. a <= 0: inside beyond one root, on the side to which w grows.
+        """
+        t0, t1 = slab(o.z, d.z)
+        flat = d.x * d.x + d.y * d.y
+        steep = d.z * d.z > flat
+        shift = dr.select(steep, -o.z * dr.rcp(d.z), -(o.x * d.x + o.y * d.y) * dr.rcp(flat))
+        p = o + shift * d
+        w, dw = 0.5 * (1 - p.z), -0.5 * d.z
+        a = flat - dw * dw
+        b = p.x * d.x + p.y * d.y - w * dw
+        c = p.x * p.x + p.y * p.y - w * w
+        disc = b * b - a * c
+        root = dr.sqrt(dr.select((disc < 0) & (a <= 0), 0, disc))
+        q = -(b + dr.copysign(root, b))
+        # q = 0 only if b = 0 and disc = 0: both roots are 0 (a != 0), or the ray lies in the wall (a = 0).
+        first, second = dr.select(q == 0, 0, c / q), dr.select((q == 0) & (a == 0), dr.inf, q / a)
+        low, high = dr.select(first < second, first, second), dr.select(first < second, second, first)
+        forward = dw > 0
+        near = dr.select(a > 0, low, dr.select(forward, high, -dr.inf)) + shift
+        far = dr.select(a > 0, high, dr.select(forward, dr.inf, low)) + shift
+        missed = ~(near <= far)
+        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(missed, -dr.inf, dr.select(far < t1, far, t1))
+
+    @staticmethod
+    def on_wall(p: Any) -> Any:
+        """Whether a point of the surface is on the wall, not on the base: the face it is less deep under."""
+        return dr.sqrt(p.x * p.x + p.y * p.y) - 0.5 * (1 - p.z) >= -1 - p.z
+
+    @classmethod
+    def depth(cls, p: Any) -> tuple[Any, Any]:
+        wall, w, zero = cls.on_wall(p), 0.5 * (1 - p.z), 0 * p.z
+        f = dr.select(wall, 0.5 * (p.x * p.x + p.y * p.y - w * w), -1 - p.z)
+        # At the apex itself the wall has no normal: the axis is the mean of all of them.
+        apex = (p.x == 0) & (p.y == 0)
+        slope = type(p)(p.x, p.y, dr.select(apex, 1, 0.5 * w))
+        return f, dr.select(wall, slope, type(p)(zero, zero, zero - 1))
+
+    @classmethod
+    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
+        q = placed.point(p)
+        wall = cls.on_wall(q)
+        return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
+
+    def mitsuba(self) -> Twin | str:
+        """A mesh of 4096 facets: the sagitta 1 - cos(pi/4096) is 3e-7 of the radius, the tilt pi/4096."""
+        n = 4096
+        f = self.numbers().frame()
+        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
+        angle = 2 * np.pi * np.arange(n) / n
+        rim = o - z + np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * y
+        vertices = np.vstack([rim, o + z, o - z])
+        i = np.arange(n)
+        j = (i + 1) % n
+        faces = np.vstack([np.c_[i, j, np.full(n, n)], np.c_[j, i, np.full(n, n + 1)]])
+        outer = compose(self.transform)
+        if outer is not None:
+            vertices = vertices @ outer[:, :3].T + outer[:, 3]
+        shape = {"type": "mesh", "vertices": vertices, "faces": faces}
+        return Twin([shape], gap=1 - np.cos(np.pi / n), tilt=np.pi / n)

@@ -1,0 +1,105 @@
+"""The capped cylinder."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame, tangents
+from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.solid import Solid
+from visray.quantities import Direction, Length, Point
+from visray.transforms import compose
+
+
+def slab(z: Any, dz: Any) -> tuple[Any, Any]:
+    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never."""
+    inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
+    middle, half = -z * inverse, dr.abs(inverse)
+    near = dr.select(dz == 0, dr.select(inside, -dr.inf, dr.inf), middle - half)
+    far = dr.select(dz == 0, dr.select(inside, dr.inf, -dr.inf), middle + half)
+    return near, far
+
+
+def around(local: Any) -> Any:
+    """The angle about the axis, from 0 to 1, eastwards; 0.5 along the frame's first axis, as on the sphere."""
+    return 0.5 + dr.atan2(local.y, local.x) * (0.5 / dr.pi)
+
+
+def axial_frame(middle: Any, axis: Any, radius: Any, height: Any) -> Frame:
+    """The frame of a shape of revolution: z along the axis from -1 to 1, radius 1."""
+    n = dr.normalize(axis)
+    s, t = tangents(n)
+    return Frame(radius * s, radius * t, 0.5 * height * n, middle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder(Solid):
+    """A closed cylinder about `axis`, `center` at the middle of its `height`.
+
+    uv: u around the axis, eastwards; v along it from 0 to 1. On the caps: the square around the disk from 0 to 1.
+    """
+
+    type: Literal["cylinder"] = "cylinder"
+    center: Point = (0.0, 0.0, 0.0)
+    axis: Direction = (0.0, 1.0, 0.0)
+    radius: Length = 0.5
+    height: Length = 1.0
+
+    def frame(self) -> Frame:
+        return axial_frame(self.center, self.axis, self.radius, self.height)
+
+    @staticmethod
+    def reach(whole: Frame) -> Any:
+        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
+        along = dr.norm(whole.z)
+        # Upright cylinders reach the corner of their section; leaning the axis adds at most the plain sum.
+        lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
+        return dr.sqrt(across * across + along * along + 2 * lean)
+
+    @staticmethod
+    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+        """The wall's interval, recentred in the plane across the axis, cut by that of the caps."""
+        a = d.x * d.x + d.y * d.y
+        scale = dr.rcp(a)
+        middle = -(o.x * d.x + o.y * d.y) * scale
+        x, y = o.x + middle * d.x, o.y + middle * d.y
+        half = dr.sqrt((1 - (x * x + y * y)) * scale)
+        along = a == 0
+        inside = o.x * o.x + o.y * o.y <= 1
+        near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
+        far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
+        t0, t1 = slab(o.z, d.z)
+        missed = ~(near <= far)
+        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(missed, -dr.inf, dr.select(far < t1, far, t1))
+
+    @staticmethod
+    def on_wall(p: Any) -> Any:
+        """Whether a point of the surface is on the wall, not on a cap: the face it is less deep under."""
+        return dr.sqrt(p.x * p.x + p.y * p.y) >= dr.abs(p.z)
+
+    @classmethod
+    def depth(cls, p: Any) -> tuple[Any, Any]:
+        wall, zero = cls.on_wall(p), 0 * p.z
+        cap = dr.copysign(1 + zero, p.z)
+        f = dr.select(wall, 0.5 * (p.x * p.x + p.y * p.y - 1), dr.abs(p.z) - 1)
+        return f, dr.select(wall, type(p)(p.x, p.y, zero), type(p)(zero, zero, cap))
+
+    @classmethod
+    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
+        q = placed.point(p)
+        wall = cls.on_wall(q)
+        up = dr.copysign(q.y, q.y * q.z)
+        return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
+
+    def mitsuba(self) -> Twin | str:
+        outer = compose(self.transform)
+        if uniform_scale(outer) is None:
+            return "Mitsuba's cylinder takes no stretching or shearing transform"
+        f = self.numbers().frame()
+        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
+        unit = z / np.linalg.norm(z) * np.linalg.norm(x)
+        wall = {"type": "cylinder", "to_world": homogeneous(x, y, 2 * z, o - z, outer)}
+        caps = [{"type": "disk", "to_world": homogeneous(x, s * y, s * unit, o + s * z, outer)} for s in (1, -1)]
+        return Twin([wall, *caps])

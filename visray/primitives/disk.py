@@ -1,0 +1,51 @@
+"""The disk."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame, tangents
+from visray.primitives.flat import Flat
+from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.quantities import Direction, Length, Point
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disk(Flat):
+    """The points of a plane within `radius` of `center`.
+
+    uv: the square around the disk from 0 to 1, upright as on a plane with the same normal.
+    """
+
+    type: Literal["disk"] = "disk"
+    center: Point = (0.0, 0.0, 0.0)
+    normal: Direction = (0.0, 1.0, 0.0)
+    radius: Length = 1.0
+
+    def frame(self) -> Frame:
+        n = dr.normalize(self.normal)
+        s, t = tangents(n)
+        return Frame(self.radius * s, self.radius * t, n, self.center)
+
+    @staticmethod
+    def reach(whole: Frame) -> Any:
+        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
+
+    @staticmethod
+    def within(x: Any, y: Any) -> Any:
+        return x * x + y * y <= 1
+
+    def mitsuba(self) -> Twin | str:
+        outer = compose(self.transform)
+        if uniform_scale(outer) is None:
+            return "Mitsuba's disk takes no stretching or shearing transform"
+        f = self.numbers().frame()
+        shape = {"type": "disk", "to_world": homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), outer)}
+
+        def from_polar(uv: tuple) -> tuple:
+            return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
+
+        return Twin([shape], uv=from_polar)

@@ -1,0 +1,49 @@
+"""Flat primitives: a part of the plane z = 0 of their frame, chosen by `within`."""
+
+from typing import Any
+
+import drjit as dr
+
+from visray.primitives.primitive import Primitive, Seen
+from visray.ray import Ray
+
+
+class Flat(Primitive):
+    """A flat shape. It is crossed once by a ray, and never by a ray that leaves it."""
+
+    @staticmethod
+    def within(x: Any, y: Any) -> Any:
+        """Whether a point of the plane belongs to the shape."""
+        raise TypeError("no within")
+
+    @classmethod
+    def crossing(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any]:
+        """(t, inside the shape, length of path per unit of height above the plane)."""
+        local = seen.inverse.vector(d)
+        # A ray in the plane has local.z = 0: t is then inf or NaN, both of which fail every comparison with a number.
+        t = -seen.o.z / local.z
+        inside = cls.within(seen.o.x + t * local.x, seen.o.y + t * local.y)
+        return t, inside, dr.norm(seen.inverse.z) / dr.abs(local.z)
+
+    @classmethod
+    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
+        t, inside, slant = cls.crossing(seen, ray.d)
+        met = inside & (t > (0 if ray.error is None else ray.error * slant))
+        if leaving is not None:
+            met &= ~leaving
+        return dr.select(met, t, dr.inf)
+
+    @classmethod
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
+        t, inside, slant = cls.crossing(seen, ray.d)
+        # The end point is known to ray.error; a plane nearer to it than that is the plane the point lies on.
+        return inside & (t > 0) & (t + ray.error * slant < length) & ~arrives
+
+    @staticmethod
+    def level(placed: Any, p: Any) -> tuple[Any, Any]:
+        return placed.point(p).z, placed.z
+
+    @staticmethod
+    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
+        local = placed.point(p)
+        return 0.5 + 0.5 * local.x, 0.5 + 0.5 * local.y

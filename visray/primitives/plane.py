@@ -1,0 +1,48 @@
+"""The infinite plane."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import drjit as dr
+
+from visray.geometry import Frame, tangents
+from visray.primitives.flat import Flat
+from visray.primitives.primitive import Twin, homogeneous
+from visray.quantities import Direction, Point
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane(Flat):
+    """All points p with normal . (p - point) = 0.
+
+    uv: distances from `point` in world units along the plane's tangents (u east and v north on a floor).
+    """
+
+    # The half side of the square that stands for the plane in Mitsuba, in units of the distance to its `point`.
+    TWIN_HALF_SIDE: ClassVar[float] = 1e3
+    bounded = False
+
+    type: Literal["plane"] = "plane"
+    point: Point = (0.0, 0.0, 0.0)
+    normal: Direction = (0.0, 1.0, 0.0)
+
+    def frame(self) -> Frame:
+        n = dr.normalize(self.normal)
+        return Frame(*tangents(n), n, self.point)
+
+    @staticmethod
+    def within(x: Any, y: Any) -> Any:
+        return (x == x) & (y == y)
+
+    @staticmethod
+    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
+        local = placed.point(p)
+        return local.x, local.y
+
+    def mitsuba(self) -> Twin | str:
+        f, half = self.numbers().frame(), self.TWIN_HALF_SIDE
+        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
+        shape = {"type": "rectangle", "to_world": homogeneous(half * x, half * y, z, o, compose(self.transform))}
+        return Twin([shape], uv=lambda uv: ((2 * uv[0] - 1) * half, (2 * uv[1] - 1) * half))

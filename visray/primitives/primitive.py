@@ -1,0 +1,155 @@
+"""What every primitive is, and the two families: flat ones and closed convex solids.
+
+A kind is one file. It declares its fields, says how its canonical shape is placed in the world (`frame`), and answers for
+that canonical shape; the family does the rest. A kind that fits neither family overrides the methods of Primitive.
+
+How a ray meets an object, in three steps that share their work:
+    kind.placed(table, outer)   once a scene: what of the object depends on no ray
+    kind.seen(placed, o)        once an origin: camera and point lights are origins shared by all rays
+    kind.crossings(seen, d)     once a ray
+
+All of it is double. The distance t along the world ray is kept by affine maps, so local directions are not normalised.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import drjit as dr
+import numpy as np
+from drjit.scalar import Array3f64
+from pydantic import ConfigDict
+
+from visray.geometry import Frame, Similarity
+from visray.quantities import Name, quantities
+from visray.ray import Ray
+from visray.transforms import Transform, compose
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object as seen from an origin: the inverse of its frame, and the origin in local coordinates."""
+
+    inverse: Any
+    o: Any
+
+
+@dataclass(frozen=True)
+class Twin:
+    """The same shape for Mitsuba: shapes as plain dicts, and how our (u, v) follow from its own, or None.
+
+    `gap` is the largest distance between the two surfaces in units of the object's size, `tilt` the largest angle
+    between the normals in radians, where the twin is only an approximation.
+    """
+
+    shapes: list[dict]
+    uv: Any = None
+    gap: float = 0.0
+    tilt: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Primitive:
+    """A named object of the scene: its material and its transform, whose steps are applied in order."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+
+    material: Name = "default"
+    transform: tuple[Transform, ...] = ()
+
+    closed: ClassVar[bool] = False
+    bounded: ClassVar[bool] = True
+
+    def flaws(self) -> list[tuple[str, str]]:
+        """What no field alone can show to be wrong: pairs of a field and what is wrong with it."""
+        return []
+
+    def frame(self) -> Frame | Similarity:
+        """The map from the canonical shape to the object, before its transform. Fields are Dr.Jit arrays here."""
+        raise TypeError(f"{type(self).__name__} has no frame")
+
+    def placed(self, outer: Frame | None) -> Any:
+        """What of the object depends on no ray: by default the inverse of its frame."""
+        return self.frame().then(outer).inverse()
+
+    def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
+        """Centre and radius of a sphere in the world that holds the object."""
+        whole = self.frame().then(outer)
+        return whole.o, self.reach(whole)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The least corner and the greatest of a box in world units that holds the object, or None if it is unbounded."""
+        if not self.bounded:
+            return None
+        centre, radius = (np.array(v, float) for v in self.numbers().sphere(self.outer_numbers()))
+        return centre - radius, centre + radius
+
+    def numbers(self) -> "Primitive":
+        """This object with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the host."""
+        sizes = quantities(type(self))
+        return replace(self, **{k: Array3f64(*getattr(self, k)) for k, q in sizes.items() if q.size == 3})
+
+    def outer_numbers(self) -> Frame | None:
+        """The object's transform as a Frame of scalar values."""
+        whole = compose(self.transform)
+        return None if whole is None else Frame(*(Array3f64(*column) for column in whole.T))
+
+    @staticmethod
+    def reach(whole: Frame | Similarity) -> Any:
+        """Radius of a sphere about the frame's origin that holds the placed canonical shape."""
+        raise TypeError("an unbounded primitive has no reach")
+
+    @staticmethod
+    def seen(placed: Any, o: Any) -> Seen:
+        """What of the object depends on the ray's origin only."""
+        return Seen(placed, placed.point(o))
+
+    @classmethod
+    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
+        """Distance of the first crossing with t > 0, inf if there is none. `leaving`: the ray starts on this object."""
+        raise TypeError(f"{cls.__name__} has no first crossing")
+
+    @classmethod
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
+        """Whether the object lies between the ray's origin and the point at `length`.
+
+        `arrives`: that point lies on this object; `inward`: the ray reaches it from within.
+        """
+        raise TypeError(f"{cls.__name__} has no blocks")
+
+    @staticmethod
+    def level(placed: Any, p: Any) -> tuple[Any, Any]:
+        """(f, g): a function that is zero on the surface and its world gradient at p, outwards."""
+        raise TypeError("no level")
+
+    @staticmethod
+    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
+        """Texture coordinates of a point on the surface; v runs upwards."""
+        raise TypeError("no uv")
+
+    def mitsuba(self) -> Twin | str:
+        """The same shape for Mitsuba, or why there is none."""
+        return f"Mitsuba has no {self.type}"
+
+
+def boxed_reach(whole: Frame) -> Any:
+    """Distance of the farthest of the corners (+-1, +-1, +-1)."""
+    far = [dr.squared_norm(whole.x + sy * whole.y + sz * whole.z) for sy in (1, -1) for sz in (1, -1)]
+    return dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), dr.maximum(far[2], far[3])))
+
+
+def uniform_scale(matrix: np.ndarray | None) -> float | None:
+    """The factor of a transform that keeps shapes (turns, moves, uniform scales), or None for any other."""
+    if matrix is None:
+        return 1.0
+    square = matrix[:, :3].T @ matrix[:, :3]
+    s2 = np.trace(square) / 3
+    # Twelve roundings in the product and the trace; a tenfold share for those of the composed steps.
+    return float(np.sqrt(s2)) if np.allclose(square, s2 * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * s2) else None
+
+
+def homogeneous(x: Any, y: Any, z: Any, o: Any, outer: np.ndarray | None) -> list[list[float]]:
+    """Columns and origin as a 4 x 4 matrix, after a transform: what Mitsuba's `to_world` takes."""
+    whole = np.vstack([np.c_[x, y, z, o], [0, 0, 0, 1]]).astype(float)
+    if outer is not None:
+        whole = np.vstack([outer, [0, 0, 0, 1]]) @ whole
+    return whole.tolist()

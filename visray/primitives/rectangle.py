@@ -1,0 +1,49 @@
+"""The rectangle, or any parallelogram."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame
+from visray.primitives.flat import Flat
+from visray.primitives.primitive import Twin, homogeneous
+from visray.quantities import Point, Vector
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rectangle(Flat):
+    """The points center + a width + b height, with a and b from -1/2 to 1/2; its normal is width x height.
+
+    uv: u along `width`, v along `height`, both from 0 to 1.
+    """
+
+    type: Literal["rectangle"] = "rectangle"
+    center: Point = (0.0, 0.0, 0.0)
+    width: Vector = (1.0, 0.0, 0.0)
+    height: Vector = (0.0, 1.0, 0.0)
+
+    def flaws(self) -> list[tuple[str, str]]:
+        w, h = np.array(self.width, float), np.array(self.height, float)
+        sine = np.linalg.norm(np.cross(w / np.linalg.norm(w), h / np.linalg.norm(h)))
+        return [] if sine > 8 * np.finfo(float).eps else [("height", "must not be parallel to width")]
+
+    def frame(self) -> Frame:
+        w, h = 0.5 * self.width, 0.5 * self.height
+        return Frame(w, h, dr.normalize(dr.cross(w, h)), self.center)
+
+    @staticmethod
+    def reach(whole: Frame) -> Any:
+        return dr.sqrt(dr.maximum(dr.squared_norm(whole.x + whole.y), dr.squared_norm(whole.x - whole.y)))
+
+    @staticmethod
+    def within(x: Any, y: Any) -> Any:
+        return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
+
+    def mitsuba(self) -> Twin | str:
+        w, h = np.array(self.width, float) / 2, np.array(self.height, float) / 2
+        n = np.cross(w, h) / np.linalg.norm(np.cross(w, h))
+        shape = {"type": "rectangle", "to_world": homogeneous(w, h, n, self.center, compose(self.transform))}
+        return Twin([shape], uv=lambda uv: uv)

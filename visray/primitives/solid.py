@@ -1,0 +1,55 @@
+"""Closed convex solids: a ray is inside them on one interval."""
+
+from typing import Any
+
+import drjit as dr
+
+from visray.primitives.primitive import Primitive, Seen
+from visray.ray import Ray
+
+
+class Solid(Primitive):
+    """A closed convex solid, known by the interval of a ray inside it.
+
+    A ray that leaves the surface of a convex solid meets it again only if it runs into it, and then at the far end.
+    """
+
+    closed = True
+
+    @staticmethod
+    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+        """Entry and exit (t0, t1) of the line o + t d through the canonical shape; t0 > t1 or NaN where it misses.
+
+        `squared` is |d|^2. The test is always `t0 <= t1`, which NaN fails.
+        """
+        raise TypeError("no interval")
+
+    @staticmethod
+    def depth(p: Any) -> tuple[Any, Any]:
+        """(f, g) on the canonical shape: f zero on the surface and negative inside, g its gradient."""
+        raise TypeError("no depth")
+
+    @classmethod
+    def intervals(cls, seen: Seen, d: Any) -> tuple[Any, Any]:
+        """Entry and exit of the whole line; no entry where t0 > t1."""
+        local = seen.inverse.vector(d)
+        return cls.interval(seen.o, local, seen.inverse.squared_length(local))
+
+    @classmethod
+    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
+        t0, t1 = cls.intervals(seen, ray.d)
+        t = dr.select(t0 > 0, t0, t1)
+        if leaving is not None:
+            t = dr.select(leaving, dr.select(ray.inside, t1, dr.inf), t)
+        return dr.select((t0 <= t1) & (t > 0), t, dr.inf)
+
+    @classmethod
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
+        t0, t1 = cls.intervals(seen, ray.d)
+        other = ((t0 > 0) & (t0 < length)) | ((t1 > 0) & (t1 < length))
+        return (t0 <= t1) & dr.select(arrives, inward & (t0 > 0), other)
+
+    @classmethod
+    def level(cls, placed: Any, p: Any) -> tuple[Any, Any]:
+        f, g = cls.depth(placed.point(p))
+        return f, placed.normal(g)

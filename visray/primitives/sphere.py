@@ -1,0 +1,59 @@
+"""The sphere."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame, Similarity
+from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.solid import Solid
+from visray.quantities import Length, Point
+from visray.transforms import compose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere(Solid):
+    """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
+
+    uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
+    """
+
+    type: Literal["sphere"] = "sphere"
+    center: Point = (0.0, 0.0, 0.0)
+    radius: Length = 1.0
+
+    def frame(self) -> Similarity:
+        return Similarity(self.radius, self.center)
+
+    @staticmethod
+    def reach(whole: Frame | Similarity) -> Any:
+        return whole.longest()
+
+    @staticmethod
+    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+        """Recentred at the line's point nearest to the centre, where no digits cancel (Hearn and Baker; Haines)."""
+        scale = dr.rcp(squared)
+        middle = -dr.dot(o, d) * scale
+        nearest = o + middle * d
+        half = dr.sqrt((1 - dr.squared_norm(nearest)) * scale)
+        return middle - half, middle + half
+
+    @staticmethod
+    def depth(p: Any) -> tuple[Any, Any]:
+        return 0.5 * (dr.squared_norm(p) - 1), p
+
+    @staticmethod
+    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
+        local = placed.point(p)
+        u = 0.5 - dr.atan2(local.z, local.x) * (0.5 / dr.pi)
+        return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
+
+    def mitsuba(self) -> Twin | str:
+        outer = compose(self.transform)
+        if uniform_scale(outer) is None:
+            return "Mitsuba's sphere takes no stretching or shearing transform"
+        axes = self.radius * np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]], float).T
+        shape = {"type": "sphere", "to_world": homogeneous(*axes.T, self.center, outer)}
+        return Twin([shape], uv=lambda uv: (uv[0], 1 - uv[1]))

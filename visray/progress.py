@@ -1,0 +1,38 @@
+"""A progress bar with the time left, shown only for work that takes longer than two seconds."""
+
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+SHOWN_AFTER = 2.0
+
+
+class Bar:
+    """Reports steps done out of a total on standard error; a context manager."""
+
+    def __init__(self, title: str, total: int, shown: bool = True):
+        self.title, self.total, self.shown = title, total, shown
+        self.begun = time.monotonic()
+        self.bar: Progress | None = None
+
+    def __enter__(self) -> "Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+    def at(self, done: int) -> None:
+        """Says that `done` steps are done."""
+        if self.bar is None:
+            if not self.shown or time.monotonic() - self.begun < SHOWN_AFTER or done >= self.total:
+                return
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}")
+            console = Console(stderr=True)
+            self.bar = Progress(*columns, TimeElapsedColumn(), "left", TimeRemainingColumn(), console=console)
+            self.bar.start()
+            # The time before the bar appeared counts for the estimate of what is left.
+            task = self.bar.add_task(self.title, total=self.total)
+            self.bar.tasks[task].start_time -= time.monotonic() - self.begun
+        self.bar.update(self.bar.task_ids[0], completed=done)

@@ -1,0 +1,90 @@
+"""Field types of the scene and the array types of the kernels.
+
+A field of a kind (`Sphere.radius`, `PointLight.position`) is declared once, with one of the types below. The type says
+three things: what a scene file may write there (pydantic reads it), how many numbers it is, and in which of the two
+precisions it enters a kernel: `geometry` is always double, `shading` is single or double as the render asks.
+
+`Arrays` is the only door to Dr.Jit's array types: no other module names a backend.
+"""
+
+from dataclasses import dataclass, fields
+from importlib import import_module
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import AfterValidator, Field
+
+
+class Quantity(NamedTuple):
+    """How a field enters a kernel: its number of components and its precision."""
+
+    size: int
+    precision: Literal["geometry", "shading"]
+    unit: str
+
+
+def _not_zero(v: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(v):
+        raise ValueError("a direction must not be (0, 0, 0)")
+    return v
+
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Triple = tuple[Real, Real, Real]
+_NotNegative = Annotated[Real, Field(ge=0)]
+
+Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
+Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
+Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
+Length = Annotated[Real, Field(gt=0), Quantity(1, "geometry", "world units, > 0")]
+Angle = Annotated[Real, Field(gt=0, lt=180), Quantity(1, "geometry", "degrees, > 0 and < 180")]
+Color = Annotated[
+    tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")
+]
+Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
+# A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
+Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]
+Count = Annotated[int, Field(strict=True, gt=0)]
+
+
+def quantities(kind: type) -> dict[str, Quantity]:
+    """The numeric fields of a kind, in the order of declaration."""
+    found = {}
+    for f in fields(kind):
+        marks = [m for m in getattr(f.type, "__metadata__", ()) if isinstance(m, Quantity)]
+        if marks:
+            found[f.name] = marks[0]
+    return found
+
+
+BACKENDS = {"llvm": "drjit.llvm.ad", "cuda": "drjit.cuda.ad", "metal": "drjit.metal.ad"}
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """The array types of one render: `F`, `V` for shading, `D`, `W` for geometry, `U` for counts, `B` for masks.
+
+    `F` is a number and `V` a triple in the shading precision; `D` and `W` are the same in double. Metal has no double:
+    there the geometry is single too, and the accuracy promised elsewhere does not hold.
+    """
+
+    backend: str
+    precision: str
+    F: Any
+    V: Any
+    D: Any
+    W: Any
+    U: Any
+    B: Any
+    F32: Any
+    V32: Any
+
+    @staticmethod
+    def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
+        from visray import llvm
+
+        if backend == "llvm":
+            llvm.prepare()
+        lib = import_module(BACKENDS[backend])
+        double = (lib.Float32, lib.Array3f) if backend == "metal" else (lib.Float64, lib.Array3f64)
+        shading = double if precision == "double" else (lib.Float32, lib.Array3f)
+        return Arrays(backend, precision, *shading, *double, lib.UInt32, lib.Bool, lib.Float32, lib.Array3f)

@@ -1,0 +1,220 @@
+"""Pixels times passes, to a picture."""
+
+import json
+import platform
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import film as films
+from visray import integrator, llvm, tables
+from visray.errors import UserError
+from visray.features import Features, features
+from visray.output.image import Image
+from visray.progress import Bar
+from visray.quantities import BACKENDS, Arrays
+from visray.sampling import Plan
+from visray.scene.load import checked, load
+from visray.scene.scene import Scene, Settings
+from visray.version import __version__
+
+# Samples of a first pass over all pixels: a fraction of a second. Later passes are fitted to PASS_SECONDS.
+FIRST_PASS = 2**24
+PASS_SECONDS = 0.5
+DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id")
+LAYERS = ("RGB", "A", "variance", *DATA_LAYERS)
+
+
+@dataclass(frozen=True)
+class Set:
+    """A scene set up for rendering: its stage, and the pixels in the order of the lanes."""
+
+    scene: Scene
+    a: Arrays
+    features: Features
+    stage: integrator.Stage
+    order: np.ndarray
+    x: Any
+    y: Any
+
+
+def set_up(scene: Scene, backend: str = "llvm", everything: bool = False, plain: bool = False) -> Set:
+    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search."""
+    a = arrays(backend, scene.settings.precision)
+    width, height = scene.film.width, scene.film.height
+    films.check_size(width, height)
+    kin, on = tables.kinships(scene), features(scene, everything=everything)
+    ready = tables.prepare(tables.pack(scene, a), kin, (width, height), a)
+    stage = integrator.stage(ready, kin, on, a, not scene.film.transparent, plain)
+    return Set(scene, a, on, stage, *lanes(a, width, height))
+
+
+def arrays(backend: str, precision: str) -> Arrays:
+    """The array types of a backend, or one line that says why it cannot be had."""
+    if backend not in BACKENDS:
+        raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
+    if backend == "llvm":
+        llvm.require()
+    elif not dr.has_backend(getattr(dr.JitBackend, {"cuda": "CUDA", "metal": "Metal"}[backend])):
+        raise UserError(f"backend = {backend!r}: this machine has no such device; use --backend llvm")
+    return Arrays.of(backend, precision)
+
+
+def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
+    """The pixels in the order of the lanes, and their columns and rows."""
+    order = films.tiled(width, height)
+    y, x = np.divmod(order, width)
+    return order, a.U(x.astype(np.uint32)), a.U(y.astype(np.uint32))
+
+
+def render(
+    scene: Scene | str | Path,
+    *,
+    setup: str | Path | None = None,
+    spp: int | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int | None = None,
+    precision: str | None = None,
+    threads: int | None = None,
+    backend: str = "llvm",
+    layers: tuple[str, ...] = LAYERS,
+    progress: bool = True,
+) -> Image:
+    """The picture of a scene, or of a scene file. Ctrl-C keeps the passes that are done.
+
+    spp, size, seed and precision replace what the scene says. layers: which of LAYERS to make; the data layers cost a
+    kernel of their own. The metadata say how the picture was made.
+    """
+    scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
+    scene = checked(adjusted(scene, spp=spp, size=size, seed=seed, precision=precision))
+    if threads is not None:
+        set_threads(threads)
+    begun = time.perf_counter()
+    made = set_up(scene, backend)
+    film, done = expose(made, progress)
+    pictures = _pictures(made, film, done, layers)
+    seconds = time.perf_counter() - begun
+    return Image(pictures, provenance(made, done, seconds))
+
+
+def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
+    """The scene with another size or other settings, where they are not None."""
+    changed = {k: v for k, v in settings.items() if v is not None}
+    if changed:
+        scene = replace(scene, settings=replace(scene.settings, **changed))
+    if size is not None:
+        scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
+    return scene
+
+
+def set_threads(threads: int) -> None:
+    """How many threads the LLVM backend uses."""
+    if threads < 1:
+        raise UserError(f"threads = {threads}: must be at least 1")
+    dr.set_thread_count(threads)
+
+
+def expose(made: Set, progress: bool = False) -> tuple[films.Film, int]:
+    """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
+    settings, n = made.scene.settings, len(made.order)
+    film, done = films.Film.blank(made.a, n), 0
+    passes = -(-settings.spp * n // FIRST_PASS)
+    count = -(-settings.spp // passes)
+    with Bar("rendering", settings.spp, progress) as bar:
+        while done < settings.spp:
+            count = min(count, settings.spp - done)
+            begun = time.perf_counter()
+            try:
+                film = exposed_once(made, film, settings, done, count)
+            except KeyboardInterrupt:
+                if not done:
+                    raise
+                break
+            done += count
+            bar.at(done)
+            # The first pass compiles, so it says little about how fast the next will be.
+            if done > count:
+                count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
+    return film, done
+
+
+def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:
+    """The film after one more pass."""
+    plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
+    film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
+    dr.eval(film)
+    dr.sync_thread()
+    return film
+
+
+def _pictures(made: Set, film: films.Film, done: int, layers: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The layers asked for, as arrays in the order of rows."""
+    found = {"RGB": film.mean, "A": film.coverage / done if made.scene.film.transparent else film.coverage * 0 + 1}
+    if done > 1:
+        found["variance"] = film.squares / (done - 1)
+    if set(layers) & set(DATA_LAYERS):
+        found |= _data(made)
+    return {name: _raster(made, name, found[name]) for name in LAYERS if name in layers and name in found}
+
+
+def _data(made: Set) -> dict[str, Any]:
+    h = integrator.first_hit(made.stage, made.x, made.y)
+    dr.eval(h)
+    # File order, not the order of the kernel's families; 0 is no object.
+    ids = np.zeros(len(made.scene.objects) + 1, np.uint32)
+    place = {name: i + 1 for i, name in enumerate(made.scene.objects)}
+    ids[:-1] = [place[name] for k in made.stage.scenery.kin for name in k.names]
+    number = ids[np.minimum(np.array(h.index), len(ids) - 1)]
+    return {"Z": h.depth, "distance": h.distance, "N": h.n, "P": h.p, "UV": (h.u, h.v), "albedo": h.albedo, "id": number}
+
+
+def _raster(made: Set, name: str, values: Any) -> np.ndarray:
+    """A layer in the order of rows. Shapes: (H, W) or (H, W, channels)."""
+    width, height = made.scene.film.width, made.scene.film.height
+    if isinstance(values, tuple):
+        values = np.stack([np.array(v) for v in values])
+    flat = np.array(values)
+    flat = flat.T if flat.ndim == 2 else flat
+    picture = np.empty(flat.shape, np.uint32 if name == "id" else np.float32)
+    picture[made.order] = flat
+    return picture.reshape(height, width, *picture.shape[1:])
+
+
+def provenance(made: Set, done: int, seconds: float) -> dict[str, Any]:
+    """How the picture was made."""
+    s = made.scene.settings
+    return {
+        "scene_hash": made.scene.hash(),
+        "seed": s.seed,
+        "spp": done,
+        "spp_asked": s.spp,
+        "precision": s.precision,
+        "backend": made.a.backend,
+        "features": made.features.names(),
+        "objects": json.dumps({name: i + 1 for i, name in enumerate(made.scene.objects)}, ensure_ascii=False),
+        "visray": __version__,
+        "drjit": dr.__version__,
+        "llvm": ".".join(map(str, dr.detail.llvm_version())) if made.a.backend == "llvm" else "",
+        "python": platform.python_version(),
+        "threads": dr.thread_count(),
+        "render_seconds": seconds,
+        **camera_matrices(made.scene),
+    }
+
+
+def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
+    """worldToCamera (x right, y up, z along the view) and worldToNDC (0, 0 top left to 1, 1), for row vectors."""
+    c, f = scene.camera, scene.film
+    o = np.array(c.origin, float)
+    forward = (np.array(c.target, float) - o) / np.linalg.norm(np.array(c.target, float) - o)
+    right = np.cross(forward, c.up) / np.linalg.norm(np.cross(forward, c.up))
+    to_camera = np.eye(4)
+    to_camera[:3, :3] = np.stack([right, np.cross(right, forward), forward], axis=1)
+    to_camera[3, :3] = -o @ to_camera[:3, :3]
+    half = np.tan(np.radians(c.fov) / 2)
+    to_ndc = np.array([[0.5 * f.height / f.width / half, 0, 0, 0], [0, -0.5 / half, 0, 0], [0.5, 0.5, 1, 1], [0, 0, 0, 0]])
+    return {"worldToCamera": to_camera.tolist(), "worldToNDC": (to_camera @ to_ndc).tolist()}

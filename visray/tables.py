@@ -1,0 +1,143 @@
+"""The scene as tables of numbers: what a kernel reads.
+
+`pack` turns a Scene into Tables: each kind's rows stacked into arrays, names replaced by indices. Tables is a Dr.Jit
+PyTree: derivatives are taken with respect to its arrays. `prepare` computes what depends on no ray, once a render.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.camera import Camera
+from visray.geometry import Frame
+from visray.materials import Material
+from visray.primitives.primitive import Primitive
+from visray.quantities import Arrays, quantities
+from visray.scene.scene import Gradient, Scene
+from visray.transforms import compose
+from visray.trees import detached, rows
+
+
+@dataclass(frozen=True)
+class Kinship:
+    """Objects that share a kind and either have a transform or have none: they share their code."""
+
+    kind: type[Primitive]
+    moved: bool
+    names: tuple[str, ...]
+
+
+def kinships(scene: Scene) -> tuple[Kinship, ...]:
+    """The families of the scene's objects, in the order of first appearance."""
+    found: dict[tuple, list[str]] = {}
+    for name, thing in scene.objects.items():
+        found.setdefault((type(thing), bool(thing.transform)), []).append(name)
+    return tuple(Kinship(kind, moved, tuple(names)) for (kind, moved), names in found.items())
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The numbers of a scene. Shapes: one entry an object, a material or a light; one entry for camera and background."""
+
+    objects: tuple[Primitive, ...]
+    outers: tuple[Frame | None, ...]
+    material_of: tuple[Any, ...]
+    materials: Material
+    lights: Any
+    camera: Camera
+    background: Gradient
+    ambient: Any
+
+
+def stacked(a: Arrays, kind: type, things: list) -> Any:
+    """One instance of `kind` whose quantities are arrays, an entry for each of `things`; its other fields are None."""
+    table = object.__new__(kind)
+    for name in kind.__dataclass_fields__:
+        object.__setattr__(table, name, None)
+    for name, q in quantities(kind).items():
+        single, many = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
+        values = np.array([getattr(x, name) for x in things], float)
+        object.__setattr__(table, name, single(values) if q.size == 1 else many(np.ascontiguousarray(values.T)))
+    return table
+
+
+def pack(scene: Scene, a: Arrays) -> Tables:
+    """The scene's numbers as arrays."""
+    materials = {"default": Material()} | scene.materials
+    index = {name: i for i, name in enumerate(materials)}
+    groups = [[scene.objects[n] for n in k.names] for k in kinships(scene)]
+    sky = scene.background
+    sky = sky if isinstance(sky, Gradient) else Gradient(top=sky, bottom=sky)
+    lights = list(scene.lights.values())
+    return Tables(
+        objects=tuple(stacked(a, type(g[0]), g) for g in groups),
+        outers=tuple(_outer(a, g) for g in groups),
+        material_of=tuple(a.U(np.array([index[x.material] for x in g], np.uint32)) for g in groups),
+        materials=stacked(a, Material, list(materials.values())),
+        lights=stacked(a, type(lights[0]), lights) if lights else None,
+        camera=stacked(a, Camera, [scene.camera]),
+        background=stacked(a, Gradient, [sky]),
+        ambient=a.V(np.array(scene.ambient, float)[:, None]),
+    )
+
+
+def _outer(a: Arrays, group: list[Primitive]) -> Frame | None:
+    if not group[0].transform:
+        return None
+    matrices = np.stack([compose(x.transform) for x in group])
+    return Frame(*(a.W(np.ascontiguousarray(matrices[:, :, column].T)) for column in range(4)))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Objects of one kinship, ready for rays: placement, a sphere around each, and what its material says."""
+
+    placed: Any
+    centre: Any
+    radius: Any
+    material: Material
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera, ready for rays: origin, the steps of one pixel to the right and down, and the top left corner."""
+
+    o: Any
+    right: Any
+    down: Any
+    corner: Any
+    forward: Any
+
+
+@dataclass(frozen=True)
+class Ready:
+    """Everything a kernel reads."""
+
+    groups: tuple[Group, ...]
+    lights: Any
+    view: View
+    background: Gradient
+    ambient: Any
+
+
+def prepare(tables: Tables, kin: tuple[Kinship, ...], film: tuple[int, int], a: Arrays) -> Ready:
+    """What of the scene depends on no ray, evaluated. Derivatives flow through it."""
+    groups = []
+    for k, table, outer, material in zip(kin, tables.objects, tables.outers, tables.material_of):
+        centre, radius = table.sphere(outer) if k.kind.bounded else (None, None)
+        groups.append(Group(table.placed(outer), *detached((centre, radius)), rows(tables.materials, material)))
+    ready = Ready(tuple(groups), tables.lights, _view(tables.camera, film, a), tables.background, tables.ambient)
+    dr.eval(ready)
+    return ready
+
+
+def _view(camera: Camera, film: tuple[int, int], a: Arrays) -> View:
+    forward = dr.normalize(camera.target - camera.origin)
+    right = dr.normalize(dr.cross(forward, camera.up))
+    up = dr.cross(right, forward)
+    width, height = (dr.opaque(a.D, float(x)) for x in film)
+    pixel = 2 * dr.tan(camera.fov * (0.5 * dr.pi / 180)) / height
+    corner = forward - (0.5 * pixel * width) * right + (0.5 * pixel * height) * up
+    return View(camera.origin, *(a.V(v) for v in (pixel * right, -pixel * up, corner, forward)))

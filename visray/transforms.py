@@ -1,0 +1,87 @@
+"""Transforms of an object: a list of steps, the first one applied first."""
+
+from dataclasses import dataclass
+from typing import Annotated, Union
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict
+
+from visray.quantities import Direction, Point, Real, Triple
+
+
+def _scale_triple(s: float | Triple) -> float | Triple:
+    if 0.0 in (s if isinstance(s, tuple) else (s,)):
+        raise ValueError("a scale must not be 0")
+    return s
+
+
+Row = tuple[Real, Real, Real, Real]
+
+
+def _invertible(rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
+    linear = np.array(rows, float)[:, :3]
+    # A matrix whose inverse would lose every digit of a double is singular for our purpose.
+    if not np.linalg.cond(linear) < 1 / np.finfo(float).eps:
+        raise ValueError("a transform must be invertible; this matrix is singular")
+    return rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Translate:
+    """Moves by a vector."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    translate: Point
+
+    def affine(self) -> np.ndarray:
+        return np.c_[np.eye(3), np.array(self.translate, float)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """Scales about the origin, by one factor or by one for each axis. A negative factor mirrors."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    scale: Annotated[Union[Real, Triple], AfterValidator(_scale_triple)]
+
+    def affine(self) -> np.ndarray:
+        return np.c_[np.diag(np.broadcast_to(np.array(self.scale, float), 3)), np.zeros(3)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rotate:
+    """Turns by `rotate` degrees about `axis` through the origin, counter-clockwise when the axis points at the eye."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    rotate: Real
+    axis: Direction = (0.0, 1.0, 0.0)
+
+    def affine(self) -> np.ndarray:
+        x, y, z = np.array(self.axis, float) / np.linalg.norm(np.array(self.axis, float))
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        angle = np.radians(self.rotate)
+        return np.c_[np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross, np.zeros(3)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrix:
+    """Any affine map, as the three upper rows of its 4 x 4 matrix (columns on the left multiply the point)."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    matrix: Annotated[tuple[Row, Row, Row], AfterValidator(_invertible)]
+
+    def affine(self) -> np.ndarray:
+        return np.array(self.matrix, float)
+
+
+Transform = Union[Translate, Scale, Rotate, Matrix]
+
+
+def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:
+    """The 3 x 4 matrix of all steps, or None where there is none."""
+    if not steps:
+        return None
+    whole = np.eye(4)
+    for step in steps:
+        whole = np.vstack([step.affine(), [0, 0, 0, 1]]) @ whole
+    return whole[:3]

@@ -1,0 +1,8 @@
+"""The version, as installed."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+try:
+    __version__ = version("visray")
+except PackageNotFoundError:  # run from a folder that is not installed
+    __version__ = "0+unknown"

@@ -1,5 +1,36 @@
-"""visray: a ray tracer whose primitives and Blinn-Phong integrator are Dr.Jit kernels."""
+"""visray: a ray tracer whose primitives and Blinn-Phong integrator are Dr.Jit kernels.
 
+    import visray as vr
+    image = vr.render("scene.json", spp=64)
+    image.write("picture.exr")
+    image["N"]            # normals, as a NumPy array
+
+A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
+"""
+
+# ruff: noqa: E402, I001 - the order matters here
 from visray import llvm
 
 llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
+
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.features import features as explain
+from visray.gradients import EdgeWarning, derivative, difference, gradient
+from visray.lights import PointLight
+from visray.materials import Material
+from visray.output.image import Image
+from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
+from visray.render import render
+from visray.scene.address import replaced, value
+from visray.scene.load import dump, load
+from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.transforms import Matrix, Rotate, Scale, Translate
+from visray.version import __version__
+
+__all__ = [
+    "Box", "Camera", "Cone", "Cylinder", "Disk", "EdgeWarning", "Film", "Gradient", "Image", "Material", "Matrix",
+    "Plane", "PointLight", "Rectangle", "Rotate", "Scale", "Scene", "Settings", "Sphere", "Translate", "Triangle",
+    "UserError", "__version__", "derivative", "difference", "dump", "explain", "gradient", "load", "render", "replaced",
+    "value",
+]  # fmt: skip

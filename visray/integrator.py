@@ -77,7 +77,7 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
 
 @dataclass(frozen=True)
 class FirstHit:
-    """The data layers of the first hit at each pixel's centre."""
+    """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is hit."""
 
     index: Any
     distance: Any
@@ -98,4 +98,5 @@ def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
     d = a.V(ray.d)
     n = dr.select(dr.dot(surface.n, d) > 0, -surface.n, surface.n)
     depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
-    return FirstHit(hit.index, a.F(hit.t), depth, a.V(surface.p), n, u, v, material.kd)
+    shown = (dr.select(hit.valid, x, 0) for x in (a.V(surface.p), n, u, v, material.kd))
+    return FirstHit(hit.index, a.F(hit.t), depth, *shown)

@@ -180,7 +180,7 @@ def _raster(made: Set, name: str, values: Any) -> np.ndarray:
     flat = np.array(values)
     flat = flat.T if flat.ndim == 2 else flat
     picture = np.empty(flat.shape, np.uint32 if name == "id" else np.float32)
-    picture[made.order] = flat
+    picture[made.order] = flat  # one entry for all pixels where all are alike
     return picture.reshape(height, width, *picture.shape[1:])
 
 

@@ -53,6 +53,8 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
     t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d).
     """
     a, n = s.a, dr.width(ray.d)
+    # Lanes that hit nothing take part at the ray's origin: no inf or NaN enters a derivative there.
+    t = dr.select(hit.valid, hit.t, 0)
     surface = Surface(dr.zeros(a.W, n), dr.zeros(a.V, n), dr.zeros(a.D, n))
     black, none = dr.zeros(a.V, n), dr.zeros(a.F, n)
     material = Material(ka=black, kd=black, ks=black, shininess=none)
@@ -63,7 +65,7 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
 
         def touch(*_: Any, k: Kinship = k, group: Group = group, size: int = size, local: Any = local) -> tuple:
             placed, material = _row_of(a, group, size, local)
-            return leaves(_surface(s, k.kind, placed, material, ray, hit.t))
+            return leaves(_surface(s, k.kind, placed, material, ray, t))
 
         if len(s.kin) == 1:
             state = rebuilt(state, touch())

@@ -1,10 +1,10 @@
 """Transforms of an object: a list of steps, the first one applied first."""
 
 from dataclasses import dataclass
-from typing import Annotated, Union
+from typing import Annotated, Any, Union
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict
+from pydantic import AfterValidator, ConfigDict, Discriminator, Tag
 
 from visray.quantities import Direction, Point, Real, Triple
 
@@ -74,7 +74,25 @@ class Matrix:
         return np.array(self.matrix, float)
 
 
-Transform = Union[Translate, Scale, Rotate, Matrix]
+STEPS = {"translate": Translate, "scale": Scale, "rotate": Rotate, "matrix": Matrix}
+
+
+def _kind(step: Any) -> str | None:
+    """The name of a step's class, by its first key that names one: errors are judged against that class only."""
+    if isinstance(step, dict):
+        return next((STEPS[key].__name__ for key in step if key in STEPS), None)
+    return type(step).__name__ if type(step) in STEPS.values() else None
+
+
+Transform = Annotated[
+    Union[
+        Annotated[Translate, Tag("Translate")],
+        Annotated[Scale, Tag("Scale")],
+        Annotated[Rotate, Tag("Rotate")],
+        Annotated[Matrix, Tag("Matrix")],
+    ],
+    Discriminator(_kind),
+]
 
 
 def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PREFIX = "visray/"
 # Attributes that OpenEXR or other renderers have given a meaning; they stand without the prefix.
-STANDARD = {"software": str, "capDate": str, "utcOffset": float, "renderTime": float, "owner": str, "comments": str}
+STANDARD = {"software": str, "capDate": str, "utcOffset": float, "owner": str, "comments": str}
 MATRICES = ("worldToCamera", "worldToNDC")
 # Linear light with the primaries and the white of Rec. 709; the numbers are for readers older than OpenEXR 3.4.
 COLOR = {
@@ -115,13 +115,15 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
 
 def _attributes(image: "Image") -> dict[str, Any]:
     """The metadata as attributes; an empty list of texts is left out, as OpenEXR has none."""
-    found = {}
+    found: dict[str, Any] = {}
+    if "render_seconds" in image.metadata:
+        found["renderTime"] = float(image.metadata["render_seconds"])
     for key, value in image.provenance().items():
         if key in MATRICES:
             found[key] = np.array(value, np.float32)
             if found[key].shape != (4, 4):
                 raise UserError(f"image: metadata '{key}' must be a 4 x 4 matrix, not {found[key].shape}")
-        elif value != []:
+        elif value not in ([], ()):
             found[key if key in STANDARD else PREFIX + key] = STANDARD.get(key, _attribute)(value)
     return found
 
@@ -134,9 +136,11 @@ def _attribute(value: Any) -> Any:
         return value if -(2**31) <= value < 2**31 else str(value)
     if isinstance(value, float):
         return value if _survives(value) else repr(value)
-    if isinstance(value, str) or (isinstance(value, list) and all(isinstance(item, str) for item in value)):
+    if isinstance(value, str):
         return value
-    raise UserError(f"image: metadata of type {type(value).__name__} cannot be written; give str, int, float or list of str")
+    if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
+        return list(value)
+    raise UserError(f"image: metadata {value!r} cannot be written; give str, int, float or list of str")
 
 
 def _survives(value: float) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from difflib import get_close_matches
-from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +16,7 @@ from visray.errors import UserError
 
 # Modules and not names, because exr imports this module too: it makes images of files.
 from visray.output import exr, files, png
+from visray.version import __version__
 
 Gamma = float | Literal["srgb"]
 SUFFIXES = (".exr", ".png")
@@ -83,7 +83,10 @@ class Image:
         exposure: float = 0.0,
         layers: Sequence[str] | None = None,
     ) -> None:
-        """Writes .exr (linear, `layers` or all of them) or .png (8 bits, with `gamma`, and `exposure` in stops)."""
+        """Writes an .exr (`layers`, or all of them) or a .png (the colour in 8 bits).
+
+        `gamma`, and `exposure` in stops, are for the screen: an EXR file holds linear light whatever they are.
+        """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".exr":
             exr.write_exr(self, path, layers)
@@ -98,9 +101,7 @@ class Image:
         opaque = bool((alpha == 1).all())
         if not opaque:
             rgb = np.divide(rgb, alpha[..., None], out=np.zeros_like(rgb), where=alpha[..., None] > 0)
-        # Clipped before the exposure too: 0 times an infinite factor would be no number.
-        light = np.clip(np.clip(rgb, 0, np.finfo(np.float32).max) * 2.0**exposure, 0, 1)
-        seen = _curve(light, gamma)
+        seen = _curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
         if not opaque:
             seen = np.dstack([seen, alpha])
         return np.floor(seen * 255 + 0.5).astype(np.uint8)
@@ -115,15 +116,7 @@ class Image:
         offset = -now.utcoffset().total_seconds()
         stamp = {"capDate": f"{now:%Y:%m:%d %H:%M:%S}", "utcOffset": offset}
         given = {key: value.item() if isinstance(value, np.generic) else value for key, value in self.metadata.items()}
-        return {"software": software()} | ({} if "capDate" in given else stamp) | given
-
-
-def software() -> str:
-    """The name and, where it is installed, the version of this program."""
-    try:
-        return f"visray {version('visray')}"
-    except PackageNotFoundError:
-        return "visray"
+        return {"software": f"visray {__version__}"} | ({} if "capDate" in given else stamp) | given
 
 
 def numbers(image: Image, name: str) -> np.ndarray:
@@ -154,10 +147,7 @@ def check_destination(
 ) -> None:
     """Returns if a picture could be written so, else raises a UserError; to be called before a long render."""
     check_curve(gamma, exposure)
-    suffix = _suffix(path)
-    if suffix == ".exr" and (gamma != "srgb" or exposure):
-        raise UserError(f"{path}: an EXR file holds linear light, so gamma and exposure do not apply; write a .png")
-    if suffix == ".png" and layers is not None:
+    if _suffix(path) == ".png" and layers is not None:
         raise UserError(f"{path}: a PNG file holds the colour alone, so layers do not apply; write an .exr")
     files.check_writable(path)
 

@@ -3,6 +3,8 @@
 import os
 import platform
 import re
+import sys
+import tempfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,8 +16,9 @@ from rich.table import Table
 
 from visray import llvm
 from visray.errors import UserError
+from visray.version import __version__
 
-PACKAGES = {"visray": "visray", "Dr.Jit": "drjit", "Mitsuba": "mitsuba", "NumPy": "numpy", "OpenEXR": "OpenEXR"}
+PACKAGES = {"Dr.Jit": "drjit", "Mitsuba": "mitsuba", "NumPy": "numpy", "OpenEXR": "OpenEXR"}
 BACKENDS = {"llvm": "LLVM", "cuda": "CUDA", "metal": "Metal"}
 SIZE = 32
 GOOD = "ready"
@@ -29,6 +32,7 @@ def examine(render: Callable[[], np.ndarray]) -> dict[str, Any]:
     report: dict[str, Any] = {
         "platform": platform.platform(),
         "Python": platform.python_version(),
+        "visray": __version__,
         **{name: _version(package) for name, package in PACKAGES.items()},
     }
     try:
@@ -50,7 +54,7 @@ def judge(render: Callable[[], np.ndarray]) -> str:
         picture = np.asarray(render())
     except (UserError, RuntimeError) as error:
         # Dr.Jit's own errors are RuntimeErrors; the first line says what happened.
-        return f"the test picture could not be rendered: {str(error).strip().splitlines()[0]}"
+        return f"the test picture could not be rendered: {(str(error).strip() or repr(error)).splitlines()[0]}"
     if picture.shape != (SIZE, SIZE, 3):
         return f"the test picture has the shape {picture.shape}; right would be {(SIZE, SIZE, 3)}"
     bad = int((~np.isfinite(picture)).any(axis=2).sum())
@@ -77,9 +81,9 @@ def table(report: dict[str, Any]) -> Table:
 
 def kernel_cache() -> dict[str, Any]:
     """Where Dr.Jit keeps compiled kernels, how many and how large they are (MiB), and how large they may become."""
-    folder = Path(os.environ.get("DRJIT_CACHE_DIR") or Path.home() / ".drjit")
+    folder = _cache_folder()
     sizes = []
-    for path in folder.glob("*.bin"):
+    for path in folder.glob("*.bin") if folder else ():
         try:
             sizes.append(path.stat().st_size)
         except FileNotFoundError:
@@ -87,11 +91,20 @@ def kernel_cache() -> dict[str, Any]:
             continue
     limit = os.environ.get("DRJIT_CACHE_MAXSIZE") or "1G"
     return {
-        "folder": str(folder),
+        "folder": folder and str(folder),
         "files": len(sizes),
         "MiB": round(sum(sizes) / 2**20, 1),
         "limit": "none" if limit == "0" else limit,
     }
+
+
+def _cache_folder() -> Path | None:
+    """The folder that Dr.Jit uses, or None where it has none and keeps no kernels."""
+    if "DRJIT_CACHE_DIR" in os.environ:
+        return Path(os.environ["DRJIT_CACHE_DIR"])
+    if sys.platform == "win32":
+        return Path(tempfile.gettempdir(), "drjit")
+    return Path(os.environ["HOME"], ".drjit") if "HOME" in os.environ else None
 
 
 def _llvm(library: llvm.LLVM | None) -> dict[str, Any]:

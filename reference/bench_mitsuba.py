@@ -1,0 +1,179 @@
+"""visray against Mitsuba's `direct` integrator, both in one process: a plane, eight spheres, a point light with shadows.
+
+    python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
+
+Median of 7 warm renders each, alternating, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory.
+Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one, against a
+Mitsuba script that does the same.
+"""
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from datetime import date
+from pathlib import Path
+
+import visray as vr  # chooses LLVM: before Mitsuba and Dr.Jit
+
+import drjit as dr  # isort: skip
+import mitsuba as mi  # isort: skip
+import numpy as np  # isort: skip
+
+from visray.render import expose, set_up  # isort: skip
+
+HERE = Path(__file__).resolve().parent
+SIZE, RUNS, THREADS = 512, 7, 2
+EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
+
+
+def balls() -> list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]:
+    """Centre, radius and colour of eight spheres in a ring."""
+    found = []
+    for i in range(8):
+        angle = 2 * np.pi * i / 8
+        centre = (float(2.2 * np.cos(angle)), 0.6 + 0.1 * i, float(2.2 * np.sin(angle)))
+        found.append((centre, 0.6 + 0.05 * i, (0.2 + 0.1 * i, 0.8 - 0.08 * i, 0.5)))
+    return found
+
+
+def ours(spp: int) -> vr.Scene:
+    """The scene for visray: matte, as Mitsuba's is."""
+    objects = {"floor": vr.Plane(material="grey")}
+    materials = {"grey": vr.Material(kd=(0.5, 0.5, 0.5))}
+    for i, (centre, radius, colour) in enumerate(balls()):
+        objects[f"ball {i}"] = vr.Sphere(center=centre, radius=radius, material=f"paint {i}")
+        materials[f"paint {i}"] = vr.Material(kd=colour)
+    return vr.Scene(
+        camera=vr.Camera(origin=EYE, target=TARGET, fov=FOV),
+        film=vr.Film(width=SIZE, height=SIZE),
+        materials=materials,
+        objects=objects,
+        lights={"key": vr.PointLight(position=LAMP)},
+        settings=vr.Settings(spp=spp),
+    )
+
+
+def theirs() -> "mi.Scene":
+    """The same geometry for Mitsuba; the floor is a large rectangle."""
+    to_world = mi.ScalarTransform4f
+    film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "direct", "hide_emitters": True},
+        "sensor": {
+            "type": "perspective",
+            "fov": FOV,
+            "fov_axis": "y",
+            "to_world": to_world().look_at(EYE, TARGET, (0, 1, 0)),
+            "film": film,
+            "sampler": {"type": "independent"},
+        },
+        "floor": {"type": "rectangle", "to_world": to_world().rotate((1, 0, 0), -90).scale(100)},
+        "lamp": {"type": "point", "position": LAMP, "intensity": 100.0},
+    }
+    for i, (centre, radius, colour) in enumerate(balls()):
+        bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
+        scene[f"ball{i}"] = {"type": "sphere", "center": centre, "radius": radius, "bsdf": bsdf}
+    return mi.load_dict(scene)
+
+
+def seconds(work) -> float:
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
+
+
+def warm(spp: int) -> dict:
+    """Median seconds of both, measured by turns, with a new seed each time."""
+    made, scene, seed = set_up(ours(spp)), theirs(), iter(range(1000))
+
+    def visray() -> None:
+        expose(vary(made, next(seed)))
+
+    def mitsuba() -> None:
+        dr.eval(mi.render(scene, spp=spp, seed=next(seed)))
+        dr.sync_thread()
+
+    for work in (visray, mitsuba, visray, mitsuba):
+        work()
+    times = [(seconds(visray), seconds(mitsuba)) for _ in range(RUNS)]
+    a, b = (statistics.median(t) for t in zip(*times))
+    rate = SIZE * SIZE * spp / 1e6
+    return {
+        "spp": spp,
+        "visray_s": a,
+        "mitsuba_s": b,
+        "visray_Msamples_per_s": rate / a,
+        "mitsuba_Msamples_per_s": rate / b,
+        "ratio": b / a,
+        "ratio_range": [min(y / x for x, y in times), max(y / x for x, y in times)],
+    }
+
+
+def vary(made, seed: int):
+    """The same set-up with another seed."""
+    from dataclasses import replace
+
+    scene = made.scene
+    return replace(made, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
+
+
+def from_start(out: Path) -> dict:
+    """Seconds from process start to an EXR on disk at 16 samples, three cold and five warm, medians, by turns."""
+    (out / "scene.json").write_text(vr.dump(ours(16)))
+    commands = {
+        "visray": [sys.executable, "-m", "visray", "render", str(out / "scene.json"), "-o", str(out / "a.exr"),
+                   "--threads", str(THREADS), "--layers", "RGB,A", "--quiet"],
+        "mitsuba": [sys.executable, str(Path(__file__).resolve()), "--mitsuba-picture", str(out / "b.exr")],
+    }  # fmt: skip
+    times: dict[str, dict[str, list[float]]] = {k: {"cold": [], "warm": []} for k in commands}
+    for kind, turns in (("cold", 3), ("warm", 5)):
+        for _ in range(turns):
+            for name, command in commands.items():
+                with tempfile.TemporaryDirectory() as empty:
+                    cache = empty if kind == "cold" else str(out / "cache")
+                    Path(cache).mkdir(exist_ok=True)
+                    environment = os.environ | {"DRJIT_CACHE_DIR": cache}
+                    if kind == "warm" and not times[name]["warm"]:
+                        subprocess.run(command, check=True, env=environment)
+                    times[name][kind].append(seconds(lambda c=command, e=environment: subprocess.run(c, check=True, env=e)))
+    return {n: {k: statistics.median(v) for k, v in t.items()} for n, t in times.items()}
+
+
+def machine() -> dict:
+    """Where the figures come from."""
+    name = platform.processor() or platform.machine()
+    if Path("/proc/cpuinfo").exists():
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
+    llvm = ".".join(map(str, dr.detail.llvm_version()))
+    versions = {"visray": vr.__version__, "drjit": dr.__version__, "mitsuba": mi.__version__, "llvm": llvm}
+    return {"date": date.today().isoformat(), "cpu": name, "threads": THREADS, "python": platform.python_version()} | versions
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--mitsuba-picture", type=Path, help=argparse.SUPPRESS)
+    chosen = parser.parse_args()
+    mi.set_variant("llvm_ad_rgb")
+    dr.set_thread_count(THREADS)
+    if chosen.mitsuba_picture:
+        mi.util.write_bitmap(str(chosen.mitsuba_picture), mi.render(theirs(), spp=16), write_async=False)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        report = machine() | {"size": SIZE, "warm": [warm(16), warm(64)], "from_start_s": from_start(Path(folder))}
+    text = json.dumps(report, indent=2) + "\n"
+    sys.stdout.write(text)
+    if chosen.output:
+        chosen.output.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

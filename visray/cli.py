@@ -1,0 +1,241 @@
+"""The command line: `visray COMMAND --help` explains each command."""
+
+import json
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+from rich.table import Table
+
+from visray.errors import UserError
+from visray.features import features
+from visray.output.files import check_writable, replacing
+from visray.output.image import check_destination
+from visray.quantities import BACKENDS
+from visray.render import LAYERS, adjusted, render, set_threads
+from visray.scene import load as loading
+from visray.scene.address import parse_assignment, replaced
+from visray.scene.scene import Scene
+from visray.version import __version__
+
+app = App(
+    name="visray",
+    help="A ray tracer that shows what accuracy costs, stays stable where it is hard, and simulates only what is needed.",
+    version=__version__,
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative=()),
+)
+
+Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
+Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
+Settings = Annotated[
+    list[str], Parameter(name="--set", help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0].")
+]
+Outputs = Annotated[list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")]
+INTERRUPTED = 130
+
+
+def opened(scene: Path, setup: Path | None, assignments: list[str], **settings: Any) -> Scene:
+    """The scene of a file, with the values that the command line sets."""
+    made = adjusted(loading.load(scene, setup), **settings)
+    for text in assignments:
+        made = replaced(made, *parse_assignment(text))
+    return loading.checked(made)
+
+
+def sized(text: str | None) -> tuple[int, int] | None:
+    """Width and height from a text such as 640x480."""
+    if text is None:
+        return None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isdecimal() and int(p) > 0 for p in parts):
+        raise UserError(f"--size = {text!r}: must be WIDTHxHEIGHT in whole pixels greater than 0, such as 640x480")
+    return int(parts[0]), int(parts[1])
+
+
+def wanted(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
+    """The layers that the outputs need: all for an EXR file, colour and coverage for a PNG file, or those named."""
+    if text is None or text == "all":
+        return LAYERS if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A")
+    named = {l.lower(): l for l in LAYERS}
+    asked = [l.strip() for l in text.split(",")]
+    if unknown := [l for l in asked if l.lower() not in named]:
+        raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(LAYERS)}")
+    return tuple(dict.fromkeys(("RGB", "A", *(named[l.lower()] for l in asked))))
+
+
+def gamma_of(text: str) -> Any:
+    """A display curve: a number where the text is one; whether it can be used is judged with the output."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+@app.command(name="render")
+def render_command(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    output: Outputs = [],  # noqa: B006 - only read
+    spp: Annotated[int | None, Parameter(help="Samples per pixel.")] = None,
+    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels.")] = None,
+    precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
+    seed: Annotated[int | None, Parameter(help="Another seed is other noise.")] = None,
+    threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
+    set: Settings = [],  # noqa: A002, B006 - the name of the option; only read
+    layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(LAYERS)}.")] = None,
+    gamma: Annotated[str, Parameter(help="Of a PNG file: srgb, or an exponent such as 2.")] = "srgb",
+    exposure: Annotated[float, Parameter(help="Of a PNG file, in stops.")] = 0.0,
+    quiet: Annotated[bool, Parameter(help="Print nothing, and show no progress.")] = False,
+    json: Json = False,
+) -> int:
+    """Render a scene to EXR and PNG files. Ctrl-C keeps what is done so far.
+
+    Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG.
+    """
+    begun = time.perf_counter()
+    outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
+    chosen, curve, pixels = wanted(layers, outputs), gamma_of(gamma), sized(size)
+    for path in outputs:
+        check_destination(path, curve, exposure)
+    made = opened(scene, setup, set, spp=spp, size=pixels, seed=seed, precision=precision)
+    image = render(made, threads=threads, backend=backend, layers=chosen, progress=not (quiet or json))
+    for path in outputs:
+        image.write(path, gamma=curve, exposure=exposure)
+    facts = image.metadata
+    stopped = facts["spp"] < facts["spp_asked"]
+    if json:
+        keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads")
+        report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
+        seconds = time.perf_counter() - begun
+        put(report | {k: facts[k] for k in keep} | {"layers": list(image.layers), "seconds": seconds, "stopped": stopped})
+    elif not quiet:
+        names = ", ".join(str(o) for o in outputs)
+        short = f" of {facts['spp_asked']}, stopped" if stopped else ""
+        line = f"{names}: {image.width} x {image.height}, {facts['spp']} spp{short}, {facts['render_seconds']:.2f} s"
+        sys.stdout.write(line + "\n")
+    return INTERRUPTED if stopped else 0
+
+
+@app.command
+def explain(scene: Path, /, *, setup: Setup = None, set: Settings = [], json: Json = False) -> int:  # noqa: A002, B006
+    """List what is simulated for a scene, what is not, and why."""
+    made = opened(scene, setup, set)
+    found = features(made).listed
+    if json:
+        put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
+        return 0
+    table = Table("effect", "", "why")
+    for f in found:
+        table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
+    Console().print(table)
+    return 0
+
+
+@app.command
+def check(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    set: Settings = [],  # noqa: A002, B006
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")] = None,
+    rays: Annotated[int, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
+    seed: Annotated[int, Parameter(help="Of the random rays.")] = 0,
+    threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    json: Json = False,
+) -> int:
+    """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
+    from visray.study import crosscheck  # Mitsuba takes a while to load, and no other command needs it
+
+    if output is not None:
+        check_destination(output)
+    if threads is not None:
+        set_threads(threads)
+    report = crosscheck.check(opened(scene, setup, set), rays=rays, seed=seed)
+    if output is not None:
+        report.difference.write(output)
+    put(report.as_json()) if json else Console().print(report.table())
+    return 0 if report.passed else 1
+
+
+@app.command
+def doctor(*, json: Json = False) -> int:
+    """Say what visray found on this machine, and whether a picture comes out."""
+    from visray.study import doctor as study  # it loads Mitsuba
+
+    report = study.examine(_probe)
+    put(report) if json else Console().print(study.table(report))
+    return 0 if report["verdict"] == study.GOOD else 1
+
+
+def _probe() -> Any:
+    """A small picture of a small scene, as a NumPy array."""
+    from visray.lights import PointLight
+    from visray.primitives import Sphere
+
+    probe = Scene(objects={"ball": Sphere(radius=1.5)}, lights={"key": PointLight(position=(3.0, 4.0, 5.0))})
+    return render(probe, size=(32, 32), spp=4, layers=("RGB",), progress=False)["RGB"]
+
+
+@app.command
+def schema(*, output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None) -> int:
+    """Print the JSON Schema of scene files, or write it to a file."""
+    written(json.dumps(loading.schema(), indent=2) + "\n", output)
+    return 0
+
+
+@app.command(name="import")
+def import_command(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), help="A .json file; else it is printed.")] = None,
+) -> int:
+    """Convert a scene of the original VisRayTrace, and its setup, to visray's own format."""
+    written(loading.dump(loading.load(scene, setup)), output)
+    return 0
+
+
+def written(text: str, path: Path | None) -> None:
+    """Puts text into a file, or onto the terminal."""
+    if path is None:
+        sys.stdout.write(text)
+        return
+    check_writable(path)
+    with replacing(path) as aside:
+        Path(aside).write_text(text, encoding="utf-8")
+
+
+def put(report: Any) -> None:
+    """Prints a report as JSON."""
+    sys.stdout.write(json.dumps(report, indent=2, ensure_ascii=False) + "\n")
+
+
+def _note(message: Warning | str, *_: object, **__: object) -> None:
+    """A warning as one line."""
+    sys.stderr.write(f"visray: note: {message}\n")
+
+
+def main(tokens: list[str] | None = None) -> int:
+    """The exit code of a command: 0 done, 1 a check failed, 2 bad input, 130 stopped by Ctrl-C."""
+    warnings.showwarning = _note
+    try:
+        return app(tokens, exit_on_error=False, print_error=False, result_action="return_value") or 0
+    except UserError as error:
+        lines = error.lines
+    except CycloptsError as error:
+        lines = (" ".join(str(error).split()) + " (see visray --help)",)
+    except KeyboardInterrupt:
+        sys.stderr.write("stopped before anything could be kept\n")
+        return INTERRUPTED
+    sys.stderr.write("".join(f"visray: {line}\n" for line in lines))
+    return 2

@@ -1,0 +1,1 @@
+"""Scenes: what they are, and how they are read and written."""

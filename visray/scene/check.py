@@ -1,0 +1,108 @@
+"""Checks scenes, from files and from Python: the fields one by one, then what only several together show."""
+
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.geometry import gamma
+from visray.scene.messages import hint, line, lines
+from visray.scene.scene import ADAPTER, Scene
+from visray.transforms import Transform, compose
+
+DEFAULT_MATERIAL = "default"
+
+
+def checked(scene: Scene) -> Scene:
+    """The scene with every field validated anew; raises UserError with all that is wrong."""
+    if not isinstance(scene, Scene):
+        raise UserError(f"a scene is a visray Scene, not a {type(scene).__name__}")
+    result, wrong = examined(asdict(scene))
+    if wrong:
+        raise UserError(*wrong)
+    return result
+
+
+def examined(raw: Any) -> tuple[Scene | None, list[str]]:
+    """The scene that plain dicts and lists describe, and a line for everything that is wrong with it."""
+    if not isinstance(raw, dict):
+        return None, [line("", raw, "is not a scene; a scene is an object {...}")]
+    try:
+        scene = ADAPTER.validate_python(raw)
+    except ValidationError as error:
+        return None, lines(error, raw) + _flaws_of_the_rest(raw, error)
+    return scene, flaws(scene)
+
+
+def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
+    """The flaws of what pydantic found nothing wrong with, so that a user sees all errors at once."""
+    sections = {k: dict(v) if isinstance(v, dict) else v for k, v in raw.items()}
+    for section, *inner in (e["loc"] for e in error.errors(include_url=False)):
+        if section == "materials" and not inner:
+            return []
+        if section == "materials" and inner[-1] != "[key]":
+            sections[section][inner[0]] = {}  # its name is there, whatever is wrong with it
+        elif section in ("objects", "lights", "materials") and inner:
+            sections[section].pop(inner[0], None)
+        else:
+            sections.pop(section, None)
+    try:
+        return flaws(ADAPTER.validate_python(sections))
+    except ValidationError:
+        return []
+
+
+def flaws(scene: Scene) -> list[str]:
+    """What no field alone shows to be wrong, a line each: `ADDRESS = VALUE: what is wrong; what would be right`."""
+    with np.errstate(all="ignore"):
+        of_objects = [f for name, thing in scene.objects.items() for f in _object_flaws(scene, name, thing)]
+        return _camera_flaws(scene.camera) + of_objects
+
+
+def _object_flaws(scene: Scene, name: str, thing: Any) -> list[str]:
+    address, found = f"objects.{name}", []
+    if thing.material != DEFAULT_MATERIAL and thing.material not in scene.materials:
+        text = f"unknown material; {hint(thing.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
+        found.append(line(f"{address}.material", thing.material, text))
+    found += [line(f"{address}.{field}", getattr(thing, field), text) for field, text in thing.flaws()]
+    wrong = _transform_flaw(thing.transform)
+    if wrong:
+        found.append(line(f"{address}.transform", [asdict(step) for step in thing.transform], wrong))
+    return found
+
+
+def _camera_flaws(camera: Camera) -> list[str]:
+    view = np.subtract(camera.target, camera.origin)
+    up = np.array(camera.up, float)
+    if camera.target == camera.origin:
+        return [line("camera.target", camera.target, "must differ from origin")]
+    # The kernel normalises with the root of a sum of squares, which must be a normal number.
+    for address, value, vector in (("camera.target", camera.target, view), ("camera.up", camera.up, up)):
+        if not sys.float_info.min <= vector @ vector <= sys.float_info.max:
+            return [line(address, value, "is too near or too far for double precision")]
+    view, up = view / np.linalg.norm(view), up / np.linalg.norm(up)
+    # Each component of the product is off by at most 3 roundings of |view| |up|, and the unit vectors by 5 each: the
+    # difference or none, and 4 of the norm and the quotient.
+    if np.linalg.norm(np.cross(view, up)) <= np.sqrt(3) * gamma(3 + 5 + 5):
+        return [line("camera.up", camera.up, "must not be parallel to the view direction, target - origin")]
+    return []
+
+
+def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
+    """Why the composed transform has no inverse in double arithmetic, or None."""
+    whole = compose(steps)
+    if whole is None:
+        return None
+    if not np.isfinite(whole).all():
+        return "the steps together overflow double precision"
+    x, y, z = whole[:, :3].T
+    volume = abs(x @ np.cross(y, z))
+    # Every step adds at most 4 roundings to each entry, and the triple product has 6: below that its sign is unknown.
+    uncertain = gamma(4 * len(steps) + 6) * np.linalg.norm(x) * np.linalg.norm(y) * np.linalg.norm(z)
+    if not (volume > uncertain and sys.float_info.min <= volume <= sys.float_info.max):
+        return "the steps together have no inverse in double precision; they flatten the object"
+    return None

@@ -1,0 +1,157 @@
+"""The objects of original VisRayTrace scenes, and their materials, as plain dicts of visray's fields."""
+
+from collections.abc import Callable
+from typing import Any
+
+from visray.scene.messages import hint, line
+from visray.scene.seed_entry import Entry, Log
+from visray.scene.seed_keys import MATERIAL, MATERIALS, OBJECTS
+
+NOT_BUILT = {"mesh": "objFileName", "polynomial": "monomis"}
+LOST = {"metal": "reflection", "transparent": "refraction and transparent shadows", "materialtextura": "texture"}
+WHITE = (1.0, 1.0, 1.0)
+
+
+def objects(raw: list[Any], log: Log) -> tuple[dict[str, dict], dict[str, dict]]:
+    """Objects and materials by name. A material has the name of the first object that it is on."""
+    things: dict[str, dict] = {}
+    materials: dict[str, dict] = {}
+    taken: set[str] = set()
+    for i, found in enumerate(raw):
+        if not isinstance(found, dict):
+            log.error(line(f"objects.{i}", found, "must be an object {...}"))
+            continue
+        name = _name(found, i, taken, log)
+        thing = _object(found, f"objects.{name}", log)
+        if thing is None:
+            continue
+        material = _material(found, f"objects.{name}", log)
+        owner = next((known for known, other in materials.items() if other == material), name)
+        materials.setdefault(owner, material)
+        things[name] = thing | {"material": owner}
+    return things, materials
+
+
+def _name(found: dict, i: int, taken: set[str], log: Log) -> str:
+    """A name that is valid and no other object's; warns if it is not the one written."""
+    written = found.get("name", "")
+    wanted = written.replace(".", "_").strip() if isinstance(written, str) else ""
+    wanted = wanted or (found["type"].strip().lower() if _valid(found.get("type")) else "object")
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted} {count}"
+    taken.add(name)
+    if name != written:
+        log.warn(f"{line(f'objects.{i}.name', written, f'the object is called {name!r} here')}")
+    return name
+
+
+def _valid(name: Any) -> bool:
+    return isinstance(name, str) and bool(name.strip()) and "." not in name
+
+
+def _object(found: dict, address: str, log: Log) -> dict | None:
+    """The fields of an object without its material, or None if there is an error."""
+    kind = found.get("type")
+    if kind is None:
+        log.error(f"{address}: the key 'type' is missing; one of {', '.join(OBJECTS)}")
+        return None
+    key = kind.strip().casefold() if isinstance(kind, str) else None
+    if key not in OBJECTS:
+        log.error(line(f"{address}.type", kind, f"unknown type; {hint(kind, OBJECTS)}"))
+        return None
+    if key in NOT_BUILT:
+        log.error(line(f"{address}.{NOT_BUILT[key]}", found.get(NOT_BUILT[key]), f"{key} is not built yet"))
+        return None
+    errors = len(log.errors)
+    made = BUILDERS[key](Entry(found, address, OBJECTS[key], log))
+    return made if len(log.errors) == errors else None
+
+
+def _sphere(e: Entry) -> dict:
+    return {"type": "sphere", "center": e.vector("center", (0.0,) * 3), "radius": e.number("radius")}
+
+
+def _plane(e: Entry) -> dict:
+    return {"type": "plane", "point": e.vector("point", (0.0,) * 3), "normal": e.vector("normal")}
+
+
+def _triangle(e: Entry) -> dict:
+    corners = {"p1": (-1.0, -1.0, 0.0), "p2": (1.0, -1.0, 0.0), "p3": (0.0, 2.0, 0.0)}
+    return {"type": "triangle"} | {ours: e.vector(key, corner) for ours, (key, corner) in zip("abc", corners.items())}
+
+
+def _cylinder(e: Entry) -> dict:
+    """The original read the axis and drew every cylinder upright; here the axis counts."""
+    return {
+        "type": "cylinder",
+        "center": e.vector("center", (0.0,) * 3),
+        "axis": e.vector("axis", (0.0, 1.0, 0.0)),
+        "radius": e.number("radius", 0.1),
+        "height": e.number("h", 4.0),
+    }
+
+
+def _box(e: Entry) -> dict:
+    corners = e.vector("minPoint", (-0.5,) * 3), e.vector("maxPoint", (0.5,) * 3)
+    return {"type": "box", "min": tuple(map(min, *corners)), "max": tuple(map(max, *corners))}
+
+
+def _fitted_plane(e: Entry) -> dict:
+    """The part of the plane over the rectangle from pmin to pmax in x and z, with its normal on the file's side.
+
+    A picture on it has u along +x and row 0 at the least z; our v runs up from the last row, so `height` runs to -z.
+    That makes the normal point up; where the file's points down, `height` runs to +z.
+    """
+    point, normal = e.vector("point", (0.0,) * 3), e.vector("normal")
+    low, high = e.vector("pmin", size=2), e.vector("pmax", size=2)
+    if None in (point, normal, low, high):
+        return {}
+    if normal[1] == 0:
+        e.error("normal", "a fittedplane is bounded in x and z, so its plane must not be upright")
+        return {}
+    offset = _offset(e, point)
+    (x0, x1), (z0, z1) = (sorted((a + o, b + o)) for a, b, o in zip(low, high, offset))
+    if x0 == x1 or z0 == z1:
+        e.error("pmax", "must differ from pmin in x and in z")
+        return {}
+    slope_x, slope_z = (0.0 - n / normal[1] for n in (normal[0], normal[2]))
+    x, z, side = (x0 + x1) / 2, (z0 + z1) / 2, -1.0 if normal[1] > 0 else 1.0
+    y = point[1] + slope_x * (x - point[0]) + slope_z * (z - point[2])
+    width = (x1 - x0, slope_x * (x1 - x0), 0.0)
+    height = (0.0, side * slope_z * (z1 - z0), side * (z1 - z0))
+    return {"type": "rectangle", "center": (x, y, z), "width": width, "height": height}
+
+
+def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
+    """What to add to pmin and pmax: with puntoCentro they are relative to the point."""
+    middle = (point[0], point[2])
+    relative = e.flag("puntoCentro")
+    if relative is None and any(middle):
+        e.log.warn(f"{e.at('puntoCentro')}: is missing; pmin and pmax are read as absolute x and z")
+    return middle if relative else (0.0, 0.0)
+
+
+BUILDERS: dict[str, Callable[[Entry], dict]] = {
+    "sphere": _sphere,
+    "plane": _plane,
+    "fittedplane": _fitted_plane,
+    "triangle": _triangle,
+    "cylinder": _cylinder,
+    "box": _box,
+}
+
+
+def _material(found: dict, address: str, log: Log) -> dict:
+    """The Blinn-Phong part of an object's material; warns of what is lost."""
+    e = Entry({"material": found["material"]} if "material" in found else {}, address, {"material": ()}, log)
+    inner = e.inner("material", MATERIAL)
+    if inner is None:
+        log.warn(f"{address}: has no material; ka, kd, ks are 1 and shininess is 1, as in the original")
+        inner = Entry({}, address, MATERIAL, log)
+    kind = inner.chosen("type", MATERIALS)
+    if kind in LOST:
+        log.warn(f"{address}.material: the {LOST[kind]} of {kind} is not built yet; its Blinn-Phong part is used")
+    colours = {key: inner.vector(key, WHITE) for key in ("ka", "kd", "ks")}
+    return colours | {"shininess": inner.number("shininess", 1.0)}

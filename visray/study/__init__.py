@@ -1,0 +1,1 @@
+"""Studies: how right, how stable, how fast."""

@@ -24,7 +24,7 @@ from visray.version import __version__
 
 app = App(
     name="visray",
-    help="A ray tracer that shows what accuracy costs, stays stable where it is hard, and simulates only what is needed.",
+    help="A ray tracer that shows what accuracy costs, stays stable in hard cases, and simulates only what is needed.",
     version=__version__,
     suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative=()),
@@ -35,7 +35,9 @@ Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON."
 Settings = Annotated[
     list[str], Parameter(name="--set", help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0].")
 ]
-Outputs = Annotated[list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")]
+Outputs = Annotated[
+    list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")
+]
 INTERRUPTED = 130
 
 
@@ -89,7 +91,7 @@ def render_command(
     seed: Annotated[int | None, Parameter(help="Another seed is other noise.")] = None,
     threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,
     backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
-    set: Settings = [],  # noqa: A002, B006 - the name of the option; only read
+    set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(LAYERS)}.")] = None,
     gamma: Annotated[str, Parameter(help="Of a PNG file: srgb, or an exponent such as 2.")] = "srgb",
     exposure: Annotated[float, Parameter(help="Of a PNG file, in stops.")] = 0.0,
@@ -115,7 +117,11 @@ def render_command(
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads")
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
         seconds = time.perf_counter() - begun
-        put(report | {k: facts[k] for k in keep} | {"layers": list(image.layers), "seconds": seconds, "stopped": stopped})
+        put(
+            report
+            | {k: facts[k] for k in keep}
+            | {"layers": list(image.layers), "seconds": seconds, "stopped": stopped}
+        )
     elif not quiet:
         names = ", ".join(str(o) for o in outputs)
         short = f" of {facts['spp_asked']}, stopped" if stopped else ""
@@ -125,7 +131,7 @@ def render_command(
 
 
 @app.command
-def explain(scene: Path, /, *, setup: Setup = None, set: Settings = [], json: Json = False) -> int:  # noqa: A002, B006
+def explain(scene: Path, /, *, setup: Setup = None, set: Settings = [], json: Json = False) -> int:  # noqa: B006
     """List what is simulated for a scene, what is not, and why."""
     made = opened(scene, setup, set)
     found = features(made).listed
@@ -145,8 +151,10 @@ def check(
     /,
     *,
     setup: Setup = None,
-    set: Settings = [],  # noqa: A002, B006
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")] = None,
+    set: Settings = [],  # noqa: B006
+    output: Annotated[
+        Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
+    ] = None,
     rays: Annotated[int, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
     seed: Annotated[int, Parameter(help="Of the random rays.")] = 0,
     threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,

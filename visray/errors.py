@@ -2,7 +2,8 @@
 
 
 class UserError(Exception):
-    """One or more lines, each: where, what is wrong, what would be right. The command line prints them and exits with 2."""
+    """One or more lines, each: where, what is wrong, what would be right. The command line prints them and exits with
+    2."""
 
     def __init__(self, *lines: str):
         super().__init__("\n".join(lines))

@@ -1,7 +1,7 @@
 """What a scene calls for: the effects that its kernel holds, each with the reason.
 
-An effect is left out only if it is zero for every value that its inputs could have: neither the picture nor a derivative
-that was asked for could tell. `everything` forces all of them; the picture is then the same bit for bit
+An effect is left out only if it is zero for every value that its inputs could have: neither the picture nor a
+derivative that was asked for could tell. `everything` forces all of them; the picture is then the same bit for bit
 (tests/test_features.py).
 """
 
@@ -39,7 +39,8 @@ class Features:
 
 @dataclass(frozen=True)
 class Rule:
-    """When an effect is called for: the addresses that call for it, why there may be none, and the fields it is made of.
+    """When an effect is called for: the addresses that call for it, why there may be none, and the fields it is made
+    of.
 
     A derivative by one of `fields` calls for the effect as well: a term that is zero may have a slope.
     """
@@ -98,7 +99,8 @@ RULES = (
          "every shininess is a whole number", ("shininess",)),
     Rule("attenuation", lambda s: _lights(s, lambda l: l.a or l.b or l.c), "no light has a, b or c", ("a", "b", "c")),
     Rule("shadows", _shadows, "nothing can stand between a light and a surface", ("intensity",)),
-    Rule("background", _background, "the film is transparent, or the background black", ("background", "top", "bottom")),
+    Rule("background", _background, "the film is transparent, or the background black",
+         ("background", "top", "bottom")),
     Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "the film is opaque: A is 1", ()),
 )  # fmt: skip
 

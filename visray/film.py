@@ -29,7 +29,8 @@ class Moments:
 
 @dataclass(frozen=True)
 class Film:
-    """Mean colour, sum of squared differences from it, and covered samples, all in double. Shapes: (3, N), (3, N), (N)."""
+    """Mean colour, sum of squared differences from it, and covered samples, all in double. Shapes: (3, N), (3, N),
+    (N)."""
 
     mean: Any
     squares: Any

@@ -26,8 +26,8 @@ def triple(v: Any, x: Any, y: Any, z: Any) -> Any:
 def tangents(n: Any) -> tuple[Any, Any]:
     """Two unit vectors (s, t) with s x t = n, so that a picture on the plane stands upright.
 
-    t is the direction in the plane nearest to world +y; where n is exactly +-y, s is +x. So u runs east and v north on a
-    floor seen from above with -z upwards, and u runs right and v up on a wall.
+    t is the direction in the plane nearest to world +y; where n is exactly +-y, s is +x. So u runs east and v north on
+    a floor seen from above with -z upwards, and u runs right and v up on a wall.
 
     Shapes: n (3, N), unit. Domain: every unit n.
     """
@@ -74,7 +74,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class Similarity:
-    """The affine map p -> o + scale p, kept apart because a sphere needs no more and saves three quarters of the work."""
+    """The affine map p -> o + scale p, kept apart because a sphere needs no more and saves three quarters of the
+    work."""
 
     scale: Any
     o: Any

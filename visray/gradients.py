@@ -1,13 +1,13 @@
 """Derivatives of a picture by the numbers of its scene, named by address.
 
-Found detached, felt attached: which object is seen, and which light is blocked, is looked for without derivatives; where
-the winner is hit and how it is shaded carries them. So a derivative holds what happens inside every visible patch, and
-not what a moving silhouette or shadow edge adds: where that is left out, `gradient` and `derivative` warn.
+Found detached, felt attached: which object is seen, and which light is blocked, is looked for without derivatives;
+where the winner is hit and how it is shaded carries them. So a derivative holds what happens inside every visible
+patch, and not what a moving silhouette or shadow edge adds: where that is left out, `gradient` and `derivative` warn.
 """
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -19,14 +19,14 @@ from visray.features import features
 from visray.film import Moments
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
-from visray.quantities import Arrays, quantities
+from visray.quantities import quantities
 from visray.render import adjusted, arrays, expose, lanes, set_up
 from visray.sampling import Plan
 from visray.scene import address as addresses
 from visray.scene.load import checked
 from visray.scene.scene import Gradient, Scene
-from visray.shading import beam, feel
 from visray.search import closest
+from visray.shading import beam, feel
 
 
 class EdgeWarning(UserWarning):

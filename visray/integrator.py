@@ -27,7 +27,9 @@ class Stage:
     opaque: Any
 
 
-def stage(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Arrays, opaque: bool, plain: bool = False) -> Stage:
+def stage(
+    ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Arrays, opaque: bool, plain: bool = False
+) -> Stage:
     """The scene as the camera sees it. `opaque`: whether the film counts as covered where nothing is hit."""
     watch = Watch(a, kin, ready.groups, ready.view.o)
     alpha = dr.opaque(a.F, float(opaque))
@@ -70,14 +72,20 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
             coverage = coverage + covered
         return i + 1, sampling.next_cell(plan, cell), reference, total + delta, squares, coverage
 
-    start = (dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), *(dr.zeros(a.V, n) for _ in range(3)), dr.zeros(a.F, n))
+    start = (
+        dr.zeros(a.U, n),
+        sampling.first_cell(plan, key, a.F),
+        *(dr.zeros(a.V, n) for _ in range(3)),
+        dr.zeros(a.F, n),
+    )
     done = dr.while_loop(start, lambda i, *_: i < plan.count, body, max_iterations=-1, label="samples")
     return Moments(*done[2:])
 
 
 @dataclass(frozen=True)
 class FirstHit:
-    """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is hit."""
+    """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is
+    hit."""
 
     index: Any
     distance: Any

@@ -37,9 +37,7 @@ Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "w
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[Real, Field(gt=0), Quantity(1, "geometry", "world units, > 0")]
 Angle = Annotated[Real, Field(gt=0, lt=180), Quantity(1, "geometry", "degrees, > 0 and < 180")]
-Color = Annotated[
-    tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")
-]
+Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
 # A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
 Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]

@@ -64,8 +64,9 @@ def unit(d: Any, w: Any) -> Any:
 def inverse_length(v: Any, fast: Any) -> Any:
     """1/|v| to 2^-52 for |v| from 1e-18 to 1e18, and 0 for v = 0.
 
-    `fast` is the single type whose reciprocal root starts one third-order step, or None for division and root in double:
-    both agree to 4 ulp (tests/test_ray.py). The step is used because a double root and division cost eight times as much.
+    `fast` is the single type whose reciprocal root starts one third-order step, or None for division and root in
+    double: both agree to 4 ulp (tests/test_ray.py). The step is used because a double root and division cost eight
+    times as much.
     """
     squared = dr.squared_norm(v)
     if fast is None:

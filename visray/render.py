@@ -169,7 +169,15 @@ def _data(made: Set) -> dict[str, Any]:
     place = {name: i + 1 for i, name in enumerate(made.scene.objects)}
     ids[:-1] = [place[name] for k in made.stage.scenery.kin for name in k.names]
     number = ids[np.minimum(np.array(h.index), len(ids) - 1)]
-    return {"Z": h.depth, "distance": h.distance, "N": h.n, "P": h.p, "UV": (h.u, h.v), "albedo": h.albedo, "id": number}
+    return {
+        "Z": h.depth,
+        "distance": h.distance,
+        "N": h.n,
+        "P": h.p,
+        "UV": (h.u, h.v),
+        "albedo": h.albedo,
+        "id": number,
+    }
 
 
 def _raster(made: Set, name: str, values: Any) -> np.ndarray:
@@ -216,5 +224,7 @@ def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     to_camera[:3, :3] = np.stack([right, np.cross(right, forward), forward], axis=1)
     to_camera[3, :3] = -o @ to_camera[:3, :3]
     half = np.tan(np.radians(c.fov) / 2)
-    to_ndc = np.array([[0.5 * f.height / f.width / half, 0, 0, 0], [0, -0.5 / half, 0, 0], [0.5, 0.5, 1, 1], [0, 0, 0, 0]])
+    to_ndc = np.array(
+        [[0.5 * f.height / f.width / half, 0, 0, 0], [0, -0.5 / half, 0, 0], [0.5, 0.5, 1, 1], [0, 0, 0, 0]]
+    )
     return {"worldToCamera": to_camera.tolist(), "worldToNDC": (to_camera @ to_ndc).tolist()}

@@ -15,7 +15,8 @@ _ODD = 0x9E3779B9  # 2^32 over the golden ratio: steps through all 32-bit number
 
 
 def mix(x: Any) -> Any:
-    """A well mixed 32-bit hash. Source: Wellons' hash-prospector, the function of least bias with two multiplications."""
+    """A well mixed 32-bit hash. Source: Wellons' hash-prospector, the function of least bias with two
+    multiplications."""
     x = x ^ (x >> 16)
     x = x * 0x21F0AAAD
     x = x ^ (x >> 15)

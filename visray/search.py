@@ -1,9 +1,9 @@
 """Which object a ray meets. Detached from derivatives: `surface_at` in shading.py feels what is found here.
 
 Most objects are far from most rays. A test in single precision against a sphere around each object rejects them; its
-margin is a bound of its own rounding, so that it never rejects what the exact test in double would accept. The exact test
-then runs in a branch, for packets of rays that need it: double costs what single does. `plain=True` is the slow twin
-without the test, equal bit for bit (tests/test_search.py).
+margin is a bound of its own rounding, so that it never rejects what the exact test in double would accept. The exact
+test then runs in a branch, for packets of rays that need it: double costs what single does. `plain=True` is the slow
+twin without the test, equal bit for bit (tests/test_search.py).
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,8 @@ WRITTEN_OUT = 64
 class Sight:
     """A group as seen from an origin. Shapes: one entry an object, or one a lane.
 
-    toward: the centre of the object's sphere minus the origin, in single. margin: |toward|^2 - radius^2, less its error.
+    toward: the centre of the object's sphere minus the origin, in single. margin: |toward|^2 - radius^2, less its
+    error.
     """
 
     seen: Any
@@ -41,8 +42,9 @@ def sight(a: Arrays, kind: type, group: Group, o: Any) -> Sight:
         return Sight(seen)
     toward = group.centre - o
     squared = dr.squared_norm(toward)
-    # With u the roundoff of single: the dot product of toward and d is off by at most 6 u |toward| (two conversions, five
-    # operations), its square by 13 u |toward|^2, and the margin's own conversion by u |toward|^2. 2^-124 covers underflow.
+    # With u the roundoff of single: the dot product of toward and d is off by at most 6 u |toward| (two conversions,
+    # five operations), its square by 13 u |toward|^2, and the margin's own conversion by u |toward|^2. 2^-124 covers
+    # underflow.
     margin = squared - dr.square(group.radius) - 16 * UNIT_ROUNDOFF["single"] * squared - 2.0**-124
     return Sight(seen, a.V32(toward), a.F32(margin))
 
@@ -54,7 +56,8 @@ def candidate(view: Sight, d: Any) -> Any:
 
 
 class Watch:
-    """All groups as seen from one origin; where the origin is shared by all rays this is computed once and evaluated."""
+    """All groups as seen from one origin; where the origin is shared by all rays this is computed once and
+    evaluated."""
 
     def __init__(self, a: Arrays, kin: tuple[Kinship, ...], groups: tuple[Group, ...], o: Any):
         self.a, self.kin, self.o = a, kin, dr.detach(o)

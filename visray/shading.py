@@ -2,8 +2,8 @@
 
     I = Ig ka + sum over lights of [ Ia ka + att S (Id kd max(n.l, 0) + Is ks max(n.h, 0)^shininess) ]
 
-with h the unit vector halfway between l (to the light) and v (to the eye), both unit; no highlight where n.l <= 0; and n
-turned to the viewer.
+with h the unit vector halfway between l (to the light) and v (to the eye), both unit; no highlight where n.l <= 0; and
+n turned to the viewer.
 """
 
 from dataclasses import dataclass
@@ -48,7 +48,8 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Array
 
 
 def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
-    """The surface point, its material and its (u, v), with derivatives: the winner of a detached search, evaluated anew.
+    """The surface point, its material and its (u, v), with derivatives: the winner of a detached search, evaluated
+    anew.
 
     t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d).
     """
@@ -94,8 +95,9 @@ def _surface(s: Scenery, kind: type, placed: Any, material: Material, ray: Ray, 
         t = t - (f - dr.detach(f)) / dr.detach(dr.dot(g, ray.d))
         p = ray.o + t * ray.d
         g = kind.level(placed, p)[1]
-    # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as much
-    # as the local origin is known to: five more, of numbers no greater than |o| + t. Tested against exact arithmetic.
+    # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
+    # much as the local origin is known to: five more, of numbers no greater than |o| + t. Tested against exact
+    # arithmetic.
     error = gamma(8) * (dr.max(dr.abs(ray.o)) + t)
     u, v = kind.uv(placed, p)
     return Surface(p, dr.normalize(s.a.V(g)), error), material, s.a.F(u), s.a.F(v)
@@ -139,7 +141,8 @@ def blinn_phong(s: Scenery, ray: Ray, hit: Hit, surface: Surface, m: Material) -
 
 @dataclass(frozen=True)
 class Beam:
-    """Light on its way to a point: unit direction to the light, distance, cosine with the normal, whether it arrives."""
+    """Light on its way to a point: unit direction to the light, distance, cosine with the normal, whether it
+    arrives."""
 
     l: Any
     distance: Any
@@ -148,7 +151,8 @@ class Beam:
 
 
 def beam(s: Scenery, number: int, hit: Hit, surface: Surface, n: Any, within: Any) -> Beam:
-    """What of light `number` arrives at a surface whose normal `n` is turned to the viewer; `within`: seen from inside."""
+    """What of light `number` arrives at a surface whose normal `n` is turned to the viewer; `within`: seen from
+    inside."""
     a, light = s.a, s.lights[number]
     from_light = surface.p - light.position
     inverse = inverse_length(from_light, a.F32 if a.precision == "single" else None)

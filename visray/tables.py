@@ -4,7 +4,7 @@
 PyTree: derivatives are taken with respect to its arrays. `prepare` computes what depends on no ray, once a render.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -39,7 +39,8 @@ def kinships(scene: Scene) -> tuple[Kinship, ...]:
 
 @dataclass(frozen=True)
 class Tables:
-    """The numbers of a scene. Shapes: one entry an object, a material or a light; one entry for camera and background."""
+    """The numbers of a scene. Shapes: one entry an object, a material or a light; one entry for camera and
+    background."""
 
     objects: tuple[Primitive, ...]
     outers: tuple[Frame | None, ...]

@@ -6,20 +6,14 @@ follow what Nuke and Blender make of them: at most two dots, no leading digit, a
 
 import os
 import re
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import OpenEXR
 
 from visray.errors import UserError
-
-# The module and not a name of it, because it imports this one too.
-from visray.output import image as images
 from visray.output.files import replacing
-
-if TYPE_CHECKING:
-    from visray.output.image import Image
 
 PREFIX = "visray/"
 # Attributes that OpenEXR or other renderers have given a meaning; they stand without the prefix.
@@ -47,23 +41,19 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)?")
 _ORDER = {letter: place for place, letter in enumerate("RGBAXYZWUV")}
 
 
-def write_exr(image: "Image", path: str | os.PathLike[str], layers: Sequence[str] | None = None) -> None:
-    """Writes `layers`, or all, and the provenance. Colour beyond the range of half is written as its largest number."""
-    names = list(image.layers) if layers is None else list(layers)
-    if not names:
-        raise UserError(f"{path}: no layers were chosen; name some of {', '.join(image.layers)}")
-    image.check_layers(names)
+def write_exr(path: str | os.PathLike[str], layers: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+    """Writes layers and metadata. Colour beyond the range of half is written as its largest number."""
     channels: dict[str, np.ndarray] = {}
-    for name in names:
-        channels |= _channels(name, images.numbers(image, name))
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(image)
+    for name, values in layers.items():
+        channels |= _channels(name, values)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
     # Through Python's file and not by name: then a full disk is an OSError with its number.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         OpenEXR.File(header, channels).write(file)
 
 
-def read_exr(path: str | os.PathLike[str]) -> "Image":
-    """The picture in a file with one part, of visray or of another program: half becomes float32, names are undone.
+def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Layers and metadata of a file with one part, of visray or of another program: half becomes float32.
 
     The colour is taken as it is, whatever colour space the file states.
     """
@@ -83,10 +73,7 @@ def read_exr(path: str | os.PathLike[str]) -> "Image":
     pixels = {name: channel.pixels for name, channel in file.channels().items()}
     if any(values is None or values.ndim != 2 or values.dtype == object for values in pixels.values()):
         raise UserError(f"{path}: the EXR file holds deep samples; visray reads flat ones")
-    try:
-        return images.Image(_layers(pixels), _metadata(file.header()))
-    except UserError as error:
-        raise UserError(f"{path}: {error}") from error
+    return _layers(pixels), _metadata(file.header())
 
 
 def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -113,12 +100,12 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, np.float32)
 
 
-def _attributes(image: "Image") -> dict[str, Any]:
+def _attributes(facts: dict[str, Any]) -> dict[str, Any]:
     """The metadata as attributes; an empty list of texts is left out, as OpenEXR has none."""
     found: dict[str, Any] = {}
-    if "render_seconds" in image.metadata:
-        found["renderTime"] = float(image.metadata["render_seconds"])
-    for key, value in image.provenance().items():
+    if "render_seconds" in facts:
+        found["renderTime"] = float(facts["render_seconds"])
+    for key, value in facts.items():
         if key in MATRICES:
             found[key] = np.array(value, np.float32)
             if found[key].shape != (4, 4):

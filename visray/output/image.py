@@ -66,7 +66,7 @@ class Image:
         return f"<Image {self.width} x {self.height}: {', '.join(self.layers)}>"
 
     def _repr_png_(self) -> bytes | None:
-        return png.encode(self) if "RGB" in self.layers else None
+        return self.png() if "RGB" in self.layers else None
 
     def check_layers(self, names: Sequence[str]) -> None:
         """Returns if the picture has all these layers, else raises a UserError with the nearest name."""
@@ -88,10 +88,28 @@ class Image:
         `gamma`, and `exposure` in stops, are for the screen: an EXR file holds linear light whatever they are.
         """
         check_destination(path, gamma, exposure, layers)
-        if _suffix(path) == ".exr":
-            exr.write_exr(self, path, layers)
-        else:
-            png.write_png(self, path, gamma, exposure)
+        if _suffix(path) == ".png":
+            png.write_png(path, self.png(gamma, exposure))
+            return
+        names = list(self.layers) if layers is None else list(layers)
+        if not names:
+            raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
+        exr.write_exr(path, {name: numbers(self, name) for name in names}, self.provenance())
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> "Image":
+        """The picture in an EXR file of one part. The colour is taken as it is, whatever colour space the file
+        states."""
+        layers, facts = exr.read_exr(path)
+        try:
+            return Image(layers, facts)
+        except UserError as error:
+            raise UserError(f"{path}: {error}") from error
+
+    def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
+        """The bytes of a PNG file."""
+        facts = self.provenance() | {"gamma": gamma, "exposure": exposure}
+        return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
 
     def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
         """The picture for a screen: uint8 (H, W, 3), or (H, W, 4) with straight alpha where A is not 1 everywhere."""

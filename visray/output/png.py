@@ -3,15 +3,13 @@
 import json
 import os
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from PIL import Image as Pillow
 from PIL.PngImagePlugin import PngInfo
 
 from visray.output.files import replacing
-
-if TYPE_CHECKING:
-    from visray.output.image import Gamma, Image
 
 # The keywords of the PNG specification for what has one; everything else is `visray/<key>`.
 KEYWORDS = {"software": "Software", "owner": "Author", "comments": "Comment", "capDate": "Creation Time"}
@@ -19,22 +17,24 @@ KEYWORDS = {"software": "Software", "owner": "Author", "comments": "Comment", "c
 SRGB_CHUNK = (b"sRGB", b"\0")
 
 
-def write_png(image: "Image", path: str | os.PathLike[str], gamma: "Gamma" = "srgb", exposure: float = 0.0) -> None:
-    """Writes the colour for a screen: curve, `exposure` in stops, and the provenance as text."""
-    data = encode(image, gamma, exposure)
+def write_png(path: str | os.PathLike[str], data: bytes) -> None:
+    """Writes the bytes of a PNG file."""
     with replacing(path) as temporary:
         temporary.write_bytes(data)
 
 
-def encode(image: "Image", gamma: "Gamma" = "srgb", exposure: float = 0.0) -> bytes:
-    """The bytes of the PNG file. A picture with a plain gamma is not marked as sRGB, and has no gAMA: it is a look."""
+def encode(pixels: np.ndarray, facts: dict[str, Any], srgb: bool) -> bytes:
+    """The bytes of the PNG file of uint8 `pixels`, with the metadata as text.
+
+    A picture with a plain gamma is not marked as sRGB, and has no gAMA: it is a look.
+    """
     info = PngInfo()
-    if gamma == "srgb":
+    if srgb:
         info.add(*SRGB_CHUNK)
-    for key, value in {**image.provenance(), "gamma": gamma, "exposure": exposure}.items():
+    for key, value in facts.items():
         info.add_text(KEYWORDS.get(key, f"visray/{key}"), _text(value))
     stream = BytesIO()
-    Pillow.fromarray(image.display(gamma, exposure)).save(stream, "png", pnginfo=info)
+    Pillow.fromarray(pixels).save(stream, "png", pnginfo=info)
     return stream.getvalue()
 
 

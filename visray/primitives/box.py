@@ -59,7 +59,9 @@ class Box(Solid):
     def depth(cls, p: Any) -> tuple[Any, Any]:
         on_x, on_y = cls.faces(p)
         on_z = ~(on_x | on_y)
-        axis = type(p)(*(dr.select(m, dr.copysign(type(p.x)(1), x), 0) for m, x in zip((on_x, on_y, on_z), (p.x, p.y, p.z))))
+        axis = type(p)(
+            *(dr.select(m, dr.copysign(type(p.x)(1), x), 0) for m, x in zip((on_x, on_y, on_z), (p.x, p.y, p.z)))
+        )
         return dr.dot(axis, p) - 1, axis
 
     @classmethod
@@ -76,7 +78,10 @@ class Box(Solid):
         for n, u, v in _FACES:
             columns = (np.array(e, float) * h for e in (u, v))
             shapes.append(
-                {"type": "rectangle", "to_world": homogeneous(*columns, n, c + np.array(n) * h, compose(self.transform))}
+                {
+                    "type": "rectangle",
+                    "to_world": homogeneous(*columns, n, c + np.array(n) * h, compose(self.transform)),
+                }
             )
         return Twin(shapes, uv=lambda uv: uv)
 

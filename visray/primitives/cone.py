@@ -42,16 +42,15 @@ class Cone(Solid):
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
         """x^2 + y^2 <= w^2 with w = (1 - z)/2, cut by the slab, where w is not negative.
 
-        Recentred at the middle of the slab's interval, or where the ray is nearest to the axis if it runs along the slab.
+        Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so that
+        no digits cancel even for a ray that all but meets the apex.
         a > 0: inside between the roots. a <= 0: inside beyond one root, on the side to which w grows.
         """
         t0, t1 = slab(o.z, d.z)
-        flat = d.x * d.x + d.y * d.y
-        steep = d.z * d.z > flat
-        shift = dr.select(steep, -o.z * dr.rcp(d.z), -(o.x * d.x + o.y * d.y) * dr.rcp(flat))
-        p = o + shift * d
-        w, dw = 0.5 * (1 - p.z), -0.5 * d.z
-        a = flat - dw * dw
+        shift = -(o.x * d.x + o.y * d.y + (o.z - 1) * d.z) * dr.rcp(squared)
+        p = type(d)(o.x + shift * d.x, o.y + shift * d.y, (o.z - 1) + shift * d.z)
+        w, dw = -0.5 * p.z, -0.5 * d.z
+        a = d.x * d.x + d.y * d.y - dw * dw
         b = p.x * d.x + p.y * d.y - w * dw
         c = p.x * p.x + p.y * p.y - w * w
         disc = b * b - a * c
@@ -64,7 +63,9 @@ class Cone(Solid):
         near = dr.select(a > 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a > 0, high, dr.select(forward, dr.inf, low)) + shift
         missed = ~(near <= far)
-        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(missed, -dr.inf, dr.select(far < t1, far, t1))
+        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(
+            missed, -dr.inf, dr.select(far < t1, far, t1)
+        )
 
     @staticmethod
     def on_wall(p: Any) -> Any:

@@ -72,7 +72,9 @@ class Cylinder(Solid):
         far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
         t0, t1 = slab(o.z, d.z)
         missed = ~(near <= far)
-        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(missed, -dr.inf, dr.select(far < t1, far, t1))
+        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(
+            missed, -dr.inf, dr.select(far < t1, far, t1)
+        )
 
     @staticmethod
     def on_wall(p: Any) -> Any:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-import numpy as np
 import drjit as dr
+import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat

@@ -1,7 +1,7 @@
 """What every primitive is, and the two families: flat ones and closed convex solids.
 
-A kind is one file. It declares its fields, says how its canonical shape is placed in the world (`frame`), and answers for
-that canonical shape; the family does the rest. A kind that fits neither family overrides the methods of Primitive.
+A kind is one file. It declares its fields, says how its canonical shape is placed in the world (`frame`), and answers
+for that canonical shape; the family does the rest. A kind that fits neither family overrides the methods of Primitive.
 
 How a ray meets an object, in three steps that share their work:
     kind.placed(table, outer)   once a scene: what of the object depends on no ray
@@ -77,14 +77,16 @@ class Primitive:
         return whole.o, self.reach(whole)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The least corner and the greatest of a box in world units that holds the object, or None if it is unbounded."""
+        """The least corner and the greatest of a box in world units that holds the object, or None if it is
+        unbounded."""
         if not self.bounded:
             return None
         centre, radius = (np.array(v, float) for v in self.numbers().sphere(self.outer_numbers()))
         return centre - radius, centre + radius
 
     def numbers(self) -> "Primitive":
-        """This object with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the host."""
+        """This object with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the
+        host."""
         sizes = quantities(type(self))
         return replace(self, **{k: Array3f64(*getattr(self, k)) for k, q in sizes.items() if q.size == 3})
 
@@ -144,7 +146,9 @@ def uniform_scale(matrix: np.ndarray | None) -> float | None:
     square = matrix[:, :3].T @ matrix[:, :3]
     s2 = np.trace(square) / 3
     # Twelve roundings in the product and the trace; a tenfold share for those of the composed steps.
-    return float(np.sqrt(s2)) if np.allclose(square, s2 * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * s2) else None
+    return (
+        float(np.sqrt(s2)) if np.allclose(square, s2 * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * s2) else None
+    )
 
 
 def homogeneous(x: Any, y: Any, z: Any, o: Any, outer: np.ndarray | None) -> list[list[float]]:

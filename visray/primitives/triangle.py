@@ -47,8 +47,8 @@ def _dot(a: Any, b: Any) -> Any:
 class Triangle(Flat):
     """The triangle a, b, c; its normal is (b - a) x (c - a).
 
-    A ray passes an edge on a side that depends on the edge's two ends alone, exactly opposite for the two triangles that
-    share it: no ray passes between them (tests/test_primitives.py). uv: a is (0, 0), b is (1, 0), c is (0, 1).
+    A ray passes an edge on a side that depends on the edge's two ends alone, exactly opposite for the two triangles
+    that share it: no ray passes between them (tests/test_primitives.py). uv: a is (0, 0), b is (1, 0), c is (0, 1).
     """
 
     type: Literal["triangle"] = "triangle"

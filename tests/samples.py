@@ -1,0 +1,536 @@
+"""One sample for each kind of primitive: random instances, and the same shape in NumPy by another formula.
+
+The twins work in the object's own coordinates, before its transform, in 80-bit floats: their rounding is 2^11 times finer
+than the kernels'. No twin shares a formula with its kernel: a kernel maps the ray to a canonical shape, a twin keeps the
+object where it is and cuts the ray with half-spaces and with quadrics in vector form.
+
+Each twin can be grown by a distance g, outwards everywhere. A kernel in double answers exactly for some object within a
+rounding bound of the true one; so its t lies between those of the object grown and shrunk by that bound, grazing rays
+included, and where growing turns a hit into a miss the exact answer is within rounding of an edge.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import tables
+from visray.features import features
+from visray.geometry import gamma
+from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
+from visray.quantities import Arrays
+from visray.ray import Hit, Ray
+from visray.scene.scene import Scene
+from visray.shading import Scenery, feel
+from visray.transforms import Rotate, Scale, Translate, compose
+from visray.trees import rows
+
+Real = np.longdouble
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(-1)
+
+
+def norm(a: np.ndarray) -> np.ndarray:
+    return np.sqrt(dot(a, a))
+
+
+def real(v: Any) -> np.ndarray:
+    return np.asarray(v, Real)
+
+
+def unit(v: Any) -> np.ndarray:
+    v = real(v)
+    return v / norm(v)[..., None]
+
+
+@dataclass(frozen=True)
+class Face:
+    """A part of a surface as seen from points: signed distance (outside > 0), outward normal, radius of curvature."""
+
+    distance: np.ndarray
+    normal: np.ndarray
+    bend: Any = np.inf
+
+
+def half_space(o: np.ndarray, d: np.ndarray, n: np.ndarray, k: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The interval of t with n . (o + t d) <= k."""
+    slope, gap = dot(d, n), k - dot(o, n)
+    t = gap / np.where(slope == 0, 1, slope)
+    low = np.where(slope < 0, t, np.where((slope == 0) & (gap < 0), np.inf, -np.inf))
+    return low, np.where(slope > 0, t, np.where((slope == 0) & (gap < 0), -np.inf, np.inf))
+
+
+def common(*parts: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return np.max([p[0] for p in parts], 0), np.min([p[1] for p in parts], 0)
+
+
+class RoundSphere:
+    """By the distance of the centre from the line, from a cross product."""
+
+    @staticmethod
+    def interval(s: Sphere, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        w, dd = real(s.center) - o, dot(d, d)
+        aside = np.cross(w, d)
+        squared = np.maximum(s.radius + g, 0) ** 2 - dot(aside, aside) / dd
+        half = np.sqrt(np.maximum(squared, 0) / dd)
+        half = np.where(squared < 0, -np.inf, half)
+        middle = dot(w, d) / dd
+        return middle - half, middle + half
+
+    @staticmethod
+    def faces(s: Sphere, p: np.ndarray) -> list[Face]:
+        w = p - real(s.center)
+        return [Face(norm(w) - s.radius, unit(w), s.radius)]
+
+    @staticmethod
+    def uv(s: Sphere, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, y, z = unit(p - real(s.center)).T
+        return np.angle(-x.astype(float) + 1j * z.astype(float)) / (2 * np.pi) % 1, np.arcsin(np.clip(y, -1, 1)) / np.pi + 0.5
+
+
+class RoundBox:
+    """By six half-spaces."""
+
+    @staticmethod
+    def interval(s: Box, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        sides = [(n, (s.max[i] if n[i] > 0 else -s.min[i])) for i in range(3) for n in (np.eye(3)[i], -np.eye(3)[i])]
+        return common(*(half_space(o, d, real(n), real(k) + g) for n, k in sides))
+
+    @staticmethod
+    def faces(s: Box, p: np.ndarray) -> list[Face]:
+        high = [Face(p[:, i] - s.max[i], np.broadcast_to(real(np.eye(3)[i]), p.shape)) for i in range(3)]
+        low = [Face(s.min[i] - p[:, i], np.broadcast_to(-real(np.eye(3)[i]), p.shape)) for i in range(3)]
+        return high + low
+
+
+class RoundCylinder:
+    """By the distance between the line and the axis, as of two skew lines."""
+
+    @staticmethod
+    def interval(s: Cylinder, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        a, w = unit(s.axis), o - real(s.center)
+        radius = np.maximum(s.radius + g, 0)
+        across, aside = np.cross(d, a), np.cross(w, a)
+        squared = dot(across, across)
+        disc = radius**2 * squared - dot(np.cross(w, d), a) ** 2
+        along = squared == 0
+        safe = np.where(along, 1, squared)
+        half = np.where(disc < 0, -np.inf, np.sqrt(np.maximum(disc, 0)) / safe)
+        half = np.where(along, np.where(dot(aside, aside) <= radius**2, np.inf, -np.inf), half)
+        middle = np.where(along, 0, -dot(aside, across) / safe)
+        top = dot(real(s.center), a)
+        caps = [half_space(o, d, n * a, n * top + 0.5 * real(s.height) + g) for n in (1, -1)]
+        return common((middle - half, middle + half), *caps)
+
+    @staticmethod
+    def faces(s: Cylinder, p: np.ndarray) -> list[Face]:
+        a, w = unit(s.axis), p - real(s.center)
+        z = dot(w, a)
+        out = w - z[:, None] * a
+        wide = norm(out)
+        outward = out / np.where(wide == 0, 1, wide)[:, None]
+        caps = [Face(n * z - 0.5 * real(s.height), np.broadcast_to(n * a, p.shape)) for n in (1, -1)]
+        return [Face(wide - s.radius, outward, s.radius), *caps]
+
+
+class RoundCone:
+    """By the angle at the apex, the ray recentred where it is nearest to the apex."""
+
+    @staticmethod
+    def interval(s: Cone, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        a, slant = unit(s.axis), np.hypot(real(s.radius), real(s.height))
+        cos2, sine = (s.height / slant) ** 2, s.radius / slant
+        apex = real(s.base) + (s.height + g / sine)[..., None] * a if np.ndim(g) else real(s.base) + (s.height + g / sine) * a
+        dd = dot(d, d)
+        shift = dot(apex - o, d) / dd
+        w = o + shift[:, None] * d - apex
+        # down . (p - apex) >= cos |p - apex| inside.
+        dn, wn = -dot(d, a), -dot(w, a)
+        A, B, C = dn * dn - cos2 * dd, dn * wn - cos2 * dot(w, d), wn * wn - cos2 * dot(w, w)
+        disc = B * B - A * C
+        root = np.sqrt(np.maximum(disc, 0))
+        q = -(B + np.where(B < 0, -root, root))
+        r1, r2 = C / np.where(q == 0, 1, q), q / np.where(A == 0, 1, A)
+        r1 = np.where(q == 0, 0, r1)
+        low, high = np.minimum(r1, r2), np.maximum(r1, r2)
+        steep, down = A > 0, dn > 0
+        lower = wn + 0.5 * (low + high) * dn >= 0
+        bad = ~steep & ((disc < 0) | ~lower)
+        near = np.where(bad, np.inf, np.where(steep, np.where(down, high, -np.inf), low)) + shift
+        far = np.where(bad, -np.inf, np.where(steep, np.where(down, np.inf, low), high)) + shift
+        return common((near, far), half_space(o, d, -a, -dot(real(s.base), a) + g))
+
+    @staticmethod
+    def faces(s: Cone, p: np.ndarray) -> list[Face]:
+        a, w = unit(s.axis), p - real(s.base)
+        slant = np.hypot(real(s.radius), real(s.height))
+        z = dot(w, a)
+        out = w - z[:, None] * a
+        wide = norm(out)
+        outward = out / np.where(wide == 0, 1, wide)[:, None]
+        wall = (wide - s.radius) * (s.height / slant) + z * (s.radius / slant)
+        normal = outward * (s.height / slant) + a * (s.radius / slant)
+        return [Face(wall, normal, wide), Face(-z, np.broadcast_to(-a, p.shape))]
+
+
+def flat_distance(o: np.ndarray, d: np.ndarray, n: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """t of the plane through `point`; NaN for rays along it."""
+    slope = dot(d, n)
+    return np.where(slope == 0, np.nan, dot(point - o, n) / np.where(slope == 0, 1, slope))
+
+
+class RoundFlat:
+    """A convex outline in a plane: `outline` tells how far a point of the plane is outside of it."""
+
+    @classmethod
+    def crossing(cls, s: Any, o: np.ndarray, d: np.ndarray, lift: Any) -> tuple[np.ndarray, np.ndarray]:
+        """t of the plane lifted by `lift`, and the distance of the crossing from the outline, outside > 0."""
+        n, point = cls.plane(s)
+        t = flat_distance(o, d, n, point) + lift / dot(d, n)
+        return t, cls.outline(s, o + np.nan_to_num(t)[:, None] * d)
+
+    @classmethod
+    def faces(cls, s: Any, p: np.ndarray) -> list[Face]:
+        n, point = cls.plane(s)
+        height = dot(p - point, n)
+        return [Face(height, np.broadcast_to(n, p.shape))]
+
+
+class RoundPlane(RoundFlat):
+    @staticmethod
+    def plane(s: Plane) -> tuple[np.ndarray, np.ndarray]:
+        return unit(s.normal), real(s.point)
+
+    @staticmethod
+    def outline(s: Plane, p: np.ndarray) -> np.ndarray:
+        return np.full(len(p), -np.inf, Real)
+
+
+class RoundDisk(RoundFlat):
+    @staticmethod
+    def plane(s: Disk) -> tuple[np.ndarray, np.ndarray]:
+        return unit(s.normal), real(s.center)
+
+    @staticmethod
+    def outline(s: Disk, p: np.ndarray) -> np.ndarray:
+        return norm(np.cross(p - real(s.center), unit(s.normal))) - s.radius
+
+
+def outside_polygon(corners: np.ndarray, n: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The greatest distance beyond an edge of a polygon that runs counter-clockwise about n."""
+    found = []
+    for a, b in zip(corners, np.roll(corners, -1, 0)):
+        found.append(dot(p - a, unit(np.cross(b - a, n))))
+    return np.max(found, 0)
+
+
+class RoundRectangle(RoundFlat):
+    @staticmethod
+    def plane(s: Rectangle) -> tuple[np.ndarray, np.ndarray]:
+        return unit(np.cross(real(s.width), real(s.height))), real(s.center)
+
+    @classmethod
+    def outline(cls, s: Rectangle, p: np.ndarray) -> np.ndarray:
+        w, h, c = real(s.width) / 2, real(s.height) / 2, real(s.center)
+        return outside_polygon(np.array([c - w - h, c + w - h, c + w + h, c - w + h]), cls.plane(s)[0], p)
+
+
+class RoundTriangle(RoundFlat):
+    @staticmethod
+    def plane(s: Triangle) -> tuple[np.ndarray, np.ndarray]:
+        a, b, c = real(s.a), real(s.b), real(s.c)
+        return unit(np.cross(b - a, c - a)), a
+
+    @classmethod
+    def outline(cls, s: Triangle, p: np.ndarray) -> np.ndarray:
+        return outside_polygon(real([s.a, s.b, s.c]), cls.plane(s)[0], p)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A kind's random instances, its twin, and the middle and reach of an instance (for aiming at it)."""
+
+    kind: type
+    random: Callable[[np.random.Generator, float], Any]
+    twin: Any
+    hull: Callable[[Any], tuple[np.ndarray, float]]
+
+
+def direction(rng: np.random.Generator) -> tuple[float, float, float]:
+    return tuple(rng.normal(size=3).tolist())
+
+
+def place(rng: np.random.Generator, scale: float) -> tuple[float, float, float]:
+    """A point up to a thousand sizes away from the origin of the world."""
+    return tuple((scale * 10 ** rng.uniform(-1, 3) * np.array(direction(rng))).tolist())
+
+
+def length(rng: np.random.Generator, scale: float) -> float:
+    """Sizes of one object differ by up to a hundred times."""
+    return float(scale * 10 ** rng.uniform(-1, 1))
+
+
+def _sphere(rng: np.random.Generator, scale: float) -> Sphere:
+    return Sphere(center=place(rng, scale), radius=length(rng, scale))
+
+
+def _plane(rng: np.random.Generator, scale: float) -> Plane:
+    return Plane(point=place(rng, scale), normal=direction(rng))
+
+
+def _disk(rng: np.random.Generator, scale: float) -> Disk:
+    return Disk(center=place(rng, scale), normal=direction(rng), radius=length(rng, scale))
+
+
+def _rectangle(rng: np.random.Generator, scale: float) -> Rectangle:
+    """A parallelogram; its angle is at least 6 degrees, as random vectors nearly never are parallel."""
+    while True:
+        w, h = (unit(direction(rng)) * length(rng, scale) for _ in range(2))
+        if norm(np.cross(unit(w), unit(h))) > 0.1:
+            return Rectangle(center=place(rng, scale), width=tuple(map(float, w)), height=tuple(map(float, h)))
+
+
+def _triangle(rng: np.random.Generator, scale: float) -> Triangle:
+    middle = np.array(place(rng, scale))
+    while True:
+        corners = middle + scale * rng.normal(size=(3, 3))
+        x, y = unit(corners[1] - corners[0]), unit(corners[2] - corners[0])
+        if norm(np.cross(x, y)) > 0.1:
+            return Triangle(**{k: tuple(v.tolist()) for k, v in zip("abc", corners)})
+
+
+def _box(rng: np.random.Generator, scale: float) -> Box:
+    low = np.array(place(rng, scale))
+    return Box(min=tuple(low.tolist()), max=tuple((low + [length(rng, scale) for _ in range(3)]).tolist()))
+
+
+def _cylinder(rng: np.random.Generator, scale: float) -> Cylinder:
+    sizes = {"radius": length(rng, scale), "height": length(rng, scale)}
+    return Cylinder(center=place(rng, scale), axis=direction(rng), **sizes)
+
+
+def _cone(rng: np.random.Generator, scale: float) -> Cone:
+    return Cone(base=place(rng, scale), axis=direction(rng), radius=length(rng, scale), height=length(rng, scale))
+
+
+def _box_hull(s: Box) -> tuple[np.ndarray, float]:
+    low, high = np.array(s.min), np.array(s.max)
+    return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
+
+
+def _corners_hull(s: Triangle) -> tuple[np.ndarray, float]:
+    corners = np.array([s.a, s.b, s.c])
+    middle = corners.mean(0)
+    return middle, float(np.linalg.norm(corners - middle, axis=1).max())
+
+
+def _cone_hull(s: Cone) -> tuple[np.ndarray, float]:
+    half = 0.5 * s.height
+    return np.array(s.base) + half * unit(s.axis).astype(float), float(np.hypot(s.radius, half))
+
+
+def _rectangle_hull(s: Rectangle) -> tuple[np.ndarray, float]:
+    w, h = np.array(s.width), np.array(s.height)
+    return np.array(s.center), float(max(np.linalg.norm(w + h), np.linalg.norm(w - h)) / 2)
+
+
+SAMPLES = {
+    s.kind.__name__: s
+    for s in (
+        Sample(Sphere, _sphere, RoundSphere, lambda s: (np.array(s.center), s.radius)),
+        # A plane has no size: rays are aimed at the part around its point.
+        Sample(Plane, _plane, RoundPlane, lambda s: (np.array(s.point), float(np.linalg.norm(s.point)))),
+        Sample(Disk, _disk, RoundDisk, lambda s: (np.array(s.center), s.radius)),
+        Sample(Rectangle, _rectangle, RoundRectangle, _rectangle_hull),
+        Sample(Triangle, _triangle, RoundTriangle, _corners_hull),
+        Sample(Box, _box, RoundBox, _box_hull),
+        Sample(Cylinder, _cylinder, RoundCylinder, lambda s: (np.array(s.center), float(np.hypot(s.radius, s.height / 2)))),
+        Sample(Cone, _cone, RoundCone, _cone_hull),
+    )
+}
+NAMES = [k.__name__ for k in KINDS]
+
+
+def stretched(rng: np.random.Generator, thing: Any) -> Any:
+    """The object turned, scaled by 10^U(-1, 1) times at most 4 on each axis, turned and moved."""
+    scale = tuple((10 ** rng.uniform(-1, 1) * 2 ** rng.uniform(-1, 1, 3)).tolist())
+    turns = [Rotate(rotate=float(rng.uniform(0, 360)), axis=direction(rng)) for _ in range(2)]
+    middle = np.array(SAMPLES[type(thing).__name__].hull(thing)[0])
+    # First to the origin: an object far from it would be carried around it in circles.
+    home = Translate(translate=tuple((-middle).tolist()))
+    return replace(thing, transform=(home, turns[0], Scale(scale=scale), turns[1], Translate(translate=tuple(middle.tolist()))))
+
+
+def instances(name: str, seed: int, count: int, moved: bool, decades: float = 4) -> list:
+    """`count` instances of a kind whose sizes span 10^-decades to 10^decades."""
+    rng = np.random.default_rng(seed)
+    things = [SAMPLES[name].random(rng, 10 ** rng.uniform(-decades, decades)) for _ in range(count)]
+    return [stretched(rng, x) for x in things] if moved else things
+
+
+def outer(thing: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Linear part and offset of an object's transform."""
+    whole = compose(thing.transform)
+    return (np.eye(3), np.zeros(3)) if whole is None else (whole[:, :3], whole[:, 3])
+
+
+def inverse(m: np.ndarray) -> np.ndarray:
+    """The inverse of a 3 x 3 matrix in 80 bits: NumPy's, and two steps of Newton's iteration."""
+    x, m = real(np.linalg.inv(m)), real(m)
+    for _ in range(2):
+        x = x + x @ (np.eye(3) - m @ x)
+    return x
+
+
+class Lineup:
+    """Many objects of one kind in one table, each with its own rays: lane i belongs to object i // per."""
+
+    def __init__(self, things: list, per: int, precision: str = "double"):
+        self.things, self.per, self.a = things, per, Arrays.of("llvm", precision)
+        scene = Scene(objects={f"o{i}": x for i, x in enumerate(things)})
+        self.kin = tables.kinships(scene)
+        assert len(self.kin) == 1
+        self.kind = self.kin[0].kind
+        ready = tables.prepare(tables.pack(scene, self.a), self.kin, (1, 1), self.a)
+        self.group, self.groups = ready.groups[0], ready.groups
+        self.scenery = Scenery(self.a, features(scene), self.kin, ready.groups, ready.ambient, (), ())
+        self.index = self.a.U(np.repeat(np.arange(len(things), dtype=np.uint32), per))
+
+    def ray(self, o: np.ndarray, d: np.ndarray, **more: Any) -> Ray:
+        """Rays of shape (N, per, 3) or (N per, 3)."""
+        o, d = (self.a.W(np.ascontiguousarray(v.reshape(-1, 3).T)) for v in (o, d))
+        return Ray(o, d, **more)
+
+    def seen(self, o: Any) -> Any:
+        return self.kind.seen(rows(self.group.placed, self.index), o)
+
+    def first(self, ray: Ray, leaving: Any = None) -> Any:
+        return self.kind.first(self.seen(ray.o), ray, leaving)
+
+    def surface(self, ray: Ray, t: Any) -> tuple:
+        """Surface, u and v where the rays have run t; lanes that miss are to be ignored."""
+        s, _, u, v = feel(self.scenery, ray, Hit(t, self.index))
+        return s, u, v
+
+
+def array(v: Any) -> np.ndarray:
+    """A Dr.Jit triple as (N, 3), a number as (N)."""
+    v = np.array(v)
+    return v.T if v.ndim == 2 else v
+
+
+def aimed(rng: np.random.Generator, thing: Any, count: int, beyond: float = 1.2) -> tuple[np.ndarray, np.ndarray]:
+    """Rays in the world at points of the object's ball, from 0.1 to 1000 reaches away, a few of them from inside."""
+    middle, reach = SAMPLES[type(thing).__name__].hull(thing)
+    m, t = outer(thing)
+    within = rng.normal(size=(count, 3))
+    within *= beyond * rng.uniform(size=(count, 1)) ** (1 / 3) / np.linalg.norm(within, axis=1, keepdims=True)
+    target = (middle + reach * within) @ m.T + t
+    away = rng.normal(size=(count, 3))
+    away *= 10 ** rng.uniform(-1, 3, (count, 1)) / np.linalg.norm(away, axis=1, keepdims=True)
+    o = (middle + reach * away) @ m.T + t
+    d = target - o
+    return o, d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a twin says of rays in the world: kind of first crossing (0 none, 1 entry, 2 exit), t, and its bounds.
+
+    Where `sure` is False, the kind of crossing changes as the object grows or shrinks by the rounding bound.
+    """
+
+    what: np.ndarray
+    t: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    sure: np.ndarray
+
+
+def distortion(thing: Any) -> tuple[float, float]:
+    """(k, s): the factor by which the rounding of the kernel's inverse frame grows, and the least stretch of the transform.
+
+    The rows of the inverse are cross products over a determinant: their relative error is gamma(8) times Hadamard's
+    ratio |x||y||z| / |det| of the frame's columns, once for the products and once for the determinant.
+    """
+    frame = thing.numbers().frame()
+    columns = np.eye(3) if not hasattr(frame, "x") else np.array([frame.x, frame.y, frame.z], float).reshape(3, 3).T
+    m, _ = outer(thing)
+    whole = m @ columns
+    hadamard = np.prod(np.linalg.norm(whole, axis=0)) / abs(np.linalg.det(whole))
+    stretch = np.linalg.svd(m, compute_uv=False)
+    return hadamard * (1 + hadamard) / 2 * stretch[0] / stretch[-1], stretch[-1]
+
+
+# Roundings between a ray and its place on a canonical shape: inverse frame 8, origin 4, direction 3, recentring 6, root 5.
+ROUNDINGS = 26
+
+
+def rounding(thing: Any, o: np.ndarray, d: np.ndarray, t: Any) -> np.ndarray:
+    """The bound, in the object's own units, within which a kernel's ray passes the object. `o`, `d` in these units."""
+    middle, reach = SAMPLES[type(thing).__name__].hull(thing)
+    k, least = distortion(thing)
+    m, offset = outer(thing)
+    # The frame's own origin: 6 roundings of what is added up to it.
+    origin = 6 * (np.linalg.norm(m, 2) * np.linalg.norm(middle) + np.linalg.norm(offset)) / least
+    far = norm(o - real(middle)) + reach
+    return gamma(ROUNDINGS) * k * (far + np.maximum(far, np.nan_to_num(t, posinf=0) * norm(d))) + gamma(1) * origin
+
+
+def truth(thing: Any, o: np.ndarray, d: np.ndarray) -> Truth:
+    """The first crossing of world rays (M, 3) with an object, with what rounding may change."""
+    m, offset = outer(thing)
+    back = inverse(m)
+    o, d = (real(o) - real(offset)) @ back.T, real(d) @ back.T
+    twin = SAMPLES[type(thing).__name__].twin
+    with np.errstate(all="ignore"):
+        if hasattr(twin, "interval"):
+            g = rounding(thing, o, d, 0.0)
+            return _combined(*(_first(*twin.interval(thing, o, d, s * g)) for s in (0, 1, -1)))
+        t, outside = twin.crossing(thing, o, d, 0)
+        g = rounding(thing, o, d, np.abs(t))
+        lifted = [twin.crossing(thing, o, d, s * g) for s in (1, -1)]
+        # In its plane a crossing is off by what it is off along the ray: more where the ray is flat.
+        slip = g + sum(np.abs(l[0] - t) for l in lifted) * norm(d)
+        met = [np.where((t > 0) & (outside <= s * slip) & (l[0] > 0), 1, 0) for s, l in zip((1, -1), lifted)]
+        what = np.where((t > 0) & (outside <= 0), 1, 0)
+        low, high = np.minimum(lifted[0][0], lifted[1][0]), np.maximum(lifted[0][0], lifted[1][0])
+        return Truth(what, t, low, high, (met[0] == what) & (met[1] == what) & np.isfinite(t) & (np.sign(low) == np.sign(high)))
+
+
+def _first(t0: np.ndarray, t1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    what = np.where(~(t0 <= t1) | (t1 <= 0), 0, np.where(t0 > 0, 1, 2))
+    return what, np.where(what == 1, t0, t1)
+
+
+def _combined(exact: tuple, grown: tuple, shrunk: tuple) -> Truth:
+    sure = (exact[0] == grown[0]) & (exact[0] == shrunk[0])
+    both = np.stack([grown[1], shrunk[1]])
+    return Truth(exact[0], exact[1], both.min(0), both.max(0), sure)
+
+
+def gap(thing: Any, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """At world points near the surface: distance from it, outward normal, curvature radius, distance to the next face.
+
+    The first two in world units; the last two in the object's own.
+    """
+    m, offset = outer(thing)
+    back = inverse(m)
+    local = (real(p) - real(offset)) @ back.T
+    faces = SAMPLES[type(thing).__name__].twin.faces(thing, local)
+    distance = np.stack([f.distance for f in faces])
+    order = np.argsort(-distance, 0)
+    best, lane = order[0], np.arange(len(local))
+    normal = np.stack([f.normal for f in faces])[best, lane] @ back
+    stretch = norm(normal)
+    bend = np.stack([np.broadcast_to(f.bend, len(local)) for f in faces])[best, lane]
+    crease = distance[best, lane] - distance[order[1], lane] if len(faces) > 1 else np.full(len(local), np.inf)
+    return distance[best, lane] / stretch, normal / stretch[:, None], bend, crease
+
+
+__all__ = ["NAMES", "SAMPLES", "Lineup", "Truth", "aimed", "array", "gap", "instances", "rounding", "truth"]
+_ = dr

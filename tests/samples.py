@@ -356,13 +356,13 @@ NAMES = [k.__name__ for k in KINDS]
 
 
 def stretched(rng: np.random.Generator, thing: Any) -> Any:
-    """The object turned, scaled by 10^U(-1, 1) times at most 4 on each axis, turned and moved."""
-    scale = tuple((10 ** rng.uniform(-1, 1) * 2 ** rng.uniform(-1, 1, 3)).tolist())
+    """The object turned, scaled by 10^U(-1, 1) and by up to 2 more on each axis, turned and moved."""
+    middle, reach = SAMPLES[type(thing).__name__].hull(thing)
+    factor = 10 ** rng.uniform(-1, 1)
+    scale = tuple((factor * 2 ** rng.uniform(-1, 1, 3)).tolist())
     turns = [Rotate(rotate=float(rng.uniform(0, 360)), axis=direction(rng)) for _ in range(2)]
-    middle = np.array(SAMPLES[type(thing).__name__].hull(thing)[0])
-    # First to the origin: an object far from it would be carried around it in circles.
-    home = Translate(translate=tuple((-middle).tolist()))
-    return replace(thing, transform=(home, turns[0], Scale(scale=scale), turns[1], Translate(translate=tuple(middle.tolist()))))
+    away = factor * (np.linalg.norm(middle) + reach) * np.array(direction(rng))
+    return replace(thing, transform=(turns[0], Scale(scale=scale), turns[1], Translate(translate=tuple(away.tolist()))))
 
 
 def instances(name: str, seed: int, count: int, moved: bool, decades: float = 4) -> list:

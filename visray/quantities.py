@@ -75,6 +75,7 @@ class Arrays:
     B: Any
     F32: Any
     V32: Any
+    Q32: Any
 
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
@@ -85,4 +86,4 @@ class Arrays:
         lib = import_module(BACKENDS[backend])
         double = (lib.Float32, lib.Array3f) if backend == "metal" else (lib.Float64, lib.Array3f64)
         shading = double if precision == "double" else (lib.Float32, lib.Array3f)
-        return Arrays(backend, precision, *shading, *double, lib.UInt32, lib.Bool, lib.Float32, lib.Array3f)
+        return Arrays(backend, precision, *shading, *double, lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f)

@@ -169,7 +169,7 @@ def _known(place: _Place) -> str:
     key, owner = place.address[-1], bare(place.parent)
     if owner in STEPS.values() and key in STEPS:
         return f"a step has only one of {', '.join(STEPS)}; write two steps"
-    return hint(key, (f.name for f in fields(owner)), "'")
+    return hint(key, [f.name for f in sorted(fields(owner), key=lambda f: f.name != "type")], "'")
 
 
 def _absent(place: _Place) -> str:

@@ -18,6 +18,10 @@ from visray.scene.seed_setup import SPELLINGS, setup
 from visray.scene.source import read
 
 
+# Keys of our scenes that no original scene has.
+OURS = {"camera", "film", "materials", "lights", "settings", "background", "ambient"}
+
+
 class SeedWarning(UserWarning):
     """Something in a file of the original VisRayTrace that was passed over, or is not built yet."""
 
@@ -26,8 +30,10 @@ def is_seed(raw: Any) -> bool:
     """Whether the content of a file is a scene of the original format."""
     if not isinstance(raw, dict):
         return False
+    if any(key.strip(" :").casefold() == "typescene" for key in raw):
+        return True
     lists = any(isinstance(raw.get(key), list) for key in ("objects", "properties", "attributes"))
-    return lists or any(key.strip(" :").casefold() == "typescene" for key in raw)
+    return lists and not OURS & raw.keys()
 
 
 def is_setup(raw: Any) -> bool:

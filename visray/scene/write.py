@@ -71,6 +71,7 @@ def schema() -> dict:
             described["required"] = ["type", *described.get("required", ())]
     made["properties"]["$schema"] = {"type": "string"}
     made["title"] = "visray scene"
+    made["$defs"] = made.pop("$defs")  # the scene itself first
     return {"$schema": DIALECT, "$id": "urn:visray:scene", **_shortened(made)}
 
 

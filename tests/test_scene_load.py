@@ -1,0 +1,454 @@
+"""Scene files: what they may hold, and what is said where they are wrong."""
+
+import json
+import warnings
+from pathlib import Path
+
+import pytest
+
+from visray import primitives
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.lights import PointLight
+from visray.materials import Material
+from visray.primitives import Box, Plane, Rectangle, Sphere, Triangle
+from visray.scene.load import checked, dump, flaws, load, schema
+from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.scene.write import pretty
+from visray.transforms import Matrix, Rotate, Scale, Translate
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def write(folder: Path, content: object) -> Path:
+    path = folder / "x.json"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+    return path
+
+
+def errors(folder: Path, content: object) -> list[str]:
+    """What load says of a file, without the file's name, which begins each line."""
+    path = write(folder, content)
+    with pytest.raises(UserError) as caught, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(path)
+    assert all(text.startswith(f"{path}: ") and "\n" not in text for text in caught.value.lines)
+    return [text.removeprefix(f"{path}: ") for text in caught.value.lines]
+
+
+def wrong(folder: Path, **ball: object) -> list[str]:
+    return errors(folder, {"objects": {"ball": {"type": "sphere", **ball}}})
+
+
+def everything() -> Scene:
+    """A scene with every kind of everything."""
+    corners = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.25)}
+    things = {kind.__name__: kind(**(corners if kind is Triangle else {})) for kind in primitives.KINDS}
+    steps = (
+        Translate(translate=(1.0, 2.0, 3.0)),
+        Scale(scale=2.0),
+        Scale(scale=(1.0, -2.0, 0.5)),
+        Rotate(rotate=30.0, axis=(1.0, 1.0, 0.0)),
+        Matrix(matrix=((1.0, 0.0, 0.0, 5.0), (0.0, 1.0, 0.5, 0.0), (0.0, 0.0, 1.0, 0.1))),
+    )
+    things["placed ball"] = Sphere(center=(0.1, 0.2, 0.3), radius=1e-3, material="gold, polished", transform=steps)
+    return Scene(
+        camera=Camera(origin=(1.0, 2.0, 3.0), fov=35.5),
+        film=Film(width=64, height=48, transparent=True),
+        background=(0.1, 0.2, 0.3),
+        ambient=(0.5, 0.5, 0.5),
+        materials={"gold, polished": Material(kd=(0.8, 0.6, 0.2), shininess=100.0), "plain": Material()},
+        lights={"lamp": PointLight(position=(2.0, 4.0, 6.0), c=0.01)},
+        objects=things,
+        settings=Settings(spp=4, seed=7, precision="double", shadows=False),
+    )
+
+
+def test_a_file_becomes_a_scene(tmp_path: Path) -> None:
+    content = {
+        "$schema": "schema.json",
+        "camera": {"origin": [0, 1, 5], "fov": 30},
+        "film": {"width": 320, "height": 200},
+        "background": {"top": [0, 0, 1], "bottom": [1, 1, 1]},
+        "materials": {"red": {"kd": [1, 0, 0]}},
+        "lights": {"lamp": {"type": "point", "position": [1, 2, 3]}},
+        "objects": {
+            "ball": {"type": "sphere", "radius": 2, "material": "red", "transform": [{"rotate": 90, "axis": [0, 0, 1]}]},
+            "floor": {"type": "plane"},
+        },
+        "settings": {"spp": 1},
+    }
+    assert load(write(tmp_path, content)) == Scene(
+        camera=Camera(origin=(0.0, 1.0, 5.0), fov=30.0),
+        film=Film(width=320, height=200),
+        background=Gradient(top=(0.0, 0.0, 1.0), bottom=(1.0, 1.0, 1.0)),
+        materials={"red": Material(kd=(1.0, 0.0, 0.0))},
+        lights={"lamp": PointLight(position=(1.0, 2.0, 3.0))},
+        objects={
+            "ball": Sphere(radius=2.0, material="red", transform=(Rotate(rotate=90.0, axis=(0.0, 0.0, 1.0)),)),
+            "floor": Plane(),
+        },
+        settings=Settings(spp=1),
+    )
+
+
+@pytest.mark.parametrize("text", ["{}", "\ufeff{}\n", '{"objects": {}}'])
+def test_the_smallest_scene_is_all_defaults(tmp_path: Path, text: str) -> None:
+    assert load(write(tmp_path, text)) == Scene()
+
+
+@pytest.mark.parametrize("scene", [Scene(), everything()], ids=["defaults", "everything"])
+def test_dump_loads_back_as_an_equal_scene(tmp_path: Path, scene: Scene) -> None:
+    text = dump(scene)
+    again = load(write(tmp_path, text))
+    assert again == scene
+    assert again.hash() == scene.hash()
+    assert dump(again) == text
+
+
+def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
+    assert dump(Scene()) == "{}\n"
+    ball = Sphere(center=(1.0, 2.0, 3.0), material="red", transform=(Translate(translate=(0.0, 1.0, 0.0)),))
+    text = dump(Scene(materials={"red": Material()}, objects={"ball": ball}))
+    assert text.splitlines() == [
+        "{",
+        '  "materials": {',
+        '    "red": {}',
+        "  },",
+        '  "objects": {',
+        '    "ball": {',
+        '      "type": "sphere",',
+        '      "center": [1.0, 2.0, 3.0],',
+        '      "material": "red",',
+        '      "transform": [{"translate": [0.0, 1.0, 0.0]}]',
+        "    }",
+        "  }",
+        "}",
+    ]
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    write(tmp_path, "{}")
+    for path, what in (
+        (tmp_path / "y.json", f"no such file; did you mean '{tmp_path / 'x.json'}'?"),
+        (tmp_path / "nowhere" / "far.json", "no such file"),
+        (tmp_path, "is a folder; give a file in it"),
+    ):
+        with pytest.raises(UserError) as caught:
+            load(path)
+        assert caught.value.lines == (f"{path}: {what}",)
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        ("", "the file is empty; the smallest scene is {}"),
+        (" \n", "the file is empty; the smallest scene is {}"),
+        (b'{\n"a": "\xff"}', "line 2: is not UTF-8; save the file as UTF-8 text"),
+        ('{\n "camera": {\n  "fov": 30 "up"', "line 3, column 13: is not JSON: expecting ',' delimiter"),
+        ("{} {}", "line 1, column 4: is not JSON: extra data"),
+        ("[" * 100_000, "is nested too deeply"),
+        ("[]", "[]: is not a scene; a scene is an object {...}"),
+        ("null", "null: is not a scene; a scene is an object {...}"),
+        ('{"$schema": 3}', "$schema = 3: must be a string, the name of a JSON Schema"),
+        ('{"objects": [], "camera": {}}', "objects = []: must be an object {...} that gives each thing its name"),
+        ('{"camera": {"fov": 3, "fov": 4}}', "camera.fov: the key is written twice; keep one"),
+        ('{"objects": {"a": {"type": "box"}, "a": {"type": "box"}}}', "objects.a: the key is written twice; keep one"),
+        ('{"ambient": [1, 1, NaN]}', "ambient.2 = NaN: must be finite"),
+        ('{"camera": {"fov": Infinity}}', "camera.fov = Infinity: must be finite"),
+        ('{"camera": {"origin": [0, -Infinity, 0]}}', "camera.origin.1 = -Infinity: must be finite"),
+        ('{"camera": {"origin": [0, 1e999, 0]}}', "camera.origin.1 = Infinity: must be finite"),
+        ('{"camera": {"origin": [0, 1%s, 0]}}' % ("0" * 5000), "camera.origin.1 = Infinity: must be finite"),
+        ('{"film": {"width": NaN}}', "film.width = NaN: must be a whole number"),
+    ],
+)
+def test_text_that_is_no_scene(tmp_path: Path, content: object, what: str) -> None:
+    assert errors(tmp_path, content) == [what]
+
+
+@pytest.mark.parametrize(
+    ("fields", "what"),
+    [
+        ({"radius": -1}, "objects.ball.radius = -1: must be greater than 0"),
+        ({"radius": 0}, "objects.ball.radius = 0: must be greater than 0"),
+        ({"radius": "1"}, 'objects.ball.radius = "1": must be a number (world units, > 0)'),
+        ({"radius": True}, "objects.ball.radius = true: must be a number (world units, > 0)"),
+        ({"radius": None}, "objects.ball.radius = null: must be a number (world units, > 0)"),
+        ({"center": [1, 2]}, "objects.ball.center = [1, 2]: must be 3 numbers (world units)"),
+        ({"center": [1, 2, 3, 4]}, "objects.ball.center = [1, 2, 3, 4]: must be 3 numbers (world units)"),
+        ({"center": 3}, "objects.ball.center = 3: must be 3 numbers (world units)"),
+        ({"center": [0, "1", 2]}, 'objects.ball.center.1 = "1": must be a number'),
+        ({"material": 3}, "objects.ball.material = 3: must be a string"),
+        ({"transform": {}}, "objects.ball.transform = {}: must be a list [...]"),
+        (
+            {"radus": 2},
+            "objects.ball.radus: unknown key; did you mean 'radius'? (one of type, material, transform, center, radius)",
+        ),
+        (
+            {"type": "spere"},
+            'objects.ball.type = "spere": unknown type; did you mean "sphere"? '
+            "(one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone)",
+        ),
+        (
+            {"type": "triangle", "a": [0, 0, 0], "b": [1, 0, 0]},
+            "objects.ball: the key 'c' is missing; it is 3 numbers (world units)",
+        ),
+        ({"type": "plane", "normal": [0, 0, 0]}, "objects.ball.normal = [0, 0, 0]: a direction must not be (0, 0, 0)"),
+    ],
+)
+def test_one_wrong_field(tmp_path: Path, fields: dict, what: str) -> None:
+    assert wrong(tmp_path, **fields) == [what]
+
+
+@pytest.mark.parametrize(
+    ("step", "what"),
+    [
+        ({"translate": [1, 2]}, ".translate = [1, 2]: must be 3 numbers (world units)"),
+        ({"scale": 0}, ".scale = 0: a scale must not be 0"),
+        ({"scale": [1, 0, 1]}, ".scale = [1, 0, 1]: a scale must not be 0"),
+        ({"scale": "2"}, '.scale = "2": must be a number or 3 numbers'),
+        ({"scale": [1, 2]}, ".scale = [1, 2]: must be 3 numbers"),
+        ({"rotate": 30, "axis": [0, 0, 0]}, ".axis = [0, 0, 0]: a direction must not be (0, 0, 0)"),
+        ({"matrix": [[1, 0, 0, 0]]}, ".matrix = [[1, 0, 0, 0]]: must be 3 lists of 4 numbers"),
+        (
+            {"matrix": [[1, 2, 3, 0], [1, 2, 3, 0], [0, 0, 1, 0]]},
+            ".matrix = [[1, 2, 3, 0], [1, 2, 3, 0], [0, 0, 1, 0]]: a transform must be invertible; this matrix is singular",
+        ),
+        ({}, " = {}: unknown step; it has one of the keys translate, scale, rotate, matrix"),
+        ({"rotat": 3}, ' = {"rotat": 3}: unknown step; it has one of the keys translate, scale, rotate, matrix'),
+        (4, " = 4: must be an object {...} with one of the keys translate, scale, rotate, matrix"),
+        (
+            {"scale": 2, "rotate": 30},
+            ".rotate: unknown key; a step has only one of translate, scale, rotate, matrix; write two steps",
+        ),
+    ],
+)
+def test_one_wrong_step(tmp_path: Path, step: object, what: str) -> None:
+    assert wrong(tmp_path, transform=[{"translate": [0, 0, 0]}, step]) == [f"objects.ball.transform.1{what}"]
+
+
+COLOUR = "3 numbers (linear Rec. 709, each >= 0)"
+
+
+@pytest.mark.parametrize(
+    ("background", "what"),
+    [
+        ([1, 2], [f"background = [1, 2]: must be {COLOUR}"]),
+        ([1, 2, -1], ["background.2 = -1: must be at least 0"]),
+        (3, [f"background = 3: must be an object {{...}} with the keys top, bottom or {COLOUR}"]),
+        ({"top": [1, 1, 1]}, [f"background: the key 'bottom' is missing; it is {COLOUR}"]),
+        (
+            {"top": [1, 1, 1], "botom": [1, 1, 1]},
+            [
+                f"background: the key 'bottom' is missing; it is {COLOUR}",
+                "background.botom: unknown key; did you mean 'bottom'? (one of top, bottom)",
+            ],
+        ),
+    ],
+)
+def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: object, what: list[str]) -> None:
+    assert errors(tmp_path, {"background": background}) == what
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        ({"film": {"width": 0}}, "film.width = 0: must be greater than 0"),
+        ({"film": {"height": 2.5}}, "film.height = 2.5: must be a whole number"),
+        ({"film": {"transparent": 1}}, "film.transparent = 1: must be true or false"),
+        ({"film": 3}, "film = 3: must be an object {...} with the keys width, height, transparent"),
+        ({"settings": {"seed": -1}}, "settings.seed = -1: must be at least 0"),
+        ({"settings": {"seed": 2**32}}, "settings.seed = 4294967296: must be less than 4294967296"),
+        (
+            {"settings": {"precision": "dubble"}},
+            'settings.precision = "dubble": unknown value; did you mean "double"? (one of single, double)',
+        ),
+        ({"camera": {"fov": 180}}, "camera.fov = 180: must be less than 180"),
+        ({"camera": {"up": [0, 0, 0]}}, "camera.up = [0, 0, 0]: a direction must not be (0, 0, 0)"),
+        ({"materials": {"m": {"kd": [1, 1, -0.5]}}}, "materials.m.kd.2 = -0.5: must be at least 0"),
+        (
+            {"materials": {"m": {"shinines": 3}}},
+            "materials.m.shinines: unknown key; did you mean 'shininess'? (one of ka, kd, ks, shininess)",
+        ),
+        (
+            {"lights": {"l": {"type": "pont", "position": [0, 0, 0]}}},
+            'lights.l.type = "pont": unknown type; did you mean "point"? (one of point)',
+        ),
+        ({"lights": {"l": {"position": [0, 0, 0]}}}, "lights.l: the key 'type' is missing; one of point"),
+        ({"lights": {"l": {"type": "point"}}}, "lights.l: the key 'position' is missing; it is 3 numbers (world units)"),
+        (
+            {"objects": {"a": {}}},
+            "objects.a: the key 'type' is missing; one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone",
+        ),
+        (
+            {"objects": {"a.b": {"type": "sphere"}}},
+            'objects: "a.b" is not a valid name; a name is not empty, has no dot, and has no space at either end',
+        ),
+        (
+            {"materials": {" m": {}}},
+            'materials: " m" is not a valid name; a name is not empty, has no dot, and has no space at either end',
+        ),
+        (
+            {"camra": {}},
+            "camra: unknown key; did you mean 'camera'? "
+            "(one of camera, film, background, ambient, materials, lights, objects, settings)",
+        ),
+    ],
+)
+def test_other_sections(tmp_path: Path, content: dict, what: str) -> None:
+    assert errors(tmp_path, content) == [what]
+
+
+@pytest.mark.parametrize(
+    ("camera", "what"),
+    [
+        ({"origin": [1, 2, 3], "target": [1, 2, 3]}, "camera.target = [1.0, 2.0, 3.0]: must differ from origin"),
+        (
+            {"origin": [0, 5, 0]},
+            "camera.up = [0.0, 1.0, 0.0]: must not be parallel to the view direction, target - origin",
+        ),
+        # In decimals these are parallel; in binary they are so to rounding only.
+        (
+            {"origin": [0.1, 0.2, 0.3], "target": [0.4, 0.8, 1.2], "up": [-0.7, -1.4, -2.1]},
+            "camera.up = [-0.7, -1.4, -2.1]: must not be parallel to the view direction, target - origin",
+        ),
+        (
+            {"up": [1e-200, 0, 0]},
+            "camera.up = [1e-200, 0.0, 0.0]: is too near or too far for double precision",
+        ),
+    ],
+)
+def test_cameras_that_see_nothing(tmp_path: Path, camera: dict, what: str) -> None:
+    assert errors(tmp_path, {"camera": camera}) == [what]
+
+
+def test_a_camera_almost_along_up_is_fine(tmp_path: Path) -> None:
+    camera = load(write(tmp_path, {"camera": {"origin": [0, 5, 1e-9]}})).camera
+    assert camera.origin == (0.0, 5.0, 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("steps", "what"),
+    [
+        ([Scale(scale=1e-200), Scale(scale=1e-200)], "have no inverse in double precision; they flatten the object"),
+        ([Scale(scale=1e300), Scale(scale=1e300)], "overflow double precision"),
+        ([Scale(scale=(1.0, 1.0, 1e-10)), Rotate(rotate=45.0, axis=(1.0, 0.0, 0.0))] * 2, None),
+        ([Scale(scale=(1e-10, 1e10, 1.0))], None),
+        ([Matrix(matrix=((1.0, 1.0, 0.0, 0.0), (1.0, 1.00001, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)))] * 4, "have no inverse"),
+    ],
+)
+def test_transforms_that_flatten(steps: list, what: str | None) -> None:
+    found = flaws(Scene(objects={"a": Sphere(transform=tuple(steps))}))
+    if what is None:
+        assert found == []
+    else:
+        assert len(found) == 1
+        assert found[0].startswith("objects.a.transform = [")
+        assert f"the steps together {what}" in found[0]
+
+
+def test_an_unknown_material_is_named_with_those_there_are(tmp_path: Path) -> None:
+    things = {"a": {"type": "sphere", "material": "gld"}, "b": {"type": "sphere", "material": "default"}}
+    content = {"materials": {"gold": {}, "red": {}}, "objects": things}
+    assert errors(tmp_path, content) == [
+        'objects.a.material = "gld": unknown material; did you mean "gold"? (one of gold, red, default)'
+    ]
+    assert wrong(tmp_path, material="red") == ['objects.ball.material = "red": unknown material; one of default']
+
+
+def test_flaws_of_the_kinds_themselves() -> None:
+    things = {
+        "box": Box(min=(1.0, 0.0, 0.0), max=(1.0, 1.0, -1.0)),
+        "sheet": Rectangle(width=(1.0, 1.0, 0.0), height=(-2.0, -2.0, 0.0)),
+        "line": Triangle(a=(0.0, 0.0, 0.0), b=(1.0, 1.0, 1.0), c=(3.0, 3.0, 3.0)),
+    }
+    assert flaws(Scene(objects=things)) == [
+        "objects.box.max = [1.0, 1.0, -1.0]: must be greater than min in x, z",
+        "objects.sheet.height = [-2.0, -2.0, 0.0]: must not be parallel to width",
+        "objects.line.c = [3.0, 3.0, 3.0]: the corners must not lie on one line",
+    ]
+    assert flaws(everything()) == []
+
+
+def test_all_errors_of_a_file_come_at_once(tmp_path: Path) -> None:
+    content = """{
+        "camera": {"origin": [0, 0, 0]},
+        "film": {"width": 0},
+        "materials": {"gold": {"kd": [1, 2]}},
+        "objects": {
+            "a": {"type": "sphere", "radius": -1, "radus": 1},
+            "b": {"type": "box", "max": [-1, 1, 1], "material": "gold"},
+            "c": {"type": "spher", "type": "spher"},
+            "d": {"type": "disk", "material": "silver"}
+        }
+    }"""
+    found = errors(tmp_path, content)
+    assert sorted(text.partition(":")[0].partition(" ")[0] for text in found) == [
+        "camera.target",
+        "film.width",
+        "materials.gold.kd",
+        "objects.a.radius",
+        "objects.a.radus",
+        "objects.b.max",
+        "objects.c.type",
+        "objects.c.type",
+        "objects.d.material",
+    ]
+
+
+def test_checked_validates_a_scene_from_python() -> None:
+    scene = Scene(camera=Camera(origin=[0, 1, 5]), objects={"a": Sphere(radius=2)})
+    assert checked(scene).camera.origin == (0.0, 1.0, 5.0)
+    assert isinstance(checked(scene).objects["a"].radius, float)
+    assert checked(everything()) == everything()
+    bad = Scene(
+        camera=Camera(fov=0.0, target=(0.0, 1.0, 6.0)),
+        lights={"l": PointLight(position=(0.0, 0.0, float("nan")))},
+        objects={"a": Sphere(radius=-1, material="m"), "b": Box(max=(-1.0, 1.0, 1.0)), "c": Camera()},
+    )
+    with pytest.raises(UserError) as caught:
+        checked(bad)
+    assert caught.value.lines == (
+        "camera.fov = 0.0: must be greater than 0",
+        "lights.l.position.2 = NaN: must be finite",
+        "objects.a.radius = -1: must be greater than 0",
+        "objects.c: the key 'type' is missing; one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone",
+        "objects.b.max = [-1.0, 1.0, 1.0]: must be greater than min in x",
+    )
+    with pytest.raises(UserError, match="not a dict"):
+        checked({})
+
+
+def test_a_setup_file_goes_with_original_scenes_only(tmp_path: Path) -> None:
+    path = write(tmp_path, "{}")
+    with pytest.raises(UserError) as caught:
+        load(path, "setup.json")
+    assert caught.value.lines == (
+        f"{path}: is not a VisRayTrace scene, and only those take a setup file; leave setup.json out",
+    )
+
+
+def test_the_schema_file_is_current() -> None:
+    assert (ROOT / "scenes" / "schema.json").read_text(encoding="utf-8") == pretty(schema()) + "\n"
+
+
+def test_the_schema_tells_units_and_what_is_required() -> None:
+    made = schema()
+    assert list(made)[:2] == ["$schema", "$id"]
+    assert made["title"] == "visray scene"
+    assert made["additionalProperties"] is False
+    assert "$schema" in made["properties"]
+    ball = made["$defs"]["Sphere"]
+    assert ball["properties"]["radius"] == {
+        "default": 1.0,
+        "exclusiveMinimum": 0,
+        "type": "number",
+        "description": "world units, > 0",
+    }
+    assert ball["description"].startswith("All points at `radius` from `center`")
+    assert ball["required"] == ["type"]
+    assert made["$defs"]["Triangle"]["required"] == ["type", "a", "b", "c"]
+    assert made["properties"]["objects"]["additionalProperties"] is False

@@ -135,7 +135,7 @@ def test_what_is_put_in_is_checked(address: str, new: object, expected: str) -> 
 def test_several_changes_are_checked_together() -> None:
     scene = changed(SCENE, {"camera.origin": (0.0, 0.0, 0.0), "camera.target.2": -1.0})
     assert scene.camera == Camera(origin=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0))
-    scene = changed(SCENE, {"objects.plate": {"type": "sphere"}, "objects.plate.radius": 2.0})
+    scene = changed(SCENE, {"objects.plate": {"type": "sphere", "radius": 1}, "objects.plate.radius": 2.0})
     assert scene.objects["plate"] == Sphere(radius=2.0)
 
 
@@ -165,8 +165,8 @@ def test_text_without_address_or_value_is_no_assignment(text: str) -> None:
 
 def test_broken_json_in_an_assignment() -> None:
     with pytest.raises(UserError) as caught:
-        parse_assignment("a.center=[1, 2")
-    assert caught.value.lines == ("a.center: line 1, column 7: is not JSON: expecting ',' delimiter",)
+        parse_assignment("a.center=[1 2]")
+    assert caught.value.lines == ("a.center: line 1, column 4: is not JSON: expecting ',' delimiter",)
     with pytest.raises(UserError, match="a: top: the key is written twice"):
         parse_assignment('a={"top": 1, "top": 2}')
 

@@ -2,9 +2,12 @@
 
 import json
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from visray import primitives
 from visray.camera import Camera
@@ -12,12 +15,14 @@ from visray.errors import UserError
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.primitives import Box, Plane, Rectangle, Sphere, Triangle
+from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
 from visray.scene.scene import Film, Gradient, Scene, Settings
 from visray.scene.write import pretty
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
+KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone"
 
 
 def write(folder: Path, content: object) -> Path:
@@ -76,7 +81,12 @@ def test_a_file_becomes_a_scene(tmp_path: Path) -> None:
         "materials": {"red": {"kd": [1, 0, 0]}},
         "lights": {"lamp": {"type": "point", "position": [1, 2, 3]}},
         "objects": {
-            "ball": {"type": "sphere", "radius": 2, "material": "red", "transform": [{"rotate": 90, "axis": [0, 0, 1]}]},
+            "ball": {
+                "type": "sphere",
+                "radius": 2,
+                "material": "red",
+                "transform": [{"rotate": 90, "axis": [0, 0, 1]}],
+            },
             "floor": {"type": "plane"},
         },
         "settings": {"spp": 1},
@@ -145,8 +155,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        ("", "the file is empty; the smallest scene is {}"),
-        (" \n", "the file is empty; the smallest scene is {}"),
+        ("", "the file is empty; it must hold at least {}"),
+        (" \n", "the file is empty; it must hold at least {}"),
         (b'{\n"a": "\xff"}', "line 2: is not UTF-8; save the file as UTF-8 text"),
         ('{\n "camera": {\n  "fov": 30 "up"', "line 3, column 13: is not JSON: expecting ',' delimiter"),
         ("{} {}", "line 1, column 4: is not JSON: extra data"),
@@ -185,12 +195,12 @@ def test_text_that_is_no_scene(tmp_path: Path, content: object, what: str) -> No
         ({"transform": {}}, "objects.ball.transform = {}: must be a list [...]"),
         (
             {"radus": 2},
-            "objects.ball.radus: unknown key; did you mean 'radius'? (one of type, material, transform, center, radius)",
+            "objects.ball.radus: unknown key; "
+            "did you mean 'radius'? (one of type, material, transform, center, radius)",
         ),
         (
             {"type": "spere"},
-            'objects.ball.type = "spere": unknown type; did you mean "sphere"? '
-            "(one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone)",
+            f'objects.ball.type = "spere": unknown type; did you mean "sphere"? (one of {KINDS})',
         ),
         (
             {"type": "triangle", "a": [0, 0, 0], "b": [1, 0, 0]},
@@ -215,7 +225,8 @@ def test_one_wrong_field(tmp_path: Path, fields: dict, what: str) -> None:
         ({"matrix": [[1, 0, 0, 0]]}, ".matrix = [[1, 0, 0, 0]]: must be 3 lists of 4 numbers"),
         (
             {"matrix": [[1, 2, 3, 0], [1, 2, 3, 0], [0, 0, 1, 0]]},
-            ".matrix = [[1, 2, 3, 0], [1, 2, 3, 0], [0, 0, 1, 0]]: a transform must be invertible; this matrix is singular",
+            ".matrix = [[1, 2, 3, 0], [1, 2, 3, 0], [0, 0, 1, 0]]: "
+            "a transform must be invertible; this matrix is singular",
         ),
         ({}, " = {}: unknown step; it has one of the keys translate, scale, rotate, matrix"),
         ({"rotat": 3}, ' = {"rotat": 3}: unknown step; it has one of the keys translate, scale, rotate, matrix'),
@@ -278,10 +289,13 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
             'lights.l.type = "pont": unknown type; did you mean "point"? (one of point)',
         ),
         ({"lights": {"l": {"position": [0, 0, 0]}}}, "lights.l: the key 'type' is missing; one of point"),
-        ({"lights": {"l": {"type": "point"}}}, "lights.l: the key 'position' is missing; it is 3 numbers (world units)"),
+        (
+            {"lights": {"l": {"type": "point"}}},
+            "lights.l: the key 'position' is missing; it is 3 numbers (world units)",
+        ),
         (
             {"objects": {"a": {}}},
-            "objects.a: the key 'type' is missing; one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone",
+            f"objects.a: the key 'type' is missing; one of {KINDS}",
         ),
         (
             {"objects": {"a.b": {"type": "sphere"}}},
@@ -337,7 +351,10 @@ def test_a_camera_almost_along_up_is_fine(tmp_path: Path) -> None:
         ([Scale(scale=1e300), Scale(scale=1e300)], "overflow double precision"),
         ([Scale(scale=(1.0, 1.0, 1e-10)), Rotate(rotate=45.0, axis=(1.0, 0.0, 0.0))] * 2, None),
         ([Scale(scale=(1e-10, 1e10, 1.0))], None),
-        ([Matrix(matrix=((1.0, 1.0, 0.0, 0.0), (1.0, 1.00001, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)))] * 4, "have no inverse"),
+        (
+            [Matrix(matrix=((1.0, 1.0, 0.0, 0.0), (1.0, 1.00001, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)))] * 4,
+            "have no inverse",
+        ),
     ],
 )
 def test_transforms_that_flatten(steps: list, what: str | None) -> None:
@@ -399,6 +416,30 @@ def test_all_errors_of_a_file_come_at_once(tmp_path: Path) -> None:
     ]
 
 
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from(["", "sphere", "Gradient", "a.b"])
+KEYS = st.sampled_from(["type", "radius", "scale", "top", "material", "x"])
+VALUES = st.recursive(SCALARS, lambda v: st.lists(v, max_size=4) | st.dictionaries(KEYS, v, max_size=3), max_leaves=6)
+
+
+def spoilt(tree: object, spoil: Callable[[list], object], value: object) -> object:
+    """The tree with `value` at a place that `spoil` chooses."""
+    if not isinstance(tree, (dict, list)) or not tree or spoil([False, False, True]):
+        return value
+    key = spoil(list(tree) if isinstance(tree, dict) else list(range(len(tree))))
+    return (
+        type(tree)({**tree, key: spoilt(tree[key], spoil, value)})
+        if isinstance(tree, dict)
+        else [spoilt(v, spoil, value) if i == key else v for i, v in enumerate(tree)]
+    )
+
+
+@given(data=st.data(), value=VALUES)
+def test_whatever_stands_in_a_file_is_a_scene_or_an_error_of_one_line(data: st.DataObject, value: object) -> None:
+    tree = spoilt(json.loads(dump(everything())), lambda choices: data.draw(st.sampled_from(choices)), value)
+    scene, wrong = examined(tree)
+    assert (scene is None and wrong) or all("\n" not in text for text in wrong)
+
+
 def test_checked_validates_a_scene_from_python() -> None:
     scene = Scene(camera=Camera(origin=[0, 1, 5]), objects={"a": Sphere(radius=2)})
     assert checked(scene).camera.origin == (0.0, 1.0, 5.0)
@@ -415,7 +456,7 @@ def test_checked_validates_a_scene_from_python() -> None:
         "camera.fov = 0.0: must be greater than 0",
         "lights.l.position.2 = NaN: must be finite",
         "objects.a.radius = -1: must be greater than 0",
-        "objects.c: the key 'type' is missing; one of sphere, plane, rectangle, disk, triangle, box, cylinder, cone",
+        f"objects.c: the key 'type' is missing; one of {KINDS}",
         "objects.b.max = [-1.0, 1.0, 1.0]: must be greater than min in x",
     )
     with pytest.raises(UserError, match="not a dict"):

@@ -7,7 +7,7 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, tangents
-from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.primitive import Twin, around_disk, homogeneous, mirrors, uniform_scale
 from visray.primitives.solid import Solid
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -102,6 +102,8 @@ class Cylinder(Solid):
         f = self.numbers().frame()
         x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
         unit = z / np.linalg.norm(z) * np.linalg.norm(x)
-        wall = {"type": "cylinder", "to_world": homogeneous(x, y, 2 * z, o - z, outer)}
+        # Mitsuba takes the wall's matrix apart into turn and lengths, which a mirrored one would make negative.
+        hand = -1 if mirrors(outer) else 1
+        wall = {"type": "cylinder", "to_world": homogeneous(x, hand * y, 2 * z, o - z, outer)}
         caps = [{"type": "disk", "to_world": homogeneous(x, s * y, s * unit, o + s * z, outer)} for s in (1, -1)]
-        return Twin([wall, *caps])
+        return Twin([wall, *caps], uv=(lambda uv: ((0.5 + hand * uv[0]) % 1, uv[1]), around_disk, around_disk))

@@ -8,7 +8,7 @@ import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.primitive import Twin, around_disk, homogeneous, uniform_scale
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -44,8 +44,4 @@ class Disk(Flat):
             return "Mitsuba's disk takes no stretching or shearing transform"
         f = self.numbers().frame()
         shape = {"type": "disk", "to_world": homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), outer)}
-
-        def from_polar(uv: tuple) -> tuple:
-            return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
-
-        return Twin([shape], uv=from_polar)
+        return Twin([shape], uv=around_disk)

@@ -20,9 +20,7 @@ class Plane(Flat):
     uv: distances from `point` in world units along the plane's tangents (u east and v north on a floor).
     """
 
-    # The half side of the square that stands for the plane in Mitsuba, in units of the distance to its `point`.
-    TWIN_HALF_SIDE: ClassVar[float] = 1e3
-    bounded = False
+    bounded: ClassVar[bool] = False
 
     type: Literal["plane"] = "plane"
     point: Point = (0.0, 0.0, 0.0)
@@ -42,7 +40,6 @@ class Plane(Flat):
         return local.x, local.y
 
     def mitsuba(self) -> Twin | str:
-        f, half = self.numbers().frame(), self.TWIN_HALF_SIDE
-        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
-        shape = {"type": "rectangle", "to_world": homogeneous(half * x, half * y, z, o, compose(self.transform))}
-        return Twin([shape], uv=lambda uv: ((2 * uv[0] - 1) * half, (2 * uv[1] - 1) * half))
+        f = self.numbers().frame()
+        frame = homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), compose(self.transform))
+        return Twin([{"type": "plane", "to_world": frame}], uv=lambda uv: uv)

@@ -90,7 +90,8 @@ class Entry:
                 self.error(key, "must be finite")
                 return default
             if len(found) != size:
-                self.log.warn(line(self.at(key), found, f"has {len(found)} numbers, not {size}; missing ones are 0"))
+                rest = "further ones are passed over" if len(found) > size else "missing ones are 0"
+                self.log.warn(line(self.at(key), found, f"must be {size} numbers; {rest}"))
             return tuple(map(float, (found + [0] * size)[:size]))
         if default is None:
             self.log.error(f"{self.at(key)}: the key is missing; it is {size} numbers")

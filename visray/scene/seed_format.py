@@ -17,7 +17,6 @@ from visray.scene.seed_objects import objects
 from visray.scene.seed_setup import SPELLINGS, setup
 from visray.scene.source import read
 
-
 # Keys of our scenes that no original scene has.
 OURS = {"camera", "film", "materials", "lights", "settings", "background", "ambient"}
 

@@ -14,7 +14,6 @@ SPELLINGS = {
     "camera.target": "camera.lookAt",
     "camera.up": "camera.vup",
     "camera.fov": "camera.vfov",
-    "film.width": "camera.pixelsX",
     "film.height": "camera.pixelsX / camera.aspectRatio",
     "ambient": "globalLight",
     "background.top": "colorTopBackground",
@@ -72,6 +71,9 @@ def _film(e: Entry) -> dict:
     height = width / aspect if aspect > 0 else 0.0
     if not (aspect > 0 and isfinite(height)):
         e.error("aspectRatio", "must be greater than 0; it is width / height")
+        return {}
+    if width < 1:
+        e.error("pixelsX", "must be at least 1; it is the width of the picture")
         return {}
     return {"width": width, "height": int(height)}
 

@@ -45,7 +45,7 @@ def read(path: str | Path) -> Source:
         line = data[: error.start].count(b"\n") + 1
         raise UserError(f"{path}: line {line}: is not UTF-8; save the file as UTF-8 text") from None
     if not text.strip():
-        raise UserError(f"{path}: the file is empty; the smallest scene is {{}}")
+        raise UserError(f"{path}: the file is empty; it must hold at least {{}}")
     return parse(text, str(path))
 
 

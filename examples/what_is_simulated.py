@@ -1,0 +1,14 @@
+"""Which effects does a scene call for, and what does the kernel leave out?"""
+
+from pathlib import Path
+
+import visray as vr
+
+scene = vr.load(Path(__file__).parent.parent / "scenes" / "ambient.json")
+for name, changed in {
+    "as it is": scene,
+    "without shadows": vr.replaced(scene, "settings.shadows", False),
+    "without highlights": vr.replaced(vr.replaced(scene, "materials.dark.ks", (0.0, 0.0, 0.0)),
+                                      "materials.whole.ks", (0.0, 0.0, 0.0)),
+}.items():  # fmt: skip
+    print(f"{name}: {', '.join(vr.explain(changed).names())}")

@@ -1,0 +1,3 @@
+"""visray is imported first: it chooses the LLVM that Dr.Jit loads, whatever a test file imports before."""
+
+import visray  # noqa: F401

@@ -1,0 +1,114 @@
+"""Imports go down only, and the doors are the only doors."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "visray"
+# From the ground up; a module imports only what stands on a lower line, or before it on its own line.
+FLOORS = """
+errors version
+llvm
+quantities trees
+ray geometry transforms
+materials lights camera
+primitives.primitive primitives.flat primitives.solid
+primitives.plane primitives.rectangle primitives.disk primitives.triangle
+primitives.sphere primitives.box primitives.cylinder primitives.cone primitives
+scene.scene
+scene
+features progress output.files output.exr output.png output.image output
+tables sampling film
+search
+shading
+integrator
+render
+gradients
+study
+cli
+__init__ __main__
+""".split()
+
+
+def modules() -> dict[str, Path]:
+    found = {}
+    for path in PACKAGE.rglob("*.py"):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imported(path: Path) -> set[str]:
+    """The modules of visray that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {a.name.removeprefix("visray.") for a in node.names if a.name.split(".")[0] == "visray"}
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "visray":
+            base = node.module.removeprefix("visray").lstrip(".")
+            for a in node.names:
+                deeper = f"{base}.{a.name}".lstrip(".")
+                found.add(deeper if deeper in MODULES else base or "__init__")
+    return found
+
+
+def floor(name: str) -> int:
+    """The floor of a module: its own, or that of its package."""
+    while name not in FLOORS:
+        name, _, last = name.rpartition(".")
+        assert name, f"{last} has no floor"
+    return FLOORS.index(name)
+
+
+@pytest.mark.parametrize("name", sorted(MODULES))
+def test_imports_go_down(name):
+    for other in imported(MODULES[name]):
+        # Inside a package without floors of its own (scene, study) the order is that of test_no_cycles.
+        same = other.split(".")[0] == name.split(".")[0] and floor(other) == floor(name)
+        assert floor(other) < floor(name) or same, f"{name} imports {other}, which stands above it"
+
+
+def test_no_cycles():
+    graph = {name: imported(path) & set(MODULES) for name, path in MODULES.items()}
+    done: set[str] = set()
+    while left := set(graph) - done:
+        free = {n for n in left if graph[n] <= done | {n}}
+        assert free, f"a cycle runs through {sorted(left)}"
+        done |= free
+
+
+def outside(path: Path) -> set[str]:
+    """The packages outside visray that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {a.name.split(".")[0] for a in node.names}
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("library", "rooms"), [("mitsuba", ("study.",)), ("cyclopts", ("cli",)), ("OpenEXR", ("output.", "study."))]
+)
+def test_doors(library, rooms):
+    users = {name for name, path in MODULES.items() if library in outside(path)}
+    assert users and all(name.startswith(rooms) for name in users)
+
+
+def test_only_quantities_names_a_backend():
+    names = {name for name, path in MODULES.items() if "drjit.llvm.ad" in path.read_text()}
+    assert names == {"quantities"}
+
+
+def test_scenes_know_no_kernel_and_output_knows_no_scene():
+    for name, path in MODULES.items():
+        tops = {other.split(".")[0] for other in imported(path)}
+        if name.startswith("scene"):
+            assert not tops & {"ray", "search", "shading", "integrator", "render", "tables", "output"}, name
+        if name.startswith("output"):
+            assert not tops & {"scene", "ray", "primitives", "tables", "search"}, name

@@ -18,7 +18,7 @@ from visray.output.image import check_destination
 from visray.quantities import BACKENDS
 from visray.render import LAYERS, adjusted, render, set_threads
 from visray.scene import load as loading
-from visray.scene.address import parse_assignment, replaced
+from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene
 from visray.version import __version__
 
@@ -44,9 +44,7 @@ INTERRUPTED = 130
 def opened(scene: Path, setup: Path | None, assignments: list[str], **settings: Any) -> Scene:
     """The scene of a file, with the values that the command line sets."""
     made = adjusted(loading.load(scene, setup), **settings)
-    for text in assignments:
-        made = replaced(made, *parse_assignment(text))
-    return loading.checked(made)
+    return changed(made, dict(map(parse_assignment, assignments)))
 
 
 def sized(text: str | None) -> tuple[int, int] | None:
@@ -103,11 +101,11 @@ def render_command(
     Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG.
     """
     begun = time.perf_counter()
+    made = opened(scene, setup, set, spp=spp, size=sized(size), seed=seed, precision=precision)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
-    chosen, curve, pixels = wanted(layers, outputs), gamma_of(gamma), sized(size)
+    chosen, curve = wanted(layers, outputs), gamma_of(gamma)
     for path in outputs:
         check_destination(path, curve, exposure)
-    made = opened(scene, setup, set, spp=spp, size=pixels, seed=seed, precision=precision)
     image = render(made, threads=threads, backend=backend, layers=chosen, progress=not (quiet or json))
     for path in outputs:
         image.write(path, gamma=curve, exposure=exposure)

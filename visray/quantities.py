@@ -22,20 +22,35 @@ class Quantity(NamedTuple):
     unit: str
 
 
+# Beyond these a product of a few numbers leaves what single precision can hold (1e38), and a picture would be inf or NaN.
+FARTHEST = 1e15
+BRIGHTEST = 1e9
+
+
 def _not_zero(v: tuple[float, float, float]) -> tuple[float, float, float]:
     if not any(v):
         raise ValueError("a direction must not be (0, 0, 0)")
+    if max(map(abs, v)) < 1 / FARTHEST:
+        raise ValueError(f"a direction must have a component of at least {1 / FARTHEST:g}")
     return v
 
 
+def _not_tiny(x: float) -> float:
+    if x < 1 / FARTHEST:
+        raise ValueError(f"must be at least {1 / FARTHEST:g}")
+    return x
+
+
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Triple = tuple[Real, Real, Real]
-_NotNegative = Annotated[Real, Field(ge=0)]
+Coordinate = Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)]
+Triple = tuple[Coordinate, Coordinate, Coordinate]
+_Positive = Annotated[Real, Field(gt=0, le=FARTHEST), AfterValidator(_not_tiny)]
+_NotNegative = Annotated[Real, Field(ge=0, le=BRIGHTEST)]
 
 Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
 Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
-Length = Annotated[Real, Field(gt=0), Quantity(1, "geometry", "world units, > 0")]
+Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
 Angle = Annotated[Real, Field(gt=0, lt=180), Quantity(1, "geometry", "degrees, > 0 and < 180")]
 Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]

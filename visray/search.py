@@ -11,16 +11,13 @@ from typing import Any
 
 import drjit as dr
 
+from visray import tables
+from visray.bvh import Walk, packets
 from visray.geometry import UNIT_ROUNDOFF
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
 from visray.trees import detached, rows
-
-# Up to this many objects of a kinship are written out one by one in the kernel; more are looped over. Written out they
-# run 3 to 5 times faster and compile 100 times slower.
-WRITTEN_OUT = 64
-
 
 @dataclass(frozen=True)
 class Guard:
@@ -62,7 +59,8 @@ class Watch:
             self.guards = tuple(None if g.radius is None else guard(a, g.centre, g.radius, self.o) for g in self.groups)
             # A loop reads a guard as a packet of four neighbours, which is faster than four reads.
             self.packets = tuple(g and dr.ravel(a.Q32(*g.toward, g.margin)) for g in self.guards)
-            dr.eval(self.sights, self.guards, self.packets)
+            self.boxes = tuple(g.tree and packets(a, g.tree, self.o) for g in self.groups)
+            dr.eval(self.sights, self.guards, self.packets, self.boxes)
 
     def seen(self, number: int, index: Any) -> Any:
         """Object `index` of group `number`, as its kind sees it from the origin."""
@@ -82,16 +80,27 @@ class Watch:
         x, y, z, margin = dr.gather(self.a.Q32, self.packets[number], index)
         return Guard(self.a.V32(x, y, z), margin)
 
-    def sweep(self, state: tuple, visit: Any) -> tuple:
-        """`state` after visit(state, group, object, index) for every object, by its number in its group and in all."""
+    def sweep(self, d: Any, state: tuple, visit: Any, reach: Any, done: Any, plain: bool) -> tuple:
+        """`state` after visit(state, group, object, index, present) for every object that a ray may meet.
+
+        `object` and `index` number it in its group and in all; lanes where `present` is false are not concerned.
+        reach(state): no object farther than that is of interest; done(state): none at all. `plain`: visit them all.
+        """
         base = 0
         for number, k in enumerate(self.kin):
-            n = len(k.names)
-            if n <= WRITTEN_OUT:
+            n, tree = len(k.names), self.groups[number].tree
+            if n <= tables.WRITTEN_OUT:
                 for i in range(n):
-                    state = visit(state, number, self.a.U(i), self.a.U(base + i))
-            else:
+                    state = visit(state, number, self.a.U(i), self.a.U(base + i), True)
+            elif tree is None or plain:
                 state = self._loop(number, n, base, state, visit)
+            else:
+                walk = Walk.along(self.a, tree, self.boxes[number] if self.shared else None, self.o, d)
+
+                def call(state: tuple, i: Any, present: Any, number: int = number, base: int = base) -> tuple:
+                    return visit(state, number, i, i + base, present)
+
+                state = walk.through(state, call, reach, done)
             base += n
         return state
 
@@ -99,7 +108,7 @@ class Watch:
         last = dr.opaque(self.a.U, n)
 
         def body(i: Any, *state: Any) -> tuple:
-            return (i + 1, *visit(state, number, i, i + base))
+            return (i + 1, *visit(state, number, i, i + base, True))
 
         i = dr.zeros(self.a.U, dr.width(state))
         return dr.while_loop((i, *state), lambda i, *_: i < last, body, label="objects")[1:]
@@ -113,20 +122,22 @@ def closest(watch: Watch, ray: Ray, plain: bool = False) -> Hit:
     # State is of full width from the start: a loop over objects must not mix widths.
     start = dr.full(a.D, dr.inf, n), dr.full(a.U, NO_OBJECT, n)
 
-    def visit(state: tuple, number: int, i: Any, index: Any) -> tuple:
+    def visit(state: tuple, number: int, i: Any, index: Any, present: Any) -> tuple:
         def meet(t: Any, found: Any) -> tuple:
             # Read in here, so that a packet of rays that is not a candidate does not wait for it.
             seen = watch.seen(number, i)
             met = watch.kin[number].kind.first(seen, ray, None if ray.source is None else ray.source == index)
             nearer = met < t
+            if present is not True:  # a tree gives the objects in no fixed order
+                nearer |= (met == t) & (index < found) & (met < dr.inf)
             return dr.select(nearer, met, t), dr.select(nearer, index, found)
 
         g = None if plain else watch.guard(number, i)
         if g is None:
             return meet(*state)
-        return dr.if_stmt(state, candidate(g, d32), meet, lambda t, found: (t, found), label="meet")
+        return dr.if_stmt(state, candidate(g, d32) & present, meet, lambda t, found: (t, found), label="meet")
 
-    return Hit(*watch.sweep(start, visit))
+    return Hit(*watch.sweep(d32, start, visit, lambda s: a.F32(s[0]), lambda _: a.B(False), plain))
 
 
 def blocked(watch: Watch, ray: Ray, length: Any, end: Any, inward: Any, active: Any, plain: bool = False) -> Any:
@@ -136,9 +147,9 @@ def blocked(watch: Watch, ray: Ray, length: Any, end: Any, inward: Any, active: 
     """
     a, ray = watch.a, detached(ray)
     length, end, inward, active = detached((length, end, inward, active))
-    d32 = a.V32(ray.d)
+    d32, reach = a.V32(ray.d), a.F32(length)
 
-    def visit(state: tuple, number: int, i: Any, index: Any) -> tuple:
+    def visit(state: tuple, number: int, i: Any, index: Any, present: Any) -> tuple:
         arrives = end == index
 
         def stop(hidden: Any) -> tuple:
@@ -147,10 +158,11 @@ def blocked(watch: Watch, ray: Ray, length: Any, end: Any, inward: Any, active: 
 
         if plain:
             return stop(*state)
-        maybe = active & ~state[0] & ~(arrives & ~inward)
+        maybe = active & ~state[0] & ~(arrives & ~inward) & present
         g = watch.guard(number, i)
         if g is not None:
             maybe &= candidate(g, d32)
         return dr.if_stmt(state, maybe, stop, lambda hidden: (hidden,), label="block")
 
-    return watch.sweep((dr.full(a.B, False, dr.width(ray.d)),), visit)[0] & active
+    start = (dr.full(a.B, False, dr.width(ray.d)),)
+    return watch.sweep(d32, start, visit, lambda _: reach, lambda s: s[0] | ~active, plain)[0] & active

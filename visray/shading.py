@@ -11,13 +11,14 @@ from typing import Any
 
 import drjit as dr
 
+from visray import tables
 from visray.features import Features
 from visray.geometry import gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray, Surface, inverse_length
-from visray.search import WRITTEN_OUT, Watch, blocked
+from visray.search import Watch, blocked
 from visray.tables import Group, Kinship, Ready
 from visray.trees import leaves, rebuilt, rows
 
@@ -80,7 +81,7 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
 def _row_of(a: Arrays, group: Group, size: int, index: Any) -> tuple[Any, Material]:
     """An object's placement and material for each lane: by branches, as a packet of lanes needs few of few objects."""
     table = (group.placed, group.material)
-    if size > WRITTEN_OUT:
+    if size > tables.WRITTEN_OUT:
         return rows(table, index, index < size)
     kept = leaves(rows(table, a.U(0)))
     for i in range(1, size):
@@ -162,9 +163,12 @@ def beam(s: Scenery, number: int, hit: Hit, surface: Surface, n: Any, within: An
     cosine = dr.dot(n, l)
     reached = hit.valid & (cosine > 0)
     if s.features["shadows"]:
-        # The ray runs from the light to the point: all rays of a light share their origin.
-        shaft = Ray(light.position, d, error=surface.error)
-        reached &= ~blocked(s.watches[number], shaft, distance, hit.index, within, reached, s.plain)
+        # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
+        # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
+        error = surface.error + gamma(8) * (dr.max(dr.abs(light.position)) + distance)
+        length = distance - a.D(a.F(error) / cosine)
+        shaft = Ray(light.position, d, error=error)
+        reached &= ~blocked(s.watches[number], shaft, length, hit.index, within, reached, s.plain)
     return Beam(l, distance, cosine, reached)
 
 

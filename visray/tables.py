@@ -10,6 +10,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.bvh import Tree, build
 from visray.camera import Camera
 from visray.geometry import Frame
 from visray.materials import Material
@@ -18,6 +19,11 @@ from visray.quantities import Arrays, quantities
 from visray.scene.scene import Gradient, Scene
 from visray.transforms import compose
 from visray.trees import detached, rows
+
+
+# Up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree. Written out they
+# cost a few cycles each, but compiling them takes 10 to 30 ms each.
+WRITTEN_OUT = 32
 
 
 @dataclass(frozen=True)
@@ -93,12 +99,13 @@ def _outer(a: Arrays, group: list[Primitive]) -> Frame | None:
 
 @dataclass(frozen=True)
 class Group:
-    """Objects of one kinship, ready for rays: placement, a sphere around each, and what its material says."""
+    """Objects of one kinship, ready for rays: placement, a sphere around each, its material, and a tree over many."""
 
     placed: Any
     centre: Any
     radius: Any
     material: Material
+    tree: Tree | None
 
 
 @dataclass(frozen=True)
@@ -128,7 +135,11 @@ def prepare(tables: Tables, kin: tuple[Kinship, ...], film: tuple[int, int], a: 
     groups = []
     for k, table, outer, material in zip(kin, tables.objects, tables.outers, tables.material_of):
         centre, radius = table.sphere(outer) if k.kind.bounded else (None, None)
-        groups.append(Group(table.placed(outer), *detached((centre, radius)), rows(tables.materials, material)))
+        centre, radius = detached((centre, radius))
+        tree = None
+        if radius is not None and len(k.names) > WRITTEN_OUT:
+            tree = build(a, np.array(centre).T, np.array(radius))
+        groups.append(Group(table.placed(outer), centre, radius, rows(tables.materials, material), tree))
     ready = Ready(tuple(groups), tables.lights, _view(tables.camera, film, a), tables.background, tables.ambient)
     dr.eval(ready)
     return ready

@@ -8,6 +8,12 @@ from visray.primitives.primitive import Primitive, Seen
 from visray.ray import Ray
 
 
+def clear(path: Any, slope: Any, squared: Any, error: Any) -> Any:
+    """Whether a path along a ray, crossing a plane's normal n at n . d = slope, ends farther than `error` from the plane."""
+    height = path * slope
+    return (path > 0) & (height * height > error * error * squared)
+
+
 class Flat(Primitive):
     """A flat shape. It is crossed once by a ray, and never by a ray that leaves it."""
 
@@ -17,27 +23,29 @@ class Flat(Primitive):
         raise TypeError("no within")
 
     @classmethod
-    def crossing(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any]:
-        """(t, inside the shape, length of path per unit of height above the plane)."""
+    def crossing(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
+        """(t, inside the shape, d . n, n . n) for a normal n of any length."""
         local = seen.inverse.vector(d)
         # A ray in the plane has local.z = 0: t is then inf or NaN, both of which fail every comparison with a number.
         t = -seen.o.z / local.z
         inside = cls.within(seen.o.x + t * local.x, seen.o.y + t * local.y)
-        return t, inside, dr.norm(seen.inverse.z) / dr.abs(local.z)
+        return t, inside, local.z, dr.squared_norm(seen.inverse.z)
 
     @classmethod
     def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
-        t, inside, slant = cls.crossing(seen, ray.d)
-        met = inside & (t > (0 if ray.error is None else ray.error * slant))
+        t, inside, slope, squared = cls.crossing(seen, ray.d)
+        met = inside & (t > 0)
+        if ray.error is not None:
+            met &= clear(t, slope, squared, ray.error)
         if leaving is not None:
             met &= ~leaving
         return dr.select(met, t, dr.inf)
 
     @classmethod
     def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
-        t, inside, slant = cls.crossing(seen, ray.d)
+        t, inside, slope, squared = cls.crossing(seen, ray.d)
         # The end point is known to ray.error; a plane nearer to it than that is the plane the point lies on.
-        return inside & (t > 0) & (t + ray.error * slant < length) & ~arrives
+        return inside & (t > 0) & clear(length - t, slope, squared, ray.error) & ~arrives
 
     @staticmethod
     def level(placed: Any, p: Any) -> tuple[Any, Any]:

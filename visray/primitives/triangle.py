@@ -24,31 +24,36 @@ class Corners:
 
 @dataclass(frozen=True)
 class SeenCorners:
-    """A triangle as seen from an origin: the planes through the origin and each edge, the normal and the volume."""
+    """A triangle as seen from an origin: its corners from there, and its normal, as long as twice its area."""
 
-    ab: Any
-    bc: Any
-    ca: Any
+    a: Any
+    b: Any
+    c: Any
     n: Any
-    volume: Any
-    steep: Any
 
 
-def _cross(a: Any, b: Any) -> Any:
-    """a x b whose rounding is odd: _cross(b, a) is exactly -_cross(a, b), which fused multiply-add would spoil."""
-    return type(a)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+def _beside(d: Any, v: Any) -> tuple[Any, Any]:
+    """Where `v` is seen by a ray along d: two of the three components of d x v, not that of d's longest component."""
+    x, y, z = dr.abs(d.x), dr.abs(d.y), dr.abs(d.z)
+    on_x = (x >= y) & (x >= z)
+    on_z = ~on_x & (z >= y)
+    aside = dr.cross(d, v)
+    return dr.select(on_x, aside.y, aside.x), dr.select(on_z, aside.y, aside.z)
 
 
-def _dot(a: Any, b: Any) -> Any:
-    return a.x * b.x + a.y * b.y + a.z * b.z
+def _area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
+    """p x q, of the right sign or zero: two products keep their order when they are rounded. No fused multiply-add."""
+    return p[0] * q[1] - p[1] * q[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Triangle(Flat):
     """The triangle a, b, c; its normal is (b - a) x (c - a).
 
-    A ray passes an edge on a side that depends on the edge's two ends alone, exactly opposite for the two triangles
-    that share it: no ray passes between them (tests/test_primitives.py). uv: a is (0, 0), b is (1, 0), c is (0, 1).
+    Watertight: a corner is seen in the same place by all triangles that share it, and on which side of an edge the ray
+    passes is exact from there on; so no ray gets through between triangles, at an edge or at a corner, and one that
+    meets an edge or corner exactly meets all that share it (tests/test_primitives.py). Source: Woop, Benthin, Wald
+    2013. uv: a is (0, 0), b is (1, 0), c is (0, 1).
     """
 
     type: Literal["triangle"] = "triangle"
@@ -78,16 +83,18 @@ class Triangle(Flat):
 
     @staticmethod
     def seen(placed: Corners, o: Any) -> SeenCorners:
-        a, b, c = placed.a - o, placed.b - o, placed.c - o
         n = dr.cross(placed.b - placed.a, placed.c - placed.a)
-        return SeenCorners(_cross(a, b), _cross(b, c), _cross(c, a), n, dr.dot(n, a), dr.norm(n))
+        return SeenCorners(placed.a - o, placed.b - o, placed.c - o, n)
 
     @classmethod
-    def crossing(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any]:
-        ab, bc, ca = _dot(seen.ab, d), _dot(seen.bc, d), _dot(seen.ca, d)
-        inside = ((ab >= 0) & (bc >= 0) & (ca >= 0)) | ((ab <= 0) & (bc <= 0) & (ca <= 0))
-        slope = dr.dot(seen.n, d)
-        return seen.volume / slope, inside & (slope != 0), seen.steep / dr.abs(slope)
+    def crossing(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any, Any]:
+        a, b, c = (_beside(d, v) for v in (seen.a, seen.b, seen.c))
+        wa, wb, wc = _area(b, c), _area(c, a), _area(a, b)
+        whole = wa + wb + wc
+        inside = ((wa >= 0) & (wb >= 0) & (wc >= 0)) | ((wa <= 0) & (wb <= 0) & (wc <= 0))
+        # A mean of the corners' distances: even a ray all but in the plane gets none beyond them.
+        t = (wa * dr.dot(seen.a, d) + wb * dr.dot(seen.b, d) + wc * dr.dot(seen.c, d)) / whole
+        return t, inside & (whole != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
 
     @staticmethod
     def level(placed: Corners, p: Any) -> tuple[Any, Any]:

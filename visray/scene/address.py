@@ -7,7 +7,7 @@ from typing import Any, get_args
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.check import examined
-from visray.scene.messages import bare, hint, is_union
+from visray.scene.messages import bare, hint, is_union, printable
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 
@@ -81,9 +81,10 @@ def _found(whole: Any, address: str) -> Any:
         keys = _keys(whole)
         if part not in keys:
             owner = ".".join(parts[:i]) or "the scene"
+            what = f"{owner} has no {part!r}; {hint(part, keys)}"
             if not keys and not isinstance(whole, (dict, tuple)):
-                raise UserError(f"{address}: {owner} is a single value; leave .{'.'.join(parts[i:])} out")
-            raise UserError(f"{address}: {owner} has no {part!r}; {hint(part, keys)}")
+                what = f"{owner} is a single value; leave .{'.'.join(parts[i:])} out"
+            raise UserError(printable(f"{address}: {what}"))
         whole = _entry(whole, part)
     return whole
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
-from visray.scene.messages import hint, line, lines
+from visray.scene.messages import hint, line, lines, printable
 from visray.scene.scene import ADAPTER, Scene
 from visray.transforms import Transform, compose
 
@@ -34,7 +34,7 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     try:
         scene = ADAPTER.validate_python(raw)
     except ValidationError as error:
-        return None, lines(error, raw) + _flaws_of_the_rest(raw, error)
+        return None, [printable(text) for text in lines(error, raw) + _flaws_of_the_rest(raw, error)]
     return scene, flaws(scene)
 
 
@@ -60,7 +60,7 @@ def flaws(scene: Scene) -> list[str]:
     """What no field alone shows to be wrong, a line each: `ADDRESS = VALUE: what is wrong; what would be right`."""
     with np.errstate(all="ignore"):
         of_objects = [f for name, thing in scene.objects.items() for f in _object_flaws(scene, name, thing)]
-        return _camera_flaws(scene.camera) + of_objects
+        return _camera_flaws(scene.camera) + [printable(text) for text in of_objects]
 
 
 def _object_flaws(scene: Scene, name: str, thing: Any) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from visray import lights
 from visray.errors import UserError
 from visray.scene.check import checked, examined, flaws
-from visray.scene.messages import line, tag_of
+from visray.scene.messages import line, printable, tag_of
 from visray.scene.scene import Scene
 from visray.scene.seed_format import SeedWarning, convert, is_seed, is_setup
 from visray.scene.source import read
@@ -32,7 +32,7 @@ def load(path: str | Path, setup: str | Path | None = None) -> Scene:
     raw, found = _native(source.raw, found) if isinstance(source.raw, dict) else (source.raw, found)
     scene, wrong = examined(raw)
     if found or wrong:
-        raise UserError(*(f"{path}: {text}" for text in dict.fromkeys([*found, *wrong])))
+        raise UserError(*(f"{path}: {text}" for text in dict.fromkeys([*map(printable, found), *wrong])))
     return scene
 
 

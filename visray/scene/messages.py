@@ -24,6 +24,11 @@ def line(address: str, value: Any, text: str) -> str:
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
 
 
+def printable(text: str) -> str:
+    """The text on one line: names and keys from a file may hold line breaks."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     """`did you mean "sphere"? (one of ...)`, or only the choices where none is near."""
     choices = list(choices)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
-from visray.scene.messages import hint, line
+from visray.scene.messages import hint, line, printable
 
 
 @dataclass
@@ -21,10 +21,10 @@ class Log:
     warnings: list[str] = field(default_factory=list)
 
     def error(self, text: str) -> None:
-        self.errors.append(f"{self.name}: {text}")
+        self.errors.append(f"{self.name}: {printable(text)}")
 
     def warn(self, text: str) -> None:
-        self.warnings.append(f"{self.name}: {text}")
+        self.warnings.append(f"{self.name}: {printable(text)}")
 
 
 QUOTE = "'"

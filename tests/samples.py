@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from visray import tables
@@ -466,7 +465,8 @@ def distortion(thing: Any) -> tuple[float, float]:
     return hadamard * (1 + hadamard) / 2 * stretch[0] / stretch[-1], stretch[-1]
 
 
-# Roundings between a ray and its place on a canonical shape: inverse frame 8, origin 4, direction 3, recentring 6, root 5.
+# Roundings between a ray and its place on a canonical shape: inverse frame 8, origin 4, direction 3, recentring 6,
+# root 5.
 ROUNDINGS = 26
 
 
@@ -530,7 +530,3 @@ def gap(thing: Any, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     bend = np.stack([np.broadcast_to(f.bend, len(local)) for f in faces])[best, lane]
     crease = distance[best, lane] - distance[order[1], lane] if len(faces) > 1 else np.full(len(local), np.inf)
     return distance[best, lane] / stretch, normal / stretch[:, None], bend, crease
-
-
-__all__ = ["NAMES", "SAMPLES", "Lineup", "Truth", "aimed", "array", "gap", "instances", "rounding", "truth"]
-_ = dr

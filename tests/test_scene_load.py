@@ -495,6 +495,7 @@ def test_the_schema_tells_units_and_what_is_required() -> None:
     assert ball["properties"]["radius"] == {
         "default": 1.0,
         "exclusiveMinimum": 0,
+        "maximum": 1e15,
         "type": "number",
         "description": "world units, > 0",
     }

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-import numpy as np
 
 from visray.geometry import Frame
 from visray.primitives.cylinder import around, axial_frame, slab
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.facets import Strip, revolved
+from visray.primitives.primitive import Twin
 from visray.primitives.solid import Solid
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -88,39 +88,6 @@ class Cone(Solid):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
 
     def mitsuba(self) -> Twin | str:
-        """A mesh of 4096 facets: the sagitta 1 - cos(pi/4096) is 3e-7 of the radius, the tilt pi/4096.
-
-        Finer facets would not be nearer to the cone: the rounding of their corners to single would turn them as far.
-        """
-        n = 4096
         f = self.numbers().frame()
-        columns = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
-        whole = np.array(homogeneous(*columns, compose(self.transform)))
-        vertices, normals, uv = _facets(n)
-        normals = normals @ np.linalg.inv(whole[:3, :3])
-        shape = {
-            "type": "mesh",
-            "vertices": vertices @ whole[:3, :3].T + whole[:3, 3],
-            "normals": normals / np.linalg.norm(normals, axis=1, keepdims=True),
-            "uv": uv,
-            "faces": np.arange(6 * n).reshape(2, 3, n).swapaxes(1, 2).reshape(-1, 3),
-        }
-        return Twin([shape], uv=lambda uv: uv, gap=1 - np.cos(np.pi / n), tilt=np.pi / n)
-
-
-def _facets(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners, gradients and (u, v) of n facets of the canonical cone's wall, then of its base; by corner, then facet.
-
-    The gradients are those of the cone; at the apex, where it has none, that of the middle of each facet.
-    """
-    i, one = np.arange(n), np.ones(n)
-    turn = np.stack([i, i + 1, i + 0.5]) / n
-    x, y = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
-    wall = np.stack([[x[0], y[0], -one], [x[1], y[1], -one], [0 * one, 0 * one, one]])
-    base = np.stack([[x[1], y[1], -one], [x[0], y[0], -one], [0 * one, 0 * one, -one]])
-    slope = np.stack([x, y, 0.5 + 0 * x], 1)
-    down = np.broadcast_to(np.array([0, 0, -1.0])[:, None], (3, 3, n))
-    around = np.stack([turn + np.where(i < n // 2, 0.5, -0.5), np.stack([0 * one, 0 * one, one])], 1)
-    square = 0.5 + 0.5 * base[:, :2] * np.array([1, -1])[:, None]
-    parts = ((wall, base), (slope, down), (around, square))
-    return tuple(np.concatenate(p).swapaxes(1, 2).reshape(6 * n, -1) for p in parts)
+        wall, base = Strip((1, -1), (0, 1), (1, 0.5), v=(0, 1)), Strip((1, -1), (0, -1), (0, -1))
+        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), wall, base)

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-import numpy as np
 
 from visray.geometry import Frame, tangents
-from visray.primitives.primitive import Twin, around_disk, homogeneous, mirrors, uniform_scale
+from visray.primitives.facets import Strip, revolved
+from visray.primitives.primitive import Twin
 from visray.primitives.solid import Solid
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -96,14 +96,6 @@ class Cylinder(Solid):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
 
     def mitsuba(self) -> Twin | str:
-        outer = compose(self.transform)
-        if uniform_scale(outer) is None:
-            return "Mitsuba's cylinder takes no stretching or shearing transform"
         f = self.numbers().frame()
-        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
-        unit = z / np.linalg.norm(z) * np.linalg.norm(x)
-        # Mitsuba takes the wall's matrix apart into turn and lengths, which a mirrored one would make negative.
-        hand = -1 if mirrors(outer) else 1
-        wall = {"type": "cylinder", "to_world": homogeneous(x, hand * y, 2 * z, o - z, outer)}
-        caps = [{"type": "disk", "to_world": homogeneous(x, s * y, s * unit, o + s * z, outer)} for s in (1, -1)]
-        return Twin([wall, *caps], uv=(lambda uv: ((0.5 + hand * uv[0]) % 1, uv[1]), around_disk, around_disk))
+        caps = [Strip((1, z), (0, z), (0, z)) for z in (1, -1)]
+        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), Strip((1, -1), (1, 1), (1, 0), v=(0, 1)), *caps)

@@ -7,8 +7,9 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, tangents
+from visray.primitives.facets import Strip, revolved
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, around_disk, homogeneous, uniform_scale
+from visray.primitives.primitive import Twin, homogeneous, uniform_scale
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -39,9 +40,13 @@ class Disk(Flat):
         return x * x + y * y <= 1
 
     def mitsuba(self) -> Twin | str:
-        outer = compose(self.transform)
+        outer, f = compose(self.transform), self.numbers().frame()
         if uniform_scale(outer) is None:
-            return "Mitsuba's disk takes no stretching or shearing transform"
-        f = self.numbers().frame()
+            return revolved((f.x, f.y, f.z, f.o), outer, Strip((1, 0), (0, 0), (0, 1)))
         shape = {"type": "disk", "to_world": homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), outer)}
-        return Twin([shape], uv=around_disk)
+
+        def around(uv: tuple) -> tuple:
+            """Mitsuba's u is the distance from the centre, its v the angle."""
+            return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
+
+        return Twin([shape], uv=around)

@@ -40,8 +40,8 @@ class Twin:
     A shape is one of Mitsuba's types with a 4 x 4 `to_world`; or a `mesh` of `vertices` and `faces` with, or without,
     `normals` and `uv` at the vertices; or a `plane`: z = 0 of its `to_world`, without bound, where (u, v) are x and y.
     `uv` takes Mitsuba's (u, v): a function for all shapes or one for each. `gap` is the largest distance between the
-    two surfaces in units of the object's size, `tilt` the largest angle between the normals in radians, where the twin
-    is only an approximation.
+    two surfaces in world units, `tilt` the largest angle between the normals in radians, where the twin is only an
+    approximation.
     """
 
     shapes: list[dict]
@@ -157,11 +157,6 @@ def uniform_scale(matrix: np.ndarray | None) -> float | None:
 def mirrors(matrix: np.ndarray | None) -> bool:
     """Whether a transform turns a right hand into a left one."""
     return matrix is not None and bool(np.linalg.det(matrix[:, :3]) < 0)
-
-
-def around_disk(uv: tuple) -> tuple:
-    """The square around a disk, from 0 to 1, from Mitsuba's radius and angle (from 0 to 1) on it."""
-    return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
 
 
 def homogeneous(x: Any, y: Any, z: Any, o: Any, outer: np.ndarray | None) -> list[list[float]]:

@@ -3,6 +3,7 @@
     python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
 
 Median of 7 warm renders each, alternating, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory.
+Then the same at 16 samples for 100, 1,000 and 10,000 random spheres in the same space, median of 5.
 Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one, against a
 Mitsuba script that does the same.
 """
@@ -16,23 +17,26 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-import visray as vr  # chooses LLVM: before Mitsuba and Dr.Jit
+import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
+import drjit as dr
+import mitsuba as mi
+import numpy as np
 
-import drjit as dr  # isort: skip
-import mitsuba as mi  # isort: skip
-import numpy as np  # isort: skip
-
-from visray.render import expose, set_up  # isort: skip
+from visray.render import expose, set_up
 
 HERE = Path(__file__).resolve().parent
 SIZE, RUNS, THREADS = 512, 7, 2
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
 
 
-def balls() -> list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]:
+Balls = list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]
+
+
+def ring() -> Balls:
     """Centre, radius and colour of eight spheres in a ring."""
     found = []
     for i in range(8):
@@ -42,11 +46,19 @@ def balls() -> list[tuple[tuple[float, float, float], float, tuple[float, float,
     return found
 
 
-def ours(spp: int) -> vr.Scene:
+def cloud(n: int) -> Balls:
+    """Centre, radius and colour of n random spheres that fill the same part of the space whatever n is."""
+    rng = np.random.default_rng(n)
+    centres = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)).tolist()
+    radii = (rng.uniform(0.3, 0.9, n) * 2.2 / n ** (1 / 3)).tolist()
+    return [(tuple(c), r, (0.6, 0.5, 0.4)) for c, r in zip(centres, radii)]
+
+
+def ours(balls: Balls, spp: int) -> vr.Scene:
     """The scene for visray: matte, as Mitsuba's is."""
     objects = {"floor": vr.Plane(material="grey")}
     materials = {"grey": vr.Material(kd=(0.5, 0.5, 0.5))}
-    for i, (centre, radius, colour) in enumerate(balls()):
+    for i, (centre, radius, colour) in enumerate(balls):
         objects[f"ball {i}"] = vr.Sphere(center=centre, radius=radius, material=f"paint {i}")
         materials[f"paint {i}"] = vr.Material(kd=colour)
     return vr.Scene(
@@ -59,7 +71,7 @@ def ours(spp: int) -> vr.Scene:
     )
 
 
-def theirs() -> "mi.Scene":
+def theirs(balls: Balls) -> "mi.Scene":
     """The same geometry for Mitsuba; the floor is a large rectangle."""
     to_world = mi.ScalarTransform4f
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
@@ -77,7 +89,7 @@ def theirs() -> "mi.Scene":
         "floor": {"type": "rectangle", "to_world": to_world().rotate((1, 0, 0), -90).scale(100)},
         "lamp": {"type": "point", "position": LAMP, "intensity": 100.0},
     }
-    for i, (centre, radius, colour) in enumerate(balls()):
+    for i, (centre, radius, colour) in enumerate(balls):
         bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
         scene[f"ball{i}"] = {"type": "sphere", "center": centre, "radius": radius, "bsdf": bsdf}
     return mi.load_dict(scene)
@@ -89,9 +101,9 @@ def seconds(work) -> float:
     return time.perf_counter() - begun
 
 
-def warm(spp: int) -> dict:
+def warm(balls: Balls, spp: int, runs: int = RUNS) -> dict:
     """Median seconds of both, measured by turns, with a new seed each time."""
-    made, scene, seed = set_up(ours(spp)), theirs(), iter(range(1000))
+    made, scene, seed = set_up(ours(balls, spp)), theirs(balls), iter(range(1000))
 
     def visray() -> None:
         expose(vary(made, next(seed)))
@@ -102,10 +114,11 @@ def warm(spp: int) -> dict:
 
     for work in (visray, mitsuba, visray, mitsuba):
         work()
-    times = [(seconds(visray), seconds(mitsuba)) for _ in range(RUNS)]
+    times = [(seconds(visray), seconds(mitsuba)) for _ in range(runs)]
     a, b = (statistics.median(t) for t in zip(*times))
     rate = SIZE * SIZE * spp / 1e6
     return {
+        "spheres": len(balls),
         "spp": spp,
         "visray_s": a,
         "mitsuba_s": b,
@@ -118,15 +131,13 @@ def warm(spp: int) -> dict:
 
 def vary(made, seed: int):
     """The same set-up with another seed."""
-    from dataclasses import replace
-
     scene = made.scene
     return replace(made, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
 
 
 def from_start(out: Path) -> dict:
     """Seconds from process start to an EXR on disk at 16 samples, three cold and five warm, medians, by turns."""
-    (out / "scene.json").write_text(vr.dump(ours(16)))
+    (out / "scene.json").write_text(vr.dump(ours(ring(), 16)))
     commands = {
         "visray": [sys.executable, "-m", "visray", "render", str(out / "scene.json"), "-o", str(out / "a.exr"),
                    "--threads", str(THREADS), "--layers", "RGB,A", "--quiet"],
@@ -142,7 +153,9 @@ def from_start(out: Path) -> dict:
                     environment = os.environ | {"DRJIT_CACHE_DIR": cache}
                     if kind == "warm" and not times[name]["warm"]:
                         subprocess.run(command, check=True, env=environment)
-                    times[name][kind].append(seconds(lambda c=command, e=environment: subprocess.run(c, check=True, env=e)))
+                    times[name][kind].append(
+                        seconds(lambda c=command, e=environment: subprocess.run(c, check=True, env=e))
+                    )
     return {n: {k: statistics.median(v) for k, v in t.items()} for n, t in times.items()}
 
 
@@ -154,7 +167,12 @@ def machine() -> dict:
         name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
     llvm = ".".join(map(str, dr.detail.llvm_version()))
     versions = {"visray": vr.__version__, "drjit": dr.__version__, "mitsuba": mi.__version__, "llvm": llvm}
-    return {"date": date.today().isoformat(), "cpu": name, "threads": THREADS, "python": platform.python_version()} | versions
+    return {
+        "date": date.today().isoformat(),
+        "cpu": name,
+        "threads": THREADS,
+        "python": platform.python_version(),
+    } | versions
 
 
 def main() -> None:
@@ -165,10 +183,12 @@ def main() -> None:
     mi.set_variant("llvm_ad_rgb")
     dr.set_thread_count(THREADS)
     if chosen.mitsuba_picture:
-        mi.util.write_bitmap(str(chosen.mitsuba_picture), mi.render(theirs(), spp=16), write_async=False)
+        mi.util.write_bitmap(str(chosen.mitsuba_picture), mi.render(theirs(ring()), spp=16), write_async=False)
         return
     with tempfile.TemporaryDirectory() as folder:
-        report = machine() | {"size": SIZE, "warm": [warm(16), warm(64)], "from_start_s": from_start(Path(folder))}
+        report = machine() | {"size": SIZE, "warm": [warm(ring(), spp) for spp in (16, 64)]}
+        report |= {"growth": [warm(cloud(n), 16, 5) for n in (100, 1000, 10_000)]}
+        report |= {"from_start_s": from_start(Path(folder))}
     text = json.dumps(report, indent=2) + "\n"
     sys.stdout.write(text)
     if chosen.output:

@@ -161,7 +161,17 @@ def test_all_errors_of_a_file_at_once(tmp_path, capsys):
 def test_ctrl_c_keeps_the_partial_picture(tmp_path):
     """A long render is interrupted as a terminal does it; the file holds the passes that were done."""
     out = tmp_path / "partial.exr"
-    command = [sys.executable, "-m", "visray", "render", str(SCENES / "showcase.json"), "-o", str(out), "--spp", "100000"]
+    command = [
+        sys.executable,
+        "-m",
+        "visray",
+        "render",
+        str(SCENES / "showcase.json"),
+        "-o",
+        str(out),
+        "--spp",
+        "100000",
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     time.sleep(12)
     os.kill(process.pid, signal.SIGINT)

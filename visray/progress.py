@@ -1,6 +1,9 @@
-"""A progress bar with the time left, shown only for work that takes longer than two seconds."""
+"""Long work: a bar with the time left after two seconds, and Ctrl-C that waits for a good moment."""
 
+import signal
+import threading
 import time
+from types import FrameType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -36,3 +39,28 @@ class Bar:
             task = self.bar.add_task(self.title, total=self.total)
             self.bar.tasks[task].start_time -= time.monotonic() - self.begun
         self.bar.update(self.bar.task_ids[0], completed=done)
+
+
+class Patience:
+    """Takes Ctrl-C as a wish: `asked` becomes true, and the work stops where nothing is lost. A second one interrupts.
+
+    An interrupt in the middle of Dr.Jit's tracing would leave half a kernel behind.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.before: object = None
+
+    def __enter__(self) -> "Patience":
+        if threading.current_thread() is threading.main_thread():
+            self.before = signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.before is not None:
+            signal.signal(signal.SIGINT, self.before)
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True

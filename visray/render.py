@@ -15,15 +15,14 @@ from visray import integrator, llvm, tables
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.output.image import Image
-from visray.progress import Bar
+from visray.progress import Bar, Patience
 from visray.quantities import BACKENDS, Arrays
 from visray.sampling import Plan
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene, Settings
 from visray.version import __version__
 
-# Samples of a first pass over all pixels: a fraction of a second. Later passes are fitted to PASS_SECONDS.
-FIRST_PASS = 2**24
+# Passes after the first are fitted to this.
 PASS_SECONDS = 0.5
 DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id")
 LAYERS = ("RGB", "A", "variance", *DATA_LAYERS)
@@ -122,24 +121,25 @@ def expose(made: Set, progress: bool = False) -> tuple[films.Film, int]:
     """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
     settings, n = made.scene.settings, len(made.order)
     film, done = films.Film.blank(made.a, n), 0
-    passes = -(-settings.spp * n // FIRST_PASS)
+    passes = -(-settings.spp * n // first_pass(made))
     count = -(-settings.spp // passes)
-    with Bar("rendering", settings.spp, progress) as bar:
-        while done < settings.spp:
+    with Bar("rendering", settings.spp, progress) as bar, Patience() as patience:
+        while done < settings.spp and not (done and patience.asked):
             count = min(count, settings.spp - done)
             begun = time.perf_counter()
-            try:
-                film = exposed_once(made, film, settings, done, count)
-            except KeyboardInterrupt:
-                if not done:
-                    raise
-                break
+            film = exposed_once(made, film, settings, done, count)
             done += count
             bar.at(done)
             # The first pass compiles, so it says little about how fast the next will be.
             if done > count:
                 count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
     return film, done
+
+
+def first_pass(made: Set) -> int:
+    """Samples of a first pass over all pixels: a fraction of a second, by what a sample has to do."""
+    trees = any(g.tree is not None for g in made.stage.scenery.groups)
+    return 2**25 // (1 + len(made.scene.lights)) // (8 if trees else 1)
 
 
 def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:

@@ -19,6 +19,7 @@ from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
 from visray.trees import detached, rows
 
+
 @dataclass(frozen=True)
 class Guard:
     """What rejects most rays before an object is looked at. Shapes: one entry an object, or one a lane.

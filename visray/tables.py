@@ -20,7 +20,6 @@ from visray.scene.scene import Gradient, Scene
 from visray.transforms import compose
 from visray.trees import detached, rows
 
-
 # Up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree. Written out they
 # cost a few cycles each, but compiling them takes 10 to 30 ms each.
 WRITTEN_OUT = 32

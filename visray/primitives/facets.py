@@ -47,7 +47,7 @@ def revolved(frame: tuple, outer: np.ndarray | None, *strips: Strip) -> Twin:
 
 
 def _corners(s: Strip) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The corners of a strip's facets, three for each, with gradients and (u, v). Shapes: (3 F, 3), (3 F, 3), (3 F, 2)."""
+    """The corners of a strip's facets, three for each, with gradients and (u, v). Shapes: (N, 3), (N, 3), (N, 2)."""
     i = np.arange(FACETS)
     left, right, middle = i, i + 1, i + 0.5
     one = [(left, s.start, 0), (right, s.start, 0), (right if s.end[0] else middle, s.end, 1)]

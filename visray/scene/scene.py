@@ -39,7 +39,8 @@ class Settings:
     """How the picture is made: samples per pixel, seed, precision of shading, shadows or none."""
 
     __pydantic_config__ = STRICT
-    spp: Count = 16
+    # Up to here a stratum's row comes out right in single precision (sampling.in_pixel).
+    spp: Annotated[int, Field(strict=True, gt=0, le=2**22)] = 16
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"
     shadows: Annotated[bool, Field(strict=True)] = True

@@ -112,6 +112,7 @@ class _Comparison:
         a, b, allowed, same = self.a, self.b, self.slack, self.same
         size = np.broadcast_to(np.linalg.norm(self.rays.o, axis=1), a.t.shape) + np.where(a.hit, a.t, 0)
         dt, turn, duv = gaps(a.t, b.t), angle(a.n, b.n), np.abs(a.uv - b.uv).max(1)
+        share = dt / np.maximum(size, np.finfo(float).tiny)
         sided = np.append(self.theirs.extents.sided, False)[a.index]
         turn = np.where(sided, turn, np.minimum(turn, np.pi - turn))
         known = same & ~allowed.seam
@@ -121,9 +122,9 @@ class _Comparison:
             tied=int(self.tied.sum()), beyond=int(self.beyond.sum()),
             hit_mismatches=int((self.apart & ~both).sum()), object_mismatches=int(both.sum()),
             uv_unknown=int((same & allowed.seam).sum()),
-            dt=_most(dt / np.maximum(size, np.finfo(float).tiny), same), dt_bound=_most(dt / allowed.t, same),
-            angle=_most(turn, same), angle_bound=_most(turn / allowed.angle, same),
-            uv=_most(duv, known), uv_bound=_most(duv / allowed.uv, known),
+            dt=_most(share, same), dt_bound=_most(dt, same, allowed.t),
+            angle=_most(turn, same), angle_bound=_most(turn, same, allowed.angle),
+            uv=_most(duv, known), uv_bound=_most(duv, known, allowed.uv),
         )  # fmt: skip
 
     def examples(self, title: str) -> list[str]:
@@ -144,8 +145,10 @@ def _part(x: Any, lanes: np.ndarray) -> Any:
     return replace(x, **{name: v if len(v) == 1 else v[lanes] for name, v in values.items()})
 
 
-def _most(values: np.ndarray, mask: np.ndarray) -> float:
-    return float(values[mask].max(initial=0.0))
+def _most(values: np.ndarray, mask: np.ndarray, bound: np.ndarray | None = None) -> float:
+    """The largest of the values where the mask holds, or of their shares of a bound."""
+    chosen = values[mask]
+    return float((chosen if bound is None else chosen / bound[mask]).max(initial=0.0))
 
 
 def _shadows(seen: _Comparison) -> tuple[Shadows, np.ndarray]:

@@ -12,11 +12,11 @@ import numpy as np
 from visray.geometry import gamma
 from visray.study.answers import Answers, Ours, Rays
 
-# From the corners in a file to a crossing, a number of Mitsuba's passes through at most so many roundings: 1 in storing
-# the matrix, 4 in a corner (three products and sums, fused, and one more), 1 in the corner minus the origin, 2 in sums
-# and differences of corners, 3 in a cross product, 3 in a dot product with the direction, 2 in the ratio, and as many
-# again in the plane's equation, which moves the crossing sideways where the ray is not square to it: 2 + 3 + 3.
-ROUNDINGS = 24
+# From a file to the side on which a ray passes an edge, a number of Mitsuba's passes through so many roundings: 1 in
+# storing a matrix, 3 in a corner, 1 in the corner minus the origin, 2 in sums and differences of those, 2 in a cross
+# product, 3 in a dot product. Of a sphere's or a disk's numbers it is fewer. Each is of numbers no larger than the sum of
+# distances in Shift; what was measured is a tenth of the bound, as roundings partly cancel.
+ROUNDINGS = 12
 BOUND = gamma(ROUNDINGS, "single")
 # The ends of three axes at sqrt(3) hold the ball of radius 1 in their hull: no direction of error is missed.
 AXES = np.sqrt(3) * np.concatenate([np.eye(3), -np.eye(3)])
@@ -31,14 +31,15 @@ class Extents:
     """What of each object bounds the rounding of its twin. Shapes: one entry an object.
 
     far, growth: corners of the twin's facet under a point p are within far + growth |p| of the centre.
-    gap: the distance between twin and object; angle: between their normals, in radians; sided: whether the twin knows
-    outside from inside.
+    gap: the distance between twin and object; angle: between their normals, in radians; uv: between their (u, v);
+    sided: whether the twin knows outside from inside.
     """
 
     far: np.ndarray
     growth: np.ndarray
     gap: np.ndarray
     angle: np.ndarray
+    uv: np.ndarray
     sided: np.ndarray
 
     def shift(self, *indices: np.ndarray) -> "Shift":
@@ -80,8 +81,8 @@ class Shift:
 class Slack:
     """What rounding may change of an answer. Shapes: (N).
 
-    edge: another object, another face, or no certain place; seam: no certain (u, v). The others are bounds of the change
-    of t (world units), of the normal (radians) and of u and v.
+    edge: another object, another face, or no certain place; seam: no certain (u, v). The others are bounds of the
+    change of t (world units), of the normal (radians) and of u and v.
     """
 
     edge: np.ndarray
@@ -127,10 +128,10 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     hit = base.hit
     edge |= hit & ((dt > UNRESOLVED * base.t) | (turn > UNRESOLVED))
     seam = hit & ~edge & (duv > UNRESOLVED)
-    tilt = np.append(extents.angle, 0.0)[base.index]
+    tilt, smear = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.uv))
     # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
     size = np.linalg.norm(rays.o, axis=1) + np.where(hit, base.t, 0)
-    return Slack(edge, seam, dt + BOUND * size, turn + tilt + BOUND, duv + tilt + BOUND * (1 + np.abs(base.uv).max(1)))
+    return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv + smear + BOUND * (1 + np.abs(base.uv).max(1)))
 
 
 def tied(ours: Ours, rays: Rays, base: Answers, theirs: Answers, reach: np.ndarray) -> np.ndarray:

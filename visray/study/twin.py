@@ -39,7 +39,8 @@ def twins(scene: Scene) -> tuple[dict[str, Twin], dict[str, str]]:
 class Part:
     """One shape of a twin, from the centre: for Mitsuba, how (u, v) follow, and what bounds its rounding.
 
-    far and growth: see Extents; blunt: how many times farther the corners of a facet are than it is wide.
+    far and growth: see Extents; blunt: how many times farther the corners of a facet are than it is wide, so that as many
+    times their rounding turns it; smear: the same times the change of (u, v) on the facet, where it is one of many.
     """
 
     shape: dict
@@ -47,39 +48,44 @@ class Part:
     far: float
     growth: float = 0.0
     blunt: float = 1.0
+    smear: float = 0.0
 
 
 def parts(twin: Twin, centre: np.ndarray) -> list[Part]:
     """The shapes of a twin, moved so that `centre` is the origin."""
-    maps = twin.uv if isinstance(twin.uv, tuple) else [twin.uv] * len(twin.shapes)
-    return [_part(dict(shape), uv, centre) for shape, uv in zip(twin.shapes, maps)]
+    return [_part(dict(shape), twin.uv, centre) for shape in twin.shapes]
 
 
 def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
     if shape["type"] == "mesh":
         shape["vertices"] = shape["vertices"] - centre
-        return Part(shape, uv, *_of_facets(shape))
+        far, blunt = _of_facets(shape)
+        if "normals" not in shape:
+            return Part(shape, uv, far.max(), blunt=blunt.max())
+        # Given normals do not turn with a facet; but where on a narrow one a ray meets it is less certain than in the world.
+        return Part(shape, uv, far.max(), smear=(blunt * np.ptp(shape["uv"][shape["faces"]], 1).max(1)).max())
     whole = np.array(shape["to_world"], float)
     whole[:3, 3] -= centre
     if shape["type"] == "plane":
         return _plane(whole, uv)
     x, y, z, o = whole[:3].T
-    far = sum(np.linalg.norm(v) for v in ((x, y, z, o) if shape["type"] in ("sphere", "cylinder") else (x, y, o)))
+    far = sum(np.linalg.norm(v) for v in (x, y, z, o))
     shape["to_world"] = mi.ScalarTransform4f(whole.tolist())
     if shape["type"] != "rectangle":
         return Part(shape, uv, far)
     corners = np.array([o - x - y, o + x - y, o + x + y, o - x + y])
-    return Part(shape, uv, *_of_facets({"vertices": corners, "faces": np.array([[0, 1, 2], [0, 2, 3]])}))
+    far, blunt = _of_facets({"vertices": corners, "faces": np.array([[0, 1, 2], [0, 2, 3]])})
+    return Part(shape, uv, far.max(), blunt=blunt.max())
 
 
-def _of_facets(mesh: dict) -> tuple[float, float, float]:
-    """far, growth and blunt of triangles."""
+def _of_facets(mesh: dict) -> tuple[np.ndarray, np.ndarray]:
+    """How far the corners of each triangle are, and how many times that is its width."""
     corners = mesh["vertices"][mesh["faces"]]
     sides = np.roll(corners, -1, 1) - corners
     longest = np.linalg.norm(sides, axis=2).max(1)
     width = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / longest
     far = np.linalg.norm(corners, axis=2).max(1)
-    return float(far.max()), 0.0, float((far / width).max())
+    return far, far / width
 
 
 def _plane(whole: np.ndarray, uv: Callable) -> Part:
@@ -100,20 +106,20 @@ def _plane(whole: np.ndarray, uv: Callable) -> Part:
     inverse = np.linalg.inv(whole[:3, :3])[:2]
     base = inverse @ (foot - o)
     mesh = {"type": "mesh", "vertices": foot + away, "faces": faces, "uv": away @ inverse.T}
-    blunt = _of_facets(mesh)[2]
     spread = 2 * np.sqrt(2)
     far = np.linalg.norm(foot) + spread * first
-    return Part(mesh, lambda found: uv((found[0] + base[0], found[1] + base[1])), float(far), spread, blunt)
+    blunt = _of_facets(mesh)[1].max()
+    return Part(mesh, lambda found: uv((found[0] + base[0], found[1] + base[1])), far, spread, blunt)
 
 
 def extents(things: list[Primitive], made: list[tuple[Twin, list[Part]]]) -> Extents:
     """What bounds the rounding of each object's twin."""
-    radius = [float(t.numbers().sphere(t.outer_numbers())[1]) if twin.gap else 0.0 for t, (twin, _) in zip(things, made)]
     return Extents(
         far=np.array([max(p.far for p in found) for _, found in made]),
         growth=np.array([max(p.growth for p in found) for _, found in made]),
-        gap=np.array([twin.gap * r for r, (twin, _) in zip(radius, made)]),
+        gap=np.array([twin.gap for twin, _ in made]),
         angle=np.array([twin.tilt + BOUND * max(p.blunt for p in found) for twin, found in made]),
+        uv=np.array([BOUND * max(p.smear for p in found) for _, found in made]),
         sided=np.array([t.closed and not mirrors(compose(t.transform)) for t in things]),
     )
 
@@ -131,7 +137,7 @@ class Theirs:
         children = {"type": "scene", "embree_use_robust_intersections": True}
         for i, (name, found) in enumerate(zip(names, self.parts)):
             for j, part in enumerate(found):
-                # Names may hold what Mitsuba's may not, and it puts shapes into another order: numbers are kept instead.
+                # Mitsuba puts shapes into another order, and forbids some of our names: numbers are kept instead.
                 children[f"shape{i}_{j}"] = _shape(part.shape, f"shape{i}_{j}", bsdfs[scene.objects[name].material])
         level = mi.logger().log_level()
         # Its warnings of unequal scales are absolute, so that large shapes of equal scales cause them too.
@@ -162,7 +168,7 @@ class Theirs:
         number = np.array(number)
         # Mitsuba's t counts in lengths of d, which is not quite 1 in single precision.
         t = np.array(si.t, float) * np.linalg.norm(rays.d.astype(float), axis=1)
-        n = np.array(si.n, float).T
+        n = np.array(si.sh_frame.n, float).T
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
         return si, Answers(self.owner[number], t, n, self._uv(number, np.array(si.uv, float)))
 
@@ -190,11 +196,11 @@ class Theirs:
         return ~np.array(self.mitsuba.ray_test(ray)) | (length <= margin)
 
     def colours(self, rays: Rays, si: Any, answers: Answers, shift: Shift) -> np.ndarray:
-        """The light along rays from the camera, by visray's model and Mitsuba's hits, frames, tests and BSDF. (N, 3)."""
+        """The light along rays from the camera, by Mitsuba's hits, frames, tests and BSDFs. Shapes: (N, 3)."""
         scene, n = self.scene, len(answers.t)
-        material = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
-        glow = np.array(scene.ambient, float) + sum(light.intensity * np.array(light.Ia) for light in scene.lights.values())
-        colour = np.where(answers.hit[:, None], glow * material[answers.index], _sky(scene, rays))
+        ka = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
+        glow = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
+        colour = np.where(answers.hit[:, None], glow * ka[answers.index], _sky(scene, rays))
         p = np.array(si.p, float).T
         for light in scene.lights.values():
             way = np.array(light.position, float) - self.centre - p
@@ -211,7 +217,7 @@ class Theirs:
         return colour
 
     def _scattered(self, light: PointLight, si: Any, l: np.ndarray) -> np.ndarray:
-        """Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDFs and shading frames. Shapes: (N, 3)."""
+        """Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDFs and frames. Shapes: (N, 3)."""
         wo = si.to_local(mi.Vector3f(*l.T.astype(np.float32)))
         context, bsdf, total = mi.BSDFContext(), si.bsdf(), 0
         for component, colour in ((DIFFUSE, light.Id), (GLOSSY, light.Is)):

@@ -1,0 +1,40 @@
+"""`visray check` on every scene in scenes/, as one table.
+
+    python reference/check_scenes.py -o reference/check_scenes.json
+
+Exit code 1 if a scene is outside its tolerances.
+"""
+
+import argparse
+import json
+import sys
+from datetime import date
+from pathlib import Path
+
+import visray as vr
+from visray.study import crosscheck
+
+SCENES = Path(__file__).resolve().parent.parent / "scenes"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path)
+    chosen = parser.parse_args()
+    found = {}
+    for path in sorted(SCENES.glob("*.json")):
+        if path.name == "schema.json":
+            continue
+        report = crosscheck.check(vr.load(path))
+        found[path.stem] = report.as_json()
+        sys.stdout.write(f"{path.stem}: {'passed' if report.passed else 'FAILED'}\n")
+    text = json.dumps({"date": date.today().isoformat(), "visray": vr.__version__, "scenes": found}, indent=2) + "\n"
+    if chosen.output:
+        chosen.output.write_text(text)
+    else:
+        sys.stdout.write(text)
+    return 0 if all(r["passed"] for r in found.values()) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -15,7 +15,7 @@ scene = vr.Scene(
 target = vr.render(scene)["RGB"].reshape(-1, 3).T.astype(float)
 
 guess = vr.replaced(scene, "materials.paint.kd", (0.4, 0.4, 0.4))
-for step in range(60):
+for _ in range(60):
     loss = lambda rgb: dr.mean(dr.squared_norm(rgb - type(rgb)(target)))  # noqa: E731 - short is clear here
     slope = vr.gradient(guess, ["materials.paint.kd"], loss)["materials.paint.kd"]
     kd = np.clip(np.array(vr.value(guess, "materials.paint.kd")) - 2.0 * slope, 0, None)

@@ -1,11 +1,11 @@
-"""visray against Mitsuba's `direct` integrator, both in one process: a plane, eight spheres, a point light with shadows.
+"""visray against Mitsuba's `direct` integrator, in one process: a plane, eight spheres, a point light with shadows.
 
     python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
 
 Median of 7 warm renders each, alternating, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory.
 Then the same at 16 samples for 100, 1,000 and 10,000 random spheres in the same space, median of 5.
-Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one, against a
-Mitsuba script that does the same.
+Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one,
+against a Mitsuba script that does the same.
 """
 
 import argparse

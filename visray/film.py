@@ -10,8 +10,8 @@ import numpy as np
 from visray.errors import UserError
 from visray.quantities import Arrays
 
-# What a pixel takes at the peak: coordinates 8, two generations of the film 2 x 56, layers and their copies 2 x 96.
-BYTES_PER_PIXEL = 312
+# What a pixel takes at the peak, with all layers: measured 310 while rendering and 345 while an EXR file is written.
+BYTES_PER_PIXEL = 360
 
 
 @dataclass(frozen=True)

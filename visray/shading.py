@@ -99,7 +99,7 @@ def _surface(s: Scenery, kind: type, placed: Any, material: Material, ray: Ray, 
     # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
     # much as the local origin is known to: five more, of numbers no greater than |o| + t. Tested against exact
     # arithmetic.
-    error = gamma(8) * (dr.max(dr.abs(ray.o)) + t)
+    error = gamma(8) * (dr.abs(ray.o.x) + dr.abs(ray.o.y) + dr.abs(ray.o.z) + t)
     u, v = kind.uv(placed, p)
     return Surface(p, dr.normalize(s.a.V(g)), error), material, s.a.F(u), s.a.F(v)
 

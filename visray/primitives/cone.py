@@ -89,5 +89,7 @@ class Cone(Solid):
 
     def mitsuba(self) -> Twin | str:
         f = self.numbers().frame()
-        wall, base = Strip((1, -1), (0, 1), (1, 0.5), v=(0, 1)), Strip((1, -1), (0, -1), (0, -1))
-        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), wall, base)
+        # Narrower and narrower towards the apex, so that only its tip has facets with a normal of their own.
+        radii = [*(0.5**k for k in range(8)), 0.0]
+        wall = [Strip((r, 1 - 2 * r), (s, 1 - 2 * s), (1, 0.5), v=(1 - r, 1 - s)) for r, s in zip(radii, radii[1:])]
+        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), *wall, Strip((1, -1), (0, -1), (0, -1)))

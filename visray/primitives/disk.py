@@ -7,9 +7,8 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, tangents
-from visray.primitives.facets import Strip, revolved
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.primitive import Twin, homogeneous
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -40,10 +39,9 @@ class Disk(Flat):
         return x * x + y * y <= 1
 
     def mitsuba(self) -> Twin | str:
-        outer, f = compose(self.transform), self.numbers().frame()
-        if uniform_scale(outer) is None:
-            return revolved((f.x, f.y, f.z, f.o), outer, Strip((1, 0), (0, 0), (0, 1)))
-        shape = {"type": "disk", "to_world": homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), outer)}
+        f = self.numbers().frame()
+        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
+        shape = {"type": "disk", "to_world": homogeneous(x, y, self.radius * z, o, compose(self.transform))}
 
         def around(uv: tuple) -> tuple:
             """Mitsuba's u is the distance from the centre, its v the angle."""

@@ -37,8 +37,9 @@ class Seen:
 class Twin:
     """The same shape for Mitsuba: shapes as plain dicts, and how our (u, v) follow from its own.
 
-    A shape is one of Mitsuba's types with a 4 x 4 `to_world`; or a `mesh` of `vertices` and `faces` with, or without,
-    `normals` and `uv` at the vertices; or a `plane`: z = 0 of its `to_world`, without bound, where (u, v) are x and y.
+    A shape is a Mitsuba type with a 4 x 4 `to_world`, any affine map; or a `mesh` of `vertices` and `faces` with, or
+    without, `normals` and `uv` at the vertices; or a `plane`: z = 0 of its `to_world`, without bound, where (u, v) are x
+    and y.
     `uv` takes Mitsuba's (u, v). `gap` is the largest distance between the two surfaces in world units, `tilt` the largest
     angle between the normals in radians, where the twin is only an approximation.
     """

@@ -7,7 +7,7 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, Similarity
-from visray.primitives.primitive import Twin, homogeneous, uniform_scale
+from visray.primitives.primitive import Twin, homogeneous
 from visray.primitives.solid import Solid
 from visray.quantities import Length, Point
 from visray.transforms import compose
@@ -51,9 +51,6 @@ class Sphere(Solid):
         return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
 
     def mitsuba(self) -> Twin | str:
-        outer = compose(self.transform)
-        if uniform_scale(outer) is None:
-            return "Mitsuba's sphere takes no stretching or shearing transform"
         axes = self.radius * np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]], float).T
-        shape = {"type": "sphere", "to_world": homogeneous(*axes.T, self.center, outer)}
+        shape = {"type": "sphere", "to_world": homogeneous(*axes.T, self.center, compose(self.transform))}
         return Twin([shape], uv=lambda uv: (uv[0], 1 - uv[1]))

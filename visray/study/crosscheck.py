@@ -105,7 +105,7 @@ class _Comparison:
 
     def _beyond(self) -> np.ndarray:
         """Hits of planes farther away than half their twins, the largest of their squares, are long."""
-        unbounded = np.append(self.theirs.extents.growth > 0, False)[self.a.index]
+        unbounded = np.append(~self.theirs.extents.bounded, False)[self.a.index]
         return unbounded & (np.linalg.norm(self.rays.o, axis=1) + self.a.t > LARGEST_SQUARE / 2)
 
     def crossings(self) -> Crossings:

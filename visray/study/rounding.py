@@ -30,8 +30,9 @@ UNRESOLVED = 1 / 16
 class Extents:
     """What of each object bounds the rounding of its twin. Shapes: one entry an object.
 
-    far, growth: corners of the twin's facet under a point p are within far + growth |p| of the centre.
-    gap: the distance between twin and object; angle: between their normals, in radians; uv: between their (u, v);
+    far, growth: the twin's numbers under a point p are within far + growth |p|, such as the corners of the facet.
+    gap: the distance between twin and object; angle: between their normals, in radians; uv: how much (u, v) change over
+    a facet's width, in 1 / world units, where that is more than the object's own. bounded: whether it has bounds.
     sided: whether the twin knows outside from inside.
     """
 
@@ -40,14 +41,14 @@ class Extents:
     gap: np.ndarray
     angle: np.ndarray
     uv: np.ndarray
+    bounded: np.ndarray
     sided: np.ndarray
 
     def shift(self, *indices: np.ndarray) -> "Shift":
         """How far rays may be off that meet the objects of `indices`; -1 stands for any bounded object."""
 
         def most(values: np.ndarray) -> np.ndarray:
-            bounded = values[self.growth == 0].max(initial=0.0)
-            return np.max([np.append(values, bounded)[i] for i in indices], axis=0)
+            return np.max([np.append(values, values[self.bounded].max(initial=0.0))[i] for i in indices], axis=0)
 
         return Shift(most(self.far), most(self.growth), most(self.gap))
 
@@ -119,7 +120,8 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     """How much visray's answers change for rays moved by Mitsuba's rounding; `theirs` are the objects Mitsuba hits."""
     n = len(base.t)
     edge, dt, turn, duv = np.zeros(n, bool), np.zeros(n), np.zeros(n), np.zeros(n)
-    for o, d in moved(rays, extents.shift(base.index, theirs)):
+    shift = extents.shift(base.index, theirs)
+    for o, d in moved(rays, shift):
         other = ours.look(o, d).answers
         edge |= other.index != base.index
         dt = np.maximum(dt, gaps(other.t, base.t))
@@ -130,7 +132,9 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     seam = hit & ~edge & (duv > UNRESOLVED)
     tilt, smear = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.uv))
     # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
-    size = np.linalg.norm(rays.o, axis=1) + np.where(hit, base.t, 0)
+    t = np.where(hit, base.t, 0)
+    size = np.linalg.norm(rays.o, axis=1) + t
+    smear = smear * (shift.start(rays.o) + shift.slope() * t)
     return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv + smear + BOUND * (1 + np.abs(base.uv).max(1)))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from visray.lights import PointLight
 from visray.materials import Material
-from visray.primitives.primitive import Primitive, Twin, mirrors
+from visray.primitives.primitive import Primitive, Twin, mirrors, uniform_scale
 from visray.scene.scene import Gradient, Scene
 from visray.study.answers import Answers, Rays
 from visray.study.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
@@ -39,8 +39,8 @@ def twins(scene: Scene) -> tuple[dict[str, Twin], dict[str, str]]:
 class Part:
     """One shape of a twin, from the centre: for Mitsuba, how (u, v) follow, and what bounds its rounding.
 
-    far and growth: see Extents; blunt: how many times farther the corners of a facet are than it is wide, so that as many
-    times their rounding turns it; smear: the same times the change of (u, v) on the facet, where it is one of many.
+    far and growth: see Extents; blunt: how many times farther the corners of a facet are than it is wide, so that as
+    many times their rounding turns it; smear: the change of (u, v) on a facet over its width, where it is one of many.
     """
 
     shape: dict
@@ -62,8 +62,8 @@ def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
         far, blunt = _of_facets(shape)
         if "normals" not in shape:
             return Part(shape, uv, far.max(), blunt=blunt.max())
-        # Given normals do not turn with a facet; but where on a narrow one a ray meets it is less certain than in the world.
-        return Part(shape, uv, far.max(), smear=(blunt * np.ptp(shape["uv"][shape["faces"]], 1).max(1)).max())
+        # Given normals do not turn with a facet; but where on a narrow one a ray is, is less certain than in the world.
+        return Part(shape, uv, far.max(), smear=(blunt / far * np.ptp(shape["uv"][shape["faces"]], 1).max(1)).max())
     whole = np.array(shape["to_world"], float)
     whole[:3, 3] -= centre
     if shape["type"] == "plane":
@@ -72,7 +72,9 @@ def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
     far = sum(np.linalg.norm(v) for v in (x, y, z, o))
     shape["to_world"] = mi.ScalarTransform4f(whole.tolist())
     if shape["type"] != "rectangle":
-        return Part(shape, uv, far)
+        # Mitsuba takes rays to such a shape by the inverse matrix, with its condition.
+        worse = np.linalg.cond(whole[:3, :3])
+        return Part(shape, uv, worse * far, worse - 1, worse)
     corners = np.array([o - x - y, o + x - y, o + x + y, o - x + y])
     far, blunt = _of_facets({"vertices": corners, "faces": np.array([[0, 1, 2], [0, 2, 3]])})
     return Part(shape, uv, far.max(), blunt=blunt.max())
@@ -119,7 +121,8 @@ def extents(things: list[Primitive], made: list[tuple[Twin, list[Part]]]) -> Ext
         growth=np.array([max(p.growth for p in found) for _, found in made]),
         gap=np.array([twin.gap for twin, _ in made]),
         angle=np.array([twin.tilt + BOUND * max(p.blunt for p in found) for twin, found in made]),
-        uv=np.array([BOUND * max(p.smear for p in found) for _, found in made]),
+        uv=np.array([max(p.smear for p in found) for _, found in made]),
+        bounded=np.array([t.bounded for t in things]),
         sided=np.array([t.closed and not mirrors(compose(t.transform)) for t in things]),
     )
 
@@ -138,7 +141,7 @@ class Theirs:
         for i, (name, found) in enumerate(zip(names, self.parts)):
             for j, part in enumerate(found):
                 # Mitsuba puts shapes into another order, and forbids some of our names: numbers are kept instead.
-                children[f"shape{i}_{j}"] = _shape(part.shape, f"shape{i}_{j}", bsdfs[scene.objects[name].material])
+                children |= _shape(part.shape, f"{i}_{j}", bsdfs[scene.objects[name].material])
         level = mi.logger().log_level()
         # Its warnings of unequal scales are absolute, so that large shapes of equal scales cause them too.
         mi.set_log_level(mi.LogLevel.Error)
@@ -152,7 +155,7 @@ class Theirs:
         numbers = {s.id(): int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self.mitsuba.shapes()}
         owner, part = (np.full(1 + max(numbers.values(), default=0), -1) for _ in range(2))
         for key, number in numbers.items():
-            owner[number], part[number] = map(int, key.removeprefix("shape").split("_"))
+            owner[number], part[number] = map(int, key.split("_"))
         return owner, part
 
     def _sent(self, rays: Rays) -> Any:
@@ -163,7 +166,7 @@ class Theirs:
     def trace(self, rays: Rays) -> tuple[Any, Answers]:
         """What the rays hit: Mitsuba's own record, and the answers."""
         si = self.mitsuba.ray_intersect(self._sent(rays))
-        number = dr.reinterpret_array(mi.UInt32, si.shape)
+        number = dr.reinterpret_array(mi.UInt32, dr.select(si.instance != None, si.instance, si.shape))  # noqa: E711
         dr.eval(si, number)
         number = np.array(number)
         # Mitsuba's t counts in lengths of d, which is not quite 1 in single precision.
@@ -245,10 +248,19 @@ def _bsdf(m: Material) -> Any:
     return mi.load_dict({"type": "blinn_phong", "kd": list(m.kd), "ks": list(m.ks), "shininess": m.shininess})
 
 
-def _shape(shape: dict, name: str, bsdf: Any) -> Any:
-    """A shape for Mitsuba's load_dict: its own kinds as a dict, a mesh as an object."""
-    if shape["type"] != "mesh":
-        return shape | {"id": name, "bsdf": bsdf}
+def _shape(shape: dict, name: str, bsdf: Any) -> dict[str, Any]:
+    """A shape for Mitsuba's load_dict: its own kinds as they are, or as an instance of the unit one; a mesh as an object."""
+    if shape["type"] == "mesh":
+        return {name: _mesh(shape, name, bsdf)}
+    whole = np.array(shape["to_world"].matrix)
+    if shape["type"] == "rectangle" or uniform_scale(whole[:3]) is not None:
+        return {name: shape | {"id": name, "bsdf": bsdf}}
+    group = mi.load_dict({"type": "shapegroup", "one": {"type": shape["type"], "bsdf": bsdf}}, optimize=False)
+    return {f"group{name}": group, name: {"type": "instance", "id": name, "to_world": shape["to_world"], "of": group}}
+
+
+def _mesh(shape: dict, name: str, bsdf: Any) -> Any:
+    """Triangles as Mitsuba's Mesh."""
     props = mi.Properties()
     props["mesh_bsdf"] = bsdf
     props.set_id(name)

@@ -22,7 +22,7 @@ from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray
 from visray.scene.scene import Scene
-from visray.shading import Scenery, feel
+from visray.shading import feel, scenery
 from visray.transforms import Rotate, Scale, Translate, compose
 from visray.trees import rows
 
@@ -371,6 +371,12 @@ def instances(name: str, seed: int, count: int, moved: bool, decades: float = 4)
     return [stretched(rng, x) for x in things] if moved else things
 
 
+def shifted(thing: Any, by: np.ndarray) -> Any:
+    """The object with all points that it is made of moved."""
+    points = [k for k in ("center", "point", "a", "b", "c", "min", "max", "base") if hasattr(thing, k)]
+    return replace(thing, **{k: tuple((np.array(getattr(thing, k)) + by).tolist()) for k in points})
+
+
 def outer(thing: Any) -> tuple[np.ndarray, np.ndarray]:
     """Linear part and offset of an object's transform."""
     whole = compose(thing.transform)
@@ -396,7 +402,7 @@ class Lineup:
         self.kind = self.kin[0].kind
         ready = tables.prepare(tables.pack(scene, self.a), self.kin, (1, 1), self.a)
         self.group, self.groups = ready.groups[0], ready.groups
-        self.scenery = Scenery(self.a, features(scene), self.kin, ready.groups, ready.ambient, (), ())
+        self.scenery = scenery(ready, self.kin, features(scene), self.a, plain=False)
         self.index = self.a.U(np.repeat(np.arange(len(things), dtype=np.uint32), per))
 
     def ray(self, o: np.ndarray, d: np.ndarray, **more: Any) -> Ray:

@@ -6,7 +6,6 @@ import drjit as dr
 import flint
 import numpy as np
 import pytest
-from drjit.scalar import Array3f64
 from samples import (
     NAMES,
     ROUNDINGS,
@@ -24,6 +23,7 @@ from samples import (
     outer,
     real,
     rounding,
+    shifted,
     truth,
     unit,
 )
@@ -64,8 +64,10 @@ class Run:
         t = self.line.first(ray)
         s, u, v = self.line.surface(ray, t)
         self.t, self.u, self.v, self.error = (np.array(x).reshape(count, per) for x in (t, u, v, s.error))
-        self.p, self.n = (array(x).reshape(count, per, 3) for x in (s.p, s.n))
         self.hit = np.isfinite(self.t)
+        # Where a ray misses, its own origin and any direction, so that what follows stays finite.
+        p, n = (array(x).reshape(count, per, 3) for x in (s.p, s.n))
+        self.p, self.n = np.where(self.hit[..., None], p, self.o), np.where(self.hit[..., None], n, (0, 0, 1))
 
     def truths(self):
         """(index, object, truth) of every object."""
@@ -119,6 +121,8 @@ def test_normal_is_that_of_the_twin(name: str, moved: bool) -> None:
             continue
         k, _ = distortion(thing)
         _, n, bend, crease = gap(thing, r.p[i][hit])
+        # The corners of a triangle are rounded one by one, which tilts it.
+        bend = np.minimum(bend, _least(thing)) if name == "Triangle" else bend
         bound = local_rounding(thing, r.o[i][hit], r.d[i][hit], r.t[i][hit])
         away = crease > 2 * bound
         sine = norm(np.cross(n, r.n[i][hit]))
@@ -141,6 +145,31 @@ def test_error_of_a_surface_point_bounds_its_distance_from_the_surface(name: str
         assert (distance <= r.error[i][hit] * (distortion(thing)[0] if moved else 1)).all()
         along = norm(real(r.p[i][hit]) - (real(r.o[i][hit]) + r.t[i][hit, None] * real(r.d[i][hit])))
         assert (along <= np.sqrt(3) * gamma(2) * (np.abs(r.o[i][hit]).max(1) + r.t[i][hit])).all()
+
+
+@EACH
+def test_error_bound_holds_on_objects_much_greater_than_the_view(name: str) -> None:
+    """A ball as the ground: rays of 1e-6 to 1 of its size about the origin of the world, its centre far below."""
+    far, rng, things = run(name, False), np.random.default_rng(3), []
+    for thing, p, hit in zip(far.things, far.p, far.hit):
+        things += [shifted(thing, -p[hit][0])] if hit.any() else []
+    reach = np.array([SAMPLES[name].hull(x)[1] for x in things])[:, None, None]
+    o = reach * 10 ** rng.uniform(-6, 0, (len(things), 32, 1)) * rng.normal(size=(len(things), 32, 3))
+    d = rng.normal(size=o.shape)
+    d /= np.linalg.norm(d, axis=2, keepdims=True)
+    line = Lineup(things, 32)
+    ray = line.ray(o, d)
+    t = line.first(ray)
+    s = line.surface(ray, t)[0]
+    hit = np.isfinite(np.array(t)).reshape(len(things), 32)
+    p, error = array(s.p).reshape(o.shape), np.array(s.error).reshape(hit.shape)
+    assert hit.sum() > hit.size / 4
+    for i, thing in enumerate(things):
+        assert (np.abs(gap(thing, p[i][hit[i]])[0]) <= error[i][hit[i]]).all()
+        # And it is no careless bound: 24 roundings of the greatest coordinate that matters.
+        middle, size = SAMPLES[name].hull(thing)
+        most = np.abs(middle).sum() + size + np.abs(o[i]).sum(1) + np.array(t).reshape(hit.shape)[i]
+        assert (error[i][hit[i]] <= gamma(24) * most[hit[i]]).all()
 
 
 @BOTH
@@ -180,7 +209,10 @@ def test_solid_is_entered_before_it_is_left_and_the_middle_is_inside(name: str, 
         # Both ends are on the surface, whichever of them is in front of the origin.
         for t in (t0[i][hit], t1[i][hit]):
             end = real(r.o[i][hit]) + t[:, None] * real(r.d[i][hit])
-            bound = gamma(8) * (np.abs(r.o[i][hit]).max(1) + np.abs(t)) * distortion(thing)[0]
+            middle, reach = SAMPLES[name].hull(thing)
+            m, offset = outer(thing)
+            span = np.linalg.norm(m, 2) * (np.abs(middle).sum() + reach) + np.abs(offset).sum()
+            bound = gamma(8) * (np.abs(r.o[i][hit]).sum(1) + np.abs(t) + span) * distortion(thing)[0]
             assert (np.abs(gap(thing, end)[0]) <= bound).all()
 
 
@@ -471,9 +503,10 @@ CORNERS = (
 
 @pytest.mark.parametrize(("thing", "p", "uv"), CORNERS)
 def test_uv_by_hand(thing, p: tuple, uv: tuple) -> None:
-    found = type(thing).uv(thing.numbers().placed(None), Array3f64(*map(float, p)))
+    line = Lineup([thing], 1)
+    found = line.kind.uv(line.group.placed, line.a.W(*map(float, p)))
     # Frame, local point and angle: 20 roundings of numbers of order one.
-    assert np.allclose([float(x) for x in found], uv, rtol=0, atol=4 * gamma(20))
+    assert np.allclose([x[0] for x in found], uv, rtol=0, atol=4 * gamma(20))
 
 
 # Degenerate rays
@@ -515,13 +548,13 @@ def test_degenerate_rays_give_no_nan_and_agree_where_the_answer_is_sure(name: st
     t = line.first(ray)
     s, u, v = line.surface(ray, t)
     hit = np.isfinite(np.array(t))
-    for x in (array(s.p), array(s.n), np.array(s.error), np.array(u), np.array(v)):
-        assert np.isfinite(x[hit]).all()
+    for x in (s.p.x, s.p.y, s.p.z, s.n.x, s.n.y, s.n.z, s.error, u, v):
+        assert np.isfinite(np.broadcast_to(np.array(x), hit.shape)[hit]).all()
     assert (np.abs(gap(thing, array(s.p)[hit])[0]) <= np.array(s.error)[hit]).all()
     exact = truth(thing, o, d)
     assert np.array_equal(hit[exact.sure], exact.what[exact.sure] > 0)
     met = exact.sure & hit
-    assert met.sum() > len(o) / 50
+    assert met.sum() > len(o) / 200
     slack = gamma(2) * np.array(t)[met]
     assert (np.array(t)[met] >= exact.low[met] - slack).all() and (np.array(t)[met] <= exact.high[met] + slack).all()
 

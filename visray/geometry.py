@@ -31,8 +31,11 @@ def tangents(n: Any) -> tuple[Any, Any]:
 
     Shapes: n (3, N), unit. Domain: every unit n.
     """
-    level = (n.x == 0) & (n.z == 0)
-    s = dr.normalize(triple(n, dr.select(level, 1, n.z), 0, dr.select(level, 0, -n.x)))
+    # Scaled first: the squares of a slope as small as 1e-200 would be zero.
+    slope = dr.detach(dr.maximum(dr.abs(n.x), dr.abs(n.z)))
+    level = slope == 0
+    scale = dr.select(level, 1, slope)
+    s = dr.normalize(triple(n, dr.select(level, 1, n.z / scale), 0, dr.select(level, 0, -n.x / scale)))
     return s, dr.cross(n, s)
 
 

@@ -27,13 +27,15 @@ from visray.trees import leaves, rebuilt, rows
 class Scenery:
     """What the effects need of a scene: families and groups of its objects, its lights, the watch kept from each.
 
-    `plain` searches without the tests that reject most objects: the slow twin.
+    spans: for each group, the greatest coordinates of its objects, which their rounding is relative to. `plain`
+    searches without the tests that reject most objects: the slow twin.
     """
 
     a: Arrays
     features: Features
     kin: tuple[Kinship, ...]
     groups: tuple[Group, ...]
+    spans: tuple[Any, ...]
     ambient: Any
     lights: tuple[PointLight, ...]
     watches: tuple[Watch, ...]
@@ -45,7 +47,21 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Array
     count = 0 if ready.lights is None else dr.width(ready.lights.intensity)
     lights = tuple(rows(ready.lights, a.U(i)) for i in range(count))
     watches = tuple(Watch(a, kin, ready.groups, l.position) for l in lights) if features["shadows"] else ()
-    return Scenery(a, features, kin, ready.groups, ready.ambient, lights, watches, plain)
+    spans = tuple(map(_span, ready.groups))
+    dr.eval(spans)
+    return Scenery(a, features, kin, ready.groups, spans, ready.ambient, lights, watches, plain)
+
+
+def _span(group: Group) -> Any:
+    """No coordinate that an object is made of is greater, up to a factor that the rounding bound allows for."""
+    if group.radius is None:
+        return dr.detach(_size(group.placed.o))
+    return _size(group.centre) + group.radius
+
+
+def _size(v: Any) -> Any:
+    """A bound of |v|."""
+    return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
 
 
 def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
@@ -62,12 +78,13 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
     material = Material(ka=black, kd=black, ks=black, shininess=none)
     state = (surface, material, none, none)
     base = 0
-    for k, group in zip(s.kin, s.groups):
+    for k, group, span in zip(s.kin, s.groups, s.spans):
         size, local = len(k.names), hit.index - base
+        table = (group.placed, group.material, span)
 
-        def touch(*_: Any, k: Kinship = k, group: Group = group, size: int = size, local: Any = local) -> tuple:
-            placed, material = _row_of(a, group, size, local)
-            return leaves(_surface(s, k.kind, placed, material, ray, t))
+        def touch(*_: Any, k: Kinship = k, table: tuple = table, size: int = size, local: Any = local) -> tuple:
+            placed, material, span = _row_of(a, table, size, local)
+            return leaves(_surface(s, k.kind, placed, material, span, ray, t))
 
         if len(s.kin) == 1:
             state = rebuilt(state, touch())
@@ -78,9 +95,8 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
     return state
 
 
-def _row_of(a: Arrays, group: Group, size: int, index: Any) -> tuple[Any, Material]:
-    """An object's placement and material for each lane: by branches, as a packet of lanes needs few of few objects."""
-    table = (group.placed, group.material)
+def _row_of(a: Arrays, table: tuple, size: int, index: Any) -> tuple:
+    """An object's row of a table for each lane: by branches, as a packet of lanes needs few of few objects."""
     if size > tables.WRITTEN_OUT:
         return rows(table, index, index < size)
     kept = leaves(rows(table, a.U(0)))
@@ -89,7 +105,7 @@ def _row_of(a: Arrays, group: Group, size: int, index: Any) -> tuple[Any, Materi
     return rebuilt(table, kept)
 
 
-def _surface(s: Scenery, kind: type, placed: Any, material: Material, ray: Ray, t: Any) -> tuple:
+def _surface(s: Scenery, kind: type, placed: Any, material: Material, span: Any, ray: Ray, t: Any) -> tuple:
     p = ray.o + t * ray.d
     f, g = kind.level(placed, p)
     if dr.grad_enabled((f, p)):
@@ -97,9 +113,9 @@ def _surface(s: Scenery, kind: type, placed: Any, material: Material, ray: Ray, 
         p = ray.o + t * ray.d
         g = kind.level(placed, p)[1]
     # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
-    # much as the local origin is known to: five more, of numbers no greater than |o| + t. Tested against exact
-    # arithmetic.
-    error = gamma(8) * (dr.abs(ray.o.x) + dr.abs(ray.o.y) + dr.abs(ray.o.z) + t)
+    # much as the local origin is known to: five more, of numbers no greater than |o| + t and the object's coordinates.
+    # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
+    error = gamma(8) * (_size(ray.o) + t + span)
     u, v = kind.uv(placed, p)
     return Surface(p, dr.normalize(s.a.V(g)), error), material, s.a.F(u), s.a.F(v)
 
@@ -165,7 +181,7 @@ def beam(s: Scenery, number: int, hit: Hit, surface: Surface, n: Any, within: An
     if s.features["shadows"]:
         # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
         # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
-        error = surface.error + gamma(8) * (dr.max(dr.abs(light.position)) + distance)
+        error = surface.error + gamma(8) * (_size(light.position) + distance)
         length = distance - a.D(a.F(error) / cosine)
         shaft = Ray(light.position, d, error=error)
         reached &= ~blocked(s.watches[number], shaft, length, hit.index, within, reached, s.plain)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-import numpy as np
 
 from visray.geometry import Frame
 from visray.primitives.primitive import Twin, boxed_reach, homogeneous
@@ -73,17 +72,13 @@ class Box(Solid):
         return 0.5 + 0.5 * u, 0.5 + 0.5 * v
 
     def mitsuba(self) -> Twin | str:
-        h, c = (np.array(self.max, float) - self.min) / 2, (np.array(self.max, float) + self.min) / 2
+        f = self.numbers().frame()
         shapes = []
         for n, u, v in _FACES:
-            columns = (np.array(e, float) * h for e in (u, v))
-            shapes.append(
-                {
-                    "type": "rectangle",
-                    "to_world": homogeneous(*columns, n, c + np.array(n) * h, compose(self.transform)),
-                }
-            )
-        return Twin(shapes, uv=lambda uv: uv)
+            face = Frame(*(f.x * e[0] + f.y * e[1] + f.z * e[2] for e in (u, v, n)), f.o)
+            face = Frame(face.x, face.y, face.z, f.o + face.z)
+            shapes.append({"type": "rectangle", "to_world": homogeneous(face, compose(self.transform))})
+        return Twin(shapes)
 
 
 # Each face of the box: its normal, and the directions of u and v on it.

@@ -7,8 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame
 from visray.primitives.cylinder import around, axial_frame, slab
-from visray.primitives.facets import Strip, revolved
-from visray.primitives.primitive import Twin
+from visray.primitives.primitive import Twin, homogeneous
 from visray.primitives.solid import Solid
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -88,8 +87,4 @@ class Cone(Solid):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
 
     def mitsuba(self) -> Twin | str:
-        f = self.numbers().frame()
-        # Narrower and narrower towards the apex, so that only its tip has facets with a normal of their own.
-        radii = [*(0.5**k for k in range(8)), 0.0]
-        wall = [Strip((r, 1 - 2 * r), (s, 1 - 2 * s), (1, 0.5), v=(1 - r, 1 - s)) for r, s in zip(radii, radii[1:])]
-        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), *wall, Strip((1, -1), (0, -1), (0, -1)))
+        return Twin([{"type": "cone", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])

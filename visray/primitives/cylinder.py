@@ -6,8 +6,7 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame, tangents
-from visray.primitives.facets import Strip, revolved
-from visray.primitives.primitive import Twin
+from visray.primitives.primitive import Twin, homogeneous
 from visray.primitives.solid import Solid
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -96,6 +95,4 @@ class Cylinder(Solid):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
 
     def mitsuba(self) -> Twin | str:
-        f = self.numbers().frame()
-        caps = [Strip((1, z), (0, z), (0, z)) for z in (1, -1)]
-        return revolved((f.x, f.y, f.z, f.o), compose(self.transform), Strip((1, -1), (1, 1), (1, 0), v=(0, 1)), *caps)
+        return Twin([{"type": "cylinder", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])

@@ -40,11 +40,11 @@ class Disk(Flat):
 
     def mitsuba(self) -> Twin | str:
         f = self.numbers().frame()
-        x, y, z, o = (np.array(v, float) for v in (f.x, f.y, f.z, f.o))
-        shape = {"type": "disk", "to_world": homogeneous(x, y, self.radius * z, o, compose(self.transform))}
+        # As long as the others, so that the map is one that Mitsuba's disk takes.
+        whole = homogeneous(Frame(f.x, f.y, self.radius * f.z, f.o), compose(self.transform))
 
         def around(uv: tuple) -> tuple:
             """Mitsuba's u is the distance from the centre, its v the angle."""
             return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
 
-        return Twin([shape], uv=around)
+        return Twin([{"type": "disk", "to_world": whole}], uv=around)

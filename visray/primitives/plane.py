@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import drjit as dr
-import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
@@ -40,6 +39,4 @@ class Plane(Flat):
         return local.x, local.y
 
     def mitsuba(self) -> Twin | str:
-        f = self.numbers().frame()
-        frame = homogeneous(*(np.array(v, float) for v in (f.x, f.y, f.z, f.o)), compose(self.transform))
-        return Twin([{"type": "plane", "to_world": frame}], uv=lambda uv: uv)
+        return Twin([{"type": "plane", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])

@@ -11,6 +11,7 @@ How a ray meets an object, in three steps that share their work:
 All of it is double. The distance t along the world ray is kept by affine maps, so local directions are not normalised.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -35,19 +36,15 @@ class Seen:
 
 @dataclass(frozen=True)
 class Twin:
-    """The same shape for Mitsuba: shapes as plain dicts, and how our (u, v) follow from its own.
+    """The same object for Mitsuba: shapes as plain dicts, and how our (u, v) follow from Mitsuba's.
 
-    A shape is a Mitsuba type with a 4 x 4 `to_world`, any affine map; or a `mesh` of `vertices` and `faces` with, or
-    without, `normals` and `uv` at the vertices; or a `plane`: z = 0 of its `to_world`, without bound, where (u, v) are x
-    and y.
-    `uv` takes Mitsuba's (u, v). `gap` is the largest distance between the two surfaces in world units, `tilt` the largest
-    angle between the normals in radians, where the twin is only an approximation.
+    A shape is a canonical one with an affine map `to_world` (4 x 4): a `rectangle` or `disk` in z = 0, or a `sphere`, of
+    half side or radius 1, with Mitsuba's (u, v); a closed `cylinder` or `cone` as visray's canonical ones, or a `plane`,
+    z = 0 without bound, with visray's (u, v). Or it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
     """
 
     shapes: list[dict]
-    uv: Any
-    gap: float = 0.0
-    tilt: float = 0.0
+    uv: Callable = staticmethod(lambda uv: uv)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,26 +139,7 @@ def boxed_reach(whole: Frame) -> Any:
     return dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), dr.maximum(far[2], far[3])))
 
 
-def uniform_scale(matrix: np.ndarray | None) -> float | None:
-    """The factor of a transform that keeps shapes (turns, moves, uniform scales), or None for any other."""
-    if matrix is None:
-        return 1.0
-    square = matrix[:, :3].T @ matrix[:, :3]
-    s2 = np.trace(square) / 3
-    # Twelve roundings in the product and the trace; a tenfold share for those of the composed steps.
-    return (
-        float(np.sqrt(s2)) if np.allclose(square, s2 * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * s2) else None
-    )
-
-
-def mirrors(matrix: np.ndarray | None) -> bool:
-    """Whether a transform turns a right hand into a left one."""
-    return matrix is not None and bool(np.linalg.det(matrix[:, :3]) < 0)
-
-
-def homogeneous(x: Any, y: Any, z: Any, o: Any, outer: np.ndarray | None) -> list[list[float]]:
-    """Columns and origin as a 4 x 4 matrix, after a transform: what Mitsuba's `to_world` takes."""
-    whole = np.vstack([np.c_[x, y, z, o], [0, 0, 0, 1]]).astype(float)
-    if outer is not None:
-        whole = np.vstack([outer, [0, 0, 0, 1]]) @ whole
-    return whole.tolist()
+def homogeneous(frame: Frame, outer: np.ndarray | None) -> np.ndarray:
+    """A frame of scalar values as a 4 x 4 matrix, after a transform: what Mitsuba's `to_world` takes."""
+    whole = np.vstack([np.stack([np.array(v, float) for v in (frame.x, frame.y, frame.z, frame.o)], 1), [0, 0, 0, 1]])
+    return whole if outer is None else np.vstack([outer, [0, 0, 0, 1]]) @ whole

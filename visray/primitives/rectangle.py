@@ -43,7 +43,4 @@ class Rectangle(Flat):
         return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
 
     def mitsuba(self) -> Twin | str:
-        w, h = np.array(self.width, float) / 2, np.array(self.height, float) / 2
-        n = np.cross(w, h) / np.linalg.norm(np.cross(w, h))
-        shape = {"type": "rectangle", "to_world": homogeneous(w, h, n, self.center, compose(self.transform))}
-        return Twin([shape], uv=lambda uv: uv)
+        return Twin([{"type": "rectangle", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-import numpy as np
+from drjit.scalar import Array3f64
 
 from visray.geometry import Frame, Similarity
 from visray.primitives.primitive import Twin, homogeneous
@@ -51,6 +51,8 @@ class Sphere(Solid):
         return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
 
     def mitsuba(self) -> Twin | str:
-        axes = self.radius * np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]], float).T
-        shape = {"type": "sphere", "to_world": homogeneous(*axes.T, self.center, compose(self.transform))}
-        return Twin([shape], uv=lambda uv: (uv[0], 1 - uv[1]))
+        w, r = Array3f64, self.radius
+        # Mitsuba's poles are on its z axis, its u begins at its x axis, and its v at the north pole.
+        frame = Frame(w(-r, 0, 0), w(0, 0, r), w(0, r, 0), w(*self.center))
+        whole = homogeneous(frame, compose(self.transform))
+        return Twin([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))

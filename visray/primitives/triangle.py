@@ -10,7 +10,6 @@ from visray.geometry import Frame
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import Twin
 from visray.quantities import Point
-from visray.transforms import compose
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,6 @@ class Triangle(Flat):
         return local.x, local.y
 
     def mitsuba(self) -> Twin | str:
-        corners, outer = np.array([self.a, self.b, self.c], float), compose(self.transform)
-        if outer is not None:
-            corners = corners @ outer[:, :3].T + outer[:, 3]
-        return Twin([{"type": "mesh", "vertices": corners, "faces": np.array([[0, 1, 2]])}], uv=lambda uv: uv)
+        corners = self.numbers().placed(self.outer_numbers())
+        corners = np.array([corners.a, corners.b, corners.c], float)
+        return Twin([{"type": "mesh", "vertices": corners, "faces": np.array([[0, 1, 2]])}])

@@ -31,16 +31,17 @@ class Extents:
     """What of each object bounds the rounding of its twin. Shapes: one entry an object.
 
     far, growth: the twin's numbers under a point p are within far + growth |p|, such as the corners of the facet.
-    gap: the distance between twin and object; angle: between their normals, in radians; uv: how much (u, v) change over
-    a facet's width, in 1 / world units, where that is more than the object's own. bounded: whether it has bounds.
-    sided: whether the twin knows outside from inside.
+    gap: the distance between twin and object; angle: between their normals, in radians; slip: between their (u, v).
+    smear: how much (u, v) change over a facet's width, in 1 / world units, where that is more than the object's own.
+    bounded: whether it has bounds. sided: whether the twin knows outside from inside.
     """
 
     far: np.ndarray
     growth: np.ndarray
     gap: np.ndarray
     angle: np.ndarray
-    uv: np.ndarray
+    smear: np.ndarray
+    slip: np.ndarray
     bounded: np.ndarray
     sided: np.ndarray
 
@@ -130,12 +131,12 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     hit = base.hit
     edge |= hit & ((dt > UNRESOLVED * base.t) | (turn > UNRESOLVED))
     seam = hit & ~edge & (duv > UNRESOLVED)
-    tilt, smear = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.uv))
+    tilt, smear, slip = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.smear, extents.slip))
     # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
     t = np.where(hit, base.t, 0)
     size = np.linalg.norm(rays.o, axis=1) + t
-    smear = smear * (shift.start(rays.o) + shift.slope() * t)
-    return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv + smear + BOUND * (1 + np.abs(base.uv).max(1)))
+    duv += slip + smear * (shift.start(rays.o) + shift.slope() * t) + BOUND * (1 + np.abs(base.uv).max(1))
+    return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv)
 
 
 def tied(ours: Ours, rays: Rays, base: Answers, theirs: Answers, reach: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ The twin stands around the camera, in coordinates from there: the shift is done 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -13,10 +13,11 @@ import numpy as np
 
 from visray.lights import PointLight
 from visray.materials import Material
-from visray.primitives.primitive import Primitive, Twin, mirrors, uniform_scale
+from visray.primitives.primitive import Primitive, Twin
 from visray.scene.scene import Gradient, Scene
 from visray.study.answers import Answers, Rays
 from visray.study.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
+from visray.study.facets import facets
 from visray.study.rounding import BOUND, Extents, Shift
 from visray.transforms import compose
 
@@ -37,10 +38,10 @@ def twins(scene: Scene) -> tuple[dict[str, Twin], dict[str, str]]:
 
 @dataclass(frozen=True)
 class Part:
-    """One shape of a twin, from the centre: for Mitsuba, how (u, v) follow, and what bounds its rounding.
+    """One shape of a twin, its numbers from the centre, and what bounds its rounding: see Extents.
 
-    far and growth: see Extents; blunt: how many times farther the corners of a facet are than it is wide, so that as
-    many times their rounding turns it; smear: the change of (u, v) on a facet over its width, where it is one of many.
+    blunt: how many times farther the corners of a facet are than it is wide, so that as many times their rounding turns
+    it; smear: the change of (u, v) on a facet over its width, where it is one of many.
     """
 
     shape: dict
@@ -49,6 +50,8 @@ class Part:
     growth: float = 0.0
     blunt: float = 1.0
     smear: float = 0.0
+    gap: float = 0.0
+    slip: float = 0.0
 
 
 def parts(twin: Twin, centre: np.ndarray) -> list[Part]:
@@ -59,33 +62,54 @@ def parts(twin: Twin, centre: np.ndarray) -> list[Part]:
 def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
     if shape["type"] == "mesh":
         shape["vertices"] = shape["vertices"] - centre
-        far, blunt = _of_facets(shape)
-        if "normals" not in shape:
-            return Part(shape, uv, far.max(), blunt=blunt.max())
-        # Given normals do not turn with a facet; but where on a narrow one a ray is, is less certain than in the world.
-        return Part(shape, uv, far.max(), smear=(blunt / far * np.ptp(shape["uv"][shape["faces"]], 1).max(1)).max())
-    whole = np.array(shape["to_world"], float)
+        far, blunt = _of_facets(shape["vertices"], shape["faces"])
+        return Part(shape, uv, far.max(), blunt=blunt.max())
+    whole = shape["to_world"] = shape["to_world"].copy()
     whole[:3, 3] -= centre
     if shape["type"] == "plane":
         return _plane(whole, uv)
-    x, y, z, o = whole[:3].T
-    far = sum(np.linalg.norm(v) for v in (x, y, z, o))
-    shape["to_world"] = mi.ScalarTransform4f(whole.tolist())
-    if shape["type"] != "rectangle":
-        # Mitsuba takes rays to such a shape by the inverse matrix, with its condition.
-        worse = np.linalg.cond(whole[:3, :3])
-        return Part(shape, uv, worse * far, worse - 1, worse)
-    corners = np.array([o - x - y, o + x - y, o + x + y, o - x + y])
-    far, blunt = _of_facets({"vertices": corners, "faces": np.array([[0, 1, 2], [0, 2, 3]])})
-    return Part(shape, uv, far.max(), blunt=blunt.max())
+    if shape["type"] == "rectangle":
+        x, y, _, o = whole[:3].T
+        far, blunt = _of_facets(np.array([o - x - y, o + x - y, o + x + y, o - x + y]), np.array([[0, 1, 2], [0, 2, 3]]))
+        return Part(shape, uv, far.max(), blunt=blunt.max())
+    return _round(shape, uv, whole)
 
 
-def _of_facets(mesh: dict) -> tuple[np.ndarray, np.ndarray]:
+def _round(shape: dict, uv: Callable, whole: np.ndarray) -> Part:
+    """A sphere, disk, cylinder or cone: one of Mitsuba's own where that will do, or an instance of it, or of facets."""
+    linear, far = whole[:3, :3], np.linalg.norm(whole[:3], axis=0).sum()
+    own = shape["type"] in ("sphere", "disk")
+    if own and uniform(linear):
+        return Part(shape, uv, far)
+    # An instance takes rays to its own coordinates. Source: the componentwise condition, Higham 2002, section 7.2.
+    worse = np.linalg.norm(np.abs(linear) @ np.abs(np.linalg.inv(linear)), 2)
+    part = Part(shape | {"instanced": True}, uv, worse * far, worse - 1, worse)
+    if shape["type"] == "disk":
+        return part
+    f = facets(shape["type"])
+    bare = _of_facets(f.vertices, f.faces)
+    smear = (np.ptp(f.uv[f.faces], 1).max(1) * bare[1] / bare[0]).max() / np.linalg.norm(linear, -2)
+    return replace(part, smear=smear, gap=f.gap * np.linalg.norm(linear, 2), slip=f.slip)
+
+
+def uniform(linear: np.ndarray) -> bool:
+    """Whether a linear map keeps shapes: a turn, a mirror, a scale."""
+    square = linear.T @ linear
+    scale = np.trace(square) / 3
+    # Twelve roundings in the product and the trace; a tenfold share for those of the composed steps.
+    return bool(np.allclose(square, scale * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * scale))
+
+
+def mirrors(matrix: np.ndarray | None) -> bool:
+    """Whether a transform turns a right hand into a left one."""
+    return matrix is not None and bool(np.linalg.det(matrix[:, :3]) < 0)
+
+
+def _of_facets(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far the corners of each triangle are, and how many times that is its width."""
-    corners = mesh["vertices"][mesh["faces"]]
+    corners = vertices[faces]
     sides = np.roll(corners, -1, 1) - corners
-    longest = np.linalg.norm(sides, axis=2).max(1)
-    width = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / longest
+    width = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / np.linalg.norm(sides, axis=2).max(1)
     far = np.linalg.norm(corners, axis=2).max(1)
     return far, far / width
 
@@ -110,18 +134,23 @@ def _plane(whole: np.ndarray, uv: Callable) -> Part:
     mesh = {"type": "mesh", "vertices": foot + away, "faces": faces, "uv": away @ inverse.T}
     spread = 2 * np.sqrt(2)
     far = np.linalg.norm(foot) + spread * first
-    blunt = _of_facets(mesh)[1].max()
+    blunt = _of_facets(mesh["vertices"], faces)[1].max()
     return Part(mesh, lambda found: uv((found[0] + base[0], found[1] + base[1])), far, spread, blunt)
 
 
-def extents(things: list[Primitive], made: list[tuple[Twin, list[Part]]]) -> Extents:
+def extents(things: list[Primitive], made: list[list[Part]]) -> Extents:
     """What bounds the rounding of each object's twin."""
+
+    def most(name: str) -> np.ndarray:
+        return np.array([max(getattr(p, name) for p in found) for found in made])
+
     return Extents(
-        far=np.array([max(p.far for p in found) for _, found in made]),
-        growth=np.array([max(p.growth for p in found) for _, found in made]),
-        gap=np.array([twin.gap for twin, _ in made]),
-        angle=np.array([twin.tilt + BOUND * max(p.blunt for p in found) for twin, found in made]),
-        uv=np.array([max(p.smear for p in found) for _, found in made]),
+        far=most("far"),
+        growth=most("growth"),
+        gap=most("gap"),
+        angle=BOUND * most("blunt"),
+        smear=most("smear"),
+        slip=most("slip"),
         bounded=np.array([t.bounded for t in things]),
         sided=np.array([t.closed and not mirrors(compose(t.transform)) for t in things]),
     )
@@ -136,12 +165,11 @@ class Theirs:
         self.materials = {"default": Material()} | scene.materials
         bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
         self.parts = [parts(made[name], centre) for name in names]
-        self.extents = extents([scene.objects[n] for n in names], [(made[n], p) for n, p in zip(names, self.parts)])
-        children = {"type": "scene", "embree_use_robust_intersections": True}
+        self.extents = extents([scene.objects[n] for n in names], self.parts)
+        children: dict = {"type": "scene", "embree_use_robust_intersections": True}
         for i, (name, found) in enumerate(zip(names, self.parts)):
             for j, part in enumerate(found):
-                # Mitsuba puts shapes into another order, and forbids some of our names: numbers are kept instead.
-                children |= _shape(part.shape, f"{i}_{j}", bsdfs[scene.objects[name].material])
+                _add(children, part.shape, i, j, scene.objects[name].material, bsdfs)
         level = mi.logger().log_level()
         # Its warnings of unequal scales are absolute, so that large shapes of equal scales cause them too.
         mi.set_log_level(mi.LogLevel.Error)
@@ -248,15 +276,24 @@ def _bsdf(m: Material) -> Any:
     return mi.load_dict({"type": "blinn_phong", "kd": list(m.kd), "ks": list(m.ks), "shininess": m.shininess})
 
 
-def _shape(shape: dict, name: str, bsdf: Any) -> dict[str, Any]:
-    """A shape for Mitsuba's load_dict: its own kinds as they are, or as an instance of the unit one; a mesh as an object."""
+def _add(children: dict, shape: dict, i: int, j: int, material: str, bsdfs: dict) -> None:
+    """Adds shape j of object i to what Mitsuba is to load: its own kinds, an instance of a shared one, or a mesh.
+
+    Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
+    """
+    name, bsdf = f"{i}_{j}", bsdfs[material]
     if shape["type"] == "mesh":
-        return {name: _mesh(shape, name, bsdf)}
-    whole = np.array(shape["to_world"].matrix)
-    if shape["type"] == "rectangle" or uniform_scale(whole[:3]) is not None:
-        return {name: shape | {"id": name, "bsdf": bsdf}}
-    group = mi.load_dict({"type": "shapegroup", "one": {"type": shape["type"], "bsdf": bsdf}}, optimize=False)
-    return {f"group{name}": group, name: {"type": "instance", "id": name, "to_world": shape["to_world"], "of": group}}
+        children[name] = _mesh(shape, name, bsdf)
+        return
+    whole = mi.ScalarTransform4f(shape["to_world"].tolist())
+    if "instanced" not in shape:
+        children[name] = {"type": shape["type"], "id": name, "to_world": whole, "bsdf": bsdf}
+        return
+    group = f"{shape['type']}_{list(bsdfs).index(material)}"
+    if group not in children:
+        one = {"type": "disk", "bsdf": bsdf} if shape["type"] == "disk" else _mesh(vars(facets(shape["type"])), group, bsdf)
+        children[group] = mi.load_dict({"type": "shapegroup", "one": one}, optimize=False)
+    children[name] = {"type": "instance", "id": name, "to_world": whole, "of": children[group]}
 
 
 def _mesh(shape: dict, name: str, bsdf: Any) -> Any:

@@ -1,0 +1,104 @@
+"""Round shapes as triangles, for Mitsuba.
+
+Mitsuba has no cone, and no sphere under every affine map. Its cylinder has no caps, takes no such map either, and solves
+its equation in single precision, not recentred: at a hundred radii it is off by a hundredth of one.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+AROUND = {"cylinder": 1024, "cone": 1024, "sphere": 512}
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Triangles inscribed in a canonical shape.
+
+    vertices and normals (N, 3), uv (N, 2), faces (M, 3). Normals are the shape's own gradients: interpolated over a facet
+    they stay parallel to the gradient of the shape. gap: the largest distance from the shape. slip: the largest error of
+    u and v, which are linear on a facet.
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+    faces: np.ndarray
+    gap: float
+    slip: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A line that is turned about z. Rows: radius and z; radial and axial part of the gradient; v.
+
+    turn: the angle at u = 0, in turns. Without v: u and v as on the square around a disk.
+    """
+
+    points: tuple
+    gradients: tuple
+    v: tuple | None = None
+    turn: float = 0.5
+
+
+def _disk(z: float) -> Profile:
+    return Profile(((1, z), (0, z)), ((0, z), (0, z)))
+
+
+def _profiles(kind: str) -> list[Profile]:
+    if kind == "cylinder":
+        return [Profile(((1, -1), (1, 1)), ((1, 0), (1, 0)), (0, 1)), _disk(1), _disk(-1)]
+    if kind == "cone":
+        return [Profile(((1, -1), (0, 1)), ((1, 0.5), (0, 0)), (0, 1)), _disk(-1)]
+    # As Mitsuba's own: v from 0 at the north pole to 1. At the poles the radius is made exactly 0.
+    polar = np.linspace(0, np.pi, AROUND[kind] // 2 + 1)[::-1]
+    points = np.stack([np.sin(polar), np.cos(polar)], 1)
+    points[[0, -1], 0] = 0
+    return [Profile(points, points, polar / np.pi, turn=0.0)]
+
+
+@cache
+def facets(kind: str) -> Facets:
+    """The triangles of a canonical cylinder, cone or sphere, seen from outside counter-clockwise."""
+    n = AROUND[kind]
+    strips = [rows for p in _profiles(kind) for rows in _strips(p, n)]
+    rows = np.concatenate([strip.reshape(-1, 8) for strip in strips])
+    vertices = rows[:, :3]
+    # A ring of the sphere is as high as it is wide: both bends add. Elsewhere facets are straight along the profile.
+    bends = 2 if kind == "sphere" else 1
+    gap = bends * (1 - np.cos(np.pi / n))
+    faces = np.arange(len(rows)).reshape(-1, 3)
+    return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, float(gap), 0.0 if kind == "cylinder" else 1 / n)
+
+
+def _strips(p: Profile, n: int) -> list[np.ndarray]:
+    """The triangles between neighbouring points of a profile. Shapes: (triangles, 3, 8) each: position, gradient, u, v."""
+    found = []
+    for k in range(len(p.points) - 1):
+        low, high = p.points[k][0] > 0, p.points[k + 1][0] > 0
+        i = np.arange(n)
+        left, right, middle = i, i + 1, i + 0.5
+        corner = [_corner(p, n, turn, k + up) for turn, up in ((left, 0), (right, 0), (right, 1), (left, 1))]
+        if low and high:
+            found += [np.stack([corner[a] for a in triangle], 1) for triangle in ((0, 1, 2), (0, 2, 3))]
+        elif low:
+            found.append(np.stack([corner[0], corner[1], _corner(p, n, middle, k + 1)], 1))
+        else:
+            found.append(np.stack([_corner(p, n, middle, k), corner[2], corner[3]], 1))
+        if p.v is None and p.gradients[k][1] < 0:
+            found[-1] = found[-1][:, ::-1]
+    return found
+
+
+def _corner(p: Profile, n: int, turn: np.ndarray, k: int) -> np.ndarray:
+    """Point k of a profile, turned. Shapes: (n) -> (n, 8)."""
+    (radius, z), (radial, axial) = p.points[k], p.gradients[k]
+    x, y, one = np.cos(2 * np.pi * turn / n), np.sin(2 * np.pi * turn / n), np.ones(n)
+    if p.v is None:
+        u, v = 0.5 + 0.5 * radius * x, 0.5 + 0.5 * radius * y * np.sign(axial)
+    else:
+        # By facet, so that none spans the seam.
+        before = np.arange(n) < round(p.turn * n)
+        u, v = turn / n + p.turn * np.where(before, 1, -1), p.v[k] * one
+    return np.stack([radius * x, radius * y, z * one, radial * x, radial * y, axial * one, u, v], 1)

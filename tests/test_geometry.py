@@ -9,6 +9,7 @@ from drjit.scalar import Array3f64
 from hypothesis import given
 from hypothesis import strategies as st
 from samples import array, inverse, norm, real
+
 from visray.geometry import UNIT_ROUNDOFF, Frame, Similarity, gamma, tangents
 from visray.quantities import Arrays
 

@@ -19,6 +19,7 @@ primitives.sphere primitives.box primitives.cylinder primitives.cone primitives
 scene.scene
 scene
 features progress output.files output.exr output.png output.image output
+bvh
 tables sampling film
 search
 shading

@@ -27,6 +27,7 @@ from samples import (
     truth,
     unit,
 )
+
 from visray import tables
 from visray.geometry import gamma
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle

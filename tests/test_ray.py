@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from samples import array, norm, real
+
 from visray.geometry import gamma
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, inverse_length, unit

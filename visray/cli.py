@@ -101,6 +101,8 @@ def render_command(
     Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG.
     """
     begun = time.perf_counter()
+    if quiet:
+        warnings.simplefilter("ignore")
     made = opened(scene, setup, set, spp=spp, size=sized(size), seed=seed, precision=precision)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
     chosen, curve = wanted(layers, outputs), gamma_of(gamma)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
@@ -39,12 +38,4 @@ class Disk(Flat):
         return x * x + y * y <= 1
 
     def mitsuba(self) -> Twin | str:
-        f = self.numbers().frame()
-        # As long as the others, so that the map is one that Mitsuba's disk takes.
-        whole = homogeneous(Frame(f.x, f.y, self.radius * f.z, f.o), compose(self.transform))
-
-        def around(uv: tuple) -> tuple:
-            """Mitsuba's u is the distance from the centre, its v the angle."""
-            return tuple(0.5 + 0.5 * uv[0] * part(2 * np.pi * uv[1]) for part in (np.cos, np.sin))
-
-        return Twin([{"type": "disk", "to_world": whole}], uv=around)
+        return Twin([{"type": "disk", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])

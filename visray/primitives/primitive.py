@@ -38,13 +38,13 @@ class Seen:
 class Twin:
     """The same object for Mitsuba: shapes as plain dicts, and how our (u, v) follow from Mitsuba's.
 
-    A shape is a canonical one with an affine map `to_world` (4 x 4): a `rectangle` or `disk` in z = 0, or a `sphere`, of
-    half side or radius 1, with Mitsuba's (u, v); a closed `cylinder` or `cone` as visray's canonical ones, or a `plane`,
-    z = 0 without bound, with visray's (u, v). Or it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
+    A shape is a canonical one and an affine map `to_world` (4 x 4): a `rectangle`, `disk`, `cylinder`, `cone` or `plane`
+    as in visray, with its (u, v), the solids closed; or a `sphere`, its poles on the z axis, with Mitsuba's (u, v). Or
+    it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
     """
 
     shapes: list[dict]
-    uv: Callable = staticmethod(lambda uv: uv)
+    uv: Callable | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

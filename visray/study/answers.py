@@ -121,12 +121,16 @@ class Ours:
             found.append((np.array(b.reached), np.array(b.cosine, float)))
         return found
 
-    def clear(self, look: Look, light: np.ndarray, p: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """Whether nothing lies between `light` and p, points near those hit. Shapes: light, p (N, 3); active (N)."""
+    def clear(self, look: Look, light: np.ndarray, p: np.ndarray, active: np.ndarray, arrives: bool = True) -> np.ndarray:
+        """Whether nothing lies between `light` and p. Shapes: light, p (N, 3); active (N).
+
+        `arrives`: the points p stand for those hit, and are on the same surfaces.
+        """
         a, way = self.a, p - light
         length = np.linalg.norm(way, axis=1)
         d = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
         ray = Ray(self.triples(self.centre + light), self.triples(d), error=look.surface.error)
         watch = Watch(a, self.scenery.kin, self.scenery.groups, ray.o)
-        hidden = blocked(watch, ray, a.D(length), look.hit.index, a.B(look.within()), a.B(active))
+        end = look.hit.index if arrives else dr.opaque(a.U, NO_OBJECT, len(p))
+        hidden = blocked(watch, ray, a.D(length), end, a.B(look.within() & arrives), a.B(active))
         return ~np.array(hidden)

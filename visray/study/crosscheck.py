@@ -169,7 +169,10 @@ def _shadows(seen: _Comparison) -> tuple[Shadows, np.ndarray]:
         differs = lit & (reached != met)
         wide = shift.where(differs, theirs.extents.largest(n))
         ray_end = np.broadcast_to(np.array(light.position, float) - ours.centre, p.shape)
-        near = lit & ((cosine <= seen.slack.angle) | _wavers(seen, ray_end, p, lit, reached, wide, margin))
+        # The cosine in Mitsuba may be less than ours, and the margin larger then.
+        least = cosine - seen.slack.angle
+        longest = wide.start(p) / np.where(least > 0, least, np.inf)
+        near = lit & ((least <= 0) | _wavers(seen, ray_end, p, lit, reached, wide, longest))
         dim |= near
         counts += [lit.sum(), (lit & reached).sum(), near.sum(), (differs & ~near).sum()]
     return Shadows(*map(int, counts)), dim
@@ -188,9 +191,11 @@ def _wavers(
     distance = np.linalg.norm(light - p, axis=1)
     end = (start + shift.slope() * distance)[:, None]
     toward = (light - p) / np.maximum(distance, np.finfo(float).tiny)[:, None]
-    short = p + np.minimum(np.maximum(margin, start), distance)[:, None] * toward
-    pairs = [(light, short)] + [(light + end * e, p + start[:, None] * e) for e in AXES]
-    return np.any([seen.ours.clear(seen.look, l, q, lit) != reached for l, q in pairs], axis=0)
+    short = p + np.minimum(margin, distance)[:, None] * toward
+    changes = seen.ours.clear(seen.look, light, short, lit, arrives=False) != reached
+    for e in AXES:
+        changes |= seen.ours.clear(seen.look, light + end * e, p + start[:, None] * e, lit) != reached
+    return changes
 
 
 def _pictures(seen: _Comparison, dim: np.ndarray) -> tuple[Pictures, Image]:

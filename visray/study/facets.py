@@ -1,7 +1,8 @@
 """Round shapes as triangles, for Mitsuba.
 
-Mitsuba has no cone, and no sphere under every affine map. Its cylinder has no caps, takes no such map either, and solves
-its equation in single precision, not recentred: at a hundred radii it is off by a hundredth of one.
+Mitsuba has no cone, and no sphere or disk under every affine map. Its cylinder has no caps, takes no such map either, and
+solves its equation in single precision, not recentred: at a hundred radii it is off by a hundredth of one. Its instances
+would take such maps, but in them rays pass between triangles.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,17 @@ from functools import cache
 
 import numpy as np
 
-AROUND = {"cylinder": 1024, "cone": 1024, "sphere": 512}
+# How many facets there are around a shape at most, and how many triangles all shapes of a kind together may have.
+FINEST = {"disk": 1024, "cylinder": 1024, "cone": 1024, "sphere": 512}
+MOST = 2**20
+
+
+def around(kind: str, count: int) -> int:
+    """The number of facets around each of `count` shapes of a kind."""
+    n = FINEST[kind]
+    while n > 16 and count * (n * n if kind == "sphere" else 4 * n) > MOST:
+        n //= 2
+    return n
 
 
 @dataclass(frozen=True)
@@ -43,33 +54,35 @@ class Profile:
 
 
 def _disk(z: float) -> Profile:
-    return Profile(((1, z), (0, z)), ((0, z), (0, z)))
+    up = -1 if z < 0 else 1
+    return Profile(((1, z), (0, z)), ((0, up), (0, up)))
 
 
-def _profiles(kind: str) -> list[Profile]:
+def _profiles(kind: str, n: int) -> list[Profile]:
+    if kind == "disk":
+        return [_disk(0)]
     if kind == "cylinder":
         return [Profile(((1, -1), (1, 1)), ((1, 0), (1, 0)), (0, 1)), _disk(1), _disk(-1)]
     if kind == "cone":
         return [Profile(((1, -1), (0, 1)), ((1, 0.5), (0, 0)), (0, 1)), _disk(-1)]
     # As Mitsuba's own: v from 0 at the north pole to 1. At the poles the radius is made exactly 0.
-    polar = np.linspace(0, np.pi, AROUND[kind] // 2 + 1)[::-1]
+    polar = np.linspace(0, np.pi, n // 2 + 1)[::-1]
     points = np.stack([np.sin(polar), np.cos(polar)], 1)
     points[[0, -1], 0] = 0
     return [Profile(points, points, polar / np.pi, turn=0.0)]
 
 
 @cache
-def facets(kind: str) -> Facets:
-    """The triangles of a canonical cylinder, cone or sphere, seen from outside counter-clockwise."""
-    n = AROUND[kind]
-    strips = [rows for p in _profiles(kind) for rows in _strips(p, n)]
+def facets(kind: str, n: int) -> Facets:
+    """The triangles of a canonical shape with n facets around it, seen from outside counter-clockwise."""
+    strips = [rows for p in _profiles(kind, n) for rows in _strips(p, n)]
     rows = np.concatenate([strip.reshape(-1, 8) for strip in strips])
     vertices = rows[:, :3]
     # A ring of the sphere is as high as it is wide: both bends add. Elsewhere facets are straight along the profile.
     bends = 2 if kind == "sphere" else 1
     gap = bends * (1 - np.cos(np.pi / n))
     faces = np.arange(len(rows)).reshape(-1, 3)
-    return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, float(gap), 0.0 if kind == "cylinder" else 1 / n)
+    return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, float(gap), 1 / n if kind in ("cone", "sphere") else 0.0)
 
 
 def _strips(p: Profile, n: int) -> list[np.ndarray]:

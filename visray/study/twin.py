@@ -3,8 +3,9 @@
 The twin stands around the camera, in coordinates from there: the shift is done in double, before anything is rounded.
 """
 
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -17,7 +18,7 @@ from visray.primitives.primitive import Primitive, Twin
 from visray.scene.scene import Gradient, Scene
 from visray.study.answers import Answers, Rays
 from visray.study.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
-from visray.study.facets import facets
+from visray.study.facets import Facets, around, facets
 from visray.study.rounding import BOUND, Extents, Shift
 from visray.transforms import compose
 
@@ -54,12 +55,13 @@ class Part:
     slip: float = 0.0
 
 
-def parts(twin: Twin, centre: np.ndarray) -> list[Part]:
-    """The shapes of a twin, moved so that `centre` is the origin."""
-    return [_part(dict(shape), twin.uv, centre) for shape in twin.shapes]
+def parts(made: list[Twin], centre: np.ndarray) -> list[list[Part]]:
+    """The shapes of twins, moved so that `centre` is the origin."""
+    counts = Counter(shape["type"] for twin in made for shape in twin.shapes)
+    return [[_part(dict(shape), twin.uv or (lambda uv: uv), centre, counts) for shape in twin.shapes] for twin in made]
 
 
-def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
+def _part(shape: dict, uv: Callable, centre: np.ndarray, counts: Counter) -> Part:
     if shape["type"] == "mesh":
         shape["vertices"] = shape["vertices"] - centre
         far, blunt = _of_facets(shape["vertices"], shape["faces"])
@@ -70,26 +72,35 @@ def _part(shape: dict, uv: Callable, centre: np.ndarray) -> Part:
         return _plane(whole, uv)
     if shape["type"] == "rectangle":
         x, y, _, o = whole[:3].T
-        far, blunt = _of_facets(np.array([o - x - y, o + x - y, o + x + y, o - x + y]), np.array([[0, 1, 2], [0, 2, 3]]))
+        corners = np.array([o - x - y, o + x - y, o + x + y, o - x + y])
+        far, blunt = _of_facets(corners, np.array([[0, 1, 2], [0, 2, 3]]))
         return Part(shape, uv, far.max(), blunt=blunt.max())
-    return _round(shape, uv, whole)
-
-
-def _round(shape: dict, uv: Callable, whole: np.ndarray) -> Part:
-    """A sphere, disk, cylinder or cone: one of Mitsuba's own where that will do, or an instance of it, or of facets."""
-    linear, far = whole[:3, :3], np.linalg.norm(whole[:3], axis=0).sum()
-    own = shape["type"] in ("sphere", "disk")
-    if own and uniform(linear):
-        return Part(shape, uv, far)
-    # An instance takes rays to its own coordinates. Source: the componentwise condition, Higham 2002, section 7.2.
-    worse = np.linalg.norm(np.abs(linear) @ np.abs(np.linalg.inv(linear)), 2)
-    part = Part(shape | {"instanced": True}, uv, worse * far, worse - 1, worse)
     if shape["type"] == "disk":
-        return part
-    f = facets(shape["type"])
-    bare = _of_facets(f.vertices, f.faces)
-    smear = (np.ptp(f.uv[f.faces], 1).max(1) * bare[1] / bare[0]).max() / np.linalg.norm(linear, -2)
-    return replace(part, smear=smear, gap=f.gap * np.linalg.norm(linear, 2), slip=f.slip)
+        # Only its z axis could be of another length, which means nothing on a disk.
+        whole[:3, 2] *= np.linalg.norm(whole[:3, 0]) / np.linalg.norm(whole[:3, 2])
+    if shape["type"] in ("sphere", "disk") and uniform(whole[:3, :3]):
+        own = (lambda found: uv(_square(found))) if shape["type"] == "disk" else uv
+        return Part(shape, own, np.linalg.norm(whole[:3], axis=0).sum())
+    return _faceted(facets(shape["type"], around(shape["type"], counts[shape["type"]])), uv, whole)
+
+
+def _square(polar: tuple) -> tuple:
+    """The square around a disk, from 0 to 1, from Mitsuba's distance and angle on it, both from 0 to 1."""
+    return tuple(0.5 + 0.5 * polar[0] * part(2 * np.pi * polar[1]) for part in (np.cos, np.sin))
+
+
+def _faceted(f: Facets, uv: Callable, whole: np.ndarray) -> Part:
+    """A round shape as a mesh. Its normals are given, so they do not turn with the facets.
+
+    But where on a narrow facet a ray is, and so what its (u, v) are, is less certain than where it is in the world.
+    """
+    linear = whole[:3, :3]
+    vertices, normals = f.vertices @ linear.T + whole[:3, 3], f.normals @ np.linalg.inv(linear)
+    normals /= np.linalg.norm(normals, axis=1).max()
+    far, blunt = _of_facets(vertices, f.faces)
+    smear = (blunt / far * np.ptp(f.uv[f.faces], 1).max(1)).max()
+    mesh = {"type": "mesh", "vertices": vertices, "normals": normals, "uv": f.uv, "faces": f.faces}
+    return Part(mesh, uv, far.max(), smear=smear, gap=f.gap * np.linalg.norm(linear, 2), slip=f.slip)
 
 
 def uniform(linear: np.ndarray) -> bool:
@@ -164,12 +175,14 @@ class Theirs:
         self.scene, self.centre, self.names = scene, centre, names
         self.materials = {"default": Material()} | scene.materials
         bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
-        self.parts = [parts(made[name], centre) for name in names]
-        self.extents = extents([scene.objects[n] for n in names], self.parts)
+        found = parts([made[name] for name in names], centre)
+        self.extents = extents([scene.objects[n] for n in names], found)
+        self.uv = [[part.uv for part in of] for of in found]
         children: dict = {"type": "scene", "embree_use_robust_intersections": True}
-        for i, (name, found) in enumerate(zip(names, self.parts)):
-            for j, part in enumerate(found):
-                _add(children, part.shape, i, j, scene.objects[name].material, bsdfs)
+        for i, name in enumerate(names):
+            for j, part in enumerate(found[i]):
+                # Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
+                children[f"{i}_{j}"] = _shape(part.shape, f"{i}_{j}", bsdfs[scene.objects[name].material])
         level = mi.logger().log_level()
         # Its warnings of unequal scales are absolute, so that large shapes of equal scales cause them too.
         mi.set_log_level(mi.LogLevel.Error)
@@ -194,7 +207,7 @@ class Theirs:
     def trace(self, rays: Rays) -> tuple[Any, Answers]:
         """What the rays hit: Mitsuba's own record, and the answers."""
         si = self.mitsuba.ray_intersect(self._sent(rays))
-        number = dr.reinterpret_array(mi.UInt32, dr.select(si.instance != None, si.instance, si.shape))  # noqa: E711
+        number = dr.reinterpret_array(mi.UInt32, si.shape)
         dr.eval(si, number)
         number = np.array(number)
         # Mitsuba's t counts in lengths of d, which is not quite 1 in single precision.
@@ -210,8 +223,8 @@ class Theirs:
         for lanes in np.split(order, 1 + np.flatnonzero(np.diff(number[order]))):
             which = number[lanes[0]]
             if self.owner[which] >= 0:
-                part = self.parts[self.owner[which]][self.part_of[which]]
-                found[lanes] = np.stack(part.uv((uv[0, lanes], uv[1, lanes])), 1)
+                ours = self.uv[self.owner[which]][self.part_of[which]]
+                found[lanes] = np.stack(ours((uv[0, lanes], uv[1, lanes])), 1)
         return found
 
     def reaches(self, p: np.ndarray, light: np.ndarray, margin: np.ndarray) -> np.ndarray:
@@ -224,7 +237,8 @@ class Theirs:
         d = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
         ray = self._sent(Rays((p + margin[:, None] * d).astype(np.float32), d.astype(np.float32)))
         ray.maxt = mi.Float((length - margin).astype(np.float32))
-        return ~np.array(self.mitsuba.ray_test(ray)) | (length <= margin)
+        # Not by ray_test, which solves the equation of a sphere from the ray's origin, so that far from it digits cancel.
+        return ~np.array(self.mitsuba.ray_intersect_preliminary(ray).is_valid()) | (length <= margin)
 
     def colours(self, rays: Rays, si: Any, answers: Answers, shift: Shift) -> np.ndarray:
         """The light along rays from the camera, by Mitsuba's hits, frames, tests and BSDFs. Shapes: (N, 3)."""
@@ -276,24 +290,12 @@ def _bsdf(m: Material) -> Any:
     return mi.load_dict({"type": "blinn_phong", "kd": list(m.kd), "ks": list(m.ks), "shininess": m.shininess})
 
 
-def _add(children: dict, shape: dict, i: int, j: int, material: str, bsdfs: dict) -> None:
-    """Adds shape j of object i to what Mitsuba is to load: its own kinds, an instance of a shared one, or a mesh.
-
-    Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
-    """
-    name, bsdf = f"{i}_{j}", bsdfs[material]
+def _shape(shape: dict, name: str, bsdf: Any) -> Any:
+    """A shape for Mitsuba's load_dict: its own kinds as a dict, a mesh as an object."""
     if shape["type"] == "mesh":
-        children[name] = _mesh(shape, name, bsdf)
-        return
+        return _mesh(shape, name, bsdf)
     whole = mi.ScalarTransform4f(shape["to_world"].tolist())
-    if "instanced" not in shape:
-        children[name] = {"type": shape["type"], "id": name, "to_world": whole, "bsdf": bsdf}
-        return
-    group = f"{shape['type']}_{list(bsdfs).index(material)}"
-    if group not in children:
-        one = {"type": "disk", "bsdf": bsdf} if shape["type"] == "disk" else _mesh(vars(facets(shape["type"])), group, bsdf)
-        children[group] = mi.load_dict({"type": "shapegroup", "one": one}, optimize=False)
-    children[name] = {"type": "instance", "id": name, "to_world": whole, "of": children[group]}
+    return {"type": shape["type"], "id": name, "to_world": whole, "bsdf": bsdf}
 
 
 def _mesh(shape: dict, name: str, bsdf: Any) -> Any:

@@ -96,7 +96,7 @@ RULES = (
     Rule("diffuse", _diffuse, "no light with Id falls on a material with kd", ("kd", "Id", "intensity")),
     Rule("specular", _specular, "no light with Is falls on a material with ks", ("ks", "Is", "intensity", "shininess")),
     Rule("fractional shininess", lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1),
-         "every shininess is a whole number", ("shininess",)),
+         "every shininess is a whole number", ("ks", "shininess")),
     Rule("attenuation", lambda s: _lights(s, lambda l: l.a or l.b or l.c), "no light has a, b or c", ("a", "b", "c")),
     Rule("shadows", _shadows, "nothing can stand between a light and a surface", ("intensity",)),
     Rule("background", _background, "the film is transparent, or the background black",

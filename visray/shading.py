@@ -39,7 +39,8 @@ class Scenery:
     ambient: Any
     lights: tuple[PointLight, ...]
     watches: tuple[Watch, ...]
-    plain: bool = False
+    attached: bool
+    plain: bool
 
 
 def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Arrays, plain: bool) -> Scenery:
@@ -49,7 +50,7 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Array
     watches = tuple(Watch(a, kin, ready.groups, l.position) for l in lights) if features["shadows"] else ()
     spans = tuple(map(_span, ready.groups))
     dr.eval(spans)
-    return Scenery(a, features, kin, ready.groups, spans, ready.ambient, lights, watches, plain)
+    return Scenery(a, features, kin, ready.groups, spans, ready.ambient, lights, watches, dr.grad_enabled(leaves(ready)), plain)
 
 
 def _span(group: Group) -> Any:
@@ -80,28 +81,34 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
     base = 0
     for k, group, span in zip(s.kin, s.groups, s.spans):
         size, local = len(k.names), hit.index - base
+        here = (hit.index >= base) & (hit.index < base + size)
         table = (group.placed, group.material, span)
 
-        def touch(*_: Any, k: Kinship = k, table: tuple = table, size: int = size, local: Any = local) -> tuple:
-            placed, material, span = _row_of(a, table, size, local)
+        def touch(*_: Any, k: Kinship = k, table: tuple = table, here: Any = here, local: Any = local) -> tuple:
+            placed, material, span = _row_of(s, table, len(k.names), here, local)
             return leaves(_surface(s, k.kind, placed, material, span, ray, t))
 
         if len(s.kin) == 1:
             state = rebuilt(state, touch())
+        elif s.attached:
+            state = rebuilt(state, tuple(dr.select(here, new, old) for new, old in zip(touch(), leaves(state))))
         else:
-            here = (hit.index >= base) & (hit.index < base + size)
             state = rebuilt(state, dr.if_stmt(leaves(state), here, touch, lambda *old: old, label="feel"))
         base += size
     return state
 
 
-def _row_of(a: Arrays, table: tuple, size: int, index: Any) -> tuple:
-    """An object's row of a table for each lane: by branches, as a packet of lanes needs few of few objects."""
-    if size > tables.WRITTEN_OUT:
-        return rows(table, index, index < size)
-    kept = leaves(rows(table, a.U(0)))
+def _row_of(s: Scenery, table: tuple, size: int, here: Any, index: Any) -> tuple:
+    """An object's row of a table for each lane: by branches, as a packet of lanes needs few of few objects.
+
+    Not where derivatives are asked for: of what a branch in a loop hands through from outside, Dr.Jit 1.5 makes zero.
+    """
+    if s.attached or size > tables.WRITTEN_OUT:
+        return rows(table, dr.select(here, index, 0))
+    u = s.a.U
+    kept = leaves(rows(table, u(0)))
     for i in range(1, size):
-        kept = dr.if_stmt(kept, index == i, lambda *_, i=i: leaves(rows(table, a.U(i))), lambda *old: old, label="row")
+        kept = dr.if_stmt(kept, index == i, lambda *_, i=i: leaves(rows(table, u(i))), lambda *old: old, label="row")
     return rebuilt(table, kept)
 
 
@@ -123,7 +130,8 @@ def _surface(s: Scenery, kind: type, placed: Any, material: Material, span: Any,
 def power(x: Any, exponent: Any, bits: int, fraction: bool, real: Any) -> Any:
     """x^exponent for 0 <= x <= 1, by repeated squaring for the whole part; 0^0 is 1.
 
-    Error: at most 2 bits + 1 roundings, and for the fractional part those of exp2 and log2. The whole part is detached,
+    Error: relative, gamma(exponent) for the whole part: each squaring doubles the error before it, as much as one
+    rounding of x makes in its power; and for the fractional part those of exp2 and log2. The whole part is detached:
     the slope by the exponent, x^e ln x, comes from the fractional part alone, which must then be there.
     """
     whole = dr.detach(dr.floor(exponent))

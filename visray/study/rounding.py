@@ -135,7 +135,8 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
     t = np.where(hit, base.t, 0)
     size = np.linalg.norm(rays.o, axis=1) + t
-    duv += slip + smear * (shift.start(rays.o) + shift.slope() * t) + BOUND * (1 + np.abs(base.uv).max(1))
+    # The place on a facet is as uncertain as the ray is across it, and as t along it.
+    duv += slip + smear * (shift.start(rays.o) + shift.slope() * t + dt) + BOUND * (1 + np.abs(base.uv).max(1))
     return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv)
 
 

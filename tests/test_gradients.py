@@ -1,0 +1,196 @@
+"""Derivatives against central differences in double, on views without silhouettes or shadow edges.
+
+Tolerance: a central difference of step s is off by s^2/6 of the third derivative and by u/s of the values; with s = 1e-6
+of the middle both stay under 1e-9 of numbers about 1. ROUNDING is ten times that, for sums over the picture.
+"""
+
+import warnings
+from dataclasses import replace
+
+import drjit as dr
+import numpy as np
+import pytest
+
+import visray as vr
+from visray import tables
+
+ROUNDING = 1e-8
+PAINT = vr.Material(ka=(0.2, 0.1, 0.1), kd=(0.5, 0.2, 0.3), ks=(0.4, 0.5, 0.6), shininess=17.3)
+LAMP = vr.PointLight(position=(2.0, 3.0, 5.0), intensity=1.2, Ia=(0.1, 0.2, 0.3), a=0.5, b=0.1, c=0.02)
+CLOSE = vr.Scene(
+    camera=vr.Camera(origin=(0.0, 0.3, 4.0), target=(0.0, 0.1, 0.0), fov=8.0),
+    film=vr.Film(width=24, height=16),
+    materials={"paint": PAINT, "other": vr.Material()},
+    objects={"ball": vr.Sphere(center=(0.1, 0.0, -0.2), radius=1.1, material="paint")},
+    lights={"key": LAMP, "fill": vr.PointLight(position=(-4.0, 2.0, 6.0), intensity=0.3)},
+    settings=vr.Settings(spp=4, precision="double"),
+)
+# Objects that are in the kernel but out of the picture.
+AROUND = {f"bead {i}": vr.Sphere(center=(i * 0.3 - 5.0, 8.0, -9.0), radius=0.1, material="other") for i in range(40)}
+CROWD = replace(
+    CLOSE,
+    objects={
+        "floor": vr.Plane(point=(0.0, -5.0, 0.0), material="other"),
+        **AROUND,
+        **CLOSE.objects,
+        "crate": vr.Box(min=(3.0, 3.0, -9.0), max=(4.0, 4.0, -8.0), material="other"),
+    },
+)
+ADDRESSES = (
+    "materials.paint.ka", "materials.paint.kd", "materials.paint.ks", "materials.paint.shininess",
+    "lights.key.intensity", "lights.key.position", "lights.key.Id", "lights.key.Is", "lights.key.Ia",
+    "lights.key.a", "lights.key.b", "lights.key.c", "camera.origin", "camera.target", "camera.up", "camera.fov",
+    "objects.ball.radius", "objects.ball.center", "ambient",
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def no_edges():
+    """No view here has an edge unless a test says so: a warning is a failure."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", vr.EdgeWarning)
+        yield
+
+
+def parts(scene, address):
+    """The single numbers at an address."""
+    size = np.size(vr.value(scene, address))
+    return [address] if size == 1 else [f"{address}.{i}" for i in range(size)]
+
+
+@pytest.mark.parametrize("scene", [CLOSE, CROWD], ids=["one object", "many objects of three kinds"])
+def test_forward_and_reverse_equal_central_differences(scene):
+    found = vr.gradient(scene, ADDRESSES)
+    for address in ADDRESSES:
+        for i, part in enumerate(parts(scene, address)):
+            truth = vr.difference(scene, part).mean()
+            assert abs(np.ravel(found[address])[i] - truth) <= ROUNDING * max(1.0, abs(truth)), part
+            assert abs(vr.derivative(scene, part).mean() - truth) <= ROUNDING * max(1.0, abs(truth)), part
+
+
+@pytest.mark.parametrize(
+    ("name", "thing", "addresses"),
+    [
+        ("plane", vr.Plane(point=(0.0, 0.0, 0.3), normal=(0.1, 0.2, 1.0), material="paint"), ("point", "normal")),
+        (
+            "rectangle",
+            vr.Rectangle(width=(3.0, 0.2, 0.0), height=(0.0, 3.0, 0.5), material="paint"),
+            ("center", "width"),
+        ),
+        ("disk", vr.Disk(normal=(0.2, 0.1, 1.0), radius=2.0, material="paint"), ("center", "normal")),
+        (
+            "triangle",
+            vr.Triangle(a=(-3.0, -3.0, 0.0), b=(3.0, -3.0, 0.2), c=(0.0, 4.0, 0.1), material="paint"),
+            ("a", "b", "c"),
+        ),
+        (
+            "moved sphere",
+            vr.Sphere(material="paint", transform=(vr.Scale(scale=(2.0, 1.0, 1.5)), vr.Rotate(rotate=20.0))),
+            ("center", "radius"),
+        ),
+    ],
+)
+def test_every_smooth_kind(name, thing, addresses):
+    scene = replace(CLOSE, objects={"thing": thing})
+    for address in (f"objects.thing.{a}" for a in addresses):
+        for part in parts(scene, address):
+            slope, truth = vr.derivative(scene, part), vr.difference(scene, part)
+            # Pixel by pixel: the sum of a pixel's terms, not of the picture's.
+            assert np.abs(slope - truth).max() <= 10 * ROUNDING * max(1.0, np.abs(truth).max()), part
+
+
+@pytest.mark.parametrize(
+    ("kind", "thing", "addresses"),
+    [
+        ("box", vr.Box(min=(-2.0, -2.0, -1.0), max=(2.0, 2.0, 0.5), material="paint"), ("min", "max")),
+        ("cylinder", vr.Cylinder(radius=1.0, height=9.0, material="paint"), ("radius", "axis", "center")),
+        (
+            "cone",
+            vr.Cone(base=(0.0, -4.0, 0.0), radius=2.0, height=9.0, material="paint"),
+            ("radius", "height", "base"),
+        ),
+    ],
+)
+def test_kinds_with_creases_are_right_on_a_face_but_warn(kind, thing, addresses):
+    scene = replace(CLOSE, objects={"thing": thing})
+    for address in (f"objects.thing.{a}" for a in addresses):
+        for part in parts(scene, address):
+            with pytest.warns(vr.EdgeWarning, match="creases are in view"):
+                slope = vr.derivative(scene, part)
+            truth = vr.difference(scene, part)
+            assert np.abs(slope - truth).max() <= 10 * ROUNDING * max(1.0, np.abs(truth).max()), part
+
+
+def test_looped_objects_have_the_derivatives_of_written_out_ones(monkeypatch):
+    written = vr.gradient(CROWD, ADDRESSES)
+    monkeypatch.setattr(tables, "WRITTEN_OUT", 0)
+    looped = vr.gradient(CROWD, ADDRESSES)
+    for address in ADDRESSES:
+        np.testing.assert_allclose(looped[address], written[address], rtol=ROUNDING, atol=ROUNDING)
+
+
+def test_a_zero_term_may_have_a_slope():
+    """d/d ks at ks = 0: the highlight is not in the kernel until it is asked for."""
+    dull = vr.replaced(CLOSE, "materials.paint.ks", (0.0, 0.0, 0.0))
+    assert not vr.explain(dull)["specular"]
+    slope = vr.gradient(dull, ["materials.paint.ks"])["materials.paint.ks"]
+    truth = [vr.difference(CLOSE, p).mean() for p in parts(CLOSE, "materials.paint.ks")]  # linear in ks
+    np.testing.assert_allclose(slope, truth, rtol=ROUNDING)
+    assert min(slope) > 0.01
+
+
+def test_loss_sees_the_picture_row_by_row():
+    weights = np.random.default_rng(5).uniform(size=(3, 24 * 16))
+
+    def loss(rgb):
+        return dr.sum(dr.sum(rgb * type(rgb)(weights), axis=0))
+
+    slope = vr.gradient(CLOSE, ["materials.paint.kd"], loss)["materials.paint.kd"]
+    for i in range(3):
+        picture = vr.difference(CLOSE, f"materials.paint.kd.{i}").reshape(-1, 3).T
+        truth = float((picture * weights).sum())
+        assert abs(slope[i] - truth) <= ROUNDING * np.abs(picture * weights).sum()
+
+
+def test_single_precision_agrees_to_single_precision():
+    single = vr.gradient(CLOSE, ADDRESSES, precision="single")
+    double = vr.gradient(CLOSE, ADDRESSES)
+    for address in ADDRESSES:
+        # 2^-24 for each of some hundred operations a sample, over sums of 384 pixels of both signs.
+        np.testing.assert_allclose(single[address], double[address], rtol=1e-4, atol=1e-4)
+
+
+def test_edges_warn_for_what_moves_and_not_for_colours():
+    wide = replace(CLOSE, camera=replace(CLOSE.camera, fov=60.0))
+    for address in ("objects.ball.radius", "camera.origin", "lights.key.position"):
+        with pytest.warns(vr.EdgeWarning, match="silhouettes"):
+            vr.gradient(wide, [address])
+    colours = ["materials.paint.kd", "materials.paint.shininess", "lights.key.intensity", "ambient", "background.top"]
+    found = vr.gradient(wide, colours)
+    for address in colours:
+        for i, part in enumerate(parts(wide, address)):
+            truth = vr.difference(wide, part).mean()
+            assert abs(np.ravel(found[address])[i] - truth) <= ROUNDING * max(1.0, abs(truth)), part
+
+
+def test_shadow_edges_warn():
+    floor = vr.Plane(point=(0.0, -1.0, 0.0), material="paint")
+    hidden = vr.Sphere(center=(0.8, 0.6, 1.7), radius=0.2)
+    down = vr.Camera(origin=(0.0, 1.0, 3.0), target=(0.0, -1.0, -0.5), fov=30.0)
+    scene = replace(CLOSE, camera=down, objects={"floor": floor, "hidden": hidden})
+    with pytest.warns(vr.EdgeWarning, match="^shadow edges are in view"):
+        vr.derivative(scene, "lights.key.position.0")
+
+
+@pytest.mark.parametrize(
+    ("address", "line"),
+    [
+        ("objects.bal.radius", '"ball"'),
+        ("objects.ball.size", "radius"),
+        ("settings.spp", "smoothly"),
+        ("objects.ball.material", "has no derivative"),
+    ],
+)
+def test_what_has_no_derivative_says_so(address, line):
+    with pytest.raises(vr.UserError, match=line):
+        vr.gradient(CLOSE, [address])

@@ -11,24 +11,22 @@ against a Mitsuba script that does the same.
 import argparse
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import replace
-from datetime import date
 from pathlib import Path
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from machine import machine
 
 from visray.render import expose, set_up
 
-HERE = Path(__file__).resolve().parent
 SIZE, RUNS, THREADS = 512, 7, 2
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
 
@@ -157,22 +155,6 @@ def from_start(out: Path) -> dict:
                         seconds(lambda c=command, e=environment: subprocess.run(c, check=True, env=e))
                     )
     return {n: {k: statistics.median(v) for k, v in t.items()} for n, t in times.items()}
-
-
-def machine() -> dict:
-    """Where the figures come from."""
-    name = platform.processor() or platform.machine()
-    if Path("/proc/cpuinfo").exists():
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
-    llvm = ".".join(map(str, dr.detail.llvm_version()))
-    versions = {"visray": vr.__version__, "drjit": dr.__version__, "mitsuba": mi.__version__, "llvm": llvm}
-    return {
-        "date": date.today().isoformat(),
-        "cpu": name,
-        "threads": THREADS,
-        "python": platform.python_version(),
-    } | versions
 
 
 def main() -> None:

@@ -8,10 +8,11 @@ Exit code 1 if a scene is outside its tolerances.
 import argparse
 import json
 import sys
-from datetime import date
 from pathlib import Path
 
-import visray as vr
+import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
+from machine import machine
+
 from visray.study import crosscheck
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
@@ -28,7 +29,7 @@ def main() -> int:
         report = crosscheck.check(vr.load(path))
         found[path.stem] = report.as_json()
         sys.stdout.write(f"{path.stem}: {'passed' if report.passed else 'FAILED'}\n")
-    text = json.dumps({"date": date.today().isoformat(), "visray": vr.__version__, "scenes": found}, indent=2) + "\n"
+    text = json.dumps(machine() | {"scenes": found}, indent=2) + "\n"
     if chosen.output:
         chosen.output.write_text(text)
     else:

@@ -1,7 +1,7 @@
 """Derivatives against central differences in double, on views without silhouettes or shadow edges.
 
-Tolerance: a central difference of step s is off by s^2/6 of the third derivative and by u/s of the values; with s = 1e-6
-of the middle both stay under 1e-9 of numbers about 1. ROUNDING is ten times that, for sums over the picture.
+Tolerance: a central difference of step s is off by s^2/6 of the third derivative and by u/s of the values; with
+s = 1e-6 of the middle both stay under 1e-9 of numbers about 1. ROUNDING is ten times that, for sums over the picture.
 """
 
 import warnings

@@ -28,8 +28,8 @@ class Facets:
     """Triangles inscribed in a canonical shape.
 
     vertices and normals (N, 3), uv (N, 2), faces (M, 3). Normals are the shape's own gradients: interpolated over a facet
-    they stay parallel to the gradient of the shape. gap: the largest distance from the shape. slip: the largest error of
-    u and v, which are linear on a facet.
+    they are parallel to the shape's. gap: the largest distance from the shape; slip: the largest error of u and v, which
+    are linear on a facet; tilt: that of the normals in radians.
     """
 
     vertices: np.ndarray
@@ -38,6 +38,7 @@ class Facets:
     faces: np.ndarray
     gap: float
     slip: float
+    tilt: float
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,13 @@ def facets(kind: str, n: int) -> Facets:
     rows = np.concatenate([strip.reshape(-1, 8) for strip in strips])
     vertices = rows[:, :3]
     # A ring of the sphere is as high as it is wide: both bends add. Elsewhere facets are straight along the profile.
-    bends = 2 if kind == "sphere" else 1
-    gap = bends * (1 - np.cos(np.pi / n))
+    sagitta = float(1 - np.cos(np.pi / n))
+    gap = sagitta * (2 if kind == "sphere" else 1)
+    slip = 1 / n if kind in ("cone", "sphere") else 0.0
+    # Of a cone's gradient only the radial part is interpolated short.
+    tilt = sagitta if kind == "cone" else 0.0
     faces = np.arange(len(rows)).reshape(-1, 3)
-    return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, float(gap), 1 / n if kind in ("cone", "sphere") else 0.0)
+    return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, gap, slip, tilt)
 
 
 def _strips(p: Profile, n: int) -> list[np.ndarray]:

@@ -133,7 +133,7 @@ def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Ex
     seam = hit & ~edge & (duv > UNRESOLVED)
     tilt, smear, slip = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.smear, extents.slip))
     # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
-    t = np.where(hit, base.t, 0)
+    t, dt = np.where(hit, base.t, 0), np.where(np.isfinite(dt), dt, 0)
     size = np.linalg.norm(rays.o, axis=1) + t
     # The place on a facet is as uncertain as the ray is across it, and as t along it.
     duv += slip + smear * (shift.start(rays.o) + shift.slope() * t + dt) + BOUND * (1 + np.abs(base.uv).max(1))

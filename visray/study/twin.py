@@ -53,6 +53,7 @@ class Part:
     smear: float = 0.0
     gap: float = 0.0
     slip: float = 0.0
+    tilt: float = 0.0
 
 
 def parts(made: list[Twin], centre: np.ndarray) -> list[list[Part]]:
@@ -100,7 +101,8 @@ def _faceted(f: Facets, uv: Callable, whole: np.ndarray) -> Part:
     far, blunt = _of_facets(vertices, f.faces)
     smear = (blunt / far * np.ptp(f.uv[f.faces], 1).max(1)).max()
     mesh = {"type": "mesh", "vertices": vertices, "normals": normals, "uv": f.uv, "faces": f.faces}
-    return Part(mesh, uv, far.max(), smear=smear, gap=f.gap * np.linalg.norm(linear, 2), slip=f.slip)
+    gap, tilt = f.gap * np.linalg.norm(linear, 2), f.tilt * np.linalg.cond(linear)
+    return Part(mesh, uv, far.max(), smear=smear, gap=gap, slip=f.slip, tilt=tilt)
 
 
 def uniform(linear: np.ndarray) -> bool:
@@ -159,7 +161,7 @@ def extents(things: list[Primitive], made: list[list[Part]]) -> Extents:
         far=most("far"),
         growth=most("growth"),
         gap=most("gap"),
-        angle=BOUND * most("blunt"),
+        angle=BOUND * most("blunt") + most("tilt"),
         smear=most("smear"),
         slip=most("slip"),
         bounded=np.array([t.bounded for t in things]),
@@ -254,8 +256,9 @@ class Theirs:
             sent = self._scattered(light, si, l)
             if scene.settings.shadows:
                 cosine = np.abs((answers.n * l).sum(1))
-                margin = shift.start(p) / np.maximum(cosine, np.finfo(float).tiny)
-                clear = self.reaches(p, p + way, np.where(answers.hit, margin, 0))
+                lit = answers.hit & (cosine > 0)
+                margin = np.where(lit, shift.start(p) / np.where(lit, cosine, 1), 0)
+                clear = self.reaches(p, p + way, margin)
             else:
                 clear = np.ones(n, bool)
             colour += np.where((answers.hit & clear)[:, None], sent * _weight(light, distance)[:, None], 0)

@@ -1,0 +1,86 @@
+"""Puts the figures of reference/*.json into README.md, between marks such as <!-- figures: speed -->.
+
+python reference/readme_figures.py
+"""
+
+import json
+import re
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+README = HERE.parent / "README.md"
+
+
+def loaded(name: str) -> dict:
+    return json.loads((HERE / f"{name}.json").read_text())
+
+
+def where(report: dict) -> str:
+    """Date, machine and versions of a report, in a sentence."""
+    tools = ", ".join(f"{name} {report[key]}" for name, key in VERSIONS if key in report)
+    return f"Measured {report['date']} on {report['cpu']}, {report['threads']} threads; {tools}."
+
+
+VERSIONS = (("visray", "visray"), ("Mitsuba", "mitsuba"), ("Dr.Jit", "drjit"), ("LLVM", "llvm"), ("Python", "python"))
+
+
+def speed() -> str:
+    """Against Mitsuba."""
+    report = loaded("bench_mitsuba")
+    lines = [
+        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a point",
+        f"light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
+        "",
+        "| spheres | samples per pixel | visray, M samples/s | Mitsuba, M samples/s | visray is faster by |",
+        "|---|---|---|---|---|",
+    ]
+    for row in report["warm"] + report["growth"]:
+        a, b = row["visray_Msamples_per_s"], row["mitsuba_Msamples_per_s"]
+        lines.append(f"| {row['spheres']:,} | {row['spp']} | {a:.1f} | {b:.1f} | {row['ratio']:.1f} |")
+    start = report["from_start_s"]
+    cold, warm = ((start["visray"][k], start["mitsuba"][k]) for k in ("cold", "warm"))
+    lines += [
+        "",
+        f"From the start of a process to an EXR on disk, 16 samples: {cold[0]:.1f} s (Mitsuba {cold[1]:.1f} s) with an",
+        f"empty kernel cache, {warm[0]:.1f} s ({warm[1]:.1f} s) with a warm one.",
+        f"{where(report)}",
+        "Run `python reference/bench_mitsuba.py`.",
+    ]
+    return "\n".join(lines)
+
+
+def check() -> str:
+    """Against Mitsuba, ray by ray."""
+    report = loaded("check_scenes")
+    lines = [
+        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if what",
+        "it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
+        "",
+        "| scene | rays | near an edge | hit or object mismatches | shadow rays | near an edge | mismatches "
+        "| largest \\|dt\\| / distance | image error |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, r in report["scenes"].items():
+        both, s = (r["pixels"], r["random"]), r["shadows"]
+        rays, near = sum(b["rays"] for b in both), sum(b["near_edge"] for b in both)
+        wrong = sum(b["hit_mismatches"] + b["object_mismatches"] for b in both)
+        dt = max(b["dt"] for b in both)
+        lines.append(
+            f"| {name} | {rays:,} | {near:,} | {wrong} | {s['rays']:,} | {s['near_edge']:,} | {s['mismatches']} "
+            f"| {dt:.0e} | {r['picture']['rms']:.0e} |"
+        )
+    lines += ["", f"{where(report)} Run `python reference/check_scenes.py`."]
+    return "\n".join(lines)
+
+
+def filled(text: str) -> str:
+    """README with the figures in their places."""
+    for name, table in (("speed", speed), ("check", check)):
+        marks = f"<!-- figures: {name} -->", f"<!-- /figures: {name} -->"
+        block = f"{marks[0]}\n{table()}\n{marks[1]}"
+        text = re.sub(f"{marks[0]}.*?{marks[1]}", lambda _, b=block: b, text, flags=re.DOTALL)
+    return text
+
+
+if __name__ == "__main__":
+    README.write_text(filled(README.read_text()))

@@ -28,8 +28,8 @@ def speed() -> str:
     """Against Mitsuba."""
     report = loaded("bench_mitsuba")
     lines = [
-        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a point",
-        f"light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
+        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a",
+        f"point light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
         "",
         "| spheres | samples per pixel | visray, M samples/s | Mitsuba, M samples/s | visray is faster by |",
         "|---|---|---|---|---|",
@@ -53,8 +53,8 @@ def check() -> str:
     """Against Mitsuba, ray by ray."""
     report = loaded("check_scenes")
     lines = [
-        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if what",
-        "it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
+        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if",
+        "what it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
         "",
         "| scene | rays | near an edge | hit or object mismatches | shadow rays | near an edge | mismatches "
         "| largest \\|dt\\| / distance | image error |",

@@ -5,6 +5,8 @@ import re
 import sys
 from pathlib import Path
 
+import OpenEXR
+
 import visray as vr
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,8 +38,6 @@ def test_the_links_lead_somewhere():
 
 
 def test_the_exr_has_the_channels_that_the_readme_lists(tmp_path):
-    import OpenEXR
-
     vr.render(str(ROOT / "scenes" / "sphere.json"), size=(8, 8), spp=2).write(tmp_path / "a.exr")
     found = set(OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels())
     assert {

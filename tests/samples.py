@@ -1,8 +1,8 @@
 """One sample for each kind of primitive: random instances, and the same shape in NumPy by another formula.
 
-The twins work in the object's own coordinates, before its transform, in 80-bit floats: their rounding is 2^11 times finer
-than the kernels'. No twin shares a formula with its kernel: a kernel maps the ray to a canonical shape, a twin keeps the
-object where it is and cuts the ray with half-spaces and with quadrics in vector form.
+The twins work in the object's own coordinates, before its transform, in 80-bit floats: their rounding is 2^11 times
+finer than the kernels'. No twin shares a formula with its kernel: a kernel maps the ray to a canonical shape, a twin
+keeps the object where it is and cuts the ray with half-spaces and with quadrics in vector form.
 
 Each twin can be grown by a distance g, outwards everywhere. A kernel in double answers exactly for some object within a
 rounding bound of the true one; so its t lies between those of the object grown and shrunk by that bound, grazing rays
@@ -27,6 +27,7 @@ from visray.transforms import Rotate, Scale, Translate, compose
 from visray.trees import rows
 
 Real = np.longdouble
+PI = 4 * np.arctan(Real(1))
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -87,8 +88,10 @@ class RoundSphere:
 
     @staticmethod
     def uv(s: Sphere, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By the height on the axis, and by the half angle of longitude."""
         x, y, z = unit(p - real(s.center)).T
-        return np.angle(-x.astype(float) + 1j * z.astype(float)) / (2 * np.pi) % 1, np.arcsin(np.clip(y, -1, 1)) / np.pi + 0.5
+        east = 2 * np.arctan2(-z, np.hypot(x, z) + x)
+        return 0.5 + east / (2 * PI), np.arcsin(np.clip(y, -1, 1)) / PI + 0.5
 
 
 class RoundBox:
@@ -143,7 +146,7 @@ class RoundCone:
     def interval(s: Cone, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
         a, slant = unit(s.axis), np.hypot(real(s.radius), real(s.height))
         cos2, sine = (s.height / slant) ** 2, s.radius / slant
-        apex = real(s.base) + (s.height + g / sine)[..., None] * a if np.ndim(g) else real(s.base) + (s.height + g / sine) * a
+        apex = real(s.base) + np.atleast_1d(s.height + g / sine)[:, None] * a
         dd = dot(d, d)
         shift = dot(apex - o, d) / dd
         w = o + shift[:, None] * d - apex
@@ -237,6 +240,14 @@ class RoundRectangle(RoundFlat):
         w, h, c = real(s.width) / 2, real(s.height) / 2, real(s.center)
         return outside_polygon(np.array([c - w - h, c + w - h, c + w + h, c - w + h]), cls.plane(s)[0], p)
 
+    @staticmethod
+    def uv(s: Rectangle, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By the components of p along the two sides, from their scalar products."""
+        w, h, q = real(s.width), real(s.height), p - real(s.center)
+        ww, wh, hh, pw, ph = dot(w, w), dot(w, h), dot(h, h), dot(q, w), dot(q, h)
+        whole = ww * hh - wh * wh
+        return 0.5 + (pw * hh - ph * wh) / whole, 0.5 + (ph * ww - pw * wh) / whole
+
 
 class RoundTriangle(RoundFlat):
     @staticmethod
@@ -247,6 +258,13 @@ class RoundTriangle(RoundFlat):
     @classmethod
     def outline(cls, s: Triangle, p: np.ndarray) -> np.ndarray:
         return outside_polygon(real([s.a, s.b, s.c]), cls.plane(s)[0], p)
+
+    @classmethod
+    def uv(cls, s: Triangle, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By the areas opposite to b and c."""
+        a, b, c = real(s.a), real(s.b), real(s.c)
+        n = np.cross(b - a, c - a)
+        return dot(np.cross(a - c, p - c), n) / dot(n, n), dot(np.cross(b - a, p - a), n) / dot(n, n)
 
 
 @dataclass(frozen=True)
@@ -327,6 +345,10 @@ def _corners_hull(s: Triangle) -> tuple[np.ndarray, float]:
     return middle, float(np.linalg.norm(corners - middle, axis=1).max())
 
 
+def _cylinder_hull(s: Cylinder) -> tuple[np.ndarray, float]:
+    return np.array(s.center), float(np.hypot(s.radius, s.height / 2))
+
+
 def _cone_hull(s: Cone) -> tuple[np.ndarray, float]:
     half = 0.5 * s.height
     return np.array(s.base) + half * unit(s.axis).astype(float), float(np.hypot(s.radius, half))
@@ -347,7 +369,7 @@ SAMPLES = {
         Sample(Rectangle, _rectangle, RoundRectangle, _rectangle_hull),
         Sample(Triangle, _triangle, RoundTriangle, _corners_hull),
         Sample(Box, _box, RoundBox, _box_hull),
-        Sample(Cylinder, _cylinder, RoundCylinder, lambda s: (np.array(s.center), float(np.hypot(s.radius, s.height / 2)))),
+        Sample(Cylinder, _cylinder, RoundCylinder, _cylinder_hull),
         Sample(Cone, _cone, RoundCone, _cone_hull),
     )
 }
@@ -457,7 +479,7 @@ class Truth:
 
 
 def distortion(thing: Any) -> tuple[float, float]:
-    """(k, s): the factor by which the rounding of the kernel's inverse frame grows, and the least stretch of the transform.
+    """By how much the rounding of the kernel's inverse frame grows, and the least stretch of the transform.
 
     The rows of the inverse are cross products over a determinant: their relative error is gamma(8) times Hadamard's
     ratio |x||y||z| / |det| of the frame's columns, once for the products and once for the determinant.
@@ -505,7 +527,8 @@ def truth(thing: Any, o: np.ndarray, d: np.ndarray) -> Truth:
         met = [np.where((t > 0) & (outside <= s * slip) & (l[0] > 0), 1, 0) for s, l in zip((1, -1), lifted)]
         what = np.where((t > 0) & (outside <= 0), 1, 0)
         low, high = np.minimum(lifted[0][0], lifted[1][0]), np.maximum(lifted[0][0], lifted[1][0])
-        return Truth(what, t, low, high, (met[0] == what) & (met[1] == what) & np.isfinite(t) & (np.sign(low) == np.sign(high)))
+        sure = (met[0] == what) & (met[1] == what) & np.isfinite(t) & (np.sign(low) == np.sign(high))
+        return Truth(what, t, low, high, sure)
 
 
 def _first(t0: np.ndarray, t1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

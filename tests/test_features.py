@@ -161,7 +161,9 @@ def test_only_materials_in_use_count() -> None:
     assert operations(more) == operations(matte)
 
 
-@pytest.mark.parametrize(("shininess", "bits"), [(0.0, 8), (32.0, 8), (255.9, 8), (256.0, 12), (5000.0, 16), (2.0**20, 24)])
+@pytest.mark.parametrize(
+    ("shininess", "bits"), [(0.0, 8), (32.0, 8), (255.9, 8), (256.0, 12), (5000.0, 16), (2.0**20, 24)]
+)
 def test_digits_of_exponents(shininess: float, bits: int) -> None:
     """Enough for the greatest whole exponent, in steps of four so that a small change compiles nothing."""
     found = features(material(shininess=shininess)(FULL)).shininess_bits

@@ -1,5 +1,6 @@
 """Each kind of primitive against its twin, against exact arithmetic, and where rays are degenerate."""
 
+from dataclasses import replace
 from functools import cache
 
 import drjit as dr
@@ -11,7 +12,6 @@ from samples import (
     ROUNDINGS,
     SAMPLES,
     Lineup,
-    Real,
     aimed,
     array,
     direction,
@@ -114,7 +114,7 @@ def test_kernel_finds_the_same_crossing_as_its_twin(name: str, moved: bool) -> N
 @BOTH
 @EACH
 def test_normal_is_that_of_the_twin(name: str, moved: bool) -> None:
-    """The angle between the normals is at most the rounding bound over the radius of curvature, where no edge is near."""
+    """Where no edge is near: the angle is at most the rounding bound over the radius of curvature."""
     r, seen = run(name, moved), 0
     for i, thing in enumerate(r.things):
         hit = r.hit[i]
@@ -374,9 +374,10 @@ def test_kernel_agrees_with_exact_arithmetic(name: str, aim) -> None:
     r = Run(name, False, seed=11, count=40, per=20, rays=aim)
     unsure = 0
     for i, thing in enumerate(r.things):
-        bound = 2 * rounding(thing, real(r.o[i]), real(r.d[i]), norm(r.o[i] - SAMPLES[name].hull(thing)[0])).astype(float)
+        far = norm(r.o[i] - SAMPLES[name].hull(thing)[0])
+        bound = 2 * rounding(thing, real(r.o[i]), real(r.d[i]), far).astype(float)
         for o, d, t, g in zip(r.o[i], r.d[i], r.t[i], bound):
-            what, exact = exact_first(thing, o, d, 0)
+            what, _ = exact_first(thing, o, d, 0)
             grown, shrunk = (exact_first(thing, o, d, s * g) for s in (1.0, -1.0))
             if not what == grown[0] == shrunk[0]:
                 unsure += 1
@@ -432,6 +433,22 @@ def test_uv_is_right_handed_and_in_range(name: str, moved: bool) -> None:
                 assert (w >= -slack).all() and (w <= 1 + slack).all()
 
 
+@pytest.mark.parametrize("name", [n for n in NAMES if hasattr(SAMPLES[n].twin, "uv")])
+def test_uv_is_that_of_the_twin(name: str) -> None:
+    r = run(name, False)
+    for i, thing in enumerate(r.things):
+        hit, p = r.hit[i], real(r.p[i][r.hit[i]])
+        bound = local_rounding(thing, r.o[i][hit], r.d[i][hit], r.t[i][hit]) / _least(thing)
+        if name == "Sphere":
+            # Longitude turns faster near the poles, latitude by a root there.
+            level = np.hypot(*(p - real(thing.center))[:, [0, 2]].T) / thing.radius
+            bound = bound / level + gamma(8)
+        u, v = SAMPLES[name].twin.uv(thing, p)
+        across = np.abs(r.u[i][hit] - u)
+        assert (np.minimum(across, 1 - across) <= bound).all()
+        assert (np.abs(r.v[i][hit] - v) <= bound).all()
+
+
 def _least(thing) -> float:
     """The least width of an object."""
     if isinstance(thing, Box):
@@ -443,7 +460,7 @@ def _least(thing) -> float:
     if isinstance(thing, Rectangle):
         w, h = real(thing.width), real(thing.height)
         return float(norm(np.cross(w, h)) / max(norm(w), norm(h)))
-    return min(getattr(thing, "radius"), getattr(thing, "height", np.inf))
+    return min(thing.radius, getattr(thing, "height", np.inf))
 
 
 def uv_at(r: Run, p: np.ndarray) -> np.ndarray:
@@ -595,7 +612,8 @@ def sphere_of_triangles(levels: int) -> tuple[np.ndarray, np.ndarray]:
     corners = [c / np.linalg.norm(c) for c in corners]
     apart = np.linalg.norm(np.array(corners)[:, None] - np.array(corners)[None], axis=2)
     near = (apart > 0) & (apart < 1.1)
-    faces = [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] and near[j, k] and near[i, k]]
+    triples = [(i, j, k) for i in range(12) for j in range(i) for k in range(j)]
+    faces = [(i, j, k) for i, j, k in triples if near[i, j] and near[j, k] and near[i, k]]
     assert len(faces) == 20
     for _ in range(levels):
         middles: dict[tuple, int] = {}
@@ -617,8 +635,10 @@ def sphere_of_triangles(levels: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mesh(corners: np.ndarray, faces: np.ndarray) -> Scene:
-    named = {f"t{i}": Triangle(**{k: tuple(corners[j].tolist()) for k, j in zip("abc", f)}) for i, f in enumerate(faces)}
-    return Scene(objects=named)
+    points = [tuple(c.tolist()) for c in corners]
+    return Scene(
+        objects={f"t{n}": Triangle(a=points[i], b=points[j], c=points[k]) for n, (i, j, k) in enumerate(faces)}
+    )
 
 
 def missed(scene: Scene, o: np.ndarray, d: np.ndarray, plain: bool = False) -> int:
@@ -673,7 +693,7 @@ def test_no_ray_passes_between_two_triangles() -> None:
         o = (a + b) / 2 + max(size, place * 1e-6) * 10 ** rng.uniform(-1, 4) * rng.normal(size=(20_000, 3))
         d = a * (1 - w) + b * w - o
         d /= np.linalg.norm(d, axis=1, keepdims=True)
-        # Seen as one sheet: both triangles on different sides of the edge. A fold seen from its outer side may be passed.
+        # Seen as one sheet: the triangles on different sides of the edge. A fold seen from its side may be passed.
         n = np.cross(d, b - a)
         sheet = np.sign((n * (c - a)).sum(1)) != np.sign((n * (e - a)).sum(1))
         assert sheet.sum() > 100
@@ -712,8 +732,6 @@ def test_small_triangle_seen_from_far_keeps_its_shape() -> None:
 
 def test_a_mirrored_solid_has_its_normal_outside() -> None:
     """A negative scale turns the coordinates over, but the outward normal stays outward."""
-    from dataclasses import replace
-
     for name in SOLIDS:
         thing = replace(PLAIN[name], transform=(Scale(scale=(-2, 1, 3)),))
         rng = np.random.default_rng(8)
@@ -726,6 +744,3 @@ def test_a_mirrored_solid_has_its_normal_outside() -> None:
         _, outward, _, crease = gap(thing, p[hit])
         sure = crease > 1e-9
         assert hit.sum() > 50 and (np.sum(outward * n[hit], 1)[sure] > 0).all()
-
-
-assert Real is np.longdouble

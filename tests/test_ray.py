@@ -24,8 +24,8 @@ def vectors(seed: int, low: float, high: float) -> np.ndarray:
 def test_inverse_length_is_off_by_a_few_roundings(fast: bool) -> None:
     """1e-18 to 1e18, the range in which the square is a normal number in single: within 4 ulp of the true value.
 
-    By root: the square 3 roundings, halved by the root, root and reciprocal one each. From single: the square 3, halved;
-    two for e = |v|^2 r^2 - 1, halved; and two more for the step.
+    By root: the square 3 roundings, halved by the root, root and reciprocal one each. From single: the square 3,
+    halved; two for e = |v|^2 r^2 - 1, halved; and two more for the step.
     """
     a, v = Arrays.of("llvm", "single"), vectors(1, -18, 18)
     r = np.array(inverse_length(a.W(np.ascontiguousarray(v.T)), a.F32 if fast else None))

@@ -126,11 +126,8 @@ def test_a_new_effect_does_compile() -> None:
     """The count above can fail."""
     picture(SHOW)
     assert compiled(lambda: picture(at("lights.key.a", 1.0)(SHOW))) >= 1
-    assert compiled(lambda: picture(at("objects.extra", Disk(center=(0, 3, 0)))(SHOW) if False else _more(SHOW))) >= 1
-
-
-def _more(scene: Scene) -> Scene:
-    return replace(scene, objects=scene.objects | {"extra": Disk(center=(0, 3, 0))})
+    more = replace(SHOW, objects=SHOW.objects | {"extra": Disk(center=(0, 3, 0))})
+    assert compiled(lambda: picture(more)) >= 1
 
 
 # Passes
@@ -196,7 +193,7 @@ def test_mean_and_variance_are_those_of_the_samples(precision: str) -> None:
 
 
 def test_a_constant_pixel_has_no_variance_at_all() -> None:
-    """Exactly zero, with numbers that no precision holds exactly, in one pass and in many; and its mean is the number."""
+    """Exactly zero, with numbers that no precision holds, in one pass and in many; and its mean is the number."""
     scene = Scene(background=(0.1, 0.7, 1 / 3), film=Film(width=8, height=4), settings=Settings(spp=25))
     for counts in ([25], [3, 1, 21], [1] * 25):
         film, _ = in_passes(scene, counts)
@@ -290,7 +287,8 @@ def test_rows_are_in_the_order_of_the_picture() -> None:
 def test_smallest_pictures(size: tuple[int, int]) -> None:
     image = render(SHOW, size=size, spp=3, progress=False)
     assert list(image.layers) == list(LAYERS)
-    assert all(v.shape[:2] == (size[1], size[0]) and np.isfinite(v[image["id"] > 0]).all() for v in image.layers.values())
+    for layer in image.layers.values():
+        assert layer.shape[:2] == (size[1], size[0]) and np.isfinite(layer[image["id"] > 0]).all()
     one = render(SHOW, size=size, spp=1, progress=False)
     assert "variance" not in one.layers  # of one sample there is none
 
@@ -323,8 +321,8 @@ def test_what_cannot_be_done_is_said_in_one_line(arguments: dict, text: str) -> 
 def test_data_layers_by_hand() -> None:
     """A camera at (0, 0, 5) that looks down -z at a ball of radius 1, before a wall at z = -3.
 
-    5 x 5 pixels and a vertical view of 2 atan(1/2): the pixel (row 2, column 2) looks straight ahead, (2, 4) at
-    (0.4 x 1/0.5... ) a slope of 0.4, past the ball, and meets the wall 8 away at x = 3.2.
+    5 x 5 pixels and a view of 2 atan(1/2), so 0.2 of slope a pixel: pixel (row 2, column 2) looks straight ahead, and
+    (2, 4) at a slope of 0.4, past the ball, to meet the wall 8 away at x = 3.2.
     """
     fov = float(np.degrees(2 * np.arctan(0.5)))
     scene = Scene(
@@ -394,9 +392,8 @@ def test_layers_not_asked_for_are_not_made() -> None:
 
 
 def test_transparent_film_keeps_coverage_and_premultiplied_colour() -> None:
-    """A wall that fills the left 30 % of the pixels in the middle column: A is the share of samples that met it."""
+    """A wall that ends in the middle of the middle pixel: A is the share of samples that met it."""
     wall = Rectangle(center=(-5, 0, 0), width=(10, 0, 0), height=(0, 10, 0))
-    # The middle pixel of three runs from x = -1/3 to 1/3 at the wall; its edge is at x = 0: half of it, by strata.
     camera = Camera(origin=(0, 0, 1), fov=float(np.degrees(2 * np.arctan(1 / 3))))
     glow = {"m": Material(ka=(1, 0.5, 0.25), kd=BLACK)}
     scene = Scene(
@@ -405,7 +402,7 @@ def test_transparent_film_keeps_coverage_and_premultiplied_colour() -> None:
     )  # fmt: skip
     image = render(scene, progress=False)
     assert image["A"].tolist() == [[1, 0.5, 0]]
-    # 64 samples in 8 columns, four of them on the wall: exactly half. The colour is that of the covered part.
+    # 64 samples in 8 columns of strata, four of them on the wall: exactly half.
     expected = np.array([1, 0.5, 0.25]) * np.array([[[1], [0.5], [0]]])
     assert np.abs(image["RGB"] - expected).max() <= gamma(64, "single")
     opaque = render(replace(scene, film=replace(scene.film, transparent=False)), progress=False)

@@ -311,7 +311,6 @@ class Departure:
         t = self.line.first(ray, dr.full(a.B, True, len(o)) if leaving else None)
         return np.array(t).reshape(self.d.shape[:2])
 
-
     def clear_of_the_surface(self, p: np.ndarray, outside: bool = False) -> np.ndarray:
         """Whether points are inside (or outside) by more than rounding may move the surface. Shapes: p (N, per, 3)."""
         found = []

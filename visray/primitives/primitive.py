@@ -38,9 +38,9 @@ class Seen:
 class Twin:
     """The same object for Mitsuba: shapes as plain dicts, and how our (u, v) follow from Mitsuba's.
 
-    A shape is a canonical one and an affine map `to_world` (4 x 4): a `rectangle`, `disk`, `cylinder`, `cone` or `plane`
-    as in visray, with its (u, v), the solids closed; or a `sphere`, its poles on the z axis, with Mitsuba's (u, v). Or
-    it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
+    A shape is a canonical one and an affine map `to_world` (4 x 4): a `rectangle`, `disk`, `cylinder`, `cone` or
+    `plane` as in visray, with its (u, v), the solids closed; or a `sphere`, its poles on the z axis, with Mitsuba's
+    (u, v). Or it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
     """
 
     shapes: list[dict]

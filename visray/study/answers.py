@@ -121,7 +121,9 @@ class Ours:
             found.append((np.array(b.reached), np.array(b.cosine, float)))
         return found
 
-    def clear(self, look: Look, light: np.ndarray, p: np.ndarray, active: np.ndarray, arrives: bool = True) -> np.ndarray:
+    def clear(
+        self, look: Look, light: np.ndarray, p: np.ndarray, active: np.ndarray, arrives: bool = True
+    ) -> np.ndarray:
         """Whether nothing lies between `light` and p. Shapes: light, p (N, 3); active (N).
 
         `arrives`: the points p stand for those hit, and are on the same surfaces.

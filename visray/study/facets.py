@@ -1,12 +1,11 @@
 """Round shapes as triangles, for Mitsuba.
 
-Mitsuba has no cone, and no sphere or disk under every affine map. Its cylinder has no caps, takes no such map either, and
-solves its equation in single precision, not recentred: at a hundred radii it is off by a hundredth of one. Its instances
-would take such maps, but in them rays pass between triangles.
+Mitsuba has no cone, and no sphere or disk under every affine map. Its cylinder has no caps, takes no such map either,
+and solves its equation in single precision, not recentred: at a hundred radii it is off by a hundredth of one. Its
+instances would take such maps, but in them rays pass between triangles.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -27,9 +26,9 @@ def around(kind: str, count: int) -> int:
 class Facets:
     """Triangles inscribed in a canonical shape.
 
-    vertices and normals (N, 3), uv (N, 2), faces (M, 3). Normals are the shape's own gradients: interpolated over a facet
-    they are parallel to the shape's. gap: the largest distance from the shape; slip: the largest error of u and v, which
-    are linear on a facet; tilt: that of the normals in radians.
+    vertices and normals (N, 3), uv (N, 2), faces (M, 3). Normals are the shape's own gradients: interpolated over a
+    facet they are parallel to the shape's. gap: the largest distance from the shape; slip: the largest error of u and
+    v, which are linear on a facet; tilt: that of the normals in radians.
     """
 
     vertices: np.ndarray
@@ -73,7 +72,6 @@ def _profiles(kind: str, n: int) -> list[Profile]:
     return [Profile(points, points, polar / np.pi, turn=0.0)]
 
 
-@cache
 def facets(kind: str, n: int) -> Facets:
     """The triangles of a canonical shape with n facets around it, seen from outside counter-clockwise."""
     strips = [rows for p in _profiles(kind, n) for rows in _strips(p, n)]
@@ -90,7 +88,7 @@ def facets(kind: str, n: int) -> Facets:
 
 
 def _strips(p: Profile, n: int) -> list[np.ndarray]:
-    """The triangles between neighbouring points of a profile. Shapes: (triangles, 3, 8) each: position, gradient, u, v."""
+    """The triangles between neighbouring points of a profile: position, gradient, u, v. Shapes: (n, 3, 8) each."""
     found = []
     for k in range(len(p.points) - 1):
         low, high = p.points[k][0] > 0, p.points[k + 1][0] > 0

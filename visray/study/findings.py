@@ -30,9 +30,10 @@ class Crossings:
     tied: two surfaces in the same place. beyond: hits of a plane beyond its twin. hit_mismatches, object_mismatches: of
     all other rays.
 
-    For rays that hit the same object: dt, the largest |dt| over the sum of |o| and t; angle, the largest between the
-    normals (radians); uv, the largest difference of u or v. dt_bound, angle_bound and uv_bound are the largest shares of
-    what rounding may make them at that ray: above 1 is no rounding. uv_unknown: rays on a seam or a pole.
+    For rays that hit the same object: dt, the largest |dt| over the sum of |o| and t, with o from the camera; angle,
+    the largest between the normals (radians); uv, the largest difference of u or v, without the uv_unresolved rays, at
+    seams, poles and very far away. dt_bound, angle_bound and uv_bound are the largest shares of what rounding may make
+    them at a ray: what is above 1 is no rounding.
     """
 
     rays: int
@@ -42,7 +43,7 @@ class Crossings:
     beyond: int
     hit_mismatches: int
     object_mismatches: int
-    uv_unknown: int
+    uv_unresolved: int
     dt: float
     dt_bound: float
     angle: float
@@ -138,7 +139,8 @@ class Report:
         title = f"{'passed' if self.passed else 'FAILED'}: {self.objects} objects against Mitsuba"
         table = Table("", "value", "limit", "", title=title)
         for t in self.tolerances:
-            table.add_row(t.name, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", "[green]ok[/]" if t.ok else "[red]FAILED[/]")
+            verdict = "[green]ok[/]" if t.ok else "[red]FAILED[/]"
+            table.add_row(t.name, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
         table.add_section()
         for name, text in self._counted():
             table.add_row(name, text)
@@ -147,10 +149,12 @@ class Report:
     def _counted(self) -> list[tuple[str, str]]:
         rows = []
         for title, c in (("pixel centres", self.pixels), ("random rays", self.random)):
-            rows.append((title, f"{c.rays} rays, {c.hits} hits; {c.near_edge} near an edge, {c.tied} tied, {c.beyond} beyond"))
+            spared = f"{c.near_edge} near an edge, {c.tied} tied, {c.beyond} beyond"
+            rows.append((title, f"{c.rays} rays, {c.hits} hits; {spared}"))
             rows.append((f"{title}: largest", f"|dt| {c.dt:.2g} of |o| + t, normal {c.angle:.2g} rad, uv {c.uv:.2g}"))
         s, p = self.shadows, self.picture
         rows.append(("shadow rays", f"{s.rays} rays, {s.reached} reach the light; {s.near_edge} near an edge"))
-        rows.append(("picture", f"{self.width} x {self.height}, {p.compared} pixels; largest difference {p.most:.2g}"))
+        size = f"{self.width} x {self.height} pixels"
+        rows.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
         rows += [(f"left out: {name}", why) for name, why in self.left_out.items()]
         return rows + [("note", text) for text in self.notes] + [("example", text) for text in self.examples]

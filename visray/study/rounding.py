@@ -14,8 +14,8 @@ from visray.study.answers import Answers, Ours, Rays
 
 # From a file to the side on which a ray passes an edge, a number of Mitsuba's passes through so many roundings: 1 in
 # storing a matrix, 3 in a corner, 1 in the corner minus the origin, 2 in sums and differences of those, 2 in a cross
-# product, 3 in a dot product. Of a sphere's or a disk's numbers it is fewer. Each is of numbers no larger than the sum of
-# distances in Shift; what was measured is a tenth of the bound, as roundings partly cancel.
+# product, 3 in a dot product. Of a sphere's or a disk's numbers it is fewer. Each is of numbers no larger than the sum
+# of distances in Shift; what is measured is a fifth of the bound at most, as roundings partly cancel.
 ROUNDINGS = 12
 BOUND = gamma(ROUNDINGS, "single")
 # The ends of three axes at sqrt(3) hold the ball of radius 1 in their hull: no direction of error is missed.
@@ -117,11 +117,10 @@ def _unit(d: np.ndarray) -> np.ndarray:
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-def slack(ours: Ours, rays: Rays, base: Answers, theirs: np.ndarray, extents: Extents) -> Slack:
-    """How much visray's answers change for rays moved by Mitsuba's rounding; `theirs` are the objects Mitsuba hits."""
+def slack(ours: Ours, rays: Rays, base: Answers, shift: Shift, extents: Extents) -> Slack:
+    """How much visray's answers change for rays moved by Mitsuba's rounding."""
     n = len(base.t)
     edge, dt, turn, duv = np.zeros(n, bool), np.zeros(n), np.zeros(n), np.zeros(n)
-    shift = extents.shift(base.index, theirs)
     for o, d in moved(rays, shift):
         other = ours.look(o, d).answers
         edge |= other.index != base.index

@@ -85,9 +85,9 @@ CASES = {
     "no objects": (whole(objects={}), "shadows", False, "nothing can stand between a light and a surface"),
     "no lights": (whole(lights={}), "shadows", False, "nothing can stand between a light and a surface"),
     "lights off": (light(intensity=0.0), "diffuse", False, "no light with Id falls on a material with kd"),
-    "black sky": (whole(background=BLACK), "background", False, "the film is transparent, or the background black"),
+    "black sky": (whole(background=BLACK), "background", False, "the background is black"),
     "plain sky": (whole(background=(0.0, 0.0, 0.1)), "background", True, "called for by background"),
-    "transparent": (film(transparent=True), "background", False, "the film is transparent, or the background black"),
+    "transparent": (film(transparent=True), "background", False, "film.transparent is true"),
     "opaque": (film(transparent=False), "coverage", False, "the film is opaque: A is 1"),
     "covering": (film(transparent=True), "coverage", True, "called for by film.transparent"),
 }  # fmt: skip

@@ -15,13 +15,12 @@ llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
 
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.features import features as explain
 from visray.gradients import EdgeWarning, derivative, difference, gradient
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.output.image import Image
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
-from visray.render import render
+from visray.render import explain, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
 from visray.scene.scene import Film, Gradient, Scene, Settings

@@ -1,8 +1,9 @@
 """A bounding volume hierarchy over many objects of one kinship.
 
-The tree is complete: node i has the children 2i and 2i + 1, the root is 1, and all leaves are on one level. So a ray's way
-back needs no stack: a bit a level says whether the sibling still waits (a bit trail; Hapala et al. 2011, Barringer and
-Akenine-Moeller 2013, in the form for complete trees). A stack in memory costs Dr.Jit six times the time of registers.
+The tree is complete: node i has the children 2i and 2i + 1, the root is 1, and all leaves are on one level. So a ray's
+way back needs no stack: a bit a level says whether the sibling still waits (a bit trail; Hapala et al. 2011, Barringer
+and Akenine-Moeller 2013, in the form for complete trees). A stack in memory costs Dr.Jit six times the time of
+registers.
 
 Boxes are single and grown outwards, objects are tested in double: the answer is that of the plain loop, bit for bit.
 """
@@ -53,8 +54,9 @@ def build(a: Arrays, centre: np.ndarray, radius: np.ndarray) -> Tree:
     slots = np.full((leaves, LEAF), NO_OBJECT, np.uint32)
     place = np.arange(n) - np.repeat(starts[:-1], np.diff(starts))
     slots[np.repeat(np.arange(leaves), np.diff(starts)), place] = order
-    # The spheres hold the objects but for rounding; the boxes are grown by the roundoff of single, far more than that.
-    grown = (radius * (1 + 2.0**-20))[order, None]
+    # The spheres hold the objects but for the rounding of their centres and radii; the rest is room for Walk's own.
+    span = np.abs(centre).max(axis=1) + radius
+    grown = (radius * (1 + 2.0**-20) + gamma(16) * span)[order, None]
     low, high = np.full((2 * leaves, 3), np.inf), np.full((2 * leaves, 3), -np.inf)
     low[leaves:] = np.minimum.reduceat(centre[order] - grown, starts[:-1])
     high[leaves:] = np.maximum.reduceat(centre[order] + grown, starts[:-1])
@@ -64,7 +66,7 @@ def build(a: Arrays, centre: np.ndarray, radius: np.ndarray) -> Tree:
         high[level // 2 : level] = np.maximum(high[level : 2 * level : 2], high[level + 1 : 2 * level : 2])
         level //= 2
     low[0], high[0] = low[1], high[1]
-    return Tree(a.U(slots.ravel()), a.W(np.ascontiguousarray(low.T)), a.W(np.ascontiguousarray(high.T)))
+    return Tree(a.put(a.U, slots.ravel()), a.put(a.W, low.T), a.put(a.W, high.T))
 
 
 def packets(a: Arrays, tree: Tree, o: Any) -> Any:

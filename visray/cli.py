@@ -1,22 +1,24 @@
 """The command line: `visray COMMAND --help` explains each command."""
 
 import json
+import os
 import sys
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, Token
 from rich.console import Console
 from rich.table import Table
 
 from visray.errors import UserError
-from visray.features import features
 from visray.output.files import check_writable, replacing
 from visray.output.image import check_destination
 from visray.quantities import BACKENDS
 from visray.render import LAYERS, adjusted, render, set_threads
+from visray.render import explain as explain_scene
 from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene
@@ -30,6 +32,13 @@ app = App(
     default_parameter=Parameter(negative=()),
 )
 
+
+def whole(_: type, tokens: Sequence[Token]) -> int:
+    """A whole number; cyclopts by itself would round 1.5."""
+    return int(tokens[0].value)
+
+
+Whole = Annotated[int, Parameter(converter=whole)]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
 Settings = Annotated[
@@ -83,11 +92,11 @@ def render_command(
     *,
     setup: Setup = None,
     output: Outputs = [],  # noqa: B006 - only read
-    spp: Annotated[int | None, Parameter(help="Samples per pixel.")] = None,
+    spp: Annotated[Whole | None, Parameter(help="Samples per pixel.")] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels.")] = None,
     precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
-    seed: Annotated[int | None, Parameter(help="Another seed is other noise.")] = None,
-    threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    seed: Annotated[Whole | None, Parameter(help="Another seed is other noise.")] = None,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
     backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(LAYERS)}.")] = None,
@@ -112,7 +121,7 @@ def render_command(
     for path in outputs:
         image.write(path, gamma=curve, exposure=exposure)
     facts = image.metadata
-    stopped = facts["spp"] < facts["spp_asked"]
+    stopped = bool(facts["interrupted"])
     if json:
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads")
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
@@ -134,7 +143,7 @@ def render_command(
 def explain(scene: Path, /, *, setup: Setup = None, set: Settings = [], json: Json = False) -> int:  # noqa: B006
     """List what is simulated for a scene, what is not, and why."""
     made = opened(scene, setup, set)
-    found = features(made).listed
+    found = explain_scene(made).listed
     if json:
         put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
         return 0
@@ -155,9 +164,9 @@ def check(
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
     ] = None,
-    rays: Annotated[int, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
-    seed: Annotated[int, Parameter(help="Of the random rays.")] = 0,
-    threads: Annotated[int | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    rays: Annotated[Whole, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
+    seed: Annotated[Whole, Parameter(help="Of the random rays.")] = 0,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
     json: Json = False,
 ) -> int:
     """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
@@ -243,7 +252,11 @@ def main(tokens: list[str] | None = None) -> int:
     except CycloptsError as error:
         lines = (" ".join(str(error).split()) + " (see visray --help)",)
     except KeyboardInterrupt:
-        sys.stderr.write("stopped before anything could be kept\n")
+        sys.stderr.write("visray: stopped before anything could be kept\n")
         return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read the output has gone; the interpreter would complain once more when it closes it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     sys.stderr.write("".join(f"visray: {line}\n" for line in lines))
     return 2

@@ -83,7 +83,7 @@ def _specular(scene: Scene) -> list[str]:
 def _background(scene: Scene) -> list[str]:
     sky = scene.background
     colours = (*sky.top, *sky.bottom) if isinstance(sky, Gradient) else sky
-    return ["background"] if any(colours) and not scene.film.transparent else []
+    return ["background"] if any(colours) else []
 
 
 def _shadows(scene: Scene) -> list[str]:
@@ -99,20 +99,27 @@ RULES = (
          "every shininess is a whole number", ("ks", "shininess")),
     Rule("attenuation", lambda s: _lights(s, lambda l: l.a or l.b or l.c), "no light has a, b or c", ("a", "b", "c")),
     Rule("shadows", _shadows, "nothing can stand between a light and a surface", ("intensity",)),
-    Rule("background", _background, "the film is transparent, or the background black",
-         ("background", "top", "bottom")),
+    Rule("background", _background, "the background is black", ("background",)),
     Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "the film is opaque: A is 1", ()),
 )  # fmt: skip
 
 
 def _asked(rule: Rule, wrt: tuple[str, ...]) -> str | None:
-    """The first address in `wrt` that one of the rule's fields is a part of."""
-    return next((w for w in wrt if set(rule.fields) & set(w.split("."))), None)
+    """The first address in `wrt` that names one of the rule's fields."""
+
+    def field(address: str) -> str:
+        parts = [*address.split("."), "", ""]
+        return parts[2] if parts[0] in ("materials", "lights") else parts[0]
+
+    return next((w for w in wrt if field(w) in rule.fields), None)
 
 
 def _judge(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> Feature:
+    # What the scene itself rules out is no effect of it, whoever asks.
     if rule.name == "shadows" and not scene.settings.shadows:
         return Feature(rule.name, False, "settings.shadows is false")
+    if rule.name == "background" and scene.film.transparent:
+        return Feature(rule.name, False, "film.transparent is true")
     calls, asked = rule.calls(scene), _asked(rule, wrt)
     if calls:
         more = f" and {len(calls) - 1} more" if len(calls) > 1 else ""

@@ -7,12 +7,13 @@ patch, and not what a moving silhouette or shadow edge adds: where that is left 
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
+from visray import film as films
 from visray import integrator, tables
 from visray.errors import UserError
 from visray.features import features
@@ -23,7 +24,6 @@ from visray.quantities import quantities
 from visray.render import adjusted, arrays, expose, lanes, set_up
 from visray.sampling import Plan
 from visray.scene import address as addresses
-from visray.scene.load import checked
 from visray.scene.scene import Gradient, Scene
 from visray.search import closest
 from visray.shading import beam, feel
@@ -56,9 +56,10 @@ class Place:
 
 def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, address: str) -> Place:
     """Where the tables hold the number at `address`."""
-    addresses.value(scene, address)  # the address must exist
     parts = address.split(".")
     head, name, field = (parts + ["", ""])[:3]
+    if isinstance(found := addresses.value(scene, address), dict) or is_dataclass(found):
+        raise UserError(f"{address}: is not one number or three; name one of its parts")
     if head == "ambient":
         return Place((t.ambient,), 0, int(name) if name else None)
     if head == "background":
@@ -96,6 +97,7 @@ def _moves(address: str) -> bool:
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
     """The picture, attached to the arrays that `mark` has enabled. Shape: (3, H W), in the order of lanes."""
+    films.check_size(scene.film.width, scene.film.height)
     a = arrays(backend, scene.settings.precision)
     kin, size = tables.kinships(scene), (scene.film.width, scene.film.height)
     packed = tables.pack(scene, a)
@@ -146,14 +148,19 @@ def gradient(
     loss: takes the picture, a Dr.Jit triple of H * W entries row by row, to one number; by default its mean over pixels
     and channels.
     """
-    scene = checked(adjusted(scene, precision=precision, spp=spp))
+    scene = adjusted(scene, precision=precision, spp=spp)
+    wrt = [wrt] if isinstance(wrt, str) else list(wrt)
     trace = _traced(scene, wrt, scene.settings.spp, lambda p: dr.enable_grad(*p.arrays), backend)
     picture = trace.picture
     if loss is not None:
         back = np.empty(len(trace.order), np.uint32)
         back[trace.order] = np.arange(len(back), dtype=np.uint32)
         picture = dr.gather(type(picture), picture, dr.uint32_array_t(dr.detached_t(type(picture.x)))(back))
-    dr.backward((loss or _mean)(picture))
+    worth = (loss or _mean)(picture)
+    if not dr.is_array_v(worth) or not dr.grad_enabled(worth):
+        # Nothing that was asked for reaches the loss: all derivatives are 0.
+        return {w: p.read([np.zeros(np.array(v).shape) for v in p.arrays]) for w, p in trace.places.items()}
+    dr.backward(worth)
     return {w: p.read([dr.grad(v) for v in p.arrays]) for w, p in trace.places.items()}
 
 
@@ -164,7 +171,7 @@ def derivative(
 
     For an address of three numbers: the derivative as all three grow alike; name one with `.0`, `.1` or `.2`.
     """
-    scene = checked(adjusted(scene, precision=precision, spp=spp))
+    scene = adjusted(scene, precision=precision, spp=spp)
 
     def mark(p: Place) -> None:
         for array, hot in zip(p.arrays, p.one_hot()):
@@ -172,7 +179,9 @@ def derivative(
             dr.set_grad(array, type(dr.detach(array))(hot))
 
     trace = _traced(scene, [address], scene.settings.spp, mark, backend)
-    slope = np.array(dr.forward_to(trace.picture)).T
+    slope = np.zeros((len(trace.order), 3))
+    if dr.grad_enabled(trace.picture):
+        slope[:] = np.array(dr.forward_to(trace.picture)).T
     picture = np.empty_like(slope)
     picture[trace.order] = slope
     return picture.reshape(scene.film.height, scene.film.width, 3)
@@ -183,7 +192,7 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
 
     Error: step^2 times the third derivative, and 1e-16 / step of rounding; edges count here.
     """
-    scene = checked(adjusted(scene, precision="double", spp=spp))
+    scene = adjusted(scene, precision="double", spp=spp)
     middle = np.array(addresses.value(scene, address), float)
     width = step * max(1.0, float(np.max(np.abs(middle))))
     sides = []

@@ -11,7 +11,11 @@ from dataclasses import dataclass, fields
 from importlib import import_module
 from typing import Annotated, Any, Literal, NamedTuple
 
+import drjit as dr
+import numpy as np
 from pydantic import AfterValidator, Field
+
+from visray import llvm
 
 
 class Quantity(NamedTuple):
@@ -22,8 +26,9 @@ class Quantity(NamedTuple):
     unit: str
 
 
-# Beyond these a product of a few numbers leaves what single precision can hold (1e38), and a picture would be inf or NaN.
-FARTHEST = 1e15
+# Beyond these a product of a few numbers leaves what single precision can hold (1e38), and a picture would be inf or
+# NaN.
+FARTHEST = 1e9
 BRIGHTEST = 1e9
 
 
@@ -51,7 +56,8 @@ Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
 Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
-Angle = Annotated[Real, Field(gt=0, lt=180), Quantity(1, "geometry", "degrees, > 0 and < 180")]
+# Below a hundredth of a degree, directions in single no longer tell a picture's pixels apart.
+Angle = Annotated[Real, Field(ge=0.01, lt=180), Quantity(1, "geometry", "degrees, from 0.01 to below 180")]
 Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
 # A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
@@ -92,13 +98,27 @@ class Arrays:
     V32: Any
     Q32: Any
 
+    def put(self, kind: Any, values: np.ndarray) -> Any:
+        """Host numbers as an array of `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
+
+        Dr.Jit would read NumPy's memory in place, wherever it lies, and compile anew for each alignment; a plain copy
+        is optimised away. Only a gather with an index that is not known when tracing copies, and reads at any
+        alignment.
+        """
+        values = np.ascontiguousarray(values)
+        if values.shape[-1] == 1:
+            one = kind(*(float(v[0]) for v in values)) if values.ndim == 2 else kind(values.item())
+            dr.make_opaque(one)
+            return one
+        index = dr.arange(self.U, values.shape[-1]) + dr.opaque(self.U, 0)
+        return dr.gather(kind, kind(values), index)
+
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
-        from visray import llvm
-
         if backend == "llvm":
             llvm.prepare()
         lib = import_module(BACKENDS[backend])
         double = (lib.Float32, lib.Array3f) if backend == "metal" else (lib.Float64, lib.Array3f64)
         shading = double if precision == "double" else (lib.Float32, lib.Array3f)
-        return Arrays(backend, precision, *shading, *double, lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f)
+        rest = lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f
+        return Arrays(backend, precision, *shading, *double, *rest)

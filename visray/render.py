@@ -3,6 +3,7 @@
 import json
 import platform
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,9 @@ def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
     """The pixels in the order of the lanes, and their columns and rows."""
     order = films.tiled(width, height)
     y, x = np.divmod(order, width)
-    return order, a.U(x.astype(np.uint32)), a.U(y.astype(np.uint32))
+    x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
+    dr.eval(x, y)
+    return order, x, y
 
 
 def render(
@@ -80,7 +83,7 @@ def render(
     precision: str | None = None,
     threads: int | None = None,
     backend: str = "llvm",
-    layers: tuple[str, ...] = LAYERS,
+    layers: Sequence[str] = LAYERS,
     progress: bool = True,
 ) -> Image:
     """The picture of a scene, or of a scene file. Ctrl-C keeps the passes that are done.
@@ -89,41 +92,61 @@ def render(
     kernel of their own. The metadata say how the picture was made.
     """
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
-    scene = checked(adjusted(scene, spp=spp, size=size, seed=seed, precision=precision))
+    scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    layers = wanted(layers)
     if threads is not None:
         set_threads(threads)
     begun = time.perf_counter()
     made = set_up(scene, backend)
-    film, done = expose(made, progress)
-    pictures = _pictures(made, film, done, layers)
+    with Patience() as patience:
+        film, done = expose(made, progress, patience)
+        pictures = _pictures(made, film, done, layers)
     seconds = time.perf_counter() - begun
-    return Image(pictures, provenance(made, done, seconds))
+    return Image(pictures, provenance(made, done, seconds) | {"interrupted": int(patience.asked)})
 
 
 def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
-    """The scene with another size or other settings, where they are not None."""
+    """The scene, checked, with another size or other settings where they are not None."""
+    scene = checked(scene)
     changed = {k: v for k, v in settings.items() if v is not None}
     if changed:
         scene = replace(scene, settings=replace(scene.settings, **changed))
     if size is not None:
+        if len(size) != 2:
+            raise UserError(f"size = {size!r}: must be a width and a height, such as (640, 480)")
         scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
-    return scene
+    return checked(scene)
+
+
+def wanted(layers: Sequence[str]) -> tuple[str, ...]:
+    """The layers, if all of them are of LAYERS."""
+    layers = (layers,) if isinstance(layers, str) else tuple(layers)
+    for name in layers:
+        if name not in LAYERS:
+            raise UserError(f"layers = {name!r}: there is no such layer; choose from {', '.join(LAYERS)}")
+    return layers
+
+
+def explain(scene: Scene) -> Features:
+    """What is simulated for a scene, what is not, and why."""
+    return features(checked(scene))
 
 
 def set_threads(threads: int) -> None:
     """How many threads the LLVM backend uses."""
-    if threads < 1:
-        raise UserError(f"threads = {threads}: must be at least 1")
+    if not isinstance(threads, int) or not 1 <= threads <= 1024:
+        raise UserError(f"threads = {threads}: must be a whole number from 1 to 1024")
     dr.set_thread_count(threads)
 
 
-def expose(made: Set, progress: bool = False) -> tuple[films.Film, int]:
+def expose(made: Set, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
     """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
+    patience = patience or Patience()
     settings, n = made.scene.settings, len(made.order)
     film, done = films.Film.blank(made.a, n), 0
     passes = -(-settings.spp * n // first_pass(made))
     count = -(-settings.spp // passes)
-    with Bar("rendering", settings.spp, progress) as bar, Patience() as patience:
+    with Bar("rendering", settings.spp, progress) as bar:
         while done < settings.spp and not (done and patience.asked):
             count = min(count, settings.spp - done)
             begun = time.perf_counter()

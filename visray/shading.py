@@ -50,7 +50,8 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Array
     watches = tuple(Watch(a, kin, ready.groups, l.position) for l in lights) if features["shadows"] else ()
     spans = tuple(map(_span, ready.groups))
     dr.eval(spans)
-    return Scenery(a, features, kin, ready.groups, spans, ready.ambient, lights, watches, dr.grad_enabled(leaves(ready)), plain)
+    attached = dr.grad_enabled(leaves(ready))
+    return Scenery(a, features, kin, ready.groups, spans, ready.ambient, lights, watches, attached, plain)
 
 
 def _span(group: Group) -> Any:

@@ -65,7 +65,7 @@ def stacked(a: Arrays, kind: type, things: list) -> Any:
     for name, q in quantities(kind).items():
         single, many = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
         values = np.array([getattr(x, name) for x in things], float)
-        object.__setattr__(table, name, single(values) if q.size == 1 else many(np.ascontiguousarray(values.T)))
+        object.__setattr__(table, name, a.put(single if q.size == 1 else many, values.T))
     return table
 
 
@@ -77,23 +77,25 @@ def pack(scene: Scene, a: Arrays) -> Tables:
     sky = scene.background
     sky = sky if isinstance(sky, Gradient) else Gradient(top=sky, bottom=sky)
     lights = list(scene.lights.values())
-    return Tables(
+    tables = Tables(
         objects=tuple(stacked(a, type(g[0]), g) for g in groups),
         outers=tuple(_outer(a, g) for g in groups),
-        material_of=tuple(a.U(np.array([index[x.material] for x in g], np.uint32)) for g in groups),
+        material_of=tuple(a.put(a.U, np.array([index[x.material] for x in g], np.uint32)) for g in groups),
         materials=stacked(a, Material, list(materials.values())),
         lights=stacked(a, type(lights[0]), lights) if lights else None,
         camera=stacked(a, Camera, [scene.camera]),
         background=stacked(a, Gradient, [sky]),
-        ambient=a.V(np.array(scene.ambient, float)[:, None]),
+        ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
     )
+    dr.eval(tables)
+    return tables
 
 
 def _outer(a: Arrays, group: list[Primitive]) -> Frame | None:
     if not group[0].transform:
         return None
     matrices = np.stack([compose(x.transform) for x in group])
-    return Frame(*(a.W(np.ascontiguousarray(matrices[:, :, column].T)) for column in range(4)))
+    return Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
 
 
 @dataclass(frozen=True)

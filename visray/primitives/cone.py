@@ -41,8 +41,8 @@ class Cone(Solid):
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
         """x^2 + y^2 <= w^2 with w = (1 - z)/2, cut by the slab, where w is not negative.
 
-        Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so that
-        no digits cancel even for a ray that all but meets the apex.
+        Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so
+        that no digits cancel even for a ray that all but meets the apex.
         a > 0: inside between the roots. a <= 0: inside beyond one root, on the side to which w grows.
         """
         t0, t1 = slab(o.z, d.z)

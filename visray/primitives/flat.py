@@ -9,7 +9,8 @@ from visray.ray import Ray
 
 
 def clear(path: Any, slope: Any, squared: Any, error: Any) -> Any:
-    """Whether a path along a ray, crossing a plane's normal n at n . d = slope, ends farther than `error` from the plane."""
+    """Whether a path along a ray, crossing a plane's normal n at n . d = slope, ends farther than `error` from the
+    plane."""
     height = path * slope
     return (path > 0) & (height * height > error * error * squared)
 

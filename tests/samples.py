@@ -436,7 +436,7 @@ class Lineup:
         return self.kind.seen(rows(self.group.placed, self.index), o)
 
     def first(self, ray: Ray, leaving: Any = None) -> Any:
-        return self.kind.first(self.seen(ray.o), ray, leaving)
+        return self.kind.first(self.seen(ray.o), ray, leaving, ray.inside)
 
     def surface(self, ray: Ray, t: Any) -> tuple:
         """Surface, u and v where the rays have run t; lanes that miss are to be ignored."""

@@ -162,14 +162,20 @@ def test_error_bound_holds_on_objects_much_greater_than_the_view(name: str) -> N
     ray = line.ray(o, d)
     t = line.first(ray)
     s = line.surface(ray, t)[0]
-    hit = np.isfinite(np.array(t)).reshape(len(things), 32)
+    distance = np.array(t).reshape(len(things), 32)
+    hit = np.isfinite(distance)
     p, error = array(s.p).reshape(o.shape), np.array(s.error).reshape(hit.shape)
     assert hit.sum() > hit.size / 4
     for i, thing in enumerate(things):
         assert (np.abs(gap(thing, p[i][hit[i]])[0]) <= error[i][hit[i]]).all()
+        exact = truth(thing, o[i], d[i])
+        assert np.array_equal(hit[i][exact.sure], exact.what[exact.sure] > 0)
+        away = exact.sure & hit[i]
+        t = distance[i][away]
+        assert (t >= exact.low[away] * (1 - gamma(2))).all() and (t <= exact.high[away] * (1 + gamma(2))).all()
         # And it is no careless bound: 24 roundings of the greatest coordinate that matters.
         middle, size = SAMPLES[name].hull(thing)
-        most = np.abs(middle).sum() + size + np.abs(o[i]).sum(1) + np.array(t).reshape(hit.shape)[i]
+        most = np.abs(middle).sum() + size + np.abs(o[i]).sum(1) + distance[i]
         assert (error[i][hit[i]] <= gamma(24) * most[hit[i]]).all()
 
 
@@ -585,7 +591,7 @@ def test_degenerate_shadow_rays_have_an_answer_that_agrees(name: str) -> None:
     a = line.a
     ray = line.ray(o, d, error=dr.full(a.D, U, n))
     no = dr.full(a.B, False, n)
-    found = np.array(line.kind.blocks(line.seen(ray.o), ray, dr.full(a.D, 1, n), no, no))
+    found = np.array(line.kind.blocks(line.seen(ray.o), ray, dr.full(a.D, 1, n), no, no, None, None))
     exact = truth(thing, o, d)
     far = np.abs(exact.t - 1) > 4 * gamma(ROUNDINGS)
     sure = exact.sure & (far | (exact.what == 0))

@@ -81,9 +81,9 @@ def test_steps_visit_all_cells_and_stray_far(spp: int) -> None:
         assert abs(step / cells - 0.618) < 0.2
 
 
-def test_a_stratum_is_found_right_up_to_the_promised_size() -> None:
-    """k = 2047, the greatest side with k^2 < 2^22: all four million cells in single precision."""
-    side = 2047
+@pytest.mark.parametrize("side", [*range(1, 64), 99, 100, 1000, 2047])
+def test_a_stratum_is_found_right_up_to_the_promised_size(side: int) -> None:
+    """All cells, in single precision, up to k = 2047, the greatest side with k^2 < 2^22."""
     p = plan(0, side * side, 0, 1)
     cell = dr.arange(A.U, side * side)
     u, v = (np.array(w, np.float64) for w in in_pixel(p, mix(cell), A.U(0), cell, A.F))
@@ -102,6 +102,10 @@ def test_spare_samples_fall_anywhere_in_the_pixel(spp: int) -> None:
     samples, _ = points(some_pixels(10_000), 9, spp, [spp])
     spare = samples[side * side :].reshape(-1, 2)
     assert len(spare) == (spp - side * side) * 10_000
+    cells = np.concatenate(points(some_pixels(10_000), 9, spp, [spp])[1][side * side :])
+    inside = np.mean(np.floor(spare * side) @ [1, side] == cells)
+    # In the stratum that the walk has come to, by chance: a binomial share.
+    assert abs(inside - 1 / side**2) <= SIGMA * sqrt((1 - 1 / side**2) / side**2 / len(spare))
     assert chi_square(spare, 8) < chi_square_limit(63)
 
 

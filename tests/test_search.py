@@ -25,13 +25,17 @@ from samples import (
     truth,
 )
 
+import visray as vr
 from visray import tables
+from visray.camera import Camera
 from visray.geometry import gamma
-from visray.primitives import Box, Plane, Sphere
+from visray.lights import PointLight
+from visray.materials import Material
+from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere
 from visray.primitives.solid import Solid
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Ray
-from visray.scene.scene import Scene
+from visray.scene.scene import Film, Scene
 from visray.search import Watch, blocked, closest
 from visray.transforms import Translate
 
@@ -391,7 +395,7 @@ def test_no_object_shades_its_own_lit_side(name: str) -> None:
     n = length.size
     ray = line.ray(light, d / length[..., None], error=dr.full(a.D, 0, n))
     yes, no = dr.full(a.B, True, n), dr.full(a.B, False, n)
-    assert not np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, no)).any()
+    assert not np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, no, None, None)).any()
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -411,7 +415,8 @@ def test_a_wall_seen_from_within_is_lit_from_within_only(name: str) -> None:
         length = np.linalg.norm(d, axis=2)
         ray = line.ray(light, d / length[..., None], error=dr.full(a.D, 0, length.size))
         yes = dr.full(a.B, True, length.size)
-        found = np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, yes)).reshape(length.shape)
+        found = np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, yes, None, None))
+        found = found.reshape(length.shape)
         assert (found[sure] == hidden).all()
 
 
@@ -452,3 +457,59 @@ def test_norm_of_directions_stays_one() -> None:
     """The rays above are unit to 2^-52, as the search expects."""
     w = World.of(decades, 0, 100)
     assert np.abs(norm(real(w.d)) - 1).max() <= gamma(4)
+
+
+# An object, a point on it, and its normal there; a flat object hides nothing from a light on it.
+LAMP_ON = {
+    "sphere": (Sphere(material="m"), (0.48, 0.64, 0.6), (0.48, 0.64, 0.6)),
+    "cylinder": (Cylinder(radius=1.0, height=3.0, material="m"), (0.6, 0.3, 0.8), (0.6, 0.0, 0.8)),
+    "box": (Box(min=(-0.3, -0.4, -0.5), max=(0.3, 0.4, 0.5), material="m"), (0.1, 0.4, 0.2), (0.0, 1.0, 0.0)),
+    "rectangle": (
+        Rectangle(width=(1.0, 0.1, 0.0), height=(0.0, 0.1, 1.0), material="m"),
+        (0.1, 0.01, 0.0),
+        (0.0, 1.0, 0.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LAMP_ON)
+def test_a_light_on_a_surface_lights_the_half_space_before_it(name: str) -> None:
+    """Rationale: rounding alone puts such a light inside or outside. Setup: a roof over it, seen from below. Expected:
+    the roof is lit before the tangent plane and dark behind it, but for pixels that the border crosses."""
+    thing, lamp, n = LAMP_ON[name]
+    roof = Plane(point=(0.0, 3.0, 0.0), normal=(0.0, -1.0, 0.0), material="m")
+    scene = Scene(
+        camera=Camera(origin=(0.0, 1.5, 9.0), target=(0.0, 2.0, 0.0)),
+        film=Film(width=96, height=64),
+        background=(0.0, 0.0, 0.0),
+        materials={"m": Material(ka=(0.0, 0.0, 0.0))},
+        objects={"thing": thing, "roof": roof},
+        lights={"lamp": PointLight(position=lamp)},
+    )
+    image = vr.render(scene, spp=1, layers=("RGB", "id", "P"), progress=False)
+    before = (image["P"] - np.array(lamp)) @ np.array(n) > 0
+    alike = np.ones_like(before)
+    for shift in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        alike &= (np.roll(before, shift, (0, 1)) == before) & (np.roll(image["id"], shift, (0, 1)) == 2)
+    sure = alike & (image["id"] == 2)
+    assert sure.sum() > 500
+    np.testing.assert_array_equal(image["RGB"][..., 0][sure] > 0, before[sure])
+
+
+@pytest.mark.parametrize("normal", [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0)])
+def test_a_camera_on_a_plane_does_not_see_it(normal: tuple) -> None:
+    camera = Camera(origin=(0.0, 0.0, 0.0), target=normal, up=(1.0, 0.0, 0.3))
+    scene = Scene(camera=camera, objects={"floor": Plane(normal=normal)}, film=Film(width=32, height=32))
+    assert not vr.render(scene, spp=1, layers=("RGB", "id"), progress=False)["id"].any()
+
+
+def test_a_camera_on_a_sphere_sees_its_inside_or_nothing() -> None:
+    on = (0.48, 0.64, 0.6)
+    for target, seen in (((0.96, 1.28, 1.2), False), ((0.0, 0.0, 0.0), True)):
+        scene = Scene(
+            camera=Camera(origin=on, target=target), objects={"ball": Sphere()}, film=Film(width=32, height=32)
+        )
+        image = vr.render(scene, spp=1, layers=("RGB", "id", "distance"), progress=False)
+        assert (image["id"] == 1).all() if seen else not image["id"].any()
+        # The far side of the unit sphere: 2 cos of the angle to the axis, at most 20 degrees and a corner's 1/cos.
+        assert not seen or image["distance"].min() > 2 * np.cos(np.radians(20) * np.sqrt(2))

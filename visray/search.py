@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from visray import tables
 from visray.bvh import Walk, packets
-from visray.geometry import UNIT_ROUNDOFF
+from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
@@ -42,6 +43,24 @@ def guard(a: Arrays, centre: Any, radius: Any, o: Any) -> Guard:
     return Guard(a.V32(toward), a.F32(margin))
 
 
+def _touch(kind: type, group: Group, o: Any) -> tuple[Any, Any] | None:
+    """Which objects the origin lies on to within rounding, with their gradients there; None if it lies on none.
+
+    From such an object the crossing at the origin is not seen again, whatever sign rounding gives its distance. That
+    there is one is structure: a camera or light that comes to lie on a surface compiles anew.
+    """
+    f, g = kind.level(group.placed, o)
+    size = _size(o)
+    size += _size(group.placed.o) if group.radius is None else group.radius
+    on = dr.abs(f) <= gamma(32) * size * dr.norm(g)
+    return (on, g) if np.any(np.array(on)) else None
+
+
+def _size(v: Any) -> Any:
+    """A bound of |v|."""
+    return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
+
+
 def candidate(g: Guard, d: Any) -> Any:
     """Whether a ray in direction `d` (single) may meet the sphere around an object."""
     along = dr.dot(g.toward, d)
@@ -62,6 +81,7 @@ class Watch:
             self.packets = tuple(g and dr.ravel(a.Q32(*g.toward, g.margin)) for g in self.guards)
             self.boxes = tuple(g.tree and packets(a, g.tree, self.o) for g in self.groups)
             dr.eval(self.sights, self.guards, self.packets, self.boxes)
+            self.touches = tuple(_touch(k.kind, g, self.o) for k, g in zip(kin, self.groups))
 
     def seen(self, number: int, index: Any) -> Any:
         """Object `index` of group `number`, as its kind sees it from the origin."""
@@ -80,6 +100,19 @@ class Watch:
             return rows(self.guards[number], index)
         x, y, z, margin = dr.gather(self.a.Q32, self.packets[number], index)
         return Guard(self.a.V32(x, y, z), margin)
+
+    def leaving(self, number: int, index: Any, ray: Ray, whole: Any) -> tuple[Any, Any]:
+        """Whether rays start on an object (number `whole` in all), and whether they run into it: None if none does.
+
+        A ray says so itself, or the shared origin lies on the object.
+        """
+        leaves, inside = (None, None) if ray.source is None else (ray.source == whole, ray.inside)
+        if self.shared and self.touches[number] is not None:
+            on, g = rows(self.touches[number], index)
+            into = dr.dot(g, ray.d) < 0
+            inside = into if inside is None else dr.select(on, into, inside)
+            leaves = on if leaves is None else leaves | on
+        return leaves, inside
 
     def sweep(self, d: Any, state: tuple, visit: Any, reach: Any, done: Any, plain: bool) -> tuple:
         """`state` after visit(state, group, object, index, present) for every object that a ray may meet.
@@ -127,7 +160,7 @@ def closest(watch: Watch, ray: Ray, plain: bool = False) -> Hit:
         def meet(t: Any, found: Any) -> tuple:
             # Read in here, so that a packet of rays that is not a candidate does not wait for it.
             seen = watch.seen(number, i)
-            met = watch.kin[number].kind.first(seen, ray, None if ray.source is None else ray.source == index)
+            met = watch.kin[number].kind.first(seen, ray, *watch.leaving(number, i, ray, index))
             nearer = met < t
             if present is not True:  # a tree gives the objects in no fixed order
                 nearer |= (met == t) & (index < found) & (met < dr.inf)
@@ -155,7 +188,8 @@ def blocked(watch: Watch, ray: Ray, length: Any, end: Any, inward: Any, active: 
 
         def stop(hidden: Any) -> tuple:
             kind, seen = watch.kin[number].kind, watch.seen(number, i)
-            return (hidden | kind.blocks(seen, ray, length, arrives, inward),)
+            leaves, into = watch.leaving(number, i, ray, index)
+            return (hidden | kind.blocks(seen, ray, length, arrives, inward, leaves, into),)
 
         if plain:
             return stop(*state)

@@ -33,9 +33,9 @@ class Flat(Primitive):
         return t, inside, local.z, dr.squared_norm(seen.inverse.z)
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
-        t, inside, slope, squared = cls.crossing(seen, ray.d)
-        met = inside & (t > 0)
+    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
+        t, within, slope, squared = cls.crossing(seen, ray.d)
+        met = within & (t > 0)
         if ray.error is not None:
             met &= clear(t, slope, squared, ray.error)
         if leaving is not None:
@@ -43,10 +43,11 @@ class Flat(Primitive):
         return dr.select(met, t, dr.inf)
 
     @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
-        t, inside, slope, squared = cls.crossing(seen, ray.d)
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
+        t, within, slope, squared = cls.crossing(seen, ray.d)
+        free = arrives if leaving is None else arrives | leaving
         # The end point is known to ray.error; a plane nearer to it than that is the plane the point lies on.
-        return inside & (t > 0) & clear(length - t, slope, squared, ray.error) & ~arrives
+        return within & (t > 0) & clear(length - t, slope, squared, ray.error) & ~free
 
     @staticmethod
     def level(placed: Any, p: Any) -> tuple[Any, Any]:

@@ -106,15 +106,19 @@ class Primitive:
         return Seen(placed, placed.point(o))
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
-        """Distance of the first crossing with t > 0, inf if there is none. `leaving`: the ray starts on this object."""
+    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
+        """Distance of the first crossing with t > 0, inf if there is none.
+
+        `leaving`: the ray starts on this object, and runs into it if `inside`; None if no ray does.
+        """
         raise TypeError(f"{cls.__name__} has no first crossing")
 
     @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
         """Whether the object lies between the ray's origin and the point at `length`.
 
-        `arrives`: that point lies on this object; `inward`: the ray reaches it from within.
+        `arrives`: that point lies on this object; `inward`: the ray reaches it from within. leaving, inside: as in
+        first.
         """
         raise TypeError(f"{cls.__name__} has no blocks")
 

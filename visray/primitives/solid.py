@@ -36,18 +36,21 @@ class Solid(Primitive):
         return cls.interval(seen.o, local, seen.inverse.squared_length(local))
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any) -> Any:
+    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
         t0, t1 = cls.intervals(seen, ray.d)
         t = dr.select(t0 > 0, t0, t1)
         if leaving is not None:
-            t = dr.select(leaving, dr.select(ray.inside, t1, dr.inf), t)
+            t = dr.select(leaving, dr.select(inside, t1, dr.inf), t)
         return dr.select((t0 <= t1) & (t > 0), t, dr.inf)
 
     @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any) -> Any:
+    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
         t0, t1 = cls.intervals(seen, ray.d)
-        other = ((t0 > 0) & (t0 < length)) | ((t1 > 0) & (t1 < length))
-        return (t0 <= t1) & dr.select(arrives, inward & (t0 > 0), other)
+        enters, leaves = t0 > 0, t1 > 0
+        if leaving is not None:
+            enters, leaves = enters & ~leaving, dr.select(leaving, inside, leaves)
+        other = (enters & (t0 < length)) | (leaves & (t1 < length))
+        return (t0 <= t1) & dr.select(arrives, inward & enters, other)
 
     @classmethod
     def level(cls, placed: Any, p: Any) -> tuple[Any, Any]:

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from visray.output.image import Image
@@ -137,21 +138,27 @@ class Report:
     def table(self) -> Table:
         """The report for the terminal: each value beside its limit, then what was counted."""
         title = f"{'passed' if self.passed else 'FAILED'}: {self.objects} objects against Mitsuba"
-        table = Table("", "value", "limit", "", title=title)
+        table = Table("", "", "value", "limit", "", title=title)
+        before = ""
         for t in self.tolerances:
+            rays, what = t.name.split(": ")
             verdict = "[green]ok[/]" if t.ok else "[red]FAILED[/]"
-            table.add_row(t.name, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
-        table.add_section()
+            table.add_row("" if rays == before else rays, what, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
+            before = rays
+        facts = Table(show_header=False, box=None)
         for name, text in self._counted():
-            table.add_row(name, text)
-        return table
+            facts.add_row(escape(name), escape(text))
+        whole = Table.grid()
+        whole.add_row(table)
+        whole.add_row(facts)
+        return whole
 
     def _counted(self) -> list[tuple[str, str]]:
         rows = []
         for title, c in (("pixel centres", self.pixels), ("random rays", self.random)):
             spared = f"{c.near_edge} near an edge, {c.tied} tied, {c.beyond} beyond"
             rows.append((title, f"{c.rays} rays, {c.hits} hits; {spared}"))
-            rows.append((f"{title}: largest", f"|dt| {c.dt:.2g} of |o| + t, normal {c.angle:.2g} rad, uv {c.uv:.2g}"))
+            rows.append(("  largest", f"|dt| {c.dt:.2g} of |o| + t, normal {c.angle:.2g} rad, uv {c.uv:.2g}"))
         s, p = self.shadows, self.picture
         rows.append(("shadow rays", f"{s.rays} rays, {s.reached} reach the light; {s.near_edge} near an edge"))
         size = f"{self.width} x {self.height} pixels"

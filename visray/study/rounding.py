@@ -15,7 +15,7 @@ from visray.study.answers import Answers, Ours, Rays
 # From a file to the side on which a ray passes an edge, a number of Mitsuba's passes through so many roundings: 1 in
 # storing a matrix, 3 in a corner, 1 in the corner minus the origin, 2 in sums and differences of those, 2 in a cross
 # product, 3 in a dot product. Of a sphere's or a disk's numbers it is fewer. Each is of numbers no larger than the sum
-# of distances in Shift; what is measured is a fifth of the bound at most, as roundings partly cancel.
+# of distances in Shift. As roundings partly cancel, what flat shapes and spheres use of the bound is a fifth at most.
 ROUNDINGS = 12
 BOUND = gamma(ROUNDINGS, "single")
 # The ends of three axes at sqrt(3) hold the ball of radius 1 in their hull: no direction of error is missed.

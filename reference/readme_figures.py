@@ -31,7 +31,7 @@ def speed() -> str:
         "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a",
         f"point light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
         "",
-        "| spheres | samples per pixel | visray, M samples/s | Mitsuba, M samples/s | visray is faster by |",
+        "| spheres | samples per pixel | visray, M samples/s | Mitsuba, M samples/s | ratio |",
         "|---|---|---|---|---|",
     ]
     for row in report["warm"] + report["growth"]:

@@ -113,6 +113,8 @@ def render_command(
     if quiet:
         warnings.simplefilter("ignore")
     made = opened(scene, setup, set, spp=spp, size=sized(size), seed=seed, precision=precision)
+    if not made.lights and not any(made.ambient):
+        warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
     chosen, curve = wanted(layers, outputs), gamma_of(gamma)
     for path in outputs:

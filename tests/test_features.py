@@ -75,7 +75,7 @@ CASES = {
     "no Id": (light(Id=BLACK), "diffuse", False, "no light with Id falls on a material with kd"),
     "no ks": (material(ks=BLACK), "specular", False, "no light with Is falls on a material with ks"),
     "no Is": (light(Is=BLACK), "specular", False, "no light with Is falls on a material with ks"),
-    "whole shininess": (material(shininess=300.0), "fractional shininess", False, "every shininess is a whole number"),
+    "whole shininess": (material(shininess=301.0), "fractional shininess", False, "every shininess is a whole number"),
     "no attenuation": (light(a=0.0, b=0.0, c=0.0), "attenuation", False, "no light has a, b or c"),
     "one flat thing": (lone(Rectangle(width=(3, 0, 0), height=(0, 3, 0))), "shadows", False,
                        "nothing can stand between a light and a surface"),

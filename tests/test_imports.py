@@ -13,7 +13,7 @@ llvm
 quantities trees
 ray geometry transforms
 materials lights camera
-primitives.primitive primitives.flat primitives.solid
+primitives.primitive primitives.flat primitives.solid primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.box primitives.cylinder primitives.cone primitives
 scene.scene

@@ -260,13 +260,17 @@ def test_the_object_found_is_the_first_by_the_twins(make: Callable) -> None:
 
 
 def test_ties_go_to_the_object_that_comes_first() -> None:
-    """Two equal spheres: the index is that of the first, in the written-out search and in a tree."""
+    """Equal spheres, and sheets in one plane, the first of them last in space: the index is that of the first, written
+    out and in a tree."""
     for count in (2, tables.WRITTEN_OUT + 8):
-        things = {f"o{i}": Sphere(center=(0, 0, -3)) for i in range(count)}
-        w = World(Scene(objects=things), np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
-        for plain in (False, True):
-            t, index = w.seen(plain)
-            assert (index == 0).all() and (t == 2).all()
+        balls = [Sphere(center=(0, 0, -3)) for _ in range(count)]
+        sheets = [Rectangle(center=(-0.01 * i, 0, -2), width=(4, 0, 0), height=(0, 4, 0)) for i in range(count)]
+        for things in (balls, sheets):
+            scene = Scene(objects={f"o{i}": x for i, x in enumerate(things)})
+            w = World(scene, np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
+            for plain in (False, True):
+                t, index = w.seen(plain)
+                assert (index == 0).all() and (t == 2).all()
 
 
 def test_search_of_nothing() -> None:

@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame
 from visray.primitives.primitive import Twin, boxed_reach, homogeneous
-from visray.primitives.solid import Solid
+from visray.primitives.solid import Solid, common, slab
 from visray.quantities import Point
 from visray.transforms import compose
 
@@ -37,15 +37,8 @@ class Box(Solid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
-        """The common part of three slabs. A ray parallel to a slab is in it for ever or never."""
-        t0, t1 = type(squared)(-dr.inf), type(squared)(dr.inf)
-        for x, dx in ((o.x, d.x), (o.y, d.y), (o.z, d.z)):
-            inverse, parallel, inside = dr.rcp(dx), dx == 0, dr.abs(x) <= 1
-            middle, half = -x * inverse, dr.abs(inverse)
-            near = dr.select(parallel, dr.select(inside, -dr.inf, dr.inf), middle - half)
-            far = dr.select(parallel, dr.select(inside, dr.inf, -dr.inf), middle + half)
-            t0, t1 = dr.select(near > t0, near, t0), dr.select(far < t1, far, t1)
-        return t0, t1
+        """The common part of three slabs."""
+        return common(slab(o.x, d.x), common(slab(o.y, d.y), slab(o.z, d.z)))
 
     @staticmethod
     def faces(p: Any) -> tuple[Any, Any]:

@@ -6,15 +6,15 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.cylinder import around, axial_frame, slab
 from visray.primitives.primitive import Twin, homogeneous
-from visray.primitives.solid import Solid
+from visray.primitives.revolved import Revolved, around, axial_frame
+from visray.primitives.solid import common, slab
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cone(Solid):
+class Cone(Revolved):
     """A closed cone: a disk of `radius` about `base`, and the apex at `height` along `axis` from it.
 
     uv: u around the axis, eastwards; v along it from 0 at the base to 1 at the apex. On the base: the square around it.
@@ -29,13 +29,6 @@ class Cone(Solid):
     def frame(self) -> Frame:
         middle = self.base + 0.5 * self.height * dr.normalize(self.axis)
         return axial_frame(middle, self.axis, self.radius, self.height)
-
-    @staticmethod
-    def reach(whole: Frame) -> Any:
-        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
-        along = dr.norm(whole.z)
-        lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
-        return dr.sqrt(across * across + along * along + 2 * lean)
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
@@ -61,10 +54,7 @@ class Cone(Solid):
         forward = dw > 0
         near = dr.select(a > 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a > 0, high, dr.select(forward, dr.inf, low)) + shift
-        missed = ~(near <= far)
-        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(
-            missed, -dr.inf, dr.select(far < t1, far, t1)
-        )
+        return common((near, far), (t0, t1))
 
     @staticmethod
     def on_wall(p: Any) -> Any:

@@ -5,36 +5,16 @@ from typing import Any, Literal
 
 import drjit as dr
 
-from visray.geometry import Frame, tangents
+from visray.geometry import Frame
 from visray.primitives.primitive import Twin, homogeneous
-from visray.primitives.solid import Solid
+from visray.primitives.revolved import Revolved, around, axial_frame
+from visray.primitives.solid import common, slab
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
 
-def slab(z: Any, dz: Any) -> tuple[Any, Any]:
-    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never."""
-    inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
-    middle, half = -z * inverse, dr.abs(inverse)
-    near = dr.select(dz == 0, dr.select(inside, -dr.inf, dr.inf), middle - half)
-    far = dr.select(dz == 0, dr.select(inside, dr.inf, -dr.inf), middle + half)
-    return near, far
-
-
-def around(local: Any) -> Any:
-    """The angle about the axis, from 0 to 1, eastwards; 0.5 along the frame's first axis, as on the sphere."""
-    return 0.5 + dr.atan2(local.y, local.x) * (0.5 / dr.pi)
-
-
-def axial_frame(middle: Any, axis: Any, radius: Any, height: Any) -> Frame:
-    """The frame of a shape of revolution: z along the axis from -1 to 1, radius 1."""
-    n = dr.normalize(axis)
-    s, t = tangents(n)
-    return Frame(radius * s, radius * t, 0.5 * height * n, middle)
-
-
 @dataclass(frozen=True, kw_only=True)
-class Cylinder(Solid):
+class Cylinder(Revolved):
     """A closed cylinder about `axis`, `center` at the middle of its `height`.
 
     uv: u around the axis, eastwards; v along it from 0 to 1. On the caps: the square around the disk from 0 to 1.
@@ -50,14 +30,6 @@ class Cylinder(Solid):
         return axial_frame(self.center, self.axis, self.radius, self.height)
 
     @staticmethod
-    def reach(whole: Frame) -> Any:
-        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
-        along = dr.norm(whole.z)
-        # Upright cylinders reach the corner of their section; leaning the axis adds at most the plain sum.
-        lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
-        return dr.sqrt(across * across + along * along + 2 * lean)
-
-    @staticmethod
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
         """The wall's interval, recentred in the plane across the axis, cut by that of the caps."""
         a = d.x * d.x + d.y * d.y
@@ -69,11 +41,7 @@ class Cylinder(Solid):
         inside = o.x * o.x + o.y * o.y <= 1
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
         far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
-        t0, t1 = slab(o.z, d.z)
-        missed = ~(near <= far)
-        return dr.select(missed, dr.inf, dr.select(near > t0, near, t0)), dr.select(
-            missed, -dr.inf, dr.select(far < t1, far, t1)
-        )
+        return common((near, far), slab(o.z, d.z))
 
     @staticmethod
     def on_wall(p: Any) -> Any:

@@ -8,6 +8,23 @@ from visray.primitives.primitive import Primitive, Seen
 from visray.ray import Ray
 
 
+def slab(z: Any, dz: Any) -> tuple[Any, Any]:
+    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never."""
+    inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
+    middle, half = -z * inverse, dr.abs(inverse)
+    near = dr.select(dz == 0, dr.select(inside, -dr.inf, dr.inf), middle - half)
+    far = dr.select(dz == 0, dr.select(inside, dr.inf, -dr.inf), middle + half)
+    return near, far
+
+
+def common(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
+    """What two intervals have in common; (inf, -inf) where the first is empty or NaN."""
+    (near, far), (t0, t1) = a, b
+    missed = ~(near <= far)
+    first, last = dr.select(near > t0, near, t0), dr.select(far < t1, far, t1)
+    return dr.select(missed, dr.inf, first), dr.select(missed, -dr.inf, last)
+
+
 class Solid(Primitive):
     """A closed convex solid, known by the interval of a ray inside it.
 

@@ -18,6 +18,17 @@ def gamma(n: int, precision: str = "double") -> float:
     return nu / (1 - nu)
 
 
+def extent(v: Any) -> Any:
+    """A bound of |v| that costs no root: the sum of its components' sizes, at most sqrt(3) |v|."""
+    return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
+
+
+def facing(n: Any, d: Any) -> tuple[Any, Any]:
+    """The normal turned against the direction of a ray, and whether it had to be: then its side is seen from within."""
+    within = dr.dot(n, d) > 0
+    return dr.select(within, -n, n), within
+
+
 def triple(v: Any, x: Any, y: Any, z: Any) -> Any:
     """A triple of the type of `v`."""
     return type(v)(x, y, z)

@@ -18,6 +18,7 @@ from visray import integrator, tables
 from visray.errors import UserError
 from visray.features import features
 from visray.film import Moments
+from visray.geometry import facing
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
@@ -119,8 +120,7 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
     ray = integrator.camera_ray(stage, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
     hit = closest(stage.watch, ray)
     surface = feel(s, ray, hit)[0]
-    within = dr.dot(surface.n, s.a.V(ray.d)) > 0
-    n = dr.select(within, -surface.n, surface.n)
+    n, within = facing(surface.n, s.a.V(ray.d))
     lit = [beam(s, i, hit, surface, n, within).reached for i in range(len(s.lights))]
     found = []
     seen = np.unique(np.array(hit.index))

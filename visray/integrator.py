@@ -8,6 +8,7 @@ import drjit as dr
 from visray import sampling
 from visray.features import Features
 from visray.film import Moments
+from visray.geometry import facing
 from visray.quantities import Arrays
 from visray.ray import Ray, unit
 from visray.scene.scene import Gradient
@@ -103,8 +104,7 @@ def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.watch, ray)
     surface, material, u, v = feel(s.scenery, ray, hit)
-    d = a.V(ray.d)
-    n = dr.select(dr.dot(surface.n, d) > 0, -surface.n, surface.n)
+    n = facing(surface.n, a.V(ray.d))[0]
     depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
     shown = (dr.select(hit.valid, x, 0) for x in (a.V(surface.p), n, u, v, material.kd))
     return FirstHit(hit.index, a.F(hit.t), depth, *shown)

@@ -14,7 +14,7 @@ import numpy as np
 
 from visray import tables
 from visray.bvh import Walk, packets
-from visray.geometry import UNIT_ROUNDOFF, gamma
+from visray.geometry import UNIT_ROUNDOFF, extent, gamma
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
@@ -50,15 +50,10 @@ def _touch(kind: type, group: Group, o: Any) -> tuple[Any, Any] | None:
     there is one is structure: a camera or light that comes to lie on a surface compiles anew.
     """
     f, g = kind.level(group.placed, o)
-    size = _size(o)
-    size += _size(group.placed.o) if group.radius is None else group.radius
+    size = extent(o)
+    size += extent(group.placed.o) if group.radius is None else group.radius
     on = dr.abs(f) <= gamma(32) * size * dr.norm(g)
     return (on, g) if np.any(np.array(on)) else None
-
-
-def _size(v: Any) -> Any:
-    """A bound of |v|."""
-    return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
 
 
 def candidate(g: Guard, d: Any) -> Any:

@@ -13,7 +13,7 @@ import drjit as dr
 
 from visray import tables
 from visray.features import Features
-from visray.geometry import gamma
+from visray.geometry import extent, facing, gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.quantities import Arrays
@@ -57,13 +57,8 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Array
 def _span(group: Group) -> Any:
     """No coordinate that an object is made of is greater, up to a factor that the rounding bound allows for."""
     if group.radius is None:
-        return dr.detach(_size(group.placed.o))
-    return _size(group.centre) + group.radius
-
-
-def _size(v: Any) -> Any:
-    """A bound of |v|."""
-    return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
+        return dr.detach(extent(group.placed.o))
+    return extent(group.centre) + group.radius
 
 
 def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
@@ -123,7 +118,7 @@ def _surface(s: Scenery, kind: type, placed: Any, material: Material, span: Any,
     # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
     # much as the local origin is known to: five more, of numbers no greater than |o| + t and the object's coordinates.
     # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
-    error = gamma(8) * (_size(ray.o) + t + span)
+    error = gamma(8) * (extent(ray.o) + t + span)
     u, v = kind.uv(placed, p)
     return Surface(p, dr.normalize(s.a.V(g)), error), material, s.a.F(u), s.a.F(v)
 
@@ -152,8 +147,7 @@ def blinn_phong(s: Scenery, ray: Ray, hit: Hit, surface: Surface, m: Material) -
     """The light that leaves the surface towards the ray's origin."""
     a, on = s.a, s.features
     d = a.V(ray.d)
-    within = dr.dot(surface.n, d) > 0
-    n = dr.select(within, -surface.n, surface.n)
+    n, within = facing(surface.n, d)
     colour = dr.zeros(a.V, 1)
     if on["ambient"]:
         glow = s.ambient
@@ -190,7 +184,7 @@ def beam(s: Scenery, number: int, hit: Hit, surface: Surface, n: Any, within: An
     if s.features["shadows"]:
         # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
         # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
-        error = surface.error + gamma(8) * (_size(light.position) + distance)
+        error = surface.error + gamma(8) * (extent(light.position) + distance)
         length = distance - a.D(a.F(error) / cosine)
         shaft = Ray(light.position, d, error=error)
         reached &= ~blocked(s.watches[number], shaft, length, hit.index, within, reached, s.plain)

@@ -153,10 +153,11 @@ class RoundCone:
         # down . (p - apex) >= cos |p - apex| inside.
         dn, wn = -dot(d, a), -dot(w, a)
         A, B, C = dn * dn - cos2 * dd, dn * wn - cos2 * dot(w, d), wn * wn - cos2 * dot(w, w)
+        A = np.where(A == 0, Real(1e-300), A)  # parallel to the wall: one root is as good as infinite
         disc = B * B - A * C
         root = np.sqrt(np.maximum(disc, 0))
         q = -(B + np.where(B < 0, -root, root))
-        r1, r2 = C / np.where(q == 0, 1, q), q / np.where(A == 0, 1, A)
+        r1, r2 = C / np.where(q == 0, 1, q), q / A
         r1 = np.where(q == 0, 0, r1)
         low, high = np.minimum(r1, r2), np.maximum(r1, r2)
         steep, down = A > 0, dn > 0
@@ -527,7 +528,10 @@ def truth(thing: Any, o: np.ndarray, d: np.ndarray) -> Truth:
         met = [np.where((t > 0) & (outside <= s * slip) & (l[0] > 0), 1, 0) for s, l in zip((1, -1), lifted)]
         what = np.where((t > 0) & (outside <= 0), 1, 0)
         low, high = np.minimum(lifted[0][0], lifted[1][0]), np.maximum(lifted[0][0], lifted[1][0])
-        sure = (met[0] == what) & (met[1] == what) & np.isfinite(t) & (np.sign(low) == np.sign(high))
+        sure = (met[0] == what) & (met[1] == what) & (np.sign(low) == np.sign(high))
+        # A ray along the plane misses, but for one in it.
+        n, point = twin.plane(thing)
+        sure = np.where(np.isfinite(t), sure, np.abs(dot(o - point, n)) > rounding(thing, o, d, 0.0))
         return Truth(what, t, low, high, sure)
 
 

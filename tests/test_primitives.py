@@ -546,7 +546,10 @@ PLAIN = {
     "Box": Box(),
     "Cylinder": Cylinder(),
     "Cone": Cone(base=(0, -0.5, 0)),
+    # Diagonal rays run along its wall, or parallel to it.
+    "Cone of 90 degrees": Cone(base=(0, -0.25, 0), height=0.5),
 }
+PLAIN_EACH = pytest.mark.parametrize("name", PLAIN)
 
 
 def lattice_rays() -> tuple[np.ndarray, np.ndarray]:
@@ -558,7 +561,7 @@ def lattice_rays() -> tuple[np.ndarray, np.ndarray]:
     return np.repeat(o, len(d), 0), np.tile(d, (len(o), 1))
 
 
-@EACH
+@PLAIN_EACH
 def test_degenerate_rays_give_no_nan_and_agree_where_the_answer_is_sure(name: str) -> None:
     """124 000 rays. In the plane of a flat shape, on a face, along an edge or the axis the answer may be either, but it
     is an answer: t > 0 or inf, a point on the surface, a finite normal."""
@@ -583,7 +586,7 @@ def test_degenerate_rays_give_no_nan_and_agree_where_the_answer_is_sure(name: st
     assert (np.array(t)[met] >= exact.low[met] - slack).all() and (np.array(t)[met] <= exact.high[met] + slack).all()
 
 
-@EACH
+@PLAIN_EACH
 def test_degenerate_shadow_rays_have_an_answer_that_agrees(name: str) -> None:
     """`blocks` from lattice points over a length of 1: blocked exactly where the twin crosses before 1."""
     thing, (o, d) = PLAIN[name], lattice_rays()

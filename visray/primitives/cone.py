@@ -36,7 +36,8 @@ class Cone(Revolved):
 
         Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so
         that no digits cancel even for a ray that all but meets the apex.
-        a > 0: inside between the roots. a <= 0: inside beyond one root, on the side to which w grows.
+        a >= 0: inside between the roots, one of which is infinite for a ray parallel to the wall. a < 0: inside beyond
+        one root, on the side to which w grows.
         """
         t0, t1 = slab(o.z, d.z)
         shift = -(o.x * d.x + o.y * d.y + (o.z - 1) * d.z) * dr.rcp(squared)
@@ -46,14 +47,14 @@ class Cone(Revolved):
         b = p.x * d.x + p.y * d.y - w * dw
         c = p.x * p.x + p.y * p.y - w * w
         disc = b * b - a * c
-        root = dr.sqrt(dr.select((disc < 0) & (a <= 0), 0, disc))
+        root = dr.sqrt(dr.select((disc < 0) & (a < 0), 0, disc))
         q = -(b + dr.copysign(root, b))
-        # q = 0 only if b = 0 and disc = 0: both roots are 0 (a != 0), or the ray lies in the wall (a = 0).
-        first, second = dr.select(q == 0, 0, c / q), dr.select((q == 0) & (a == 0), dr.inf, q / a)
+        # q = 0 only if b = 0 and disc = 0: both roots are 0 (a != 0), or the ray runs along the wall and misses (NaN).
+        first, second = dr.select(q == 0, 0, c / q), q / a
         low, high = dr.select(first < second, first, second), dr.select(first < second, second, first)
         forward = dw > 0
-        near = dr.select(a > 0, low, dr.select(forward, high, -dr.inf)) + shift
-        far = dr.select(a > 0, high, dr.select(forward, dr.inf, low)) + shift
+        near = dr.select(a >= 0, low, dr.select(forward, high, -dr.inf)) + shift
+        far = dr.select(a >= 0, high, dr.select(forward, dr.inf, low)) + shift
         return common((near, far), (t0, t1))
 
     @staticmethod

@@ -14,16 +14,17 @@ from visray.quantities import Point
 
 @dataclass(frozen=True)
 class Corners:
-    """A triangle in the world."""
+    """A triangle in the world: its corners and its unit normal."""
 
     a: Any
     b: Any
     c: Any
+    n: Any
 
 
 @dataclass(frozen=True)
 class SeenCorners:
-    """A triangle as seen from an origin: its corners from there, and its normal, as long as twice its area."""
+    """A triangle as seen from an origin: its corners from there, and its unit normal."""
 
     a: Any
     b: Any
@@ -71,8 +72,8 @@ class Triangle(Flat):
         return Frame(x, y, dr.normalize(dr.cross(x, y)), self.a)
 
     def placed(self, outer: Frame | None) -> Corners:
-        corners = (self.a, self.b, self.c)
-        return Corners(*(corners if outer is None else map(outer.point, corners)))
+        a, b, c = (v if outer is None else outer.point(v) for v in (self.a, self.b, self.c))
+        return Corners(a, b, c, dr.normalize(dr.cross(b - a, c - a)))
 
     def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
         p = self.placed(outer)
@@ -82,8 +83,7 @@ class Triangle(Flat):
 
     @staticmethod
     def seen(placed: Corners, o: Any) -> SeenCorners:
-        n = dr.cross(placed.b - placed.a, placed.c - placed.a)
-        return SeenCorners(placed.a - o, placed.b - o, placed.c - o, n)
+        return SeenCorners(placed.a - o, placed.b - o, placed.c - o, placed.n)
 
     @classmethod
     def crossing(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any, Any]:
@@ -97,8 +97,7 @@ class Triangle(Flat):
 
     @staticmethod
     def level(placed: Corners, p: Any) -> tuple[Any, Any]:
-        n = dr.cross(placed.b - placed.a, placed.c - placed.a)
-        return dr.dot(p - placed.a, n), n
+        return dr.dot(p - placed.a, placed.n), placed.n
 
     @staticmethod
     def uv(placed: Corners, p: Any) -> tuple[Any, Any]:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
+from visray.quantities import FARTHEST
 from visray.scene.messages import hint, line, lines, printable
 from visray.scene.scene import ADAPTER, Scene
 from visray.transforms import Transform, compose
@@ -100,6 +101,9 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
     if not np.isfinite(whole).all():
         return "the steps together overflow double precision"
     x, y, z = whole[:, :3].T
+    lengths = np.linalg.norm(whole, axis=0)
+    if lengths.max() > FARTHEST or lengths[:3].min() < 1 / FARTHEST:
+        return f"the steps together scale below {1 / FARTHEST:g} or reach beyond {FARTHEST:g}"
     volume = abs(x @ np.cross(y, z))
     # Every step adds at most 4 roundings to each entry, and the triple product has 6: below that its sign is unknown.
     uncertain = gamma(4 * len(steps) + 6) * np.linalg.norm(x) * np.linalg.norm(y) * np.linalg.norm(z)

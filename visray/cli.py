@@ -53,7 +53,7 @@ INTERRUPTED = 130
 def opened(scene: Path, setup: Path | None, assignments: list[str], **settings: Any) -> Scene:
     """The scene of a file, with the values that the command line sets."""
     made = adjusted(loading.load(scene, setup), **settings)
-    return changed(made, dict(map(parse_assignment, assignments)))
+    return changed(made, dict(map(parse_assignment, assignments))) if assignments else made
 
 
 def sized(text: str | None) -> tuple[int, int] | None:

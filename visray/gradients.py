@@ -13,16 +13,14 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray import film as films
 from visray import integrator, tables
 from visray.errors import UserError
-from visray.features import features
 from visray.film import Moments
 from visray.geometry import facing
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
-from visray.render import adjusted, arrays, expose, lanes, set_up
+from visray.render import adjusted, expose, set_up
 from visray.sampling import Plan
 from visray.scene import address as addresses
 from visray.scene.scene import Gradient, Scene
@@ -98,20 +96,19 @@ def _moves(address: str) -> bool:
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
     """The picture, attached to the arrays that `mark` has enabled. Shape: (3, H W), in the order of lanes."""
-    films.check_size(scene.film.width, scene.film.height)
-    a = arrays(backend, scene.settings.precision)
-    kin, size = tables.kinships(scene), (scene.film.width, scene.film.height)
-    packed = tables.pack(scene, a)
-    places = {w: place(scene, kin, packed, w) for w in wrt}
-    for p in places.values():
-        mark(p)
-    ready = tables.prepare(packed, kin, size, a)
-    stage = integrator.stage(ready, kin, features(scene, tuple(wrt)), a, not scene.film.transparent)
-    order, x, y = lanes(a, *size)
-    if any(map(_moves, wrt)) and (edges := _edges(stage, x, y)):
+    places: dict[str, Place] = {}
+
+    def attach(kin: tuple[tables.Kinship, ...], packed: tables.Tables) -> None:
+        places.update({w: place(scene, kin, packed, w) for w in wrt})
+        for p in places.values():
+            mark(p)
+
+    made = set_up(scene, backend, wrt=tuple(wrt), attach=attach)
+    if any(map(_moves, wrt)) and (edges := _edges(made.stage, made.x, made.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
-    m: Moments = integrator.sample(stage, Plan.of(a, scene.settings.seed, spp, 0, spp), x, y)
-    return Trace(places, m.reference + m.total * (1 / a.F(spp)), order)
+    plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)
+    m: Moments = integrator.sample(made.stage, plan, made.x, made.y)
+    return Trace(places, m.reference + m.total * (1 / made.a.F(spp)), made.order)
 
 
 def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:

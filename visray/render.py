@@ -3,7 +3,7 @@
 import json
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -42,13 +42,26 @@ class Set:
     y: Any
 
 
-def set_up(scene: Scene, backend: str = "llvm", everything: bool = False, plain: bool = False) -> Set:
-    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search."""
+def set_up(
+    scene: Scene,
+    backend: str = "llvm",
+    everything: bool = False,
+    plain: bool = False,
+    wrt: tuple[str, ...] = (),
+    attach: Callable[[tuple[tables.Kinship, ...], tables.Tables], None] | None = None,
+) -> Set:
+    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search.
+
+    wrt: the addresses that derivatives are taken by; `attach` enables them in the tables, before anything is computed.
+    """
     a = arrays(backend, scene.settings.precision)
     width, height = scene.film.width, scene.film.height
     films.check_size(width, height)
-    kin, on = tables.kinships(scene), features(scene, everything=everything)
-    ready = tables.prepare(tables.pack(scene, a), kin, (width, height), a)
+    kin, on = tables.kinships(scene), features(scene, wrt, everything)
+    packed = tables.pack(scene, a)
+    if attach is not None:
+        attach(kin, packed)
+    ready = tables.prepare(packed, kin, (width, height), a)
     stage = integrator.stage(ready, kin, on, a, not scene.film.transparent, plain)
     return Set(scene, a, on, stage, *lanes(a, width, height))
 
@@ -115,7 +128,7 @@ def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: A
         if len(size) != 2:
             raise UserError(f"size = {size!r}: must be a width and a height, such as (640, 480)")
         scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
-    return checked(scene)
+    return checked(scene) if changed or size is not None else scene
 
 
 def wanted(layers: Sequence[str]) -> tuple[str, ...]:

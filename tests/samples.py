@@ -22,7 +22,7 @@ from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray
 from visray.scene.scene import Scene
-from visray.shading import feel, scenery
+from visray.scenery import feel, scenery
 from visray.transforms import Rotate, Scale, Translate, compose
 from visray.trees import rows
 
@@ -425,7 +425,7 @@ class Lineup:
         self.kind = self.kin[0].kind
         ready = tables.prepare(tables.pack(scene, self.a), self.kin, (1, 1), self.a)
         self.group, self.groups = ready.groups[0], ready.groups
-        self.scenery = scenery(ready, self.kin, features(scene), self.a, plain=False)
+        self.scenery = scenery(ready, self.kin, scene, features(scene), self.a, plain=False)
         self.index = self.a.U(np.repeat(np.arange(len(things), dtype=np.uint32), per))
 
     def ray(self, o: np.ndarray, d: np.ndarray, **more: Any) -> Ray:

@@ -4,11 +4,12 @@ import pytest
 
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.lights import PointLight
+from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Disk, Sphere
 from visray.scene.address import changed, numeric_addresses, parse_assignment, replaced, value
-from visray.scene.scene import Gradient, Scene, Settings
+from visray.scene.scene import Gradient, Occlusion, Scatter, Scene, Settings
+from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate, Scale, Translate
 
 SCENE = Scene(
@@ -23,6 +24,19 @@ SCENE = Scene(
         ),
         "plate": Disk(),
     },
+)
+RICH = Scene(
+    camera=Camera(aperture=0.5, focus=4.0),
+    textures={"tiles": CheckerTexture(scale=(4.0, 2.0)), "photo": ImageTexture(file="a.png")},
+    materials={"glass": Material(kt=(0.25, 0.5, 1.0), texture="tiles"), "plain": Material()},
+    lights={
+        "sun": DirectionalLight(direction=(0.0, -1.0, 0.5)),
+        "beam": SpotLight(position=(0.0, 5.0, 0.0), direction=(0.0, -1.0, 0.0), angle=12.5),
+        "window": RectangleLight(position=(1.0, 2.0, 3.0), samples=4),
+        "lid": DiskLight(position=(1.0, 2.0, 3.0), radius=0.25),
+        "bulb": SphereLight(position=(1.0, 2.0, 3.0), radius=0.125),
+    },
+    settings=Settings(occlusion=Occlusion(sky=16), scatter=Scatter(rays=2)),
 )
 
 
@@ -53,6 +67,65 @@ def message(address: str) -> str:
 )
 def test_value(address: str, expected: object) -> None:
     assert value(SCENE, address) == expected
+
+
+@pytest.mark.parametrize(
+    ("address", "expected", "text", "new"),
+    [
+        ("camera.aperture", 0.5, "0", 0.0),
+        ("camera.focus", 4.0, "2.5", 2.5),
+        ("textures.tiles.scale", (4.0, 2.0), "[1, 3]", (1.0, 3.0)),
+        ("textures.tiles.scale.1", 2.0, "-1", -1.0),
+        ("textures.tiles.a.2", 0.8, "1", 1.0),
+        ("textures.photo.file", "a.png", "images/b c.png", "images/b c.png"),
+        ("textures.photo.filter", "bilinear", "nearest", "nearest"),
+        ("textures.photo", ImageTexture(file="a.png"), '{"type": "checker"}', CheckerTexture()),
+        ("materials.glass.kt", (0.25, 0.5, 1.0), "[0, 0, 0.5]", (0.0, 0.0, 0.5)),
+        ("materials.glass.kt.1", 0.5, "1", 1.0),
+        ("materials.glass.kr.0", 0.0, "0.25", 0.25),
+        ("materials.glass.ior", 1.5, "1.33", 1.33),
+        ("materials.glass.dmax", 1e9, "2", 2.0),
+        ("materials.glass.texture", "tiles", "photo", "photo"),
+        ("materials.glass.texture", "tiles", "null", None),
+        ("materials.plain.texture", None, "photo", "photo"),
+        ("lights.sun.direction.2", 0.5, "1", 1.0),
+        ("lights.beam.angle", 12.5, "20", 20.0),
+        ("lights.beam.exponent", 0.0, "3", 3.0),
+        ("lights.window.samples", 4, "8", 8),
+        ("lights.window.width", (1.0, 0.0, 0.0), "[2, 0, 1]", (2.0, 0.0, 1.0)),
+        ("lights.lid.normal.1", 1.0, "2", 2.0),
+        ("lights.bulb.radius", 0.125, "0.5", 0.5),
+        ("settings.shading", "blinn-phong", "toon", "toon"),
+        ("settings.depth", 6, "0", 0),
+        ("settings.occlusion.sky", 16, "0", 0),
+        ("settings.occlusion.distance", 1.0, "2", 2.0),
+        ("settings.occlusion.hemisphere", "cosine", "box", "box"),
+        ("settings.occlusion", Occlusion(sky=16), '{"near": 4}', Occlusion(near=4)),
+        ("settings.scatter.depth", 1, "3", 3),
+    ],
+)
+def test_every_part_can_be_read_and_set(address: str, expected: object, text: str, new: object) -> None:
+    assert value(RICH, address) == expected
+    where, parsed = parse_assignment(f"{address}={text}")
+    found = value(replaced(RICH, where, parsed), address)
+    assert found == new and type(found) is type(new)
+
+
+@pytest.mark.parametrize(
+    ("address", "expected"),
+    [
+        ("settings.occlusion.skye", "settings.occlusion has no 'skye'; did you mean \"sky\"? (one of sky, near, "),
+        ("settings.occlusion.sky.0", "settings.occlusion.sky is a single value; leave .0 out"),
+        ("materials.plain.texture.scale", "materials.plain.texture is a single value; leave .scale out"),
+        ("textures.tile.a", "textures has no 'tile'; did you mean \"tiles\"? (one of tiles, photo)"),
+        ("lights.sun.position", "lights.sun has no 'position'; one of intensity, Ia, Id, Is, a, b, c, type, direction"),
+        ("materials.glass.Kt", "materials.glass has no 'Kt'; did you mean \"kt\"? (one of ka, "),
+    ],
+)
+def test_an_unknown_address_in_a_nested_part_lists_what_is_there(address: str, expected: str) -> None:
+    with pytest.raises(UserError) as caught:
+        value(RICH, address)
+    assert len(caught.value.lines) == 1 and caught.value.lines[0].startswith(f"{address}: {expected}")
 
 
 @pytest.mark.parametrize(
@@ -132,11 +205,41 @@ def test_what_is_put_in_is_checked(address: str, new: object, expected: str) -> 
     assert caught.value.lines == (expected,)
 
 
+@pytest.mark.parametrize(
+    ("address", "new", "expected"),
+    [
+        (
+            "materials.glass.texture",
+            "tile",
+            'materials.glass.texture = "tile": unknown texture; did you mean "tiles"? ',
+        ),
+        ("materials.glass.texture", {"tiles"}, "materials.glass.texture = \"{'tiles'}\": must be a string or null"),
+        ("settings.occlusion.sky", -1, "settings.occlusion.sky = -1: must be at least 0"),
+        ("settings.occlusion", 5, "settings.occlusion = 5: must be an object {...} with the keys sky, near, "),
+        ("lights.window.height.0", float("nan"), "lights.window.height.0 = NaN: must be finite"),
+        ("lights.window.height", (2, 0, 0), "lights.window.height = [2.0, 0.0, 0.0]: must not be parallel to width: "),
+        ("lights.sun.c", 1, "lights.sun.c = 1.0: must be 0: "),
+        # Instances are checked as well, wherever they lie.
+        ("camera", Camera(fov=-1.0), "camera.fov = -1.0: must be at least 0.01"),
+        ("materials", {"glass": Material(ior=0.0)}, "materials.glass.ior = 0.0: must be at least 0.01"),
+        ("settings", Settings(occlusion=Occlusion(near=-1)), "settings.occlusion.near = -1: must be at least 0"),
+    ],
+)
+def test_what_is_put_into_a_nested_part_is_checked(address: str, new: object, expected: str) -> None:
+    with pytest.raises(UserError) as caught:
+        replaced(RICH, address, new)
+    assert len(caught.value.lines) == 1 and caught.value.lines[0].startswith(expected)
+
+
 def test_several_changes_are_checked_together() -> None:
     scene = changed(SCENE, {"camera.origin": (0.0, 0.0, 0.0), "camera.target.2": -1.0})
     assert scene.camera == Camera(origin=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0))
     scene = changed(SCENE, {"objects.plate": {"type": "sphere", "radius": 1}, "objects.plate.radius": 2.0})
     assert scene.objects["plate"] == Sphere(radius=2.0)
+    scene = changed(SCENE, {"objects.plate": Sphere(), "objects.plate.radius": 3.0})
+    assert scene.objects["plate"] == Sphere(radius=3.0)
+    scene = changed(SCENE, {"settings": Settings(spp=3), "settings.occlusion.sky": 4, "settings.scatter.rays": 2})
+    assert scene.settings == Settings(spp=3, occlusion=Occlusion(sky=4), scatter=Scatter(rays=2))
 
 
 @pytest.mark.parametrize(
@@ -178,6 +281,8 @@ def test_numeric_addresses() -> None:
         "camera.target",
         "camera.up",
         "camera.fov",
+        "camera.aperture",
+        "camera.focus",
         "background.top",
         "background.bottom",
         "ambient",
@@ -185,7 +290,10 @@ def test_numeric_addresses() -> None:
         "materials.red.kd",
         "materials.red.ks",
         "materials.red.shininess",
-        "lights.lamp.position",
+        "materials.red.kr",
+        "materials.red.kt",
+        "materials.red.ior",
+        "materials.red.dmax",
         "lights.lamp.intensity",
         "lights.lamp.Ia",
         "lights.lamp.Id",
@@ -193,6 +301,7 @@ def test_numeric_addresses() -> None:
         "lights.lamp.a",
         "lights.lamp.b",
         "lights.lamp.c",
+        "lights.lamp.position",
         "objects.ball.transform.0.translate",
         "objects.ball.transform.2.axis",
         "objects.ball.center",
@@ -200,12 +309,34 @@ def test_numeric_addresses() -> None:
         "objects.plate.center",
         "objects.plate.normal",
         "objects.plate.radius",
+        "settings.occlusion.distance",
     ]
     assert (found["objects.ball.center"].size, found["objects.ball.center"].precision) == (3, "geometry")
     assert (found["materials.red.shininess"].size, found["materials.red.shininess"].precision) == (1, "shading")
     for address, quantity in found.items():
         held = value(SCENE, address)
         assert (len(held) if isinstance(held, tuple) else 1) == quantity.size
+
+
+@pytest.mark.parametrize(
+    ("prefix", "fields"),
+    [
+        ("textures.tiles", {"a", "b"}),
+        ("materials.glass", {"ka", "kd", "ks", "shininess", "kr", "kt", "ior", "dmax"}),
+        ("lights.sun", {"direction"}),
+        ("lights.beam", {"position", "direction", "angle", "exponent"}),
+        ("lights.window", {"position", "width", "height"}),
+        ("lights.lid", {"position", "normal", "radius"}),
+        ("lights.bulb", {"position", "radius"}),
+        ("settings", {"occlusion.distance"}),
+    ],
+)
+def test_numeric_addresses_of_a_part(prefix: str, fields: set[str]) -> None:
+    found = {address.removeprefix(f"{prefix}.") for address in numeric_addresses(RICH) if address.startswith(prefix)}
+    common = {"intensity", "Ia", "Id", "Is", "a", "b", "c"} if prefix.startswith("lights") else set()
+    assert fields | common <= found
+    # Counts, choices and names are no numbers of a kernel.
+    assert not found & {"samples", "type", "texture", "spp", "depth", "occlusion.sky", "filter"}
 
 
 def test_a_plain_background_is_one_address() -> None:

@@ -12,17 +12,22 @@ errors version
 llvm
 quantities trees
 ray geometry transforms
-materials lights camera
+warp
+textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
+lights camera
 primitives.primitive primitives.flat primitives.solid primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.box primitives.cylinder primitives.cone primitives
 scene.scene
 scene
 features progress output.files output.exr output.png output.image output
-bvh
-tables sampling film
+bvh images
+tables sampling film texturing
 search
+scenery
+lighting occlusion
 shading
+paths
 integrator
 render
 gradients

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from visray.quantities import Arrays
-from visray.sampling import Plan, first_cell, in_pixel, mix, next_cell, pixel_key
+from visray.sampling import Draw, Plan, first_cell, in_cell, mix, next_cell, pixel_key
 
 A = Arrays.of("llvm", "single")
 # Chance of a false alarm of each test below: 1e-6 one-sided is 4.75 standard errors; 5 for two-sided ones.
@@ -32,7 +32,7 @@ def points(pixels: np.ndarray, seed: int, spp: int, passes: list[int]) -> tuple[
         key = pixel_key(p, x, y)
         cell = first_cell(p, key, A.F)
         for i in range(count):
-            u, v = in_pixel(p, key, dr.opaque(A.U, i) + p.first, cell, A.F)
+            u, v = Draw("stratified", A.F, p, key, dr.opaque(A.U, i) + p.first, cell).pixel()
             dr.eval(u, v, cell)
             found.append(np.stack([np.array(u), np.array(v)], 1))
             cells.append(np.array(cell))
@@ -86,7 +86,7 @@ def test_a_stratum_is_found_right_up_to_the_promised_size(side: int) -> None:
     """All cells, in single precision, up to k = 2047, the greatest side with k^2 < 2^22."""
     p = plan(0, side * side, 0, 1)
     cell = dr.arange(A.U, side * side)
-    u, v = (np.array(w, np.float64) for w in in_pixel(p, mix(cell), A.U(0), cell, A.F))
+    u, v = (np.array(w, np.float64) for w in in_cell(cell, A.U(0) >= p.cells, p.side, mix(cell), A.F))
     number = np.arange(side * side)
     # A jitter of a stratum that lies at k has 2^-13 left to round to: it may come out as the border itself.
     slack = 2.0**-24 * side
@@ -183,7 +183,7 @@ def test_a_seed_and_a_sample_count_are_data_not_code() -> None:
     def draw(seed: int, spp: int, first: int, count: int) -> None:
         p = plan(seed, spp, first, count)
         key = pixel_key(p, x, y)
-        dr.eval(in_pixel(p, key, p.first, next_cell(p, first_cell(p, key, A.F)), A.F))
+        dr.eval(Draw("stratified", A.F, p, key, p.first, next_cell(p, first_cell(p, key, A.F))).pixel())
 
     draw(1, 4, 0, 4)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):

@@ -1,6 +1,7 @@
 """Scene files: what they may hold, and what is said where they are wrong."""
 
 import json
+import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -9,19 +10,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from visray import primitives
+from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.lights import PointLight
+from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Plane, Rectangle, Sphere, Triangle
 from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
-from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone"
+LIGHTS = "point, directional, spot, rectangle, disk, sphere"
+TEXTURES = "image, checker"
+MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
 
 
 def write(folder: Path, content: object) -> Path:
@@ -60,15 +65,53 @@ def everything() -> Scene:
     )
     things["placed ball"] = Sphere(center=(0.1, 0.2, 0.3), radius=1e-3, material="gold, polished", transform=steps)
     return Scene(
-        camera=Camera(origin=(1.0, 2.0, 3.0), fov=35.5),
+        camera=Camera(origin=(1.0, 2.0, 3.0), fov=35.5, aperture=0.1, focus=4.0),
         film=Film(width=64, height=48, transparent=True),
         background=(0.1, 0.2, 0.3),
         ambient=(0.5, 0.5, 0.5),
-        materials={"gold, polished": Material(kd=(0.8, 0.6, 0.2), shininess=100.0), "plain": Material()},
-        lights={"lamp": PointLight(position=(2.0, 4.0, 6.0), c=0.01)},
+        textures={
+            "tiles": CheckerTexture(a=(0.1, 0.2, 0.3), scale=(4.0, 2.0)),
+            "photo": ImageTexture(file="/photos/a b.png", offset=(0.5, 0.0), wrap="mirror", encoding="linear"),
+        },
+        materials={
+            "gold, polished": Material(kd=(0.8, 0.6, 0.2), shininess=100.0, kr=(0.8, 0.6, 0.2)),
+            "glass": Material(kt=(0.9, 1.0, 0.9), ior=1.33, dmax=2.0, texture="photo"),
+            "plain": Material(),
+        },
+        lights={
+            "lamp": PointLight(position=(2.0, 4.0, 6.0), c=0.01),
+            "sun": DirectionalLight(direction=(0.0, -1.0, 0.5), intensity=2.0, a=2.0),
+            "beam": SpotLight(position=(0.0, 5.0, 0.0), direction=(0.0, -1.0, 0.0), angle=12.5, exponent=3.0),
+            "window": RectangleLight(position=(1.0, 2.0, 3.0), width=(2.0, 0.0, 0.0), samples=4),
+            "lid": DiskLight(position=(1.0, 2.0, 3.0), normal=(1.0, 0.0, 0.0), radius=0.25),
+            "bulb": SphereLight(position=(1.0, 2.0, 3.0), radius=0.125, Ia=(0.1, 0.1, 0.1)),
+        },
         objects=things,
-        settings=Settings(spp=4, seed=7, precision="double", shadows=False),
+        settings=Settings(
+            spp=4,
+            seed=7,
+            precision="double",
+            sampler="sobol",
+            shading="toon",
+            shadows=False,
+            depth=2,
+            misses="ambient",
+            local="full",
+            area="centre",
+            occlusion=Occlusion(sky=16, near=8, distance=0.5, hemisphere="box"),
+            scatter=Scatter(rays=4, depth=2),
+        ),
     )
+
+
+def test_everything_has_every_kind() -> None:
+    whole = everything()
+    for kinds, found in (
+        (primitives.KINDS, whole.objects),
+        (lights.KINDS, whole.lights),
+        (textures.KINDS, whole.textures),
+    ):
+        assert {type(thing) for thing in found.values()} == set(kinds)
 
 
 def test_a_file_becomes_a_scene(tmp_path: Path) -> None:
@@ -137,6 +180,76 @@ def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
         "  }",
         "}",
     ]
+
+
+def test_dump_shows_what_differs_in_nested_settings_only() -> None:
+    assert dump(Scene(settings=Settings(occlusion=Occlusion(sky=0), scatter=Scatter()))) == "{}\n"
+    nested = Settings(occlusion=Occlusion(sky=8, distance=1.0), scatter=Scatter(depth=3))
+    assert json.loads(dump(Scene(settings=nested))) == {"settings": {"occlusion": {"sky": 8}, "scatter": {"depth": 3}}}
+
+
+PLACE = {"position": (1.0, 2.0, 3.0)}
+DOWN = {"direction": (0.0, -1.0, 0.0)}
+SAMPLES = [
+    Scene(camera=Camera(aperture=0.5)),
+    Scene(camera=Camera(focus=3.0)),
+    *(Scene(materials={"m": Material(**{key: (0.25, 0.5, 1.0)})}) for key in ("ka", "kd", "ks", "kr", "kt")),
+    *(Scene(materials={"m": Material(**{key: 1.25})}) for key in ("shininess", "ior", "dmax")),
+    Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")}),
+    Scene(textures={"t": CheckerTexture(scale=(2.0, -1.0), offset=(0.0, 0.5), b=(1.0, 0.0, 0.0))}),
+    Scene(textures={"t": ImageTexture(file="/a/b.exr", filter="nearest", wrap="clamp", encoding="srgb")}),
+    *(Scene(lights={"l": kind(**PLACE)}) for kind in (PointLight, RectangleLight, DiskLight, SphereLight)),
+    Scene(lights={"l": DirectionalLight(**DOWN)}),
+    Scene(lights={"l": SpotLight(**PLACE, **DOWN)}),
+    *(Scene(settings=Settings(shading=name)) for name in ("phong", "toon", "normal", "depth", "uv", "albedo")),
+    *(Scene(settings=Settings(sampler=name)) for name in ("sobol", "independent")),
+    Scene(settings=Settings(depth=0)),
+    Scene(settings=Settings(misses="ambient", local="full", area="centre")),
+    Scene(settings=Settings(occlusion=Occlusion(near=65536, hemisphere="box"))),
+    Scene(settings=Settings(scatter=Scatter(rays=1, depth=1000))),
+]
+
+
+@pytest.mark.parametrize("scene", SAMPLES, ids=range(len(SAMPLES)))
+def test_every_field_comes_back(tmp_path: Path, scene: Scene) -> None:
+    assert load(write(tmp_path, dump(scene))) == scene
+
+
+def test_the_files_of_textures_are_relative_to_the_scene_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    files = {"near": "a.png", "up": "../images/a.png", "fixed": "/images/a.png"}
+    images = {name: {"type": "image", "file": file} for name, file in files.items()}
+    path = write(folder, {"textures": images | {"tiles": {"type": "checker"}}})
+    monkeypatch.chdir(tmp_path)
+    for named, before in ((path, f"{folder}/"), (Path("scenes/x.json"), "scenes/"), ("scenes/x.json", "scenes/")):
+        found = load(named).textures
+        assert found["near"].file == f"{before}a.png"
+        assert found["up"].file == f"{before}../images/a.png"
+        assert found["fixed"].file == "/images/a.png"
+        assert found["tiles"] == CheckerTexture()
+    monkeypatch.chdir(folder)
+    assert load("x.json").textures["near"].file == "a.png"
+
+
+@pytest.mark.parametrize("folder", ["", ".", "scenes", "link", "nowhere/deep"])
+def test_dump_names_the_files_of_textures_from_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "a.png").touch()
+    (tmp_path / "far" / "scenes").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "scenes")
+    monkeypatch.chdir(tmp_path)
+    files = {"here": "images/a.png", "anywhere": str(tmp_path / "images" / "a.png")}
+    scene = Scene(textures={name: ImageTexture(file=file) for name, file in files.items()})
+    text = dump(scene, Path(folder))
+    (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+    for texture in load(write(tmp_path / folder, text)).textures.values():
+        assert os.path.samefile(texture.file, "images/a.png")
+    written = {texture["file"] for texture in json.loads(text)["textures"].values()}
+    assert len(written) == 1 and not os.path.isabs(*written)
+    assert [texture["file"] for texture in json.loads(dump(scene))["textures"].values()] == list(files.values())
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -281,13 +394,13 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
         ({"materials": {"m": {"kd": [1, 1, -0.5]}}}, "materials.m.kd.2 = -0.5: must be at least 0"),
         (
             {"materials": {"m": {"shinines": 3}}},
-            "materials.m.shinines: unknown key; did you mean 'shininess'? (one of ka, kd, ks, shininess)",
+            f"materials.m.shinines: unknown key; did you mean 'shininess'? (one of {MATERIAL})",
         ),
         (
             {"lights": {"l": {"type": "pont", "position": [0, 0, 0]}}},
-            'lights.l.type = "pont": unknown type; did you mean "point"? (one of point)',
+            f'lights.l.type = "pont": unknown type; did you mean "point"? (one of {LIGHTS})',
         ),
-        ({"lights": {"l": {"position": [0, 0, 0]}}}, "lights.l: the key 'type' is missing; one of point"),
+        ({"lights": {"l": {"position": [0, 0, 0]}}}, f"lights.l: the key 'type' is missing; one of {LIGHTS}"),
         (
             {"lights": {"l": {"type": "point"}}},
             "lights.l: the key 'position' is missing; it is 3 numbers (world units)",
@@ -307,12 +420,214 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
         (
             {"camra": {}},
             "camra: unknown key; did you mean 'camera'? "
-            "(one of camera, film, background, ambient, materials, lights, objects, settings)",
+            "(one of camera, film, background, ambient, textures, materials, lights, objects, settings)",
         ),
     ],
 )
 def test_other_sections(tmp_path: Path, content: dict, what: str) -> None:
     assert errors(tmp_path, content) == [what]
+
+
+HERE = {"position": [0, 0, 0]}
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("fields", "what"),
+    [
+        ({"type": "disk", **HERE, "radius": 0}, ".radius = 0: must be greater than 0"),
+        ({"type": "sphere", **HERE, "radius": -1}, ".radius = -1: must be greater than 0"),
+        ({"type": "sphere", **HERE, "radius": NAN}, ".radius = NaN: must be finite"),
+        (
+            {"type": "rectangle", **HERE, "width": [1, 2, 0], "height": [-2, -4, 0]},
+            ".height = [-2.0, -4.0, 0.0]: must not be parallel to width: the light would have no area",
+        ),
+        ({"type": "rectangle", **HERE, "width": [0, 0, 0]}, ".width = [0, 0, 0]: a direction must not be (0, 0, 0)"),
+        ({"type": "rectangle", **HERE, "samples": 0}, ".samples = 0: must be greater than 0"),
+        ({"type": "disk", **HERE, "samples": 2.5}, ".samples = 2.5: must be a whole number"),
+        ({"type": "sphere", **HERE, "samples": 65537}, ".samples = 65537: must be at most 65536"),
+        ({"type": "disk", **HERE, "normal": [0, 0, 0]}, ".normal = [0, 0, 0]: a direction must not be (0, 0, 0)"),
+        (
+            {"type": "disk", **HERE, "Radius": 1},
+            ".Radius: unknown key; did you mean 'radius'? "
+            "(one of type, intensity, Ia, Id, Is, a, b, c, samples, position, normal, radius)",
+        ),
+        (
+            {"type": "directional", "direction": [0, 1, 0], "b": 1},
+            ".b = 1.0: must be 0: a directional light is infinitely far away, so it would not be seen",
+        ),
+        (
+            {"type": "directional", "direction": [0, 1, 0], **HERE},
+            ".position: unknown key; one of type, intensity, Ia, Id, Is, a, b, c, direction",
+        ),
+        ({"type": "directional"}, ": the key 'direction' is missing; it is 3 numbers (any length but 0; normalised)"),
+        ({"type": "spot", **HERE, "direction": [0, 1, 0], "angle": 0}, ".angle = 0: must be at least 0.01"),
+        ({"type": "spot", **HERE, "direction": [0, 1, 0], "angle": 181}, ".angle = 181: must be at most 180"),
+        (
+            {"type": "spot", **HERE, "direction": [0, 1, 0], "angle": "30"},
+            '.angle = "30": must be a number (degrees from the axis to the edge, from 0.01 to 180)',
+        ),
+        ({"type": "spot", **HERE, "direction": [0, 1, 0], "exponent": -1}, ".exponent = -1: must be at least 0"),
+        (
+            {"type": "point", **HERE, "ia": [1, 1, 1]},
+            ".ia: unknown key; did you mean 'Ia'? (one of type, intensity, Ia, Id, Is, a, b, c, position)",
+        ),
+        ({"type": "point", **HERE, "Is": [0, NAN, 0]}, ".Is.1 = NaN: must be finite"),
+        ({"type": "point", **HERE, "intensity": [1, 1, 1]}, ".intensity = [1, 1, 1]: must be a number (>= 0)"),
+        ({"type": "Spot", **HERE}, f'.type = "Spot": unknown type; did you mean "spot"? (one of {LIGHTS})'),
+        ({"type": "area", **HERE}, f'.type = "area": unknown type; one of {LIGHTS}'),
+        ({"type": 3, **HERE}, f".type = 3: unknown type; one of {LIGHTS}"),
+        ({"type": None, **HERE}, f".type = null: unknown type; one of {LIGHTS}"),
+        ({"type": ["spot"], **HERE}, f'.type = ["spot"]: unknown type; one of {LIGHTS}'),
+        ({}, f": the key 'type' is missing; one of {LIGHTS}"),
+        (3, f" = 3: must be an object {{...}} with a type: one of {LIGHTS}"),
+        (None, f" = null: must be an object {{...}} with a type: one of {LIGHTS}"),
+    ],
+)
+def test_one_wrong_light(tmp_path: Path, fields: object, what: str) -> None:
+    assert errors(tmp_path, {"lights": {"l": fields}}) == [f"lights.l{what}"]
+
+
+@pytest.mark.parametrize(
+    ("fields", "what"),
+    [
+        ({"ior": 0}, ".ior = 0: must be at least 0.01"),
+        ({"ior": -1.5}, ".ior = -1.5: must be at least 0.01"),
+        ({"ior": NAN}, ".ior = NaN: must be finite"),
+        ({"ior": [1, 1, 1]}, ".ior = [1, 1, 1]: must be a number (> 0, from 0.01 to 100; air is 1)"),
+        ({"dmax": 0}, ".dmax = 0: must be greater than 0"),
+        ({"dmax": -2}, ".dmax = -2: must be greater than 0"),
+        ({"dmax": float("inf")}, ".dmax = Infinity: must be finite"),
+        ({"kt": [0, 0, 1.5]}, ".kt.2 = 1.5: must be at most 1"),
+        ({"kr": [-0.5, 0, 0]}, ".kr.0 = -0.5: must be at least 0"),
+        ({"kt": 0.5}, ".kt = 0.5: must be 3 numbers (linear Rec. 709, each from 0 to 1)"),
+        ({"kr": [0, NAN, 0]}, ".kr.1 = NaN: must be finite"),
+        ({"Kd": [1, 1, 1]}, f".Kd: unknown key; did you mean 'kd'? (one of {MATERIAL})"),
+        ({"IOR": 1}, f".IOR: unknown key; did you mean 'ior'? (one of {MATERIAL})"),
+        ({"textur": "wood"}, f".textur: unknown key; did you mean 'texture'? (one of {MATERIAL})"),
+        ({"texture": 3}, ".texture = 3: must be a string or null"),
+        ({"texture": ["wood"]}, '.texture = ["wood"]: must be a string or null'),
+        ({"texture": {"type": "checker"}}, '.texture = {"type": "checker"}: must be a string or null'),
+        ({"texture": ""}, '.texture = "": a name is not empty, has no dot, and has no space at either end'),
+        ({"texture": "wod"}, '.texture = "wod": unknown texture; did you mean "wood"? (one of wood, tiles)'),
+        ({"texture": "Tiles"}, '.texture = "Tiles": unknown texture; did you mean "tiles"? (one of wood, tiles)'),
+        ({"texture": "default"}, '.texture = "default": unknown texture; one of wood, tiles'),
+        (None, f" = null: must be an object {{...}} with the keys {MATERIAL}"),
+    ],
+)
+def test_one_wrong_material(tmp_path: Path, fields: object, what: str) -> None:
+    known = {"wood": {"type": "image", "file": "wood.png"}, "tiles": {"type": "checker"}}
+    assert errors(tmp_path, {"textures": known, "materials": {"m": fields}}) == [f"materials.m{what}"]
+
+
+def test_a_material_may_have_no_texture_and_a_scene_no_textures(tmp_path: Path) -> None:
+    assert load(write(tmp_path, {"materials": {"m": {"texture": None}}})).materials == {"m": Material()}
+    assert errors(tmp_path, {"materials": {"m": {"texture": "wood"}}}) == [
+        'materials.m.texture = "wood": unknown texture; there is none'
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "what"),
+    [
+        ({"type": "image"}, ": the key 'file' is missing; it is a string"),
+        ({"type": "image", "file": ""}, '.file = "": must not be empty'),
+        ({"type": "image", "file": 3}, ".file = 3: must be a string"),
+        (
+            {"type": "image", "file": "a.png", "filter": "linear"},
+            '.filter = "linear": unknown value; did you mean "bilinear"? (one of nearest, bilinear)',
+        ),
+        (
+            {"type": "image", "file": "a.png", "wrap": "tile"},
+            '.wrap = "tile": unknown value; one of repeat, clamp, mirror',
+        ),
+        (
+            {"type": "image", "file": "a.png", "encoding": "sRGB"},
+            '.encoding = "sRGB": unknown value; did you mean "srgb"? (one of auto, srgb, linear)',
+        ),
+        ({"type": "checker", "a": [1, 1, -1]}, ".a.2 = -1: must be at least 0"),
+        ({"type": "checker", "offset": [1, NAN]}, ".offset.1 = NaN: must be finite"),
+        ({"type": "checker", "file": "a.png"}, ".file: unknown key; one of type, scale, offset, a, b"),
+        ({"type": "cheker"}, f'.type = "cheker": unknown type; did you mean "checker"? (one of {TEXTURES})'),
+        ({"file": "a.png"}, f": the key 'type' is missing; one of {TEXTURES}"),
+        (3, f" = 3: must be an object {{...}} with a type: one of {TEXTURES}"),
+    ],
+)
+def test_one_wrong_texture(tmp_path: Path, fields: object, what: str) -> None:
+    # That a material names the texture is no second error: the name is there.
+    content = {"textures": {"t": fields}, "materials": {"m": {"texture": "t"}}}
+    assert errors(tmp_path, content) == [f"textures.t{what}"]
+
+
+def test_textures_that_are_no_object_make_no_names_unknown(tmp_path: Path) -> None:
+    content = {"textures": [], "materials": {"m": {"texture": "wood"}}}
+    assert errors(tmp_path, content) == ["textures = []: must be an object {...} that gives each thing its name"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "what"),
+    [
+        ({"depth": 1001}, "depth = 1001: must be at most 1000"),
+        ({"depth": -1}, "depth = -1: must be at least 0"),
+        ({"depth": NAN}, "depth = NaN: must be a whole number"),
+        (
+            {"shading": "fong"},
+            'shading = "fong": unknown value; did you mean "phong"? '
+            "(one of blinn-phong, phong, toon, normal, depth, uv, albedo)",
+        ),
+        (
+            {"sampler": "halton"},
+            'sampler = "halton": unknown value; one of stratified, sobol, independent',
+        ),
+        (
+            {"sampler": None},
+            "sampler = null: unknown value; one of stratified, sobol, independent",
+        ),
+        ({"misses": "black"}, 'misses = "black": unknown value; one of background, ambient'),
+        ({"local": "half"}, 'local = "half": unknown value; one of weighted, full'),
+        ({"area": "center"}, 'area = "center": unknown value; did you mean "centre"? (one of samples, centre)'),
+        ({"occlusion": 5}, "occlusion = 5: must be an object {...} with the keys sky, near, distance, hemisphere"),
+        (
+            {"occlusion": None},
+            "occlusion = null: must be an object {...} with the keys sky, near, distance, hemisphere",
+        ),
+        ({"occlusion": {"sky": -1}}, "occlusion.sky = -1: must be at least 0"),
+        ({"occlusion": {"near": 65537}}, "occlusion.near = 65537: must be at most 65536"),
+        ({"occlusion": {"sky": True}}, "occlusion.sky = true: must be a whole number"),
+        ({"occlusion": {"distance": 0}}, "occlusion.distance = 0: must be greater than 0"),
+        ({"occlusion": {"distance": NAN}}, "occlusion.distance = NaN: must be finite"),
+        (
+            {"occlusion": {"hemisphere": "Box"}},
+            'occlusion.hemisphere = "Box": unknown value; did you mean "box"? (one of cosine, box)',
+        ),
+        (
+            {"occlusion": {"skye": 1}},
+            "occlusion.skye: unknown key; did you mean 'sky'? (one of sky, near, distance, hemisphere)",
+        ),
+        ({"scatter": []}, "scatter = []: must be an object {...} with the keys rays, depth"),
+        ({"scatter": {"rays": 0.5}}, "scatter.rays = 0.5: must be a whole number"),
+        ({"scatter": {"depth": 1001}}, "scatter.depth = 1001: must be at most 1000"),
+    ],
+)
+def test_one_wrong_setting(tmp_path: Path, settings: dict, what: str) -> None:
+    assert errors(tmp_path, {"settings": settings}) == [f"settings.{what}"]
+
+
+@pytest.mark.parametrize(
+    ("camera", "what"),
+    [
+        ({"aperture": -1}, "aperture = -1: must be at least 0"),
+        ({"aperture": NAN}, "aperture = NaN: must be finite"),
+        ({"aperture": "1"}, 'aperture = "1": must be a number (world units, >= 0)'),
+        ({"focus": -0.5}, "focus = -0.5: must be at least 0"),
+        (
+            {"Aperture": 1},
+            "Aperture: unknown key; did you mean 'aperture'? (one of origin, target, up, fov, aperture, focus)",
+        ),
+    ],
+)
+def test_one_wrong_lens(tmp_path: Path, camera: dict, what: str) -> None:
+    assert errors(tmp_path, {"camera": camera}) == [f"camera.{what}"]
 
 
 @pytest.mark.parametrize(
@@ -390,6 +705,24 @@ def test_flaws_of_the_kinds_themselves() -> None:
     assert flaws(everything()) == []
 
 
+def test_flaws_of_lights_and_materials_come_before_those_of_objects() -> None:
+    scene = Scene(
+        materials={"m": Material(texture="wood")},
+        lights={
+            "sun": DirectionalLight(direction=(0.0, 1.0, 0.0), b=0.5, c=0.25),
+            "bar": RectangleLight(position=(0.0, 0.0, 0.0), height=(3.0, 0.0, 0.0)),
+        },
+        objects={"a": Sphere(material="n")},
+    )
+    assert [text.partition(" ")[0] for text in flaws(scene)] == [
+        "materials.m.texture",
+        "lights.sun.b",
+        "lights.sun.c",
+        "lights.bar.height",
+        "objects.a.material",
+    ]
+
+
 def test_line_breaks_in_names_do_not_break_the_lines(tmp_path: Path) -> None:
     things = {"a\nb": {"type": "sphere", "material": "c\nd"}, "e\nf": {"type": "sphere", "g\nh": 1, "radius": 0}}
     found = errors(tmp_path, {"objects": things})
@@ -404,7 +737,12 @@ def test_all_errors_of_a_file_come_at_once(tmp_path: Path) -> None:
     content = """{
         "camera": {"origin": [0, 0, 0]},
         "film": {"width": 0},
-        "materials": {"gold": {"kd": [1, 2]}},
+        "textures": {"wood": {"type": "image"}},
+        "materials": {"gold": {"kd": [1, 2]}, "oak": {"texture": "wood"}, "elm": {"texture": "wod"}},
+        "lights": {
+            "sun": {"type": "directional", "direction": [0, 1, 0], "b": 1},
+            "spot": {"type": "spot", "direction": [0, 1, 0]}
+        },
         "objects": {
             "a": {"type": "sphere", "radius": -1, "radus": 1},
             "b": {"type": "box", "max": [-1, 1, 1], "material": "gold"},
@@ -416,6 +754,9 @@ def test_all_errors_of_a_file_come_at_once(tmp_path: Path) -> None:
     assert sorted(text.partition(":")[0].partition(" ")[0] for text in found) == [
         "camera.target",
         "film.width",
+        "lights.spot",
+        "lights.sun.b",
+        "materials.elm.texture",
         "materials.gold.kd",
         "objects.a.radius",
         "objects.a.radus",
@@ -423,11 +764,12 @@ def test_all_errors_of_a_file_come_at_once(tmp_path: Path) -> None:
         "objects.c.type",
         "objects.c.type",
         "objects.d.material",
+        "textures.wood",
     ]
 
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from(["", "sphere", "Gradient", "a.b"])
-KEYS = st.sampled_from(["type", "radius", "scale", "top", "material", "x"])
+KEYS = st.sampled_from(["type", "radius", "scale", "top", "material", "texture", "file", "sky", "x"])
 VALUES = st.recursive(SCALARS, lambda v: st.lists(v, max_size=4) | st.dictionaries(KEYS, v, max_size=3), max_leaves=6)
 
 
@@ -503,4 +845,25 @@ def test_the_schema_tells_units_and_what_is_required() -> None:
     assert ball["description"].startswith("All points at `radius` from `center`")
     assert ball["required"] == ["type"]
     assert made["$defs"]["Triangle"]["required"] == ["type", "a", "b", "c"]
-    assert made["properties"]["objects"]["additionalProperties"] is False
+    assert made["$defs"]["SpotLight"]["required"] == ["type", "position", "direction"]
+    assert made["$defs"]["ImageTexture"]["required"] == ["type", "file"]
+    assert all(made["properties"][k]["additionalProperties"] is False for k in ("objects", "lights", "textures"))
+
+
+def test_the_schema_tells_what_every_kind_and_every_field_means() -> None:
+    made = schema()
+    for name, kind in {**made["$defs"], "Scene": made}.items():
+        assert kind["description"], name
+        for key, field in kind["properties"].items():
+            # A part that is a kind is described there, and a type is its own name.
+            assert key in ("type", "$schema") or "$ref" in field or field["description"], f"{name}.{key}"
+            assert "title" not in field, f"{name}.{key}"
+
+
+def test_the_schema_tells_what_the_bases_of_a_kind_bring() -> None:
+    lamp = schema()["$defs"]["DiskLight"]
+    texts = lamp["description"].split("\n\n")
+    assert texts[0].startswith("A disk of light about `position`")
+    assert texts[1].startswith("A light with an extent")
+    assert texts[2].startswith("`Ia`, `Id`, `Is` are a light's ambient")
+    assert lamp["properties"]["samples"]["description"].endswith("from 1 to 65536")

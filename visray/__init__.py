@@ -16,7 +16,7 @@ llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.gradients import EdgeWarning, derivative, difference, gradient
-from visray.lights import PointLight
+from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.output.image import Image
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from visray.materials import Material
 from visray.primitives.flat import Flat
+from visray.primitives.primitive import Primitive
 from visray.scene.scene import Gradient, Scene
 
 
@@ -30,6 +31,9 @@ class Features:
     shininess_bits: int
 
     def __getitem__(self, name: str) -> bool:
+        """Whether an effect is simulated; `paths`: any of those by which light comes from other surfaces."""
+        if name == "paths":
+            return any(self[way] for way in ("reflection", "refraction", "scatter"))
         return next(f.on for f in self.listed if f.name == name)
 
     def names(self) -> list[str]:
@@ -72,7 +76,7 @@ def _ambient(scene: Scene) -> list[str]:
 
 def _diffuse(scene: Scene) -> list[str]:
     lit = _lights(scene, lambda l: l.intensity and any(l.Id))
-    return _materials(scene, lambda m: any(m.kd)) if lit else []
+    return _materials(scene, lambda m: any(m.kd) or m.texture) if lit else []
 
 
 def _specular(scene: Scene) -> list[str]:
@@ -91,14 +95,89 @@ def _shadows(scene: Scene) -> list[str]:
     return _lights(scene, lambda l: l.intensity) if scene.objects and not lone else []
 
 
+def _lets_through(scene: Scene) -> list[str]:
+    return _materials(scene, lambda m: any(m.kt))
+
+
+def _coloured(scene: Scene) -> list[str]:
+    return _lets_through(scene) if _shadows(scene) else []
+
+
+def _nested(scene: Scene) -> list[str]:
+    """Transparent solids, where there are two or more."""
+    solids = [f"objects.{n}" for n, o in scene.objects.items() if o.closed and any(_material_of(scene, o).kt)]
+    return solids if len(solids) > 1 else []
+
+
+def _material_of(scene: Scene, thing: Primitive) -> Material:
+    return scene.materials.get(thing.material) or Material()
+
+
+def _scatter(scene: Scene) -> list[str]:
+    scatter = scene.settings.scatter
+    return _materials(scene, _matte) if scatter.rays and scatter.depth else []
+
+
+def _matte(m: Material) -> bool:
+    return not any((*m.kr, *m.kt)) and (any(m.kd) or m.texture is not None)
+
+
+def _sky(scene: Scene) -> list[str]:
+    dim = any(scene.ambient) and scene.settings.occlusion.sky
+    return ["settings.occlusion.sky"] if dim and _materials(scene, lambda m: any(m.ka)) else []
+
+
+def _near(scene: Scene) -> list[str]:
+    dim = scene.settings.occlusion.near and _lights(scene, lambda l: l.intensity and any(l.Ia))
+    return ["settings.occlusion.near"] if dim and _materials(scene, lambda m: any(m.ka)) else []
+
+
+def _bilinear(scene: Scene) -> list[str]:
+    named = {m.texture for m in used_materials(scene).values()}
+    return [f"textures.{n}" for n, t in scene.textures.items() if n in named and getattr(t, "filter", "") == "bilinear"]
+
+
+def _paths(scene: Scene) -> list[str]:
+    return [*_mirrors(scene, "kr"), *_mirrors(scene, "kt"), *_scatter(scene)]
+
+
+def _mirrors(scene: Scene, field: str) -> list[str]:
+    return _materials(scene, lambda m: any(getattr(m, field)))
+
+
+def _seen(rule: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]:
+    """The rule, where surfaces show their light at all."""
+    return lambda scene: rule(scene) if scene.settings.shading in LIT else []
+
+
+# The shading modes that show light; the others show what a surface is.
+LIT = ("blinn-phong", "phong", "toon")
 RULES = (
-    Rule("ambient", _ambient, "no ambient light falls on a material with ka", ("ambient", "ka", "Ia", "intensity")),
-    Rule("diffuse", _diffuse, "no light with Id falls on a material with kd", ("kd", "Id", "intensity")),
-    Rule("specular", _specular, "no light with Is falls on a material with ks", ("ks", "Is", "intensity", "shininess")),
-    Rule("fractional shininess", lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1),
+    Rule("ambient", _seen(_ambient), "no ambient light falls on a material with ka",
+         ("ambient", "ka", "Ia", "intensity")),
+    Rule("diffuse", _seen(_diffuse), "no light with Id falls on a material with kd", ("kd", "Id", "intensity")),
+    Rule("specular", _seen(_specular), "no light with Is falls on a material with ks",
+         ("ks", "Is", "intensity", "shininess")),
+    Rule("fractional shininess", _seen(lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1)),
          "every shininess is a whole number", ("ks", "shininess")),
-    Rule("attenuation", lambda s: _lights(s, lambda l: l.a or l.b or l.c), "no light has a, b or c", ("a", "b", "c")),
-    Rule("shadows", _shadows, "nothing can stand between a light and a surface", ("intensity",)),
+    Rule("attenuation", _seen(lambda s: _lights(s, lambda l: l.a or l.b or l.c)), "no light has a, b or c",
+         ("a", "b", "c")),
+    Rule("shadows", _seen(_shadows), "nothing can stand between a light and a surface", ("intensity",)),
+    Rule("coloured shadows", _seen(_coloured), "nothing that throws a shadow lets light through", ("kt", "dmax")),
+    Rule("area lights", _seen(lambda s: _lights(s, lambda l: l.wide and l.intensity)), "every light is a point or far",
+         ()),
+    Rule("sky occlusion", _seen(_sky), "settings.occlusion.sky is 0, or no ambient light falls on a material with ka",
+         ("ambient", "ka")),
+    Rule("near occlusion", _seen(_near), "settings.occlusion.near is 0, or no Ia falls on a material with ka",
+         ("Ia", "ka", "intensity")),
+    Rule("reflection", _seen(lambda s: _mirrors(s, "kr")), "no material has kr", ("kr",)),
+    Rule("refraction", _seen(lambda s: _mirrors(s, "kt")), "no material has kt", ("kt",)),
+    Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",)),
+    Rule("scatter", _seen(_scatter), "settings.scatter has no rays, or no material is matte", ()),
+    Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
+    Rule("bilinear", _bilinear, "no texture blends its pixels", ()),
+    Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
+         ("aperture", "focus")),
     Rule("background", _background, "the background is black", ("background",)),
     Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "the film is opaque: A is 1", ()),
 )  # fmt: skip
@@ -109,17 +188,32 @@ def _asked(rule: Rule, wrt: tuple[str, ...]) -> str | None:
 
     def field(address: str) -> str:
         parts = [*address.split("."), "", ""]
-        return parts[2] if parts[0] in ("materials", "lights") else parts[0]
+        return parts[{"materials": 2, "lights": 2, "camera": 1}.get(parts[0], 0)]
 
     return next((w for w in wrt if field(w) in rule.fields), None)
 
 
+def _ruled_out(name: str, scene: Scene) -> str | None:
+    """Why the scene itself rules an effect out, whoever asks."""
+    settings = scene.settings
+    if name in ("shadows", "coloured shadows") and not settings.shadows:
+        return "settings.shadows is false"
+    if name in ("reflection", "refraction", "nested media") and not settings.depth:
+        return "settings.depth is 0"
+    unlit = settings.shading not in LIT
+    if unlit and name not in ("textures", "bilinear", "defocus", "background", "coverage"):
+        return f"settings.shading is {settings.shading}"
+    if name in ("textures", "bilinear") and not scene.textures:
+        return "the scene has no textures"
+    if name == "background" and scene.film.transparent and not (_paths(scene) and not unlit):
+        return "film.transparent is true"
+    return None
+
+
 def _judge(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> Feature:
-    # What the scene itself rules out is no effect of it, whoever asks.
-    if rule.name == "shadows" and not scene.settings.shadows:
-        return Feature(rule.name, False, "settings.shadows is false")
-    if rule.name == "background" and scene.film.transparent:
-        return Feature(rule.name, False, "film.transparent is true")
+    never = _ruled_out(rule.name, scene)
+    if never:
+        return Feature(rule.name, False, never)
     calls, asked = rule.calls(scene), _asked(rule, wrt)
     if calls:
         more = f" and {len(calls) - 1} more" if len(calls) > 1 else ""
@@ -129,9 +223,15 @@ def _judge(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> 
     return Feature(rule.name, everything, "forced" if everything else rule.absent)
 
 
-def features(scene: Scene, wrt: tuple[str, ...] = (), everything: bool = False) -> Features:
-    """The effects that the scene calls for; `wrt` are the addresses that derivatives are taken by."""
+def features(
+    scene: Scene, wrt: tuple[str, ...] = (), everything: bool = False, without: tuple[str, ...] = ()
+) -> Features:
+    """The effects that the scene calls for; `wrt` are the addresses that derivatives are taken by.
+
+    `without`: effects that are left out although called for, to find what each costs.
+    """
     most = max([m.shininess for m in used_materials(scene).values()], default=0)
     # A multiple of four, so that a small change of an exponent is a change of data, not of code.
     bits = max(8, 4 * -(-int(most).bit_length() // 4))
-    return Features(tuple(_judge(rule, scene, wrt, everything) for rule in RULES), bits)
+    listed = (_judge(rule, scene, wrt, everything) for rule in RULES)
+    return Features(tuple(Feature(f.name, False, "left out") if f.name in without else f for f in listed), bits)

@@ -16,16 +16,16 @@ import numpy as np
 from visray import integrator, tables
 from visray.errors import UserError
 from visray.film import Moments
-from visray.geometry import facing
+from visray.lighting import beam
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
 from visray.render import adjusted, expose, set_up
-from visray.sampling import Plan
+from visray.sampling import Draw, Plan
 from visray.scene import address as addresses
 from visray.scene.scene import Gradient, Scene
+from visray.scenery import site
 from visray.search import closest
-from visray.shading import beam, feel
 
 
 class EdgeWarning(UserWarning):
@@ -68,12 +68,14 @@ def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, addre
         return Place(both, 0, int(rest) if rest else None)
     if head == "camera":
         table, row, field, rest = t.camera, 0, name, parts[2:]
-    elif head in ("materials", "lights"):
-        names = list({"default": None} | scene.materials) if head == "materials" else list(scene.lights)
-        table, row, rest = getattr(t, head), names.index(name), parts[3:]
-    elif head == "objects":
-        number = next(i for i, k in enumerate(kin) if name in k.names)
-        table, row, rest = t.objects[number], kin[number].names.index(name), parts[3:]
+    elif head == "materials":
+        table, row, rest = t.materials, list({"default": None} | scene.materials).index(name), parts[3:]
+    elif head in ("objects", "lights"):
+        families, all_of = (kin, t.objects) if head == "objects" else (tables.troops(scene), t.lights)
+        number = next(i for i, f in enumerate(families) if name in f.names)
+        table, row, rest = all_of[number], families[number].names.index(name), parts[3:]
+    elif address == "settings.occlusion.distance":
+        table, row, rest = t.occlusion, 0, parts[3:]
     else:
         raise UserError(f"{address}: is not a number that a picture depends on smoothly")
     if field not in quantities(type(table)):
@@ -112,13 +114,13 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], 
 
 
 def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
-    """What edges the pixel centres show, or nothing: then no derivative is missing but within a pixel."""
+    """What edges there are in what is seen, or nothing: then no derivative is missing but within a pixel."""
     s = stage.scenery
     ray = integrator.camera_ray(stage, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
     hit = closest(stage.watch, ray)
-    surface = feel(s, ray, hit)[0]
-    n, within = facing(surface.n, s.a.V(ray.d))
-    lit = [beam(s, i, hit, surface, n, within).reached for i in range(len(s.lights))]
+    plan = Plan.of(s.a, 0, 1, 0, 1)
+    here = site(s, ray, hit, Draw(s.settings.sampler, s.a.F, plan, x, plan.first, x))
+    lit = [beam(s, here, lamp).reached for lamp in s.lamps if not lamp.kind.wide]
     found = []
     seen = np.unique(np.array(hit.index))
     if len(seen) > 1:
@@ -128,6 +130,10 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
         found.append("creases")
     if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in lit):
         found.append("shadow edges")
+    # What samples, or rays by way of other surfaces, meet has edges of its own, unless there is nothing to meet.
+    others = {"penumbras": "area lights", "occlusion": "sky occlusion", "closeness": "near occlusion", "paths": "paths"}
+    if len(kinds) > 1:
+        found += [what for what, effect in others.items() if s.features[effect]]
     return " and ".join(found) + " are in view" if found else ""
 
 

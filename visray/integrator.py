@@ -5,36 +5,39 @@ from typing import Any
 
 import drjit as dr
 
-from visray import sampling
+from visray import paths, sampling, warp
 from visray.features import Features
 from visray.film import Moments
-from visray.geometry import facing
 from visray.quantities import Arrays
 from visray.ray import Ray, unit
-from visray.scene.scene import Gradient
+from visray.sampling import Draw
+from visray.scene.scene import Scene
+from visray.scenery import Scenery, scenery, site
 from visray.search import Watch, closest
-from visray.shading import Scenery, blinn_phong, feel, scenery
+from visray.shading import shade
 from visray.tables import Kinship, Ready, View
+
+LENS = 1
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A scene ready to be looked at: scenery, camera, sky, and the watch kept from the camera."""
+    """A scene ready to be looked at: scenery, camera, and the watch kept from the camera's middle."""
 
     scenery: Scenery
     view: View
-    sky: Gradient
     watch: Watch
     opaque: Any
 
 
 def stage(
-    ready: Ready, kin: tuple[Kinship, ...], features: Features, a: Arrays, opaque: bool, plain: bool = False
+    ready: Ready, kin: tuple[Kinship, ...], scene: Scene, features: Features, a: Arrays, plain: bool = False
 ) -> Stage:
-    """The scene as the camera sees it. `opaque`: whether the film counts as covered where nothing is hit."""
+    """The scene as the camera sees it."""
     watch = Watch(a, kin, ready.groups, ready.view.o)
-    alpha = dr.opaque(a.F, float(opaque))
-    return Stage(scenery(ready, kin, features, a, plain), ready.view, ready.background, watch, alpha)
+    # Whether the film counts as covered where nothing is hit.
+    alpha = dr.opaque(a.F, float(not scene.film.transparent))
+    return Stage(scenery(ready, kin, scene, features, a, plain), ready.view, watch, alpha)
 
 
 def camera_ray(s: Stage, x: Any, y: Any) -> Ray:
@@ -44,17 +47,28 @@ def camera_ray(s: Stage, x: Any, y: Any) -> Ray:
     return Ray(s.view.o, unit(d, a.W))
 
 
-def radiance(s: Stage, ray: Ray) -> tuple[Any, Any]:
-    """The colour along a ray, and how much of it the film counts as covered."""
-    a, on = s.scenery.a, s.scenery.features
-    sky = a.V(0)
-    if on["background"]:
-        up = 0.5 * a.F(ray.d.y) + 0.5
-        sky = dr.fma(s.sky.top - s.sky.bottom, up, s.sky.bottom)
-    hit = closest(s.watch, ray, s.scenery.plain)
-    surface, material, _, _ = feel(s.scenery, ray, hit)
-    colour = dr.select(hit.valid, blinn_phong(s.scenery, ray, hit, surface, material), sky)
-    return colour, dr.select(hit.valid, 1, s.opaque)
+def lens_ray(s: Stage, x: Any, y: Any, u: Any, v: Any) -> Ray:
+    """The ray from the lens's point for (u, v) in the unit square to where the camera's ray through (x, y) is sharp."""
+    a = s.scenery.a
+    across, up = warp.disk(a.D(u), a.D(v))
+    aside = across * s.view.aside + up * s.view.above
+    straight = s.view.corner + x * s.view.right + y * s.view.down
+    return Ray(s.view.o + aside, unit(dr.normalize(straight - a.V(aside * s.view.sharp)), a.W))
+
+
+def radiance(s: Stage, ray: Ray, draw: Draw | None = None) -> tuple[Any, Any]:
+    """The colour along a ray from the camera, and how much of it the film counts as covered."""
+    kept, on = s.scenery, s.scenery.features
+    watch = Watch(kept.a, kept.kin, kept.groups, ray.o, shared=False) if on["defocus"] else s.watch
+    hit = closest(watch, ray, kept.plain)
+    here = site(kept, ray, hit, draw)
+    colour = shade(kept, here)
+    if on["paths"]:
+        lens = paths.lens(kept, here)
+        own = paths.weight_of_local(kept, here, lens)
+        colour = (colour if own is None else colour * own) + paths.onward(kept, here, ray, lens)
+    sky = kept.a.V(0) if kept.transparent else paths.background(kept, ray.d)
+    return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.opaque)
 
 
 def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
@@ -64,8 +78,13 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
     left, top = a.F(x), a.F(y)
 
     def body(i: Any, cell: Any, reference: Any, total: Any, squares: Any, coverage: Any) -> tuple:
-        jx, jy = sampling.in_pixel(plan, key, i + plan.first, cell, a.F)
-        colour, covered = radiance(s, camera_ray(s, left + jx, top + jy))
+        draw = Draw(s.scenery.settings.sampler, a.F, plan, key, i + plan.first, cell)
+        jx, jy = draw.pixel()
+        if s.scenery.features["defocus"]:
+            ray = lens_ray(s, left + jx, top + jy, *draw.stream(LENS).one())
+        else:
+            ray = camera_ray(s, left + jx, top + jy)
+        colour, covered = radiance(s, ray, draw)
         reference = dr.select(i == 0, dr.detach(colour), reference)
         delta = colour - reference
         squares = squares + dr.square(dr.detach(delta))
@@ -103,8 +122,8 @@ def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
     a = s.scenery.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.watch, ray)
-    surface, material, u, v = feel(s.scenery, ray, hit)
-    n = facing(surface.n, a.V(ray.d))[0]
+    here = site(s.scenery, ray, hit)
     depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
-    shown = (dr.select(hit.valid, x, 0) for x in (a.V(surface.p), n, u, v, material.kd))
+    p, kd = a.V(here.surface.p), here.material.kd
+    shown = (dr.select(hit.valid, x, 0) for x in (p, here.n, here.u, here.v, kd))
     return FirstHit(hit.index, a.F(hit.t), depth, *shown)

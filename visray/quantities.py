@@ -56,9 +56,12 @@ Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
 Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
+Breadth = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]
 # Below a hundredth of a degree, directions in single no longer tell a picture's pixels apart.
 Angle = Annotated[Real, Field(ge=0.01, lt=180), Quantity(1, "geometry", "degrees, from 0.01 to below 180")]
 Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
+_Part = Annotated[Real, Field(ge=0, le=1)]
+Share = Annotated[tuple[_Part, _Part, _Part], Quantity(3, "shading", "linear Rec. 709, each from 0 to 1")]
 Factor = Annotated[_NotNegative, Quantity(1, "shading", ">= 0")]
 # A dot separates the parts of an address (`objects.ball.radius`), so a name has none.
 Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]

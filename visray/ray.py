@@ -7,7 +7,7 @@ No ray is ever moved off the surface it leaves. A ray says which object it leave
 it runs (`inside`), and that object answers with the crossings that are left. So there is no epsilon to choose.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -19,15 +19,23 @@ NO_OBJECT = 0xFFFFFFFF
 class Ray:
     """A ray in world space, in double.
 
-    o: origin, one for all lanes or one a lane. d: unit to 2^-52. source: index of the object the ray leaves, or None.
-    inside: whether it runs into that object, where it is closed. error: bound on the distance of o from the true point.
+    o: origin, one for all lanes or one a lane. d: unit to 2^-52, or in single, and then `exact` makes it so.
+    source: index of the object the ray leaves, or None. inside: whether it runs into that object, where it is closed.
+    start: what is nearer than this lies flush with the surface that is left, and is not met; None: nothing is left.
+    error: bound on the distance of the ray's known end from the true point: the origin of a ray that looks for what is
+    first, the far end of one that asks what is between.
     """
 
     o: Any
     d: Any
     source: Any = None
     inside: Any = None
+    start: Any = None
     error: Any = None
+
+    def exact(self) -> "Ray":
+        """The same ray with its direction in double."""
+        return self if type(self.d) is type(self.o) else replace(self, d=unit(self.d, type(self.o)))
 
 
 @dataclass(frozen=True)
@@ -44,11 +52,13 @@ class Hit:
 
 @dataclass(frozen=True)
 class Surface:
-    """A point on an object: p in double with its error bound (world units), n the outward unit normal."""
+    """A point on an object: p in double with its error bound (world units), n the outward unit normal; `exact` the same
+    normal in double, where rays go on from there."""
 
     p: Any
     n: Any
     error: Any
+    exact: Any = None
 
 
 def unit(d: Any, w: Any) -> Any:

@@ -12,7 +12,7 @@ import drjit as dr
 import numpy as np
 
 from visray import film as films
-from visray import integrator, llvm, tables
+from visray import images, integrator, llvm, tables
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.output.image import Image
@@ -61,8 +61,8 @@ def set_up(
     packed = tables.pack(scene, a)
     if attach is not None:
         attach(kin, packed)
-    ready = tables.prepare(packed, kin, (width, height), a)
-    stage = integrator.stage(ready, kin, on, a, not scene.film.transparent, plain)
+    ready = tables.prepare(packed, kin, (width, height), a, images.pack(a, scene.textures))
+    stage = integrator.stage(ready, kin, scene, on, a, plain)
     return Set(scene, a, on, stage, *lanes(a, width, height))
 
 

@@ -8,6 +8,7 @@ from math import gcd, isqrt
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from visray.quantities import Arrays
 
@@ -29,7 +30,8 @@ class Plan:
     """The samples of one pass, as opaque numbers of one entry.
 
     seed; first and count: which samples this pass takes; cells: the pixel's k x k strata; side: k; step and start: the
-    order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted.
+    order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted;
+    other: the step of a second order.
     """
 
     seed: Any
@@ -39,17 +41,22 @@ class Plan:
     side: Any
     step: Any
     start: Any
+    other: Any
 
     @staticmethod
     def of(a: Arrays, seed: int, spp: int, first: int, count: int) -> "Plan":
         side = isqrt(spp)
         cells = side * side
-        # The step nearest to cells over the golden ratio that has no divisor in common with cells visits each once.
-        step = next(s for s in range(max(1, round(cells * 0.618)), 2 * cells + 2) if gcd(s, cells) == 1) % cells or 1
+        # A step that has no divisor in common with cells visits each once: those nearest to cells over the golden
+        # ratio, and times the square root of 2 less 1.
+        step, other = (
+            next(s for s in range(max(1, round(cells * x)), 2 * cells + 2) if gcd(s, cells) == 1) % cells or 1
+            for x in (0.618, 0.4142)
+        )
         return Plan(
             *(dr.opaque(a.U, x) for x in (seed, first, count, cells)),
             dr.opaque(a.F, side),
-            *(dr.opaque(a.U, x) for x in (step, first * step % cells)),
+            *(dr.opaque(a.U, x) for x in (step, first * step % cells, other)),
         )
 
 
@@ -70,15 +77,134 @@ def next_cell(plan: Plan, cell: Any) -> Any:
     return dr.select(cell >= plan.cells, cell - plan.cells, cell)
 
 
-def in_pixel(plan: Plan, key: Any, index: Any, cell: Any, real: Any) -> tuple[Any, Any]:
-    """A point of the unit square: jittered in its stratum, or anywhere for the samples beyond the k x k.
+def in_cell(cell: Any, spare: Any, side: Any, h: Any, real: Any) -> tuple[Any, Any]:
+    """A point of the unit square: jittered by the hash h in a stratum of side x side, or anywhere for `spare` ones.
 
-    Domain: k^2 < 2^22, so that the row of a stratum comes out right in single precision.
+    Domain: side^2 < 2^22, so that the row of a stratum comes out right in single precision.
     """
-    h = mix(key + (index + 1) * _ODD)
     jx, jy = real(h >> 16) * 2.0**-16 + 2.0**-17, real(h & 0xFFFF) * 2.0**-16 + 2.0**-17
-    width = dr.rcp(plan.side)
+    width = dr.rcp(side)
     row = dr.floor((real(cell) + 0.5) * width)
-    column = real(cell) - row * plan.side
-    spare = index >= plan.cells
+    column = real(cell) - row * side
     return dr.select(spare, jx, (column + jx) * width), dr.select(spare, jy, (row + jy) * width)
+
+
+def scrambled(x: Any, seed: Any) -> Any:
+    """Owen's scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of those below it.
+
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's.
+    """
+    x = x ^ (x * 0x3D20ADEA)
+    x = (x + seed) * ((seed >> 16) | 1)
+    x = x ^ (x * 0x05526C56)
+    return x ^ (x * 0x53A22864)
+
+
+def pascal(x: Any) -> Any:
+    """Sobol's second dimension of the index x, its bits in reverse order: Pascal's triangle modulo 2 as a matrix, which
+    is a Kronecker product of five equal ones."""
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
+        x = x ^ ((x >> shift) & mask)
+    return x
+
+
+def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
+    """A point of an Owen-scrambled (0, 2)-sequence: any 2^k of them from a multiple of 2^k on are stratified in every
+    way.
+
+    shuffled: in an order of its own, so that sequences of different seeds can be paired.
+    """
+    if shuffled:
+        index = dr.brev(scrambled(dr.brev(index), seed ^ 0xA511E9B3))
+    x = dr.brev(scrambled(index, seed))
+    y = dr.brev(scrambled(pascal(index), mix(seed)))
+    return real(x >> 8) * 2.0**-24, real(y >> 8) * 2.0**-24
+
+
+@dataclass(frozen=True)
+class Lot:
+    """So many points that are taken together: light samples, rays of one point. Opaque, of one entry each."""
+
+    count: Any
+    cells: Any
+    side: Any
+
+    @staticmethod
+    def of(a: Arrays, n: int) -> "Lot":
+        side = max(isqrt(n), 1)
+        return Lot(dr.opaque(a.U, n), dr.opaque(a.U, side * side), dr.opaque(a.F, side))
+
+    @staticmethod
+    def table(a: Arrays, counts: list[int]) -> "Lot":
+        """Lots of several sizes, an entry each."""
+        n = np.array(counts)
+        side = np.array([max(isqrt(x), 1) for x in counts])
+        whole = (a.put(a.U, v.astype(np.uint32)) for v in (n, side * side))
+        return Lot(*whole, a.put(a.F, side.astype(float)))
+
+
+@dataclass(frozen=True)
+class Draw:
+    """The random numbers of one sample of each pixel.
+
+    key: of the pixel, and of the path; index: which sample of the pixel it is; cell: the stratum it falls in.
+    """
+
+    sampler: str
+    real: Any
+    plan: Plan
+    key: Any
+    index: Any
+    cell: Any
+
+    def pixel(self) -> tuple[Any, Any]:
+        """Where in the pixel the sample falls."""
+        if self.sampler == "sobol":
+            return sobol(self.index, self.key, False, self.real)
+        h = mix(self.key + (self.index + 1) * _ODD)
+        if self.sampler == "independent":
+            return in_cell(self.cell, True, self.plan.side, h, self.real)
+        return in_cell(self.cell, self.index >= self.plan.cells, self.plan.side, h, self.real)
+
+    def along(self, salt: Any) -> "Draw":
+        """The random numbers of a path's further level: as many streams again, each unlike all others."""
+        return Draw(self.sampler, self.real, self.plan, mix(self.key + salt * _ODD), self.index, self.cell)
+
+    def stream(self, number: int) -> "Stream":
+        """The pairs of numbers for one purpose. Distinct numbers give independent streams."""
+        return Stream(self, mix(self.key ^ ((number * 0x632BE5AB) & 0xFFFFFFFF)))
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Pairs of numbers from the unit square for one purpose, of one sample of each pixel."""
+
+    draw: Draw
+    key: Any
+
+    def one(self) -> tuple[Any, Any]:
+        """The only pair: over a pixel's samples it is spread as they are."""
+        d = self.draw
+        if d.sampler == "sobol":
+            return sobol(d.index, self.key, True, d.real)
+        h = mix(self.key + (d.index + 1) * _ODD)
+        if d.sampler == "independent":
+            return in_cell(d.cell, True, d.plan.side, h, d.real)
+        # The strata of the pixel in another order: multiplied by their number's own step, from a start of its own.
+        exact = dr.float64_array_t(d.real)
+        cells = exact(d.plan.cells)
+        start = exact(self.key) * 2.0**-32 * cells
+        turn = dr.floor(start) + exact(d.index) * exact(d.plan.other)
+        cell = turn - dr.floor(turn * dr.rcp(cells)) * cells
+        cell = dr.select(cell >= cells, cell - cells, dr.select(cell < 0, cell + cells, cell))
+        return in_cell(type(d.index)(cell), d.index >= d.plan.cells, d.plan.side, h, d.real)
+
+    def many(self, j: Any, lot: Lot) -> tuple[Any, Any]:
+        """Pair number j of a lot that is taken together."""
+        d = self.draw
+        whole = d.index * lot.count + j
+        if d.sampler == "sobol":
+            return sobol(whole, self.key, True, d.real)
+        h = mix(self.key + (whole + 1) * _ODD)
+        spare = True if d.sampler == "independent" else j >= lot.cells
+        return in_cell(j, spare, lot.side, h, d.real)

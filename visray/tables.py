@@ -13,16 +13,19 @@ import numpy as np
 from visray.bvh import Tree, build
 from visray.camera import Camera
 from visray.geometry import Frame
+from visray.images import Atlas
+from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
 from visray.quantities import Arrays, quantities
-from visray.scene.scene import Gradient, Scene
+from visray.scene.scene import Gradient, Occlusion, Scene
 from visray.transforms import compose
 from visray.trees import detached, rows
 
 # Up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree. Written out they
 # cost a few cycles each, but compiling them takes 10 to 30 ms each.
 WRITTEN_OUT = 32
+NO_TEXTURE = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
@@ -44,17 +47,35 @@ def kinships(scene: Scene) -> tuple[Kinship, ...]:
 
 @dataclass(frozen=True)
 class Tables:
-    """The numbers of a scene. Shapes: one entry an object, a material or a light; one entry for camera and
-    background."""
+    """The numbers of a scene. Shapes: one entry an object, a material or a light of one kind; one entry for camera,
+    background and settings."""
 
     objects: tuple[Primitive, ...]
     outers: tuple[Frame | None, ...]
     material_of: tuple[Any, ...]
     materials: Material
-    lights: Any
+    lights: tuple[Light, ...]
     camera: Camera
     background: Gradient
     ambient: Any
+    occlusion: Occlusion
+    texture_of: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Troop:
+    """Lights of one kind."""
+
+    kind: type[Light]
+    names: tuple[str, ...]
+
+
+def troops(scene: Scene) -> tuple[Troop, ...]:
+    """The lights of the scene by kind, in the order of first appearance."""
+    found: dict[type, list[str]] = {}
+    for name, light in scene.lights.items():
+        found.setdefault(type(light), []).append(name)
+    return tuple(Troop(kind, tuple(names)) for kind, names in found.items())
 
 
 def stacked(a: Arrays, kind: type, things: list) -> Any:
@@ -76,16 +97,19 @@ def pack(scene: Scene, a: Arrays) -> Tables:
     groups = [[scene.objects[n] for n in k.names] for k in kinships(scene)]
     sky = scene.background
     sky = sky if isinstance(sky, Gradient) else Gradient(top=sky, bottom=sky)
-    lights = list(scene.lights.values())
+    texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
+    painted = {name: texture[m.texture] for name, m in materials.items()}
     tables = Tables(
         objects=tuple(stacked(a, type(g[0]), g) for g in groups),
         outers=tuple(_outer(a, g) for g in groups),
         material_of=tuple(a.put(a.U, np.array([index[x.material] for x in g], np.uint32)) for g in groups),
         materials=stacked(a, Material, list(materials.values())),
-        lights=stacked(a, type(lights[0]), lights) if lights else None,
+        lights=tuple(stacked(a, t.kind, [scene.lights[n] for n in t.names]) for t in troops(scene)),
         camera=stacked(a, Camera, [scene.camera]),
         background=stacked(a, Gradient, [sky]),
         ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
+        occlusion=stacked(a, Occlusion, [scene.settings.occlusion]),
+        texture_of=tuple(a.put(a.U, np.array([painted[x.material] for x in g], np.uint32)) for g in groups),
     )
     dr.eval(tables)
     return tables
@@ -100,50 +124,84 @@ def _outer(a: Arrays, group: list[Primitive]) -> Frame | None:
 
 @dataclass(frozen=True)
 class Group:
-    """Objects of one kinship, ready for rays: placement, a sphere around each, its material, and a tree over many."""
+    """Objects of one kinship, ready for rays: placement, a sphere around each, its material and the number
+    of its texture, and a tree over many."""
 
     placed: Any
     centre: Any
     radius: Any
     material: Material
+    texture: Any
     tree: Tree | None
 
 
 @dataclass(frozen=True)
 class View:
-    """The camera, ready for rays: origin, the steps of one pixel to the right and down, and the top left corner."""
+    """The camera, ready for rays: origin, the steps of one pixel to the right and down and the top left corner, at the
+    distance 1 along the view; the lens's radius to the right and up; 1 over the distance of focus; that of the target.
+    """
 
     o: Any
     right: Any
     down: Any
     corner: Any
     forward: Any
+    aside: Any
+    above: Any
+    sharp: Any
+    middle: Any
 
 
 @dataclass(frozen=True)
 class Ready:
-    """Everything a kernel reads."""
+    """Everything a kernel reads. glow: the ambient light of all lights; reach: how far near occlusion looks."""
 
     groups: tuple[Group, ...]
-    lights: Any
+    lights: tuple[Light, ...]
     view: View
     background: Gradient
     ambient: Any
+    glow: Any
+    reach: Any
+    blank: Material
+    atlas: Atlas | None
 
 
-def prepare(tables: Tables, kin: tuple[Kinship, ...], film: tuple[int, int], a: Arrays) -> Ready:
+def prepare(
+    tables: Tables, kin: tuple[Kinship, ...], film: tuple[int, int], a: Arrays, atlas: Atlas | None = None
+) -> Ready:
     """What of the scene depends on no ray, evaluated. Derivatives flow through it."""
     groups = []
-    for k, table, outer, material in zip(kin, tables.objects, tables.outers, tables.material_of):
+    of_objects = tables.objects, tables.outers, tables.material_of, tables.texture_of
+    for k, table, outer, material, texture in zip(kin, *of_objects):
         centre, radius = table.sphere(outer) if k.kind.bounded else (None, None)
         centre, radius = detached((centre, radius))
         tree = None
         if radius is not None and len(k.names) > WRITTEN_OUT:
             tree = build(a, np.array(centre).T, np.array(radius))
-        groups.append(Group(table.placed(outer), centre, radius, rows(tables.materials, material), tree))
-    ready = Ready(tuple(groups), tables.lights, _view(tables.camera, film, a), tables.background, tables.ambient)
+        groups.append(Group(table.placed(outer), centre, radius, rows(tables.materials, material), texture, tree))
+    ready = Ready(
+        groups=tuple(groups),
+        lights=tables.lights,
+        view=_view(tables.camera, film, a),
+        background=tables.background,
+        ambient=tables.ambient,
+        glow=_glow(tables.lights, a),
+        reach=tables.occlusion.distance,
+        blank=rows(tables.materials, a.U(0)),
+        atlas=atlas,
+    )
     dr.eval(ready)
     return ready
+
+
+def _glow(lights: tuple[Light, ...], a: Arrays) -> Any:
+    """The ambient light of all lights together."""
+    total = a.V(0)
+    for table in lights:
+        each = table.intensity * table.Ia
+        total = total + a.V(*(dr.sum(c) for c in each))
+    return total
 
 
 def _view(camera: Camera, film: tuple[int, int], a: Arrays) -> View:
@@ -153,4 +211,8 @@ def _view(camera: Camera, film: tuple[int, int], a: Arrays) -> View:
     width, height = (dr.opaque(a.D, float(x)) for x in film)
     pixel = 2 * dr.tan(camera.fov * (0.5 * dr.pi / 180)) / height
     corner = forward - (0.5 * pixel * width) * right + (0.5 * pixel * height) * up
-    return View(camera.origin, *(a.V(v) for v in (pixel * right, -pixel * up, corner, forward)))
+    middle = dr.norm(camera.target - camera.origin)
+    focus = dr.select(camera.focus > 0, camera.focus, middle)
+    lens = (0.5 * camera.aperture) * right, (0.5 * camera.aperture) * up
+    steps = (a.V(v) for v in (pixel * right, -pixel * up, corner, forward))
+    return View(camera.origin, *steps, *lens, dr.rcp(focus), a.F(middle))

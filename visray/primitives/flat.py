@@ -35,7 +35,7 @@ class Flat(Primitive):
     @classmethod
     def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
         t, within, slope, squared = cls.crossing(seen, ray.d)
-        met = within & (t > 0)
+        met = within & (t > (0 if ray.start is None else ray.start))
         if ray.error is not None:
             met &= clear(t, slope, squared, ray.error)
         if leaving is not None:
@@ -47,7 +47,8 @@ class Flat(Primitive):
         t, within, slope, squared = cls.crossing(seen, ray.d)
         free = arrives if leaving is None else arrives | leaving
         # The end point is known to ray.error; a plane nearer to it than that is the plane the point lies on.
-        return within & (t > 0) & clear(length - t, slope, squared, ray.error) & ~free
+        near = 0 if ray.start is None else ray.start
+        return within & (t > near) & clear(length - t, slope, squared, ray.error) & ~free
 
     @staticmethod
     def level(placed: Any, p: Any) -> tuple[Any, Any]:

@@ -122,6 +122,13 @@ class Primitive:
         """
         raise TypeError(f"{cls.__name__} has no blocks")
 
+    @classmethod
+    def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
+        """For a ray that the object lies in the way of: whether it enters and leaves it on that way, and how long it is
+        inside. A point of the object's own surface counts as entered or left. A flat object has no inside.
+        """
+        return arrives & ~arrives, 0 * length
+
     @staticmethod
     def level(placed: Any, p: Any) -> tuple[Any, Any]:
         """(f, g): a function that is zero on the surface and its world gradient at p, outwards."""

@@ -55,19 +55,32 @@ class Solid(Primitive):
     @classmethod
     def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
         t0, t1 = cls.intervals(seen, ray.d)
-        t = dr.select(t0 > 0, t0, t1)
+        near = 0 if ray.start is None else ray.start
+        t = dr.select(t0 > near, t0, t1)
         if leaving is not None:
             t = dr.select(leaving, dr.select(inside, t1, dr.inf), t)
-        return dr.select((t0 <= t1) & (t > 0), t, dr.inf)
+            # From its own far side the ray may be as near as it likes.
+            near = near if ray.start is None else dr.select(leaving, 0, near)
+        return dr.select((t0 <= t1) & (t > near), t, dr.inf)
 
     @classmethod
     def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
         t0, t1 = cls.intervals(seen, ray.d)
-        enters, leaves = t0 > 0, t1 > 0
+        near = 0 if ray.start is None else ray.start
+        enters, leaves = t0 > near, t1 > near
         if leaving is not None:
             enters, leaves = enters & ~leaving, dr.select(leaving, inside, leaves)
         other = (enters & (t0 < length)) | (leaves & (t1 < length))
         return (t0 <= t1) & dr.select(arrives, inward & enters, other)
+
+    @classmethod
+    def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
+        t0, t1 = cls.intervals(seen, ray.d)
+        near = 0 if ray.start is None else ray.start
+        entered, left = t0 > near, arrives | (t1 < length)
+        if leaving is not None:
+            entered |= leaving
+        return entered & left, dr.select(t1 < length, t1, length) - dr.select(t0 > 0, t0, 0)
 
     @classmethod
     def level(cls, placed: Any, p: Any) -> tuple[Any, Any]:

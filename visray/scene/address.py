@@ -27,7 +27,7 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     raw = asdict(scene)
     for address, new in assignments.items():
         _found(raw, address)
-        raw = _with(raw, address.split("."), new)
+        raw = _with(raw, address.split("."), _plain(new))
     result, wrong = examined(raw)
     if wrong:
         raise UserError(*wrong)
@@ -87,6 +87,15 @@ def _found(whole: Any, address: str) -> Any:
             raise UserError(printable(f"{address}: {what}"))
         whole = _entry(whole, part)
     return whole
+
+
+def _plain(new: Any) -> Any:
+    """A value without instances of the kinds, so that what is put in is checked as what a file says."""
+    if is_dataclass(new) and not isinstance(new, type):
+        return asdict(new)
+    if isinstance(new, dict):
+        return {k: _plain(v) for k, v in new.items()}
+    return tuple(map(_plain, new)) if isinstance(new, (tuple, list)) else new
 
 
 def _with(whole: Any, parts: list[str], new: Any) -> Any:

@@ -16,6 +16,8 @@ from visray.scene.scene import ADAPTER, Scene
 from visray.transforms import Transform, compose
 
 DEFAULT_MATERIAL = "default"
+# The sections whose entries are named elsewhere in a scene, and what stands in for an entry that is wrong.
+STAND_INS = {"textures": {"type": "checker"}, "materials": {}}
 
 
 def checked(scene: Scene) -> Scene:
@@ -43,11 +45,11 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
     """The flaws of what pydantic found nothing wrong with, so that a user sees all errors at once."""
     sections = {k: dict(v) if isinstance(v, dict) else v for k, v in raw.items()}
     for section, *inner in (e["loc"] for e in error.errors(include_url=False)):
-        if section == "materials" and not inner:
+        if section in STAND_INS and not inner:
             return []
-        if section == "materials" and inner[-1] != "[key]":
-            sections[section][inner[0]] = {}  # its name is there, whatever is wrong with it
-        elif section in ("objects", "lights", "materials") and inner:
+        if section in STAND_INS and inner[-1] != "[key]":
+            sections[section][inner[0]] = STAND_INS[section]  # its name is there, whatever is wrong with it
+        elif section in ("objects", "lights", *STAND_INS) and inner:
             sections[section].pop(inner[0], None)
         else:
             sections.pop(section, None)
@@ -60,16 +62,33 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
 def flaws(scene: Scene) -> list[str]:
     """What no field alone shows to be wrong, a line each: `ADDRESS = VALUE: what is wrong; what would be right`."""
     with np.errstate(all="ignore"):
-        of_objects = [f for name, thing in scene.objects.items() for f in _object_flaws(scene, name, thing)]
-        return _camera_flaws(scene.camera) + [printable(text) for text in of_objects]
+        found = _camera_flaws(scene.camera)
+        for name, material in scene.materials.items():
+            found += _texture_flaws(scene, f"materials.{name}.texture", material.texture)
+        for name, light in scene.lights.items():
+            found += _own_flaws(f"lights.{name}", light)
+        for name, thing in scene.objects.items():
+            found += _object_flaws(scene, f"objects.{name}", thing)
+        return [printable(text) for text in found]
 
 
-def _object_flaws(scene: Scene, name: str, thing: Any) -> list[str]:
-    address, found = f"objects.{name}", []
+def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:
+    if texture is None or texture in scene.textures:
+        return []
+    return [line(address, texture, f"unknown texture; {hint(texture, scene.textures)}")]
+
+
+def _own_flaws(address: str, thing: Any) -> list[str]:
+    """The flaws that a light or an object finds in itself."""
+    return [line(f"{address}.{field}", getattr(thing, field), text) for field, text in thing.flaws()]
+
+
+def _object_flaws(scene: Scene, address: str, thing: Any) -> list[str]:
+    found = []
     if thing.material != DEFAULT_MATERIAL and thing.material not in scene.materials:
         text = f"unknown material; {hint(thing.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
         found.append(line(f"{address}.material", thing.material, text))
-    found += [line(f"{address}.{field}", getattr(thing, field), text) for field, text in thing.flaws()]
+    found += _own_flaws(address, thing)
     wrong = _transform_flaw(thing.transform)
     if wrong:
         found.append(line(f"{address}.transform", [asdict(step) for step in thing.transform], wrong))

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import ValidationError
@@ -33,8 +33,13 @@ def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     """`did you mean "sphere"? (one of ...)`, or only the choices where none is near."""
     choices = list(choices)
     listed = f"one of {', '.join(choices)}" if choices else "there is none"
-    near = get_close_matches(word, choices, 1) if isinstance(word, str) else []
+    near = _near(word, choices) if isinstance(word, str) else []
     return f"did you mean {quote}{near[0]}{quote}? ({listed})" if near else listed
+
+
+def _near(word: str, choices: list[str]) -> list[str]:
+    """The choices that a word may stand for, the likeliest first: `Kd` for `kd`, `radus` for `radius`."""
+    return [c for c in choices if c.casefold() == word.casefold()] or get_close_matches(word, choices, 1)
 
 
 def lines(error: ValidationError, raw: Any) -> list[str]:
@@ -144,6 +149,7 @@ _BOUNDS = {
     "less_than_equal": "must be at most {le}",
     "finite_number": "must be finite",
     "string_pattern_mismatch": NAME_RULE,
+    "string_too_short": "must not be empty",
     "value_error": "{error}",
 }
 
@@ -220,6 +226,7 @@ _PLAIN = {
     int: "a whole number",
     bool: "true or false",
     str: "a string",
+    NoneType: "null",
     tuple: "a list [...]",
     dict: "an object {...} that gives each thing its name",
 }

@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Union
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from visray import lights, primitives
+from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.materials import Material
-from visray.quantities import Color, Count, Name
+from visray.quantities import Color, Count, Length, Name
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
@@ -34,20 +34,64 @@ class Gradient:
     bottom: Color
 
 
+Rays = Annotated[int, Field(strict=True, ge=0, le=2**16)]
+Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
+
+
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """How the picture is made: samples per pixel, seed, precision of shading, shadows or none."""
+class Occlusion:
+    """How much ambient light gets to a point. `sky` rays tell what share of the sky it sees, which weakens the scene's
+    `ambient`; `near` rays tell how close things are, a ramp up to `distance`, which weakens the lights' Ia.
+
+    0 rays: all of it gets there. `hemisphere`: rays by the cosine, or crowded as the original's `box` did.
+    """
 
     __pydantic_config__ = STRICT
-    # Up to here a stratum's row comes out right in single precision (sampling.in_pixel).
+    sky: Rays = 0
+    near: Rays = 0
+    distance: Length = 1.0
+    hemisphere: Literal["cosine", "box"] = "cosine"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scatter:
+    """Light that matte surfaces pass on: `rays` from what the eye sees, one from each of the further `depth` - 1
+    levels."""
+
+    __pydantic_config__ = STRICT
+    rays: Rays = 0
+    depth: Depth = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How the picture is made: samples per pixel, where they fall (`sampler`) and from which seed; precision of shading;
+    what is shaded (`shading`); shadows or none; how many reflections and refractions are followed (`depth`).
+
+    `misses`: what a secondary ray finds that hits nothing, the background or the scene's `ambient`. `local`: whether the
+    own colour of a transparent surface is weighted with 1 - kt, or stands in full. `area`: whether area lights light
+    from every sample, or, as in the original, from their centre with a shadow from every sample.
+    """
+
+    __pydantic_config__ = STRICT
+    # Up to here a stratum's row comes out right in single precision (sampling.in_cell).
     spp: Annotated[int, Field(strict=True, gt=0, le=2**22)] = 16
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"
+    sampler: Literal["stratified", "sobol", "independent"] = "stratified"
+    shading: Literal["blinn-phong", "phong", "toon", "normal", "depth", "uv", "albedo"] = "blinn-phong"
     shadows: Annotated[bool, Field(strict=True)] = True
+    depth: Depth = 6
+    misses: Literal["background", "ambient"] = "background"
+    local: Literal["weighted", "full"] = "weighted"
+    area: Literal["samples", "centre"] = "samples"
+    occlusion: Occlusion = field(default_factory=Occlusion)
+    scatter: Scatter = field(default_factory=Scatter)
 
 
 Object = Annotated[Union[primitives.KINDS], Field(discriminator="type")]
-Light = lights.PointLight if len(lights.KINDS) == 1 else Annotated[Union[lights.KINDS], Field(discriminator="type")]
+Light = Annotated[Union[lights.KINDS], Field(discriminator="type")]
+Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +103,7 @@ class Scene:
     film: Film = field(default_factory=Film)
     background: Gradient | Color = Gradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     ambient: Color = (1.0, 1.0, 1.0)
+    textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)
     lights: dict[Name, Light] = field(default_factory=dict)
     objects: dict[Name, Object] = field(default_factory=dict)

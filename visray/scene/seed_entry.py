@@ -4,7 +4,7 @@ The original passed over what it did not know or could not read. Here that is a 
 sense, and an error where it does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
@@ -80,6 +80,10 @@ class Entry:
             self.log.error(f"{self.at(key)}: the key is missing; it is a number")
         return default
 
+    def whole(self, key: str, default: int) -> int:
+        """A whole number; what it has after the point is cut off."""
+        return int(self.number(key, float(default)))
+
     def vector(self, key: str, default: tuple | None = None, size: int = 3) -> tuple[float, ...] | None:
         """Numbers; as in the original, further ones are passed over and missing ones are 0, each with a warning."""
         found = self.values.get(key)
@@ -107,7 +111,7 @@ class Entry:
             self._odd(key, "a string")
         return self.values.get(key)
 
-    def chosen(self, key: str, choices: tuple[str, ...]) -> str | None:
+    def chosen(self, key: str, choices: Iterable[str]) -> str | None:
         """The choice that a text means, whatever its case; None where it is none of them, or not there."""
         text = self.text(key)
         if text is None:

@@ -1,9 +1,20 @@
 """Scenes of the original VisRayTrace 2021-22, and of the programs of the same family, as visray scenes.
 
-Such a scene is two JSON files: the objects, and a setup with camera, lights and background.
+Such a scene is two JSON files: the objects, and a setup with camera, lights and background. What they say is drawn as
+they mean it, with the original's defects mended. `compat` restores what the original did on purpose, and we do
+otherwise:
+
+- area lights light from their centre, and only their shadow comes from all samples (settings.area = "centre");
+- the rays of the ambient occlusion crowd as in its box (settings.occlusion.hemisphere = "box", where it is on);
+- the own colour of a transparent surface counts in full, beside what it lets through (settings.local = "full");
+- MAXDEPTH counts strictly, down to 1, its default: no reflection and no refraction (settings.depth = MAXDEPTH - 1).
+
+It restores no defects: not the highlights drawn to the viewer, the shift of half a pixel, the missing total internal
+reflection, the shadows from beyond a light, the occlusion of the global light that is 0, the boxes without light, the
+lens that is always 2 wide, the spot light without a cone where a = b = c = 0; nor the fourth root in a spot light's
+falloff, one sample a pixel, or the original's random numbers.
 """
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +23,12 @@ from visray.scene.check import examined
 from visray.scene.messages import hint, line
 from visray.scene.scene import Scene
 from visray.scene.seed_entry import Entry, Log
-from visray.scene.seed_keys import SCENE, SCENES
+from visray.scene.seed_keys import SCENE, SCENES, SETUP
+from visray.scene.seed_materials import Looks
+from visray.scene.seed_names import respelled
 from visray.scene.seed_objects import objects
-from visray.scene.seed_setup import SPELLINGS, setup
+from visray.scene.seed_pictures import Pictures
+from visray.scene.seed_setup import effects, setup
 from visray.scene.source import read
 
 # Keys of our scenes that no original scene has.
@@ -43,10 +57,13 @@ def is_setup(raw: Any) -> bool:
     return "renderType" in raw or (isinstance(camera, dict) and "lookFrom" in camera)
 
 
-def convert(scene_file: str | Path, setup_file: str | Path | None = None) -> tuple[Scene, list[str]]:
+def convert(
+    scene_file: str | Path, setup_file: str | Path | None = None, compat: bool = False
+) -> tuple[Scene, list[str]]:
     """The scene in a scene file and its setup, and a warning for everything that is passed over.
 
-    Raises UserError with all errors of both files.
+    With `compat` it is drawn more like in the original (see above). Its pictures are named as seen from here, not from
+    the scene file. Raises UserError with all errors of both files.
     """
     log, setup_log = Log(str(scene_file)), Log(str(setup_file or scene_file))
     raw, raw_setup = _read(scene_file, log), {} if setup_file is None else _read(setup_file, setup_log)
@@ -56,11 +73,15 @@ def convert(scene_file: str | Path, setup_file: str | Path | None = None) -> tup
     if setup_file is None:
         log.warn("no setup file: no lights, a black background, and a camera at (0, 0, 10) that looks at the origin")
         raw_setup = {"camera": {"vup": [0, 1, 0], "vfov": 90}}
-    things, materials = _objects(raw, log)
-    made = setup(raw_setup, setup_log)
-    scene, wrong = examined({**made, "materials": materials, "objects": things})
+    e = Entry(raw_setup, "", SETUP, setup_log)
+    looks = Looks(effects(e), Pictures(scene_file))
+    things = _objects(raw, looks, log)
+    made = setup(e, looks.materials.values(), compat)
+    parts = {"textures": looks.pictures.textures, "materials": looks.materials, "objects": things}
+    scene, wrong = examined(made | parts)
+    kinds = {name: thing["type"] for name, thing in things.items()}
     for text in wrong:
-        (log if text.startswith(("objects.", "materials.")) else setup_log).error(_respelled(text))
+        (log if text.startswith(tuple(f"{part}." for part in parts)) else setup_log).error(respelled(text, kinds))
     errors = [*log.errors, *setup_log.errors]
     if errors or scene is None:
         raise UserError(*errors)
@@ -93,8 +114,8 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
         setup_log.error(line("", raw_setup, "is not a setup; a setup is an object {...}"))
 
 
-def _objects(raw: dict, log: Log) -> tuple[dict, dict]:
-    """Objects and materials of a scene file, unless it is of a type that is not built."""
+def _objects(raw: dict, looks: Looks, log: Log) -> dict[str, dict]:
+    """The objects of a scene file; an error if the scene is of a type that is not built."""
     e = Entry(raw, "", SCENE, log)
     written = e.text("typeScene")
     if written is None:
@@ -110,13 +131,4 @@ def _objects(raw: dict, log: Log) -> tuple[dict, dict]:
         log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
     elif not e.has("objects"):
         log.error("objects: the key is missing; it is the list of the scene's objects")
-    return objects(e.entries("objects"), log)
-
-
-def _respelled(text: str) -> str:
-    """An error with the addresses of the original files."""
-    light = re.match(r"lights\.light (\d+)", text)
-    if light:
-        return f"lights.{int(light[1]) - 1}{text[light.end() :]}"
-    ours = next((ours for ours in SPELLINGS if text.startswith((f"{ours} ", f"{ours}.", f"{ours}:"))), None)
-    return SPELLINGS[ours] + text.removeprefix(ours) if ours else text
+    return objects(e.entries("objects"), looks, log)

@@ -20,20 +20,37 @@ def _plain(keys: str) -> dict[str, tuple[str, ...]]:
 
 
 MATERIAL = _plain("type ka kd ks shininess opacity kt nut dmax id textureFile colorGradient")
+MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
+
 SCENE = _plain("scene typeScene objects base Real Virtual") | {"properties": ("attributes",)}
+# How a typeScene begins. Shipped files say VIRTUAL or ONLINE for VIRTUALWORLD, and VIRTUAL for the renderType ONLINE.
+SCENES = ("VIRTUAL", "ONLINE", "REALDATA", "TEMPORAL")
+
 SETUP = _plain(
     "renderType output camera globalLight lights background MAXDEPTH colorTopBackground colorDownBackground numSamples "
     "shading shadows reflections refractions textures ambientOcclusion"
 )
+RENDERS = ("ONLINE", "IMAGE", "TEMPORAL", "VIRTUAL")
 CAMERA = _plain("lookFrom lookAt vup vfov aspectRatio pixelsX defocusBlur aperture")
 BLUR = _plain("enabled aperture")
 OCCLUSION = _plain("enabled raysGlobal raysLocal maxDistance")
-LIGHT = _plain("type position Ia Id Is a b c")
 
-MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
-LIGHTS = ("pointLight", "spotLight", "areaLight", "directionalLight")
-# How a typeScene begins. Shipped files say VIRTUAL or ONLINE for VIRTUALWORLD, and VIRTUAL for the renderType ONLINE.
-SCENES = ("VIRTUAL", "ONLINE", "REALDATA", "TEMPORAL")
-RENDERS = ("ONLINE", "IMAGE", "TEMPORAL", "VIRTUAL")
-MODELS = ("BlinnPhong", "Phong", "Cel", "Normal", "Depth", "Color")
+LIGHT = _plain("type Ia Id Is a b c")
+LIGHTS = {
+    "pointLight": LIGHT | _plain("position"),
+    "spotLight": LIGHT | _plain("position direction angle theta cosineCutoff exponent"),
+    "areaLight": LIGHT | _plain("position width height numLights"),
+    "directionalLight": LIGHT | _plain("direction intensity"),
+}
+
+# What the models of shading are called here. With "Shadow" at the end they have shadows.
+MODELS = {
+    "BlinnPhong": "blinn-phong",
+    "Phong": "phong",
+    "Cel": "toon",
+    "Toon": "toon",
+    "Normal": "normal",
+    "Depth": "depth",
+    "Color": "albedo",
+}
 SHADINGS = (*MODELS, *(f"{model}Shadow" for model in MODELS))

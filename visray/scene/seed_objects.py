@@ -1,21 +1,20 @@
-"""The objects of original VisRayTrace scenes, and their materials, as plain dicts of visray's fields."""
+"""The objects of original VisRayTrace scenes as plain dicts of visray's fields."""
 
 from collections.abc import Callable
 from typing import Any
 
 from visray.scene.messages import hint, line
 from visray.scene.seed_entry import Entry, Log
-from visray.scene.seed_keys import MATERIAL, MATERIALS, OBJECTS
+from visray.scene.seed_keys import OBJECTS
+from visray.scene.seed_materials import Looks
+from visray.scene.seed_names import distinct, valid
 
 NOT_BUILT = {"mesh": "objFileName", "polynomial": "monomis"}
-LOST = {"metal": "reflection", "transparent": "refraction and transparent shadows", "materialtextura": "texture"}
-WHITE = (1.0, 1.0, 1.0)
 
 
-def objects(raw: list[Any], log: Log) -> tuple[dict[str, dict], dict[str, dict]]:
-    """Objects and materials by name. A material has the name of the first object that it is on."""
+def objects(raw: list[Any], looks: Looks, log: Log) -> dict[str, dict]:
+    """The objects by name; their materials are added to `looks`."""
     things: dict[str, dict] = {}
-    materials: dict[str, dict] = {}
     taken: set[str] = set()
     for i, found in enumerate(raw):
         if not isinstance(found, dict):
@@ -25,30 +24,23 @@ def objects(raw: list[Any], log: Log) -> tuple[dict[str, dict], dict[str, dict]]
         thing = _object(found, f"objects.{name}", log)
         if thing is None:
             continue
-        material = _material(found, f"objects.{name}", log)
-        owner = next((known for known, other in materials.items() if other == material), name)
-        materials.setdefault(owner, material)
-        things[name] = thing | {"material": owner}
-    return things, materials
+        material = looks.name(found, name, log)
+        if thing["type"] == "rectangle" and "texture" in looks.materials[material]:
+            thing |= _upright(thing)
+        things[name] = thing | {"material": material}
+    return things
 
 
 def _name(found: dict, i: int, taken: set[str], log: Log) -> str:
     """A name that is valid and no other object's; warns if it is not the one written."""
-    written = found.get("name", "")
-    wanted = written.replace(".", "_").strip() if isinstance(written, str) else ""
-    wanted = wanted or (found["type"].strip().lower() if _valid(found.get("type")) else "object")
-    name, count = wanted, 1
-    while name in taken:
-        count += 1
-        name = f"{wanted} {count}"
+    written, kind = found.get("name", ""), found.get("type")
+    wanted = valid(written) if isinstance(written, str) else ""
+    wanted = wanted or (valid(kind).lower() if isinstance(kind, str) else "") or "object"
+    name = distinct(wanted, taken)
     taken.add(name)
     if name != written:
-        log.warn(f"{line(f'objects.{i}.name', written, f'the object is called {name!r} here')}")
+        log.warn(line(f"objects.{i}.name", written, f"the object is called {name!r} here"))
     return name
-
-
-def _valid(name: Any) -> bool:
-    return isinstance(name, str) and bool(name.strip()) and "." not in name
 
 
 def _object(found: dict, address: str, log: Log) -> dict | None:
@@ -99,10 +91,8 @@ def _box(e: Entry) -> dict:
 
 
 def _fitted_plane(e: Entry) -> dict:
-    """The part of the plane over the rectangle from pmin to pmax in x and z, with its normal on the file's side.
-
-    A picture on it has u along +x and row 0 at the least z; our v runs up from the last row, so `height` runs to -z.
-    That makes the normal point up; where the file's points down, `height` runs to +z.
+    """The part of the plane over the rectangle from pmin to pmax in x and z, with its normal on the file's side: as
+    `width` runs to +x, it points up where `height` runs to -z, and down where `height` runs to +z.
     """
     point, normal = e.vector("point", (0.0,) * 3), e.vector("normal")
     low, high = e.vector("pmin", size=2), e.vector("pmax", size=2)
@@ -124,6 +114,14 @@ def _fitted_plane(e: Entry) -> dict:
     return {"type": "rectangle", "center": (x, y, z), "width": width, "height": height}
 
 
+def _upright(plane: dict) -> dict:
+    """The side of a plane that has a picture on it: in the original u runs to +x and row 0 is at the least z, whichever
+    side the normal is on. Our v runs up from the last row, so `height` runs to -z, and the normal points up.
+    """
+    x, y, z = plane["height"]
+    return {"height": (x, -y, -z) if z > 0 else (x, y, z)}
+
+
 def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
     """What to add to pmin and pmax: with puntoCentro they are relative to the point."""
     middle = (point[0], point[2])
@@ -141,17 +139,3 @@ BUILDERS: dict[str, Callable[[Entry], dict]] = {
     "cylinder": _cylinder,
     "box": _box,
 }
-
-
-def _material(found: dict, address: str, log: Log) -> dict:
-    """The Blinn-Phong part of an object's material; warns of what is lost."""
-    e = Entry({"material": found["material"]} if "material" in found else {}, address, {"material": ()}, log)
-    inner = e.inner("material", MATERIAL)
-    if inner is None:
-        log.warn(f"{address}: has no material; ka, kd, ks are 1 and shininess is 1, as in the original")
-        inner = Entry({}, address, MATERIAL, log)
-    kind = inner.chosen("type", MATERIALS)
-    if kind in LOST:
-        log.warn(f"{address}.material: the {LOST[kind]} of {kind} is not built yet; its Blinn-Phong part is used")
-    colours = {key: inner.vector(key, WHITE) for key in ("ka", "kd", "ks")}
-    return colours | {"shininess": inner.number("shininess", 1.0)}

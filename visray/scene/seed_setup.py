@@ -1,45 +1,39 @@
-"""The setup of original VisRayTrace scenes (camera, lights, background) as plain dicts of visray's fields."""
+"""The setup of original VisRayTrace scenes (camera, lights, background, settings) as plain dicts of visray's fields."""
 
-from math import isfinite
+from collections.abc import Iterable
 from typing import Any
 
 from visray.scene.messages import hint, line
-from visray.scene.seed_entry import Entry, Log
-from visray.scene.seed_keys import BLUR, CAMERA, LIGHT, LIGHTS, OCCLUSION, RENDERS, SETUP, SHADINGS
+from visray.scene.scene import Settings
+from visray.scene.seed_camera import view
+from visray.scene.seed_entry import Entry
+from visray.scene.seed_keys import MODELS, OCCLUSION, RENDERS, SHADINGS
+from visray.scene.seed_lights import lights
+from visray.scene.seed_materials import BLACK, Effects
 
-BLACK = (0.0, 0.0, 0.0)
-# What the addresses of our fields are called in a setup file.
-SPELLINGS = {
-    "camera.origin": "camera.lookFrom",
-    "camera.target": "camera.lookAt",
-    "camera.up": "camera.vup",
-    "camera.fov": "camera.vfov",
-    "film.height": "camera.pixelsX / camera.aspectRatio",
-    "ambient": "globalLight",
-    "background.top": "colorTopBackground",
-    "background.bottom": "colorDownBackground",
-    "settings.spp": "numSamples",
-}
+DEEPEST = 1000
 
 
-def setup(raw: dict, log: Log) -> dict:
-    """Camera, film, background, ambient, lights and settings of our scene."""
-    e = Entry(raw, "", SETUP, log)
+def effects(e: Entry) -> Effects:
+    """What of the materials the setup lets count: later programs of the family have a switch for each."""
+    return Effects(e.flag("reflections", True), e.flag("refractions", True), e.flag("textures", True))
+
+
+def setup(e: Entry, materials: Iterable[dict], compat: bool) -> dict:
+    """Camera, film, background, ambient, lights and settings of our scene; `materials` are those of its objects."""
     e.text("output")
     render = e.text("renderType")
     if render is not None and render.strip().upper() not in RENDERS:
-        log.warn(line("renderType", render, f"passed over; {hint(render, RENDERS)}"))
+        e.log.warn(line("renderType", render, f"passed over; {hint(render, RENDERS)}"))
     elif render is not None and render.strip().upper() == "TEMPORAL":
-        log.warn(line("renderType", render, "a sequence of frames is not built yet; the scene is one picture"))
-    occlusion = e.inner("ambientOcclusion", OCCLUSION)
-    if occlusion and occlusion.flag("enabled", False):
-        log.warn("ambientOcclusion: is not built yet; passed over")
+        e.log.warn(line("renderType", render, "a sequence of frames is not built yet; the scene is one picture"))
+    bounces = any(any(m.get(share, BLACK)) for m in materials for share in ("kr", "kt"))
     return {
-        **_view(e),
+        **view(e),
         "background": _background(e),
         "ambient": e.vector("globalLight", BLACK),
-        "lights": _lights(e.entries("lights"), log),
-        "settings": _settings(e),
+        "lights": lights(e.entries("lights"), e.log),
+        "settings": _settings(e, compat) | _depth(e, bounces, compat),
     }
 
 
@@ -48,89 +42,50 @@ def _background(e: Entry) -> Any:
     return BLACK if set(ends.values()) == {BLACK} else ends
 
 
-def _view(setup: Entry) -> dict:
-    """Camera and film."""
-    e = setup.inner("camera", CAMERA)
-    if e is None:
-        setup.log.warn("camera: is missing; it looks from (0, 0, 10) to the origin, 90 degrees wide, 400 x 400 pixels")
-        e = Entry({"vup": [0, 1, 0], "vfov": 90}, "camera", CAMERA, setup.log)
-    _warn_of_blur(e)
-    origin, target = e.vector("lookFrom", (0.0, 0.0, 10.0)), e.vector("lookAt", BLACK)
-    up, fov = e.vector("vup", BLACK), e.number("vfov", 0.0)
-    if not e.has("vup"):
-        e.log.warn(f"{e.at('vup')}: is missing; (0, 1, 0) is used")
-        up = (0.0, 1.0, 0.0)
-    if not e.has("vfov"):
-        e.log.warn(f"{e.at('vfov')}: is missing; 90 degrees is used, since the original's 180 gives no picture")
-        fov = 90.0
-    return {"camera": {"origin": origin, "target": target, "up": up, "fov": fov}, "film": _film(e)}
-
-
-def _film(e: Entry) -> dict:
-    width, aspect = int(e.number("pixelsX", 400.0)), e.number("aspectRatio", 1.0)
-    height = width / aspect if aspect > 0 else 0.0
-    if not (aspect > 0 and isfinite(height)):
-        e.error("aspectRatio", "must be greater than 0; it is width / height")
-        return {}
-    if width < 1:
-        e.error("pixelsX", "must be at least 1; it is the width of the picture")
-        return {}
-    return {"width": width, "height": int(height)}
-
-
-def _warn_of_blur(e: Entry) -> None:
-    """The aperture stands in defocusBlur, or beside it where the original looked for it."""
-    e.number("aperture", 0.0)
-    blur = e.inner("defocusBlur", BLUR)
-    if blur:
-        blur.number("aperture", 0.0)
-        if blur.flag("enabled", False):
-            e.log.warn(f"{blur.address}: is not built yet; everything is sharp")
-
-
-def _settings(e: Entry) -> dict:
-    """Samples and shadows: `shadows` says whether there are any, or else the end of `shading` does."""
-    made: dict[str, Any] = {}
-    samples = e.number("numSamples", 0.0)
+def _settings(e: Entry, compat: bool) -> dict:
+    """`background` says whether rays that a surface sends on see it, or else the global light."""
+    made: dict[str, Any] = {"misses": "background" if e.flag("background", True) else "ambient"}
+    samples = e.whole("numSamples", 0)
     if e.has("numSamples"):
-        made["spp"] = int(samples)
-    shading = e.chosen("shading", SHADINGS)
-    if shading and not shading.startswith("BlinnPhong"):
-        e.log.warn(line("shading", shading, "is not built yet; BlinnPhong is used"))
-    shadows = e.flag("shadows", shading.endswith("Shadow") if shading else True)
-    if shading and not shadows and not e.has("shadows"):
-        e.log.warn(line("shading", shading, f"has no shadows; write {shading}Shadow to have them"))
-    return made | {"shadows": shadows}
+        made["spp"] = samples
+    occlusion = _occlusion(e)
+    if compat:
+        made |= {"area": "centre", "local": "full"}
+        occlusion |= {"hemisphere": "box"} if occlusion else {}
+    return made | _shading(e) | ({"occlusion": occlusion} if occlusion else {})
 
 
-def _lights(raw: list[Any], log: Log) -> dict[str, dict]:
-    """The point lights by name: they have none in the file, and are numbered from 1."""
-    made = {}
-    for i, found in enumerate(raw):
-        if not isinstance(found, dict):
-            log.error(line(f"lights.{i}", found, "must be an object {...}"))
-            continue
-        light = _light(found, f"lights.{i}", log)
-        if light:
-            made[f"light {i + 1}"] = light
-    return made
+def _shading(e: Entry) -> dict:
+    """The model, and whether there are shadows: `shadows` says so, or else the end of `shading` does."""
+    written = e.chosen("shading", SHADINGS)
+    model = MODELS[(written or "BlinnPhong").removesuffix("Shadow")]
+    shadows = e.flag("shadows", written.endswith("Shadow") if written else True)
+    if model in ("blinn-phong", "phong", "toon") and not shadows and not e.has("shadows"):
+        e.log.warn(line("shading", written, f"has no shadows; write {written}Shadow to have them"))
+    return {"shading": model, "shadows": shadows}
 
 
-def _light(found: dict, address: str, log: Log) -> dict | None:
-    typed = Entry({"type": found["type"]} if "type" in found else {}, address, {"type": ()}, log)
-    kind = typed.chosen("type", LIGHTS)
-    if kind in LIGHTS[1:]:
-        log.error(line(f"{address}.type", kind, "is not built yet; only pointLight is"))
-    if not typed.has("type"):
-        log.warn(f"{address}: has no type; a pointLight is used, as in the original")
-        kind = LIGHTS[0]
-    if kind != LIGHTS[0]:
-        return None
-    if "width" in found and "height" in found:
-        log.warn(f"{address}: has a width and a height, which belong to an areaLight; it is a pointLight without them")
-        found = {k: v for k, v in found.items() if k not in ("width", "height")}
-    e = Entry(found, address, LIGHT, log)
-    errors = len(log.errors)
-    made = {"type": "point", "position": e.vector("position")}
-    made |= {key: e.vector(key, BLACK) for key in ("Ia", "Id", "Is")} | {key: e.number(key, 0.0) for key in "abc"}
-    return made if len(log.errors) == errors else None
+def _occlusion(e: Entry) -> dict:
+    """Rays and distance of the ambient occlusion, by default the constants of the original; empty where it is off."""
+    inner = e.inner("ambientOcclusion", OCCLUSION)
+    if inner is None or not inner.flag("enabled", False):
+        return {}
+    rays = {"sky": inner.whole("raysGlobal", 20), "near": inner.whole("raysLocal", 20)}
+    return rays | {"distance": inner.number("maxDistance", 100.0)}
+
+
+def _depth(e: Entry, bounces: bool, compat: bool) -> dict:
+    """How many reflections and refractions are followed; MAXDEPTH counts the ray from the eye as well.
+
+    The original never read it, and nearly all of its files say 1. So a 1 counts only with `compat`.
+    """
+    levels = e.whole("MAXDEPTH", 1)
+    if not compat and levels < 2:
+        if bounces:
+            found = line("MAXDEPTH", levels, "did not count in the original")
+            text = f"{Settings.depth} reflections and refractions are followed (none with --set settings.depth=0)"
+            e.log.warn(f"{found if e.has('MAXDEPTH') else 'MAXDEPTH: is missing'}; {text}")
+        return {}
+    if levels > DEEPEST + 1:
+        e.log.warn(line("MAXDEPTH", levels, f"must be at most {DEEPEST + 1}, which is used"))
+    return {"depth": min(max(levels - 1, 0), DEEPEST)}

@@ -34,7 +34,7 @@ def read(path: str | Path) -> Source:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
-        raise UserError(f"{path}: no such file{_neighbour(Path(path))}") from None
+        raise UserError(f"{path}: no such file{neighbour(Path(path))}") from None
     except IsADirectoryError:
         raise UserError(f"{path}: is a folder; give a file in it") from None
     except (OSError, ValueError) as error:
@@ -76,7 +76,7 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
     return tree
 
 
-def _neighbour(path: Path) -> str:
+def neighbour(path: Path) -> str:
     """A hint at a file of a similar name in the same folder, or nothing."""
     if not path.parent.is_dir():
         return ""

@@ -1,28 +1,111 @@
 """Scenes as JSON, and the JSON Schema of scene files."""
 
 import json
-from dataclasses import MISSING, Field, fields, is_dataclass
+import os
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
+from inspect import cleandoc, get_annotations
+from pathlib import Path
 from typing import Any
 
-from visray import lights, primitives
+from visray import lights, primitives, textures
 from visray.camera import Camera
+from visray.lights.light import AreaLight
 from visray.materials import Material
+from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene.check import checked
-from visray.scene.scene import ADAPTER, Film, Gradient, Scene, Settings
-from visray.transforms import STEPS
+from visray.scene.scene import ADAPTER, Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.textures import ImageTexture, Texture
+from visray.transforms import STEPS, Matrix, Rotate, Scale
 
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-KINDS = (Scene, Camera, Film, Gradient, Settings, Material, *lights.KINDS, *primitives.KINDS, *STEPS.values())
-TYPED = (*lights.KINDS, *primitives.KINDS)
+TYPED = (*textures.KINDS, *lights.KINDS, *primitives.KINDS)
+KINDS = (Scene, Camera, Film, Gradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
 # A kind's own fields tell more than those that all kinds have.
 LAST = ("material", "transform")
 
+# What the fields mean that are no numbers of a kernel; those have a unit (quantities.Quantity).
+MEANINGS: dict[type, dict[str, str]] = {
+    Scene: {
+        "background": "what a ray sees that hits nothing: one colour, or a gradient",
+        "textures": "textures by name",
+        "materials": "materials by name",
+        "lights": "lights by name",
+        "objects": "objects by name",
+    },
+    Film: {
+        "width": "pixels, > 0",
+        "height": "pixels, > 0",
+        "transparent": "whether the background is left out",
+    },
+    Settings: {
+        "spp": "samples per pixel, > 0",
+        "seed": "a whole number; another one is other noise",
+        "precision": "that of shading; geometry is double",
+        "sampler": "where the samples of a pixel fall",
+        "shading": "what is shown: light by one of three models, or one property of the surface",
+        "shadows": "whether there are shadows",
+        "depth": "reflections and refractions in a row, from 0 to 1000",
+        "misses": "what a secondary ray sees that hits nothing",
+        "local": "the weight of the own colour of a transparent surface: 1 - kt, or 1",
+        "area": "where area lights light from: every sample, or their centre",
+    },
+    Occlusion: {
+        "sky": "rays per point, from 0 to 65536",
+        "near": "rays per point, from 0 to 65536",
+        "hemisphere": "how the rays lie: by the cosine, or as in the original",
+    },
+    Scatter: {
+        "rays": "rays per point that the eye sees, from 0 to 65536",
+        "depth": "levels, from 0 to 1000",
+    },
+    Material: {"texture": "the name of one of the scene's textures, or null"},
+    Texture: {
+        "scale": "per unit of u and of v, each from -1e6 to 1e6",
+        "offset": "units of the texture's u and v, each from -1e6 to 1e6",
+    },
+    ImageTexture: {
+        "file": "a path, relative to the scene file",
+        "filter": "the nearest pixel, or a blend of four",
+        "wrap": "what is seen beyond the edges",
+        "encoding": "auto: sRGB in PNG and JPEG files, linear in EXR files",
+    },
+    AreaLight: {"samples": "points of the light per shaded point, from 1 to 65536"},
+    Primitive: {
+        "material": "the name of one of the scene's materials, or default",
+        "transform": "steps, the first one applied first",
+    },
+    Scale: {"scale": "one factor, or one for each axis; not 0"},
+    Rotate: {"rotate": "degrees"},
+    Matrix: {"matrix": "the three upper rows of a 4 x 4 matrix"},
+}
 
-def dump(scene: Scene) -> str:
-    """The text of a scene file that loads back as an equal scene; fields equal to their default are left out."""
-    return pretty(_plain(checked(scene))) + "\n"
+
+def dump(scene: Scene, folder: str | Path | None = None) -> str:
+    """The text of a scene file that loads back as an equal scene; fields equal to their default are left out.
+
+    The files of textures are named as seen from the current folder, or from `folder`, where the text will lie.
+    """
+    scene = checked(scene)
+    return pretty(_plain(scene if folder is None else with_files(scene, lambda file: _way(folder, file)))) + "\n"
+
+
+def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
+    """The scene with other names for the files of its textures."""
+    found = {
+        name: replace(texture, file=renamed(texture.file)) if isinstance(texture, ImageTexture) else texture
+        for name, texture in scene.textures.items()
+    }
+    return replace(scene, textures=found)
+
+
+def _way(folder: str | Path, file: str) -> str:
+    """The way from a folder to a file, with forward slashes."""
+    # `..` leads out of what a link to a folder points at, not out of where the link lies: follow links first.
+    place, name = os.path.split(file)
+    return Path(os.path.relpath(os.path.realpath(place), os.path.realpath(folder)), name).as_posix()
 
 
 def _plain(value: Any) -> Any:
@@ -61,8 +144,9 @@ def schema() -> dict:
     kinds = made["$defs"] | {"Scene": made}
     for kind in KINDS:
         described = kinds[kind.__name__]
-        for name, quantity in quantities(kind).items():
-            described["properties"][name]["description"] = quantity.unit
+        described["description"] = _told(kind)
+        for name, meaning in _meanings(kind).items():
+            described["properties"][name]["description"] = meaning
         for field in described["properties"].values():
             field.pop("title", None)  # it only repeats the name
             if "patternProperties" in field:
@@ -73,6 +157,19 @@ def schema() -> dict:
     made["title"] = "visray scene"
     made["$defs"] = made.pop("$defs")  # the scene itself first
     return {"$schema": DIALECT, "$id": "urn:visray:scene", **_shortened(made)}
+
+
+def _told(kind: type) -> str:
+    """The docstring of a kind, and those of its bases that bring fields into it."""
+    bases = [base for base in kind.__mro__ if is_dataclass(base)]
+    telling = [base for base in bases if any(f.name in get_annotations(base) for f in fields(base))]
+    return "\n\n".join(cleandoc(base.__doc__ or "") for base in telling)
+
+
+def _meanings(kind: type) -> dict[str, str]:
+    """What the fields of a kind mean, its own and those of its bases: a unit, or what is to choose."""
+    others = {name: text for base in reversed(kind.__mro__) for name, text in MEANINGS.get(base, {}).items()}
+    return others | {name: quantity.unit for name, quantity in quantities(kind).items()}
 
 
 def _shortened(tree: Any) -> Any:

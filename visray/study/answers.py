@@ -10,11 +10,12 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
+from visray.lighting import beam
 from visray.ray import NO_OBJECT, Hit, Ray, Surface, unit
 from visray.render import Set, set_up
 from visray.scene.scene import Scene
+from visray.scenery import feel, site
 from visray.search import Watch, blocked, closest
-from visray.shading import beam, feel
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,9 @@ class Ours:
 
     def beams(self, look: Look) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each light, whether it reaches what was hit, and the cosine there; not lit where it is not positive."""
-        a, found = self.a, []
-        within = a.B(look.within())
-        n = dr.select(within, -look.surface.n, look.surface.n)
-        for number in range(len(self.scenery.lights)):
-            b = beam(self.scenery, number, look.hit, look.surface, n, within)
+        found, here = [], site(self.scenery, look.ray, look.hit)
+        for lamp in self.scenery.lamps:
+            b = beam(self.scenery, here, lamp)
             found.append((np.array(b.reached), np.array(b.cosine, float)))
         return found
 

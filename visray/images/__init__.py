@@ -1,0 +1,6 @@
+"""Pictures as textures: read from files, and packed for kernels."""
+
+from visray.images.atlas import WRAPS, Atlas, Row, pack
+from visray.images.reading import read_image
+
+__all__ = ["WRAPS", "Atlas", "Row", "pack", "read_image"]

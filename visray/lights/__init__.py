@@ -1,0 +1,10 @@
+"""Lights. A new kind is one file here and its name in KINDS."""
+
+from visray.lights.directional import DirectionalLight
+from visray.lights.disk import DiskLight
+from visray.lights.point import PointLight
+from visray.lights.rectangle import RectangleLight
+from visray.lights.sphere import SphereLight
+from visray.lights.spot import SpotLight
+
+KINDS = (PointLight, DirectionalLight, SpotLight, RectangleLight, DiskLight, SphereLight)

@@ -1,0 +1,22 @@
+"""The directional light."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from visray.lights.light import Light
+from visray.quantities import Direction
+
+
+@dataclass(frozen=True, kw_only=True)
+class DirectionalLight(Light):
+    """A light infinitely far away, like the sun: it shines along `direction` everywhere. It has no distance, so that of
+    its attenuation only `a` can be used."""
+
+    placed: ClassVar[bool] = False
+
+    type: Literal["directional"] = "directional"
+    direction: Direction
+
+    def flaws(self) -> list[tuple[str, str]]:
+        far = "must be 0: a directional light is infinitely far away, so it would not be seen"
+        return [(name, far) for name in ("b", "c") if getattr(self, name)]

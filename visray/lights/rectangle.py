@@ -1,0 +1,28 @@
+"""The light in the shape of a parallelogram."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from visray.lights.light import AreaLight
+from visray.quantities import Point, Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class RectangleLight(AreaLight):
+    """A parallelogram of light: `position` is its middle, `width` and `height` are its sides."""
+
+    type: Literal["rectangle"] = "rectangle"
+    position: Point
+    width: Vector = (1.0, 0.0, 0.0)
+    height: Vector = (0.0, 0.0, 1.0)
+
+    def flaws(self) -> list[tuple[str, str]]:
+        w, h = np.array(self.width), np.array(self.height)
+        # Beyond rounding: three products and differences, of components as large as the sides.
+        flat = np.linalg.norm(np.cross(w, h)) <= 8 * np.finfo(float).eps * np.linalg.norm(w) * np.linalg.norm(h)
+        return [("height", "must not be parallel to width: the light would have no area")] if flat else []
+
+    def offset(self, w: Any, u: Any, v: Any) -> Any:
+        return (u - 0.5) * w(self.width) + (v - 0.5) * w(self.height)

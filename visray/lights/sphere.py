@@ -1,0 +1,20 @@
+"""The light in the shape of a sphere."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from visray.lights.light import AreaLight
+from visray.quantities import Length, Point
+from visray.warp import sphere
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereLight(AreaLight):
+    """A sphere of light about `position`, of `radius`: points all over it shine, and none of them hides another."""
+
+    type: Literal["sphere"] = "sphere"
+    position: Point
+    radius: Length = 1.0
+
+    def offset(self, w: Any, u: Any, v: Any) -> Any:
+        return type(u)(self.radius) * sphere(w, u, v)

@@ -1,0 +1,39 @@
+"""The spot light."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import drjit as dr
+from pydantic import Field
+
+from visray.lights.light import Light
+from visray.quantities import Direction, Factor, Point, Quantity, Real
+
+HalfAngle = Annotated[
+    Real, Field(ge=0.01, le=180), Quantity(1, "geometry", "degrees from the axis to the edge, from 0.01 to 180")
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpotLight(Light):
+    """A light that shines from `position` along `direction` into a cone; `angle` lies between its axis and its edge.
+
+    Within the cone the light is ((cos t - cos angle) / (1 - cos angle))^exponent, t the angle from the axis: a hard
+    edge for exponent 0, softer the greater it is.
+    """
+
+    type: Literal["spot"] = "spot"
+    position: Point
+    direction: Direction
+    angle: HalfAngle = 30.0
+    exponent: Factor = 0.0
+
+    def aim(self, d: Any) -> Any:
+        # 1 - cos t of both angles, from half angles and differences of unit vectors, where no digits cancel.
+        axis = dr.normalize(self.direction)
+        edge = 2 * dr.square(dr.sin(self.angle * (0.25 * dr.pi / 90)))
+        off = 0.5 * dr.squared_norm(d - axis)
+        share = (edge - off) / edge
+        lit = share > 0
+        power = dr.exp2(type(d.x)(self.exponent) * dr.log2(dr.select(lit, share, 1)))
+        return dr.select(lit, power, 0)

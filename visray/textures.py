@@ -1,0 +1,50 @@
+"""Textures: colour over (u, v). A new kind is one class here and its name in KINDS."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field
+
+from visray.quantities import Color, Real
+
+STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
+_Number = Annotated[Real, Field(ge=-1e6, le=1e6)]
+Pair = tuple[_Number, _Number]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texture:
+    """What is looked up is at `scale` (u, v) + `offset`: a scale of (2, 1) repeats it twice along u."""
+
+    __pydantic_config__ = STRICT
+
+    scale: Pair = (1.0, 1.0)
+    offset: Pair = (0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageTexture(Texture):
+    """A picture in a PNG, JPEG or EXR `file` (relative to the scene file), its first row at v = 1.
+
+    `filter`: the nearest pixel, or a blend of four. `wrap`: beyond its edges it repeats, keeps the edge's colour
+    (`clamp`), or turns back (`mirror`). `encoding`: PNG and JPEG hold sRGB and EXR linear numbers unless it says
+    otherwise.
+    """
+
+    type: Literal["image"] = "image"
+    file: Annotated[str, Field(strict=True, min_length=1)]
+    filter: Literal["nearest", "bilinear"] = "bilinear"
+    wrap: Literal["repeat", "clamp", "mirror"] = "repeat"
+    encoding: Literal["auto", "srgb", "linear"] = "auto"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckerTexture(Texture):
+    """Squares of two colours, two to each unit of u and of v: `a` where u and v are both in (0, 1/2)."""
+
+    type: Literal["checker"] = "checker"
+    a: Color = (0.8, 0.8, 0.8)
+    b: Color = (0.2, 0.2, 0.2)
+
+
+KINDS = (ImageTexture, CheckerTexture)

@@ -46,13 +46,15 @@ class Rule:
     """When an effect is called for: the addresses that call for it, why there may be none, and the fields it is made
     of.
 
-    A derivative by one of `fields` calls for the effect as well: a term that is zero may have a slope.
+    A derivative by one of `fields` calls for the effect as well, a term that is zero may have a slope; but not where it
+    is not `possible`.
     """
 
     name: str
     calls: Callable[[Scene], list[str]]
     absent: str
     fields: tuple[str, ...]
+    possible: Callable[[Scene], object] = lambda scene: True
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
@@ -167,9 +169,9 @@ RULES = (
     Rule("area lights", _seen(lambda s: _lights(s, lambda l: l.wide and l.intensity)), "every light is a point or far",
          ()),
     Rule("sky occlusion", _seen(_sky), "settings.occlusion.sky is 0, or no ambient light falls on a material with ka",
-         ("ambient", "ka")),
+         ("ambient", "ka"), lambda s: s.settings.occlusion.sky),
     Rule("near occlusion", _seen(_near), "settings.occlusion.near is 0, or no Ia falls on a material with ka",
-         ("Ia", "ka", "intensity")),
+         ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near),
     Rule("reflection", _seen(lambda s: _mirrors(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _seen(lambda s: _mirrors(s, "kt")), "no material has kt", ("kt",)),
     Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",)),
@@ -214,7 +216,7 @@ def _judge(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> 
     never = _ruled_out(rule.name, scene)
     if never:
         return Feature(rule.name, False, never)
-    calls, asked = rule.calls(scene), _asked(rule, wrt)
+    calls, asked = rule.calls(scene), _asked(rule, wrt) if rule.possible(scene) else None
     if calls:
         more = f" and {len(calls) - 1} more" if len(calls) > 1 else ""
         return Feature(rule.name, True, f"called for by {calls[0]}{more}")

@@ -56,9 +56,18 @@ def lens_ray(s: Stage, x: Any, y: Any, u: Any, v: Any) -> Ray:
     return Ray(s.view.o + aside, unit(dr.normalize(straight - a.V(aside * s.view.sharp)), a.W))
 
 
+def first_draw(s: Stage, n: int) -> Draw:
+    """The random numbers of the only sample of n pixels, where none are given."""
+    a = s.scenery.a
+    plan = sampling.Plan.of(a, 0, 1, 0, 1)
+    lane = dr.arange(a.U, n)
+    return Draw(s.scenery.settings.sampler, a.F, plan, sampling.mix(lane), plan.first + 0 * lane, 0 * lane)
+
+
 def radiance(s: Stage, ray: Ray, draw: Draw | None = None) -> tuple[Any, Any]:
     """The colour along a ray from the camera, and how much of it the film counts as covered."""
     kept, on = s.scenery, s.scenery.features
+    draw = draw or first_draw(s, max(dr.width(ray.d), dr.width(ray.o)))
     watch = Watch(kept.a, kept.kin, kept.groups, ray.o, shared=False) if on["defocus"] else s.watch
     hit = closest(watch, ray, kept.plain)
     here = site(kept, ray, hit, draw)

@@ -96,6 +96,12 @@ def _inside(s: Scenery, site: Site, k: Any, group: Any, base: int, around: Any, 
     return around, best
 
 
+def _strength(colour: Any) -> Any:
+    """How strong a way for light is. One of strength 0 counts as 1 where its derivative is asked for."""
+    most = _most(colour)
+    return dr.select(most > 0, most, 1) if dr.grad_enabled(colour) else most
+
+
 @dataclass(frozen=True)
 class Bounce:
     """How a path goes on from a surface: its next ray, the weight of what that sees, and which ways it took."""
@@ -120,7 +126,8 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
     """How a path goes on: `mirrors` and `scatters` are how many more reflections or refractions, and scatterings, it
     may have."""
     a, on, m = s.a, s.features, site.material
-    kr, kt = (_most(c) if f else a.F(0) for c, f in ((m.kr, on["reflection"]), (m.kt, on["refraction"])))
+    kr = _strength(m.kr) if on["reflection"] else a.F(0)
+    kt = _strength(m.kt) if on["refraction"] else a.F(0)
     shiny = kr + kt > 0
     n = dr.select(site.within, -site.surface.exact, site.surface.exact)
     cosine = -dr.dot(n, ray.d)
@@ -148,7 +155,7 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
     onward = Bounce(Ray(site.surface.p, unit(d, a.W), site.hit.index, inside, start), weight, alive, a.B(False))
     if on["scatter"]:
         onward = _either(~shiny & (scatters > 0), scattered(s, site, j), onward)
-    lit = onward.alive & site.hit.valid & (_most(onward.weight) > 0)
+    lit = onward.alive & site.hit.valid & (_strength(onward.weight) > 0)
     return Bounce(onward.ray, onward.weight, lit, onward.scattered)
 
 

@@ -54,10 +54,10 @@ class Crowd:
 class Scenery:
     """What the effects need of a scene: families and groups of its objects, its lights, its settings.
 
-    spans: for each group, the greatest coordinates of its objects, which their rounding is relative to. reach: as far as
-    near occlusion looks. middle: the distance of the camera's target. blank: a material of zeros. levels: how many
-    reflections, and scatterings, are followed. lots: the rays that are taken together, by effect. `plain` searches without the tests that reject most objects: the slow
-    twin. attached: derivatives are asked for.
+    spans: for each group, the greatest coordinates of its objects, which their rounding is relative to. reach: as far
+    as near occlusion looks. middle: the distance of the camera's target. blank: a material of zeros. levels: how many
+    reflections, and scatterings, are followed. lots: the rays that are taken together, by effect. `plain` searches
+    without the tests that reject most objects: the slow twin. attached: derivatives are asked for.
     """
 
     a: Arrays
@@ -125,7 +125,9 @@ class Site:
         return d(type(cosine)(self.surface.error) / dr.select(cosine > 0, cosine, 1))
 
 
-def scenery(ready: Ready, kin: tuple[Kinship, ...], scene: Scene, features: Features, a: Arrays, plain: bool) -> Scenery:
+def scenery(
+    ready: Ready, kin: tuple[Kinship, ...], scene: Scene, features: Features, a: Arrays, plain: bool
+) -> Scenery:
     """The scene as the effects need it. Where there are shadows, a watch is kept from the lights that are points."""
     settings, attached = scene.settings, dr.grad_enabled(leaves(ready))
     groups = tuple(replace(g, material=_needed(g.material, features)) for g in ready.groups)
@@ -147,7 +149,7 @@ def scenery(ready: Ready, kin: tuple[Kinship, ...], scene: Scene, features: Feat
         reach=ready.reach,
         middle=ready.view.middle,
         blank=mapped(lambda x: type(x)(0), _needed(ready.blank, features)),
-        levels=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, settings.scatter.depth)),
+        levels=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
         atlas=ready.atlas,
         lamps=lamps,
         crowds=crowds,

@@ -205,13 +205,14 @@ def _glow(lights: tuple[Light, ...], a: Arrays) -> Any:
 
 
 def _view(camera: Camera, film: tuple[int, int], a: Arrays) -> View:
-    forward = dr.normalize(camera.target - camera.origin)
+    # One difference for both: in forward mode Dr.Jit wants no way from the origin that leads to nothing in the picture.
+    view = camera.target - camera.origin
+    forward, middle = dr.normalize(view), dr.norm(view)
     right = dr.normalize(dr.cross(forward, camera.up))
     up = dr.cross(right, forward)
     width, height = (dr.opaque(a.D, float(x)) for x in film)
     pixel = 2 * dr.tan(camera.fov * (0.5 * dr.pi / 180)) / height
     corner = forward - (0.5 * pixel * width) * right + (0.5 * pixel * height) * up
-    middle = dr.norm(camera.target - camera.origin)
     focus = dr.select(camera.focus > 0, camera.focus, middle)
     lens = (0.5 * camera.aperture) * right, (0.5 * camera.aperture) * up
     steps = (a.V(v) for v in (pixel * right, -pixel * up, corner, forward))

@@ -55,8 +55,7 @@ def pack(a: Arrays, textures: dict[str, Texture]) -> Atlas | None:
     if not textures:
         return None
     images = _images(textures)
-    # By identity: of an unchanged file, read_image gives the same array.
-    distinct = list({id(image): image for image in images if image is not None}.values())
+    distinct = _distinct(images)
     starts = np.cumsum([0] + [image.shape[0] * image.shape[1] for image in distinct])
     first = {id(image): start for image, start in zip(distinct, starts)}
     texels = np.zeros((starts[-1], 4), np.float32)
@@ -95,16 +94,14 @@ def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
     """The picture of each texture, or None where it is no image. Shapes: (H, W, 3)."""
     images: list[np.ndarray | None] = []
     flaws: list[str] = []
-    pixels = 0
     for name, texture in textures.items():
         images.append(None)
         if isinstance(texture, ImageTexture):
             try:
                 images[-1] = read_image(texture.file, texture.encoding, f"textures.{name}.file")
-                pixels += images[-1].shape[0] * images[-1].shape[1]
             except UserError as error:
                 flaws += error.lines
-        if pixels > MOST_PIXELS:
+        if (pixels := sum(image.shape[0] * image.shape[1] for image in _distinct(images))) > MOST_PIXELS:
             flaws.append(
                 f"textures: up to '{name}' they have {pixels} pixels; visray holds {MOST_PIXELS}, so shrink some"
             )
@@ -112,3 +109,8 @@ def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
     if flaws:
         raise UserError(*flaws)
     return images
+
+
+def _distinct(images: list[np.ndarray | None]) -> list[np.ndarray]:
+    """Each image once, by identity: of a file that did not change, read_image gives the same array."""
+    return list({id(image): image for image in images if image is not None}.values())

@@ -1,8 +1,9 @@
 """Pictures from files as linear light: PNG and JPEG through Pillow, EXR through visray's own reader.
 
-What a file is its first bytes say, not its name.
+The first bytes of a file say what it is, not its name.
 """
 
+import json
 import os
 import stat
 import struct
@@ -18,7 +19,7 @@ from PIL.PngImagePlugin import PngImageFile
 from visray.errors import UserError
 from visray.output.exr import read_exr
 from visray.quantities import BRIGHTEST
-from visray.scene.messages import line, printable
+from visray.scene.messages import printable
 from visray.scene.source import neighbour
 
 # Of all pictures of a scene together: 4 GiB as a kernel holds them. Beyond 2^30 their numbers would leave 32 bits.
@@ -47,7 +48,9 @@ def read_image(file: str, encoding: str, address: str) -> np.ndarray:
     try:
         return _remembered(file, encoding)
     except UserError as error:
-        raise UserError(line(address, file, printable(str(error).removeprefix(f"{file}: ")))) from None
+        # The file's name in full, however long its path.
+        shown, text = json.dumps(file, ensure_ascii=False), str(error).removeprefix(f"{file}: ")
+        raise UserError(printable(f"{address} = {shown}: {text}")) from None
 
 
 def linear(encoded: np.ndarray) -> np.ndarray:

@@ -28,6 +28,8 @@ class Log:
 
 
 QUOTE = "'"
+# What the original took for a colour that a file leaves out.
+BLACK = (0.0, 0.0, 0.0)
 
 
 class Entry:

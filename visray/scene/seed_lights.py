@@ -5,10 +5,9 @@ from math import acos, degrees, hypot, nan
 from typing import Any
 
 from visray.scene.messages import line
-from visray.scene.seed_entry import Entry, Log
+from visray.scene.seed_entry import BLACK, Entry, Log
 from visray.scene.seed_keys import LIGHTS
 
-BLACK = (0.0, 0.0, 0.0)
 # Shadow samples for each unit of area, and as many as a light may have here.
 DENSITY, MOST = 5, 2**16
 # The keys that tell how wide a spot light is, each with the angle in degrees that it means and what it may say.

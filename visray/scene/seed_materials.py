@@ -5,11 +5,10 @@ from typing import Any
 
 from visray.quantities import FARTHEST
 from visray.scene.messages import line
-from visray.scene.seed_entry import Entry, Log
+from visray.scene.seed_entry import BLACK, Entry, Log
 from visray.scene.seed_keys import MATERIAL, MATERIALS
 from visray.scene.seed_pictures import Pictures
 
-BLACK = (0.0, 0.0, 0.0)
 WHITE = (1.0, 1.0, 1.0)
 # The refractive index of air, which the original's glass had where its file named none.
 AIR = 1.000293
@@ -43,7 +42,7 @@ class Looks:
         made: dict[str, Any] = {key: e.vector(key, WHITE) for key in ("ka", "kd", "ks")}
         made["shininess"] = e.number("shininess", 1.0)
         if kind == "metal" and self.effects.reflections:
-            made["kr"] = _share(e, "ks", WHITE, "a mirror reflects at most 1; its highlights keep ks")
+            made["kr"] = _share(e, "ks", made["ks"], "a mirror reflects at most 1; its highlights keep ks")
         elif kind == "transparent" and self.effects.refractions:
             made |= _transparent(e)
         elif kind == "materialtextura" and self.effects.textures:
@@ -72,17 +71,14 @@ def _transparent(e: Entry) -> dict[str, Any]:
     """What lets light through. The original paired a ray's entry and exit by the `id` of a material, so that two
     objects of the same id were taken for one; here the geometry says which object a ray is in, and `id` is not needed.
     """
-    made = {
-        "kt": _share(e, "kt", BLACK, "a surface lets through from 0 to 1; the nearest is used"),
-        "ior": e.number("nut", AIR),
-    }
+    through = _share(e, "kt", e.vector("kt", BLACK), "a surface lets through from 0 to 1; the nearest is used")
+    made = {"kt": through, "ior": e.number("nut", AIR)}
     farthest = e.number("dmax", FARTHEST)
     return made | ({} if farthest >= FARTHEST else {"dmax": farthest})
 
 
-def _share(e: Entry, key: str, default: tuple[float, ...], why: str) -> tuple[float, ...]:
+def _share(e: Entry, key: str, written: tuple[float, ...], why: str) -> tuple[float, ...]:
     """Parts from 0 to 1; what is beyond is brought there, with a warning."""
-    written = e.vector(key, default)
     share = tuple(min(max(part, 0.0), 1.0) for part in written)
     if share != written:
         e.log.warn(line(e.at(key), written, why))

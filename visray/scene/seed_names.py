@@ -32,8 +32,8 @@ OBJECTS = {
 
 
 def valid(written: str) -> str:
-    """The nearest text that can be a name; empty where there is none."""
-    return written.replace(".", "_").strip()
+    """The nearest text that can be a name; empty where there is none. Halves of a character (\\ud800) are no text."""
+    return written.replace(".", "_").encode(errors="replace").decode().strip()
 
 
 def distinct(wanted: str, taken: Container[str]) -> str:

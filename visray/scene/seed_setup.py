@@ -6,10 +6,10 @@ from typing import Any
 from visray.scene.messages import hint, line
 from visray.scene.scene import Settings
 from visray.scene.seed_camera import view
-from visray.scene.seed_entry import Entry
+from visray.scene.seed_entry import BLACK, Entry
 from visray.scene.seed_keys import MODELS, OCCLUSION, RENDERS, SHADINGS
 from visray.scene.seed_lights import lights
-from visray.scene.seed_materials import BLACK, Effects
+from visray.scene.seed_materials import Effects
 
 DEEPEST = 1000
 

@@ -296,7 +296,7 @@ def test_pictures(tmp_path: Path, asked: str, scene: str, there: str, inner: str
     made, told = pair.convert(globe(asked.format(inner)))
     assert told == []
     assert made.textures == {
-        "map": ImageTexture(file=str(file), filter="nearest", wrap="clamp", encoding="linear"),
+        "map": ImageTexture(file=str(file), filter="nearest", wrap="clamp"),
     }
     assert made.materials["globe"].texture == "map"
 

@@ -23,13 +23,15 @@ from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Spher
 from visray.render import explain, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
-from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
 
 __all__ = [
-    "Box", "Camera", "Cone", "Cylinder", "Disk", "EdgeWarning", "Film", "Gradient", "Image", "Material", "Matrix",
-    "Plane", "PointLight", "Rectangle", "Rotate", "Scale", "Scene", "Settings", "Sphere", "Translate", "Triangle",
-    "UserError", "__version__", "derivative", "difference", "dump", "explain", "gradient", "load", "render", "replaced",
-    "value",
+    "Box", "Camera", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk", "DiskLight", "EdgeWarning",
+    "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix", "Occlusion", "Plane", "PointLight",
+    "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter", "Scene", "Settings", "Sphere", "SphereLight",
+    "SpotLight", "Translate", "Triangle", "UserError", "__version__", "derivative", "difference", "dump", "explain",
+    "gradient", "load", "render", "replaced", "value",
 ]  # fmt: skip

@@ -40,6 +40,7 @@ def whole(_: type, tokens: Sequence[Token]) -> int:
 
 Whole = Annotated[int, Parameter(converter=whole)]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
+Compat = Annotated[bool, Parameter(help="Light, occlude and weight a scene of the original as the original did.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
 Settings = Annotated[
     list[str], Parameter(name="--set", help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0].")
@@ -50,9 +51,9 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
-def opened(scene: Path, setup: Path | None, assignments: list[str], **settings: Any) -> Scene:
+def opened(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
     """The scene of a file, with the values that the command line sets."""
-    made = adjusted(loading.load(scene, setup), **settings)
+    made = adjusted(loading.load(scene, setup, compat), **settings)
     return changed(made, dict(map(parse_assignment, assignments))) if assignments else made
 
 
@@ -91,6 +92,7 @@ def render_command(
     /,
     *,
     setup: Setup = None,
+    compat: Compat = False,
     output: Outputs = [],  # noqa: B006 - only read
     spp: Annotated[Whole | None, Parameter(help="Samples per pixel.")] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels.")] = None,
@@ -112,7 +114,7 @@ def render_command(
     begun = time.perf_counter()
     if quiet:
         warnings.simplefilter("ignore")
-    made = opened(scene, setup, set, spp=spp, size=sized(size), seed=seed, precision=precision)
+    made = opened(scene, setup, compat, set, spp=spp, size=sized(size), seed=seed, precision=precision)
     if not made.lights and not any(made.ambient):
         warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
@@ -142,9 +144,17 @@ def render_command(
 
 
 @app.command
-def explain(scene: Path, /, *, setup: Setup = None, set: Settings = [], json: Json = False) -> int:  # noqa: B006
+def explain(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    set: Settings = [],  # noqa: B006
+    json: Json = False,
+) -> int:
     """List what is simulated for a scene, what is not, and why."""
-    made = opened(scene, setup, set)
+    made = opened(scene, setup, compat, set)
     found = explain_scene(made).listed
     if json:
         put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
@@ -162,6 +172,7 @@ def check(
     /,
     *,
     setup: Setup = None,
+    compat: Compat = False,
     set: Settings = [],  # noqa: B006
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
@@ -178,7 +189,7 @@ def check(
         check_destination(output)
     if threads is not None:
         set_threads(threads)
-    report = crosscheck.check(opened(scene, setup, set), rays=rays, seed=seed)
+    report = crosscheck.check(opened(scene, setup, compat, set), rays=rays, seed=seed)
     if output is not None:
         report.difference.write(output)
     put(report.as_json()) if json else Console().print(report.table())
@@ -217,10 +228,11 @@ def import_command(
     /,
     *,
     setup: Setup = None,
+    compat: Compat = False,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), help="A .json file; else it is printed.")] = None,
 ) -> int:
     """Convert a scene of the original VisRayTrace, and its setup, to visray's own format."""
-    written(loading.dump(loading.load(scene, setup)), output)
+    written(loading.dump(loading.load(scene, setup, compat), output and output.parent), output)
     return 0
 
 

@@ -113,6 +113,7 @@ def render(
     made = set_up(scene, backend)
     with Patience() as patience:
         film, done = expose(made, progress, patience)
+        check_numbers(made, film)
         pictures = _pictures(made, film, done, layers)
     seconds = time.perf_counter() - begun
     return Image(pictures, provenance(made, done, seconds) | {"interrupted": int(patience.asked)})
@@ -170,6 +171,19 @@ def expose(made: Set, progress: bool = False, patience: Patience | None = None) 
             if done > count:
                 count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
     return film, done
+
+
+def check_numbers(made: Set, film: films.Film) -> None:
+    """Refuses a film with a pixel that is not a number, and names the pixel and the object in it."""
+    bad = np.flatnonzero(~np.isfinite(np.array(film.mean)).all(0))
+    if not bad.size:
+        return
+    names = {i + 1: name for i, name in enumerate(made.scene.objects)}
+    number = np.broadcast_to(_data(made)["id"], len(made.order))[bad[0]]
+    y, x = divmod(int(made.order[bad[0]]), made.scene.film.width)
+    what = f"objects.{names[int(number)]}" if number else "nothing"
+    more = f", and {bad.size - 1} pixels more" if bad.size > 1 else ""
+    raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
 
 
 def first_pass(made: Set) -> int:

@@ -138,7 +138,7 @@ def _decoded(kind: type, path: str) -> np.ndarray:
 
     kind: Pillow's class of the format; `PIL.Image.open` has a limit on pixels of its own, for the whole process.
     """
-    # Pillow warns of oddities that do not change what is read, such as an animation that is not one.
+    # Pillow warns of what does not change the colour: alpha that is lost, or an animation that is none.
     with warnings.catch_warnings(action="ignore"):
         with kind(path) as image:
             _check_size(*image.size)
@@ -154,8 +154,6 @@ def _decoded(kind: type, path: str) -> np.ndarray:
 
 
 def _unpacked(image: PngImageFile | JpegImageFile) -> np.ndarray:
-    # Without this, converting would look for a colour that stands for "transparent".
-    image.info.pop("transparency", None)
     return np.asarray(image)[..., None] if image.mode == "I;16" else np.asarray(image.convert("RGB"))
 
 

@@ -15,20 +15,23 @@ from visray.scene.write import dump, schema, with_files
 __all__ = ["checked", "dump", "flaws", "load", "schema"]
 
 
-def load(path: str | Path, setup: str | Path | None = None) -> Scene:
+def load(path: str | Path, setup: str | Path | None = None, compat: bool = False) -> Scene:
     """The scene in a file: one of visray's, or one of the original VisRayTrace, with or without its `setup` file.
 
     The files of textures, in the file relative to its folder, are in the scene relative to the current one.
-    What an original file says and this version cannot do is told by a SeedWarning each, or a UserError.
+    What an original file says and this version cannot do is told by a SeedWarning each, or a UserError. `compat`: with
+    the original's own rules where ours are others (see seed_format).
     """
     source = read(path)
     if is_seed(source.raw) or is_setup(source.raw):
-        scene, told = convert(path, setup)
+        scene, told = convert(path, setup, compat)
         for text in told:
             warnings.warn(text, SeedWarning, stacklevel=2)
         return scene
     if setup is not None:
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those take a setup file; leave {setup} out")
+    if compat:
+        raise UserError(f"{path}: is not a VisRayTrace scene, and only those have its rules; leave --compat out")
     found = [f"{address}: the key is written twice; keep one" for address in source.repeated]
     raw, of_schema = _native(source.raw)
     scene, wrong = examined(raw)

@@ -65,12 +65,12 @@ class Scatter:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How the picture is made: samples per pixel, where they fall (`sampler`) and from which seed; precision of shading;
-    what is shaded (`shading`); shadows or none; how many reflections and refractions are followed (`depth`).
+    """How the picture is made: samples per pixel, where they fall (`sampler`) and from which seed; precision of
+    shading; what is shaded (`shading`); shadows or none; how many reflections and refractions are followed (`depth`).
 
-    `misses`: what a secondary ray finds that hits nothing, the background or the scene's `ambient`. `local`: whether the
-    own colour of a transparent surface is weighted with 1 - kt, or stands in full. `area`: whether area lights light
-    from every sample, or, as in the original, from their centre with a shadow from every sample.
+    `misses`: what a secondary ray finds that hits nothing, the background or the scene's `ambient`. `local`: whether
+    the own colour of a transparent surface is weighted with 1 - kt, or stands in full. `area`: whether area lights
+    light from every sample, or, as in the original, from their centre with a shadow from every sample.
     """
 
     __pydantic_config__ = STRICT

@@ -7,6 +7,7 @@ otherwise:
 - area lights light from their centre, and only their shadow comes from all samples (settings.area = "centre");
 - the rays of the ambient occlusion crowd as in its box (settings.occlusion.hemisphere = "box", where it is on);
 - the own colour of a transparent surface counts in full, beside what it lets through (settings.local = "full");
+- the numbers of pictures are kd as they stand, not sRGB (textures with encoding = "linear");
 - MAXDEPTH counts strictly, down to 1, its default: no reflection and no refraction (settings.depth = MAXDEPTH - 1).
 
 It restores no defects: not the highlights drawn to the viewer, the shift of half a pixel, the missing total internal
@@ -74,7 +75,7 @@ def convert(
         log.warn("no setup file: no lights, a black background, and a camera at (0, 0, 10) that looks at the origin")
         raw_setup = {"camera": {"vup": [0, 1, 0], "vfov": 90}}
     e = Entry(raw_setup, "", SETUP, setup_log)
-    looks = Looks(effects(e), Pictures(scene_file))
+    looks = Looks(effects(e), Pictures(scene_file, compat))
     things = _objects(raw, looks, log)
     made = setup(e, looks.materials.values(), compat)
     parts = {"textures": looks.pictures.textures, "materials": looks.materials, "objects": things}

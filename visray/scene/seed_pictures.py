@@ -21,12 +21,13 @@ PREFIX = re.compile(r"^:/*(resources/)?")
 class Pictures:
     """The textures of a scene, one for each picture file, with the name of the file.
 
-    As in the original: the colour is that of the nearest pixel, there are no pixels beyond the edge, and the numbers
-    0..255 of the file are 0..1 of kd as they stand, whatever curve they were meant for.
+    As in the original the colour is that of the nearest pixel, and there are no pixels beyond the edge. With `compat`
+    the numbers 0..255 of the file are 0..1 of kd as they stand, as they were there, whatever curve they were meant for.
     """
 
-    def __init__(self, scene_file: str | Path):
+    def __init__(self, scene_file: str | Path, compat: bool):
         self.folder = Path(scene_file).parent
+        self.encoding = "linear" if compat else "auto"
         self.textures: dict[str, dict] = {}
 
     def texture(self, e: Entry, key: str) -> str | None:
@@ -52,7 +53,7 @@ class Pictures:
                 "file": file,
                 "filter": "nearest",
                 "wrap": "clamp",
-                "encoding": "linear",
+                "encoding": self.encoding,
             }
         return known
 

@@ -3,7 +3,8 @@
     python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
 
 Median of 7 warm renders each, alternating, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory.
-Then the same at 16 samples for 100, 1,000 and 10,000 random spheres in the same space, median of 5.
+Then with a rectangle light, 16 samples of it at each point (Mitsuba: 16 emitter samples).
+Then the point light at 16 samples for 100, 1,000 and 10,000 random spheres in the same space, median of 5.
 Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one,
 against a Mitsuba script that does the same.
 """
@@ -31,6 +32,7 @@ SIZE, RUNS, THREADS = 512, 7, 2
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
 
 
+PANEL = vr.RectangleLight(position=LAMP, width=(2.0, 0.0, 0.0), height=(0.0, 0.0, 2.0), samples=16)
 Balls = list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]
 
 
@@ -52,8 +54,8 @@ def cloud(n: int) -> Balls:
     return [(tuple(c), r, (0.6, 0.5, 0.4)) for c, r in zip(centres, radii)]
 
 
-def ours(balls: Balls, spp: int) -> vr.Scene:
-    """The scene for visray: matte, as Mitsuba's is."""
+def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
+    """The scene for visray: matte, as Mitsuba's is. `panel`: lit by a rectangle with 16 samples, not by a point."""
     objects = {"floor": vr.Plane(material="grey")}
     materials = {"grey": vr.Material(kd=(0.5, 0.5, 0.5))}
     for i, (centre, radius, colour) in enumerate(balls):
@@ -64,12 +66,12 @@ def ours(balls: Balls, spp: int) -> vr.Scene:
         film=vr.Film(width=SIZE, height=SIZE),
         materials=materials,
         objects=objects,
-        lights={"key": vr.PointLight(position=LAMP)},
+        lights={"key": PANEL if panel else vr.PointLight(position=LAMP)},
         settings=vr.Settings(spp=spp),
     )
 
 
-def theirs(balls: Balls) -> "mi.Scene":
+def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
     """The same geometry for Mitsuba; the floor is a large rectangle."""
     to_world = mi.ScalarTransform4f
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
@@ -87,6 +89,11 @@ def theirs(balls: Balls) -> "mi.Scene":
         "floor": {"type": "rectangle", "to_world": to_world().rotate((1, 0, 0), -90).scale(100)},
         "lamp": {"type": "point", "position": LAMP, "intensity": 100.0},
     }
+    if panel:
+        scene["integrator"] |= {"emitter_samples": PANEL.samples, "bsdf_samples": 0}
+        facing_down = to_world().translate(LAMP).rotate((1, 0, 0), 90)
+        emitter = {"type": "area", "radiance": {"type": "rgb", "value": 25.0}}
+        scene["lamp"] = {"type": "rectangle", "to_world": facing_down, "emitter": emitter}
     for i, (centre, radius, colour) in enumerate(balls):
         bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
         scene[f"ball{i}"] = {"type": "sphere", "center": centre, "radius": radius, "bsdf": bsdf}
@@ -99,9 +106,9 @@ def seconds(work) -> float:
     return time.perf_counter() - begun
 
 
-def warm(balls: Balls, spp: int, runs: int = RUNS) -> dict:
+def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
     """Median seconds of both, measured by turns, with a new seed each time."""
-    made, scene, seed = set_up(ours(balls, spp)), theirs(balls), iter(range(1000))
+    made, scene, seed = set_up(ours(balls, spp, panel)), theirs(balls, panel), iter(range(1000))
 
     def visray() -> None:
         expose(vary(made, next(seed)))
@@ -169,6 +176,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         report = machine() | {"size": SIZE, "warm": [warm(ring(), spp) for spp in (16, 64)]}
+        report |= {"area_light": [warm(ring(), spp, RUNS, True) for spp in (16, 64)]}
         report |= {"growth": [warm(cloud(n), 16, 5) for n in (100, 1000, 10_000)]}
         report |= {"from_start_s": from_start(Path(folder))}
     text = json.dumps(report, indent=2) + "\n"

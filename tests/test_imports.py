@@ -23,6 +23,7 @@ scene
 features progress output.files output.exr output.png output.image output
 bvh images
 tables sampling film texturing
+guards
 search
 scenery
 lighting occlusion

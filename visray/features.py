@@ -47,7 +47,7 @@ class Rule:
     of.
 
     A derivative by one of `fields` calls for the effect as well, a term that is zero may have a slope; but not where it
-    is not `possible`.
+    is not `possible`. `needs`: the effect that this one only refines.
     """
 
     name: str
@@ -55,6 +55,7 @@ class Rule:
     absent: str
     fields: tuple[str, ...]
     possible: Callable[[Scene], object] = lambda scene: True
+    needs: str | None = None
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
@@ -161,23 +162,24 @@ RULES = (
     Rule("specular", _seen(_specular), "no light with Is falls on a material with ks",
          ("ks", "Is", "intensity", "shininess")),
     Rule("fractional shininess", _seen(lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1)),
-         "every shininess is a whole number", ("ks", "shininess")),
+         "every shininess is a whole number", ("ks", "shininess"), needs="specular"),
     Rule("attenuation", _seen(lambda s: _lights(s, lambda l: l.a or l.b or l.c)), "no light has a, b or c",
          ("a", "b", "c")),
     Rule("shadows", _seen(_shadows), "nothing can stand between a light and a surface", ("intensity",)),
-    Rule("coloured shadows", _seen(_coloured), "nothing that throws a shadow lets light through", ("kt", "dmax")),
+    Rule("coloured shadows", _seen(_coloured), "nothing that throws a shadow lets light through", ("kt", "dmax"),
+         needs="shadows"),
     Rule("area lights", _seen(lambda s: _lights(s, lambda l: l.wide and l.intensity)), "every light is a point or far",
          ()),
     Rule("sky occlusion", _seen(_sky), "settings.occlusion.sky is 0, or no ambient light falls on a material with ka",
-         ("ambient", "ka"), lambda s: s.settings.occlusion.sky),
+         ("ambient", "ka"), lambda s: s.settings.occlusion.sky, "ambient"),
     Rule("near occlusion", _seen(_near), "settings.occlusion.near is 0, or no Ia falls on a material with ka",
-         ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near),
+         ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
     Rule("reflection", _seen(lambda s: _mirrors(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _seen(lambda s: _mirrors(s, "kt")), "no material has kt", ("kt",)),
-    Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",)),
+    Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",), needs="refraction"),
     Rule("scatter", _seen(_scatter), "settings.scatter has no rays, or no material is matte", ()),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
-    Rule("bilinear", _bilinear, "no texture blends its pixels", ()),
+    Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
          ("aperture", "focus")),
     Rule("background", _background, "the background is black", ("background",)),
@@ -230,10 +232,15 @@ def features(
 ) -> Features:
     """The effects that the scene calls for; `wrt` are the addresses that derivatives are taken by.
 
-    `without`: effects that are left out although called for, to find what each costs.
+    `without`: effects that are left out although called for, with those that need them, to find what each costs.
     """
     most = max([m.shininess for m in used_materials(scene).values()], default=0)
     # A multiple of four, so that a small change of an exponent is a change of data, not of code.
     bits = max(8, 4 * -(-int(most).bit_length() // 4))
-    listed = (_judge(rule, scene, wrt, everything) for rule in RULES)
-    return Features(tuple(Feature(f.name, False, "left out") if f.name in without else f for f in listed), bits)
+    listed = (
+        Feature(rule.name, False, "left out")
+        if {rule.name, rule.needs} & set(without)
+        else _judge(rule, scene, wrt, everything)
+        for rule in RULES
+    )
+    return Features(tuple(listed), bits)

@@ -7,9 +7,10 @@ from typing import Any
 import drjit as dr
 
 from visray.geometry import extent, gamma
+from visray.guards import Cone
 from visray.ray import Ray, inverse_length
 from visray.scenery import Crowd, Lamp, Scenery, Site
-from visray.search import End, blocked, transmitted
+from visray.search import End, Watch, blocked, transmitted
 from visray.trees import rows
 
 # Streams of random numbers from here on belong to lights.
@@ -67,18 +68,19 @@ def spread(s: Scenery, site: Site, lamp: Lamp, answer: Callable, salt: Any = 0) 
     stream = site.draw.along(salt).stream(STREAM + lamp.number)
     base = a.V(lamp.light.position - site.surface.p)
     middle = None if s.settings.area == "samples" else _from(s, site, lamp, base)
+    watch = site.watch and site.watch.toward(Cone.around(a, base, lamp.light.reach()))
 
     def step(j: Any, colour: Any) -> tuple:
-        b = _from(s, site, lamp, base + lamp.light.offset(a.V, *stream.many(j, lamp.lot)), middle)
+        b = _from(s, site, lamp, base + lamp.light.offset(a.V, *stream.many(j, lamp.lot)), watch, middle)
         return (colour + answer(s, site, lamp.light, b),)
 
     done = s.repeated(lamp.samples, lamp.lot.count, site.hit.valid, (dr.zeros(a.V, n),), step)
     return done[0] * dr.rcp(a.F(lamp.lot.count))
 
 
-def _from(s: Scenery, site: Site, lamp: Lamp, way: Any, middle: Beam | None = None) -> Beam:
-    """The beam along `way` to a point of an area light, in the precision of shading; `middle`: the beam to shade with,
-    which takes only its shadow from this one."""
+def _from(s: Scenery, site: Site, lamp: Lamp, way: Any, watch: Watch | None = None, middle: Beam | None = None) -> Beam:
+    """The beam along `way` to a point of an area light, in the precision of shading; its shadow is looked for by
+    `watch`. `middle`: the beam to shade with, which takes only its shadow from this one."""
     a = s.a
     squared = dr.squared_norm(way)
     inverse = dr.select(squared > 0, dr.rsqrt(squared), 0) if a.precision == "single" else inverse_length(way, None)
@@ -89,13 +91,11 @@ def _from(s: Scenery, site: Site, lamp: Lamp, way: Any, middle: Beam | None = No
     b = Beam(l, distance, cosine, reached, attenuation(s, lamp.light, distance))
     if middle is not None:
         b = Beam(middle.l, distance, middle.cosine, reached & middle.reached, middle.weight)
-    if not s.features["shadows"]:
+    if watch is None:
         return b
     # The light's point is known as well as the way to it.
-    error = gamma(8, a.precision) * a.D(distance) + gamma(8) * extent(lamp.light.position)
-    ray = Ray(site.surface.p, l, site.hit.index, site.within, site.start(cosine), error)
-    lamp_at = site.surface.p + type(site.surface.p)(way)
-    return _shadowed(s, site.watch, ray, End(a.D(distance), lamp=lamp_at), b)
+    error = gamma(8, a.precision) * distance + a.F(gamma(9) * extent(lamp.light.position))
+    return _shadowed(s, watch, site.leaving(l, cosine, error), End(distance, lamp=error), b)
 
 
 def beam(s: Scenery, site: Site, lamp: Lamp) -> Beam:
@@ -120,8 +120,7 @@ def beam(s: Scenery, site: Site, lamp: Lamp) -> Beam:
         return b
     if lamp.watch is None:
         error = gamma(8) * (extent(light.position) + distance)
-        ray = Ray(site.surface.p, -d, site.hit.index, site.within, site.start(cosine), error)
-        return _shadowed(s, site.watch, ray, End(distance, lamp=light.position), b)
+        return _shadowed(s, site.watch, site.leaving(-d, cosine, error), End(distance, lamp=error), b)
     # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
     # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
     error = site.surface.error + gamma(8) * (extent(light.position) + distance)
@@ -142,7 +141,7 @@ def _from_afar(s: Scenery, site: Site, lamp: Lamp) -> Beam:
     if not s.features["shadows"]:
         return b
     everywhere = dr.zeros(a.D, dr.width(site.surface.p))
-    ray = Ray(site.surface.p, d + everywhere, site.hit.index, site.within, site.start(cosine), everywhere)
+    ray = site.leaving(d + everywhere, cosine, everywhere)
     return _shadowed(s, site.watch, ray, End(everywhere + dr.inf), b)
 
 

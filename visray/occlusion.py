@@ -8,9 +8,10 @@ from typing import Any
 import drjit as dr
 
 from visray import warp
+from visray.guards import Cone
 from visray.ray import Ray
 from visray.scenery import Scenery, Site, feel
-from visray.search import blocked, closest
+from visray.search import Watch, blocked, closest
 
 SKY, NEAR, TURN = 2, 3, 4
 
@@ -20,11 +21,10 @@ def sky(s: Scenery, site: Site) -> Any:
 
     def step(j: Any, seen: Any) -> tuple:
         ray = _ray(s, site, SKY, j)
-        nothing = dr.zeros(s.a.D, dr.width(seen))
-        ray = Ray(ray.o, ray.d, ray.source, ray.inside, ray.start, nothing)
-        hidden = blocked(site.watch, ray, nothing + dr.inf, None, None, site.hit.valid, s.plain)
+        hidden = blocked(watch, ray, dr.full(s.a.F, dr.inf, dr.width(seen)), None, None, site.hit.valid, s.plain)
         return (seen + dr.select(hidden, s.a.F(0), 1),)
 
+    watch = _above(s, site)
     return _mean(s, site, "sky", s.settings.occlusion.sky, step)
 
 
@@ -33,13 +33,14 @@ def near(s: Scenery, site: Site) -> Any:
 
     def step(j: Any, free: Any) -> tuple:
         ray = _ray(s, site, NEAR, j)
-        hit = closest(site.watch, ray, s.plain, site.hit.valid, s.reach)
+        hit = closest(watch, ray, s.plain, site.hit.valid, s.reach)
         t = hit.t
         if s.attached:
             ray = ray.exact()
             t = dr.dot(feel(s, ray, hit)[0].p - ray.o, ray.d)
         return (free + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.reach)), 1),)
 
+    watch = _above(s, site)
     return _mean(s, site, "near", s.settings.occlusion.near, step)
 
 
@@ -60,4 +61,10 @@ def _ray(s: Scenery, site: Site, stream: int, j: Any) -> Ray:
         d = warp.box(n, u, v, site.draw.stream(stream + TURN).many(j, lot)[0])
     else:
         d = warp.cosine(n, u, v)
-    return Ray(site.surface.p, d, site.hit.index, site.within, site.start(dr.dot(n, d)))
+    return site.leaving(d, dr.dot(n, d), dr.zeros(s.a.F, dr.width(d)))
+
+
+def _above(s: Scenery, site: Site) -> Watch:
+    """The watch from the point for rays over its hemisphere."""
+    right = s.a.F32(1), s.a.F32(0)
+    return site.watch.toward(Cone(s.a.V32(dr.detach(site.n)), *right))

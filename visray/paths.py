@@ -1,14 +1,14 @@
 """Light that comes by way of other surfaces: reflected, refracted, scattered.
 
-A path has one ray at each of its levels. Where a surface both reflects and lets through, one of the two is drawn, with a
-chance by their strength. Of a matte surface that the eye sees, settings.scatter.rays paths are followed.
+A path has one ray at each of its levels. Where a surface both reflects and lets through, one of the two is drawn, with
+a chance by their strength. Of a matte surface that the eye sees, settings.scatter.rays paths are followed.
 
-    I = (1 - kt) local + kr reflected + kt refracted,   matte: + kd mean of what comes over the hemisphere, by the cosine
+    I = (1 - kt) local + kr reflected + kt refracted, and matte: local + kd (mean of what comes over the hemisphere)
 
 All of the light that is refracted is reflected where the angle is beyond the critical one (weight kt).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -118,7 +118,7 @@ def scattered(s: Scenery, site: Site, j: Any) -> Bounce:
     u, v = draw.one() if j is None else draw.many(j, s.lots["scatter"])
     d = warp.cosine(site.n, u, v)
     yes = dr.full(s.a.B, True, dr.width(d))
-    ray = Ray(site.surface.p, unit(d, s.a.W), site.hit.index, site.within, site.start(dr.dot(site.n, d)))
+    ray = site.leaving(unit(d, s.a.W), s.a.D(dr.dot(site.n, d))).exact()
     return Bounce(ray, site.material.kd, yes, yes)
 
 
@@ -151,8 +151,8 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
             d, weight, through = straight, dr.select(lens.buried, 1, weight), through | lens.buried
     alive = shiny & (mirrors > 0)
     inside = site.within ^ through
-    start = site.start(dr.abs(a.F(dr.dot(n, d))))
-    onward = Bounce(Ray(site.surface.p, unit(d, a.W), site.hit.index, inside, start), weight, alive, a.B(False))
+    ray = replace(site.leaving(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
+    onward = Bounce(ray, weight, alive, a.B(False))
     if on["scatter"]:
         onward = _either(~shiny & (scatters > 0), scattered(s, site, j), onward)
     lit = onward.alive & site.hit.valid & (_strength(onward.weight) > 0)

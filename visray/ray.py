@@ -21,7 +21,8 @@ class Ray:
 
     o: origin, one for all lanes or one a lane. d: unit to 2^-52, or in single, and then `exact` makes it so.
     source: index of the object the ray leaves, or None. inside: whether it runs into that object, where it is closed.
-    start: what is nearer than this lies flush with the surface that is left, and is not met; None: nothing is left.
+    start: what is nearer than this, over `cosine` where it is given, lies flush with the surface that is left, and is
+    not met; None: nothing is left.
     error: bound on the distance of the ray's known end from the true point: the origin of a ray that looks for what is
     first, the far end of one that asks what is between.
     """
@@ -32,10 +33,16 @@ class Ray:
     inside: Any = None
     start: Any = None
     error: Any = None
+    cosine: Any = None
 
     def exact(self) -> "Ray":
-        """The same ray with its direction in double."""
-        return self if type(self.d) is type(self.o) else replace(self, d=unit(self.d, type(self.o)))
+        """The same ray in double: d, start and error may come in single, where few rays need more."""
+        d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
+        double = type(d.x)
+        start, error, cosine = (None if x is None else double(x) for x in (self.start, self.error, self.cosine))
+        if cosine is not None:
+            start /= dr.select(cosine > 0, cosine, 1)
+        return replace(self, d=d, start=start, error=error, cosine=None)
 
 
 @dataclass(frozen=True)

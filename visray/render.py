@@ -49,15 +49,17 @@ def set_up(
     plain: bool = False,
     wrt: tuple[str, ...] = (),
     attach: Callable[[tuple[tables.Kinship, ...], tables.Tables], None] | None = None,
+    without: tuple[str, ...] = (),
 ) -> Set:
-    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search.
+    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search; `without`
+    names effects that are left out.
 
     wrt: the addresses that derivatives are taken by; `attach` enables them in the tables, before anything is computed.
     """
     a = arrays(backend, scene.settings.precision)
     width, height = scene.film.width, scene.film.height
     films.check_size(width, height)
-    kin, on = tables.kinships(scene), features(scene, wrt, everything)
+    kin, on = tables.kinships(scene), features(scene, wrt, everything, without)
     packed = tables.pack(scene, a)
     if attach is not None:
         attach(kin, packed)

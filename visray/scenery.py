@@ -118,11 +118,12 @@ class Site:
     watch: Watch | None
     draw: Draw | None
 
-    def start(self, cosine: Any) -> Any:
-        """How far a ray that leaves at an angle with this cosine may meet what lies flush with the surface: no farther
-        above it than the point is off."""
-        d = type(self.surface.error)
-        return d(type(cosine)(self.surface.error) / dr.select(cosine > 0, cosine, 1))
+    def leaving(self, d: Any, cosine: Any, error: Any = None) -> Ray:
+        """A ray from the point on the viewer's side, with that cosine with the normal; `error` as in Ray.
+
+        What lies flush with the surface is not met: nothing that is no farther above it than the point is off.
+        """
+        return Ray(self.surface.p, d, self.hit.index, self.within, self.surface.error, error, cosine)
 
 
 def scenery(

@@ -6,7 +6,9 @@ test then runs in a branch, for packets of rays that need it: double costs what 
 twin without the test, equal bit for bit (tests/test_search.py).
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -14,34 +16,12 @@ import numpy as np
 
 from visray import tables
 from visray.bvh import Walk, packets
-from visray.geometry import UNIT_ROUNDOFF, extent, gamma
+from visray.guards import Cone, Ground, Guard, flush, ground, guard
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
 from visray.trees import detached, rows
 from visray.trees import leaves as leaves_of
-
-
-@dataclass(frozen=True)
-class Guard:
-    """What rejects most rays before an object is looked at. Shapes: one entry an object, or one a lane.
-
-    toward: the centre of the object's sphere minus the origin. margin: |toward|^2 - radius^2, less its error. Single.
-    """
-
-    toward: Any
-    margin: Any
-
-
-def guard(a: Arrays, centre: Any, radius: Any, o: Any) -> Guard:
-    """The guard of the sphere around an object, for rays from `o`."""
-    toward = centre - o
-    squared = dr.squared_norm(toward)
-    # With u the roundoff of single: the dot product of toward and d is off by at most 6 u |toward| (two conversions,
-    # five operations), its square by 13 u |toward|^2, and the margin's own conversion by u |toward|^2. 2^-124 covers
-    # underflow.
-    margin = squared - dr.square(radius) - 16 * UNIT_ROUNDOFF["single"] * squared - 2.0**-124
-    return Guard(a.V32(toward), a.F32(margin))
 
 
 def _touch(kind: type, group: Group, o: Any) -> tuple[Any, Any] | None:
@@ -51,21 +31,8 @@ def _touch(kind: type, group: Group, o: Any) -> tuple[Any, Any] | None:
     there is one is structure: a camera or light that comes to lie on a surface compiles anew.
     """
     f, g = kind.level(group.placed, o)
-    on = _flush(group, dr.arange(dr.uint32_array_t(dr.detached_t(f)), dr.width(f)), f, g, o)
+    on = flush(group, f, g, o)
     return (on, g) if np.any(np.array(on)) else None
-
-
-def _flush(group: Group, index: Any, f: Any, g: Any, p: Any) -> Any:
-    """Whether the points p lie on objects to within rounding, by their level f and its gradient g there."""
-    size = extent(p)
-    size += extent(rows(group.placed.o, index)) if group.radius is None else rows(group.radius, index)
-    return dr.abs(f) <= gamma(32) * size * dr.norm(g)
-
-
-def candidate(g: Guard, d: Any) -> Any:
-    """Whether a ray in direction `d` (single) may meet the sphere around an object."""
-    along = dr.dot(g.toward, d)
-    return (along * along >= g.margin) & ((along > 0) | (g.margin < 0))
 
 
 @dataclass(frozen=True)
@@ -94,22 +61,43 @@ class Watch:
         self.shared = dr.width(o) == 1 if shared is None else shared
         if self.shared:
             self.sights = tuple(k.kind.seen(g.placed, self.o) for k, g in zip(kin, self.groups))
-            self.guards = tuple(None if g.radius is None else guard(a, g.centre, g.radius, self.o) for g in self.groups)
+            self.guards = tuple(self._guard(k.kind, g) for k, g in zip(kin, self.groups))
             # A loop reads a guard as a packet of four neighbours, which is faster than four reads.
-            self.packets = tuple(g and dr.ravel(a.Q32(*g.toward, g.margin)) for g in self.guards)
+            self.packets = tuple(dr.ravel(a.Q32(*leaves_of(g)[0], leaves_of(g)[1])) for g in self.guards)
             self.boxes = tuple(g.tree and packets(a, g.tree, self.o) for g in self.groups)
             dr.eval(self.sights, self.guards, self.packets, self.boxes)
             self.touches = tuple(_touch(k.kind, g, self.o) for k, g in zip(kin, self.groups))
-        else:
+        self.hopes: list[list[Any]] | None = None
+        if not self.shared:
             # Here and not where they are used: many rays from one point, in a loop, then share them.
-            self.near = [self._guards(g, len(k.names)) for k, g in zip(kin, self.groups)]
+            self.near = [self._near(n) for n in range(len(kin))]
 
-    def _guards(self, group: Group, count: int) -> list[Guard]:
+    def _guard(self, kind: type, group: Group) -> Guard | Ground:
+        """The guard of an object, or of all objects of a group."""
+        if group.radius is None:
+            return ground(self.a, kind, group, self.o)
+        return guard(self.a, group.centre, group.radius, self.o)
+
+    def _near(self, number: int) -> list[Guard | Ground]:
         """The guards of the objects of a group that are written out, for origins that differ from lane to lane."""
-        if group.radius is None or count > tables.WRITTEN_OUT:
-            return []
-        index = map(self.a.U, range(count))
-        return [guard(self.a, *rows((group.centre, group.radius), i), self.o) for i in index]
+        kind, group, count = self.kin[number].kind, self.groups[number], len(self.kin[number].names)
+        written = range(count if count <= tables.WRITTEN_OUT else 0)
+        return [self._guard(kind, self.one(group, self.a.U(i))) for i in written]
+
+    def toward(self, cone: Cone) -> "Watch":
+        """The same watch for rays in a cone: of the objects that are written out, those that none can meet are marked
+        before the rays are drawn."""
+        watch = copy(self)
+        watch.hopes = [[g.near(cone) for g in near] for near in self.near]
+        return watch
+
+    def hope(self, v: Visit) -> Any:
+        """Whether an object may be met by any of the rays, or None where that is not known."""
+        return None if self.hopes is None or v.written is None else self.hopes[v.group][v.written]
+
+    def one(self, group: Group, i: Any) -> Group:
+        """One object of a group: where it is."""
+        return rows(replace(group, material=None, texture=None, tree=None), i)
 
     def seen(self, v: Visit) -> Any:
         """An object as its kind sees it from the origin."""
@@ -117,19 +105,23 @@ class Watch:
             return rows(self.sights[v.group], v.row)
         return self.kin[v.group].kind.seen(rows(self.groups[v.group].placed, v.row), self.o)
 
-    def guard(self, v: Visit) -> Guard | None:
-        """The guard of an object, or None where it is unbounded."""
-        group = self.groups[v.group]
-        if group.radius is None:
-            return None
+    def guard(self, v: Visit) -> Guard | Ground:
+        """The guard of an object."""
         if not self.shared:
             if v.written is not None:
                 return self.near[v.group][v.written]
-            return guard(self.a, *rows((group.centre, group.radius), v.row), self.o)
+            return self._guard(self.kin[v.group].kind, self.one(self.groups[v.group], v.row))
         if dr.width(v.row) == 1:
             return rows(self.guards[v.group], v.row)
         x, y, z, margin = dr.gather(self.a.Q32, self.packets[v.group], v.row)
-        return Guard(self.a.V32(x, y, z), margin)
+        return type(self.guards[v.group])(self.a.V32(x, y, z), margin)
+
+    def gone(self, v: Visit, ray: Ray) -> Any:
+        """Whether rays leave an object so that they never meet it again."""
+        if ray.source is None:
+            return self.a.B(False)
+        gone = ray.source == v.index
+        return gone & ~ray.inside if self.kin[v.group].kind.closed else gone
 
     def leaving(self, v: Visit, ray: Ray) -> tuple[Any, Any]:
         """Whether rays start on an object, and whether they run into it: None if none does.
@@ -196,20 +188,31 @@ def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, wit
                 nearer |= (met == t) & (v.index < found) & (met < dr.inf)
             return dr.select(nearer, met, t), dr.select(nearer, v.index, found)
 
-        g = None if plain else watch.guard(v)
-        if g is None:
+        if plain:
             return meet(*state)
-        maybe = candidate(g, d32) & v.present & active
-        return dr.if_stmt(state, maybe, meet, lambda t, found: (t, found), label="meet")
+
+        def likely(*state: Any) -> tuple:
+            maybe = watch.guard(v).candidate(d32) & ~watch.gone(v, ray) & v.present & active
+            return dr.if_stmt(state, maybe, meet, lambda *state: state, label="meet")
+
+        return _hopefully(watch, v, state, likely)
 
     return Hit(*watch.sweep(d32, start, visit, lambda s: a.F32(s[0]), lambda _: ~(active | a.B(False)), plain))
+
+
+def _hopefully(watch: Watch, v: Visit, state: tuple, likely: Callable) -> tuple:
+    """likely(*state), but by packets of rays that may meet the object at all."""
+    hope = watch.hope(v)
+    if hope is None:
+        return likely(*state)
+    return dr.if_stmt(state, hope, likely, lambda *state: state, label="hope")
 
 
 @dataclass(frozen=True)
 class End:
     """Where rays that ask what is between end: at `length`, on object `index` (reached from within if `inward`).
 
-    lamp: the points of lights there, which may lie on a surface themselves, or None.
+    lamp: how well the point there is known, where it is a light's that may lie on a surface itself, or None.
     """
 
     length: Any
@@ -224,7 +227,7 @@ def blocked(
     """Whether an object lies between the origin and the point at `length` along each ray.
 
     `end` is the index of the object that point lies on, `inward` whether the ray reaches it from within; both None
-    where it lies on none that is known. `lamp`: that point, where it is a light's that may lie on a surface itself.
+    where it lies on none that is known. `lamp`: how well that point is known, where it is a light's.
     """
 
     def stop(hidden: Any, met: Any, _: Visit) -> tuple:
@@ -277,32 +280,34 @@ def _between(watch: Watch, ray: Ray, end: End, active: Any, plain: bool, start: 
         arrives = a.B(False) if end.index is None else end.index == v.index
 
         def look(*state: Any) -> tuple:
-            seen, whole = watch.seen(v), ray.exact()
+            seen, whole, length = watch.seen(v), ray.exact(), a.D(end.length)
             leaves, into = watch.leaving(v, whole)
             comes, inward = arrives, a.B(False) if end.inward is None else end.inward
             if end.lamp is not None:
-                f, g = kind.level(rows(group.placed, v.row), end.lamp)
-                comes = comes | _flush(group, v.row, f, g, end.lamp)
+                lamp, one = whole.o + length * whole.d, watch.one(group, v.row)
+                f, g = kind.level(one.placed, lamp)
+                comes = comes | flush(one, f, g, lamp, a.D(end.lamp))
                 inward = inward | (dr.dot(g, whole.d) > 0)
 
             def met(passage: bool = False) -> Any:
                 if not passage:
-                    return kind.blocks(seen, whole, end.length, comes, inward, leaves, into)
+                    return kind.blocks(seen, whole, length, comes, inward, leaves, into)
                 if not dr.grad_enabled(leaves_of((watch.felt[v.group].placed, felt))):
-                    return kind.passage(seen, whole, end.length, comes, leaves)
+                    return kind.passage(seen, whole, length, comes, leaves)
                 near = kind.seen(rows(watch.felt[v.group].placed, v.row), felt.o)
-                return kind.passage(near, felt.exact(), felt_length, comes, leaves)
+                return kind.passage(near, felt.exact(), a.D(felt_length), comes, leaves)
 
             return change(*state, met, v)
 
         if plain:
             return look(*state)
-        maybe = active & ~done(state) & v.present
-        if end.index is not None:
-            maybe &= ~(arrives & ~end.inward)
-        g = watch.guard(v)
-        if g is not None:
-            maybe &= candidate(g, d32)
-        return dr.if_stmt(state, maybe, look, lambda *state: state, label="between")
+
+        def likely(*state: Any) -> tuple:
+            maybe = active & ~done(state) & v.present & ~watch.gone(v, ray) & watch.guard(v).candidate(d32)
+            if end.index is not None:
+                maybe &= ~(arrives & ~end.inward)
+            return dr.if_stmt(state, maybe, look, lambda *state: state, label="between")
+
+        return _hopefully(watch, v, state, likely)
 
     return watch.sweep(d32, start, visit, lambda _: reach, lambda s: done(s) | ~active, plain)

@@ -102,9 +102,7 @@ def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
             except UserError as error:
                 flaws += error.lines
         if (pixels := sum(image.shape[0] * image.shape[1] for image in _distinct(images))) > MOST_PIXELS:
-            flaws.append(
-                f"textures: up to '{name}' they have {pixels} pixels; visray holds {MOST_PIXELS}, so shrink some"
-            )
+            flaws.append(f"textures: up to '{name}' they have {pixels} pixels; shrink some, visray holds {MOST_PIXELS}")
             break
     if flaws:
         raise UserError(*flaws)

@@ -199,9 +199,9 @@ def _check_header(path: str) -> None:
 
 
 def _word(file: BinaryIO) -> bytes:
-    """The bytes up to the next 0, the end of the file, or the greatest length of a name."""
+    """The bytes up to the next 0 or the end of the file, or more than a name may have."""
     found = b""
-    while len(found) < LONGEST_NAME and (byte := file.read(1)) not in (b"\0", b""):
+    while len(found) <= LONGEST_NAME and (byte := file.read(1)) not in (b"\0", b""):
         found += byte
     return found
 

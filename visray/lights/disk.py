@@ -24,3 +24,6 @@ class DiskLight(AreaLight):
         s, t = tangents(dr.normalize(self.normal))
         x, y = disk(u, v)
         return x * w(self.radius * s) + y * w(self.radius * t)
+
+    def reach(self) -> Any:
+        return self.radius

@@ -3,7 +3,8 @@
 A light shines from one place (point, spot), from infinitely far (directional), or from all points of a shape (the area
 lights): then what arrives is the mean over `samples` of them, each with its own direction, distance and shadow.
 
-A kind is one file. Where it has an extent it says where its points are (`offset`); how it weakens to the sides is `aim`. Fields are Dr.Jit arrays in these methods.
+A kind is one file. Where it has an extent it says where its points are (`offset`); how it weakens to the sides is
+`aim`. Fields are Dr.Jit arrays in these methods.
 """
 
 from dataclasses import dataclass
@@ -60,3 +61,7 @@ class AreaLight(Light):
         """From the middle of the light to its point for (u, v) in the unit square, a triple of type `w`; equal areas of
         the square are equal areas of the light."""
         raise TypeError(f"{type(self).__name__} has no points")
+
+    def reach(self) -> Any:
+        """The radius of a sphere about the middle of the light that holds it."""
+        raise TypeError(f"{type(self).__name__} has no reach")

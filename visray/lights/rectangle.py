@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import drjit as dr
 import numpy as np
 
 from visray.lights.light import AreaLight
@@ -26,3 +27,6 @@ class RectangleLight(AreaLight):
 
     def offset(self, w: Any, u: Any, v: Any) -> Any:
         return (u - 0.5) * w(self.width) + (v - 0.5) * w(self.height)
+
+    def reach(self) -> Any:
+        return 0.5 * (dr.norm(self.width) + dr.norm(self.height))

@@ -18,3 +18,6 @@ class SphereLight(AreaLight):
 
     def offset(self, w: Any, u: Any, v: Any) -> Any:
         return type(u)(self.radius) * sphere(w, u, v)
+
+    def reach(self) -> Any:
+        return self.radius

@@ -18,6 +18,7 @@ from visray.ray import NO_OBJECT, Hit, Ray, unit
 from visray.scenery import Scenery, Site, site
 from visray.search import Watch, closest
 from visray.shading import shade
+from visray.tables import Group, Kinship
 from visray.trees import rows
 
 LOBE, SCATTER = 5, 6
@@ -47,12 +48,13 @@ def weight_of_local(s: Scenery, site: Site, lens: Lens | None) -> Any:
 
 
 def lens(s: Scenery, site: Site) -> Lens | None:
-    """What the ray goes through at the surface. Where transparent solids overlap, the index of the smaller one holds:
-    so an inner one counts, wherever it stands in the file."""
+    """What the ray goes through at the surface. Where transparent solids overlap, the index of the smaller one holds
+    (by the spheres around them): so an inner one counts, wherever it stands in the file."""
     if not s.features["refraction"]:
         return None
     a, n = s.a, dr.width(site.surface.p)
-    around, best, own = dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.D, dr.inf, n)
+    far = dr.full(a.D, dr.inf, n)
+    around, best, own = dr.full(a.D, 1, n), (far, dr.full(a.U, NO_OBJECT, n)), far
     closed = dr.full(a.B, False, n)
     base = 0
     for k, group in zip(s.kin, s.groups):
@@ -62,14 +64,20 @@ def lens(s: Scenery, site: Site) -> Lens | None:
             closed |= here
             own = dr.select(here, dr.gather(a.D, group.radius, dr.select(here, site.hit.index - base, 0)), own)
             if s.features["nested media"]:
-                around, best = _inside(s, site, k, group, base, around, best)
+                around, *best = _inside(s, site, k, group, base, around, *best)
         base += size
+    under = _smaller(*best, own, site.hit.index)
     within, ior = site.within, site.material.ior
-    outer = dr.select(best > own, around, ior)
+    outer = dr.select(under, ior, around)
     ratio = dr.select(within, ior / outer, outer / ior)
     # A sheet has no inside: light goes straight through.
-    hidden = closed & (best < own) & (_most(site.material.kt) > 0) if s.features["nested media"] else None
+    hidden = closed & under & (_most(site.material.kt) > 0) if s.features["nested media"] else None
     return Lens(dr.select(closed, ratio, 1), hidden)
+
+
+def _smaller(size: Any, index: Any, other: Any, other_index: Any) -> Any:
+    """Which of two solids' indices of refraction holds: that of the smaller; of equals, that which comes first."""
+    return (size < other) | ((size == other) & (index < other_index))
 
 
 def _most(colour: Any) -> Any:
@@ -78,22 +86,23 @@ def _most(colour: Any) -> Any:
     return dr.maximum(dr.maximum(c.x, c.y), c.z)
 
 
-def _inside(s: Scenery, site: Site, k: Any, group: Any, base: int, around: Any, best: Any) -> tuple:
-    """The index and the size of the smallest transparent solid, of those so far and those of a group, that holds the
-    point: but that of the surface itself."""
+def _inside(s: Scenery, site: Site, k: Kinship, group: Group, base: int, *state: Any) -> tuple:
+    """The index of refraction, the size and the number of the smallest transparent solid, of those so far and those of
+    a group, that holds the point: but that of the surface itself."""
     size, kt = len(k.names), group.material.kt
 
-    def step(i: Any, around: Any, best: Any) -> tuple:
+    def step(i: Any, around: Any, best: Any, number: Any) -> tuple:
         placed, radius, clear, ior = rows((group.placed, group.radius, kt, group.material.ior), i)
         f = k.kind.level(placed, dr.detach(site.surface.p))[0]
-        smaller = (f < 0) & (_most(clear) > 0) & (site.hit.index != i + base) & (radius < best)
-        return dr.select(smaller, ior, around), dr.select(smaller, radius, best)
+        index = i + base
+        found = (f < 0) & (_most(clear) > 0) & (site.hit.index != index) & _smaller(radius, index, best, number)
+        return tuple(dr.select(found, x, y) for x, y in ((ior, around), (radius, best), (index, number)))
 
     if size > tables.WRITTEN_OUT:
-        return s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, (around, best), step)
+        return s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, state, step)
     for i in range(size):
-        around, best = step(s.a.U(i), around, best)
-    return around, best
+        state = step(s.a.U(i), *state)
+    return state
 
 
 def _strength(colour: Any) -> Any:

@@ -160,7 +160,7 @@ def expose(made: Set, progress: bool = False, patience: Patience | None = None) 
     patience = patience or Patience()
     settings, n = made.scene.settings, len(made.order)
     film, done = films.Film.blank(made.a, n), 0
-    passes = -(-settings.spp * n // first_pass(made))
+    passes = -(-settings.spp * n // max(first_pass(made), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
         while done < settings.spp and not (done and patience.asked):
@@ -189,9 +189,14 @@ def check_numbers(made: Set, film: films.Film) -> None:
 
 
 def first_pass(made: Set) -> int:
-    """Samples of a first pass over all pixels: a fraction of a second, by what a sample has to do."""
-    trees = any(g.tree is not None for g in made.stage.scenery.groups)
-    return 2**25 // (1 + len(made.scene.lights)) // (8 if trees else 1)
+    """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample."""
+    s = made.stage.scenery
+    on, settings = s.features, s.settings
+    rays = sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
+    rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
+    paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
+    trees = any(g.tree is not None for g in s.groups)
+    return 2**25 // ((1 + rays) * (1 + paths) * (8 if trees else 1))
 
 
 def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:

@@ -221,7 +221,8 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
     normal = dr.zeros(a.W, n) if s.features["paths"] else None
     surface = Surface(dr.zeros(a.W, n), dr.zeros(a.V, n), dr.zeros(a.D, n), normal)
     texture = dr.zeros(a.U, n) if s.features["textures"] else None
-    none = dr.zeros(a.F, n)
+    # A texture far out on a plane is looked up in double.
+    none = dr.zeros(a.D if s.features["textures"] else a.F, n)
     state = (surface, mapped(lambda x: dr.zeros(type(x), n), s.blank), texture, none, none)
     base = 0
     for k, group, span in zip(s.kin, s.groups, s.spans):
@@ -232,7 +233,7 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
         def touch(*_: Any, k: Kinship = k, table: tuple = table, here: Any = here, local: Any = local) -> tuple:
             placed, material, texture, span = _row_of(s, table, len(k.names), here, local)
             surface, u, v = _surface(s, k.kind, placed, span, ray, t)
-            return leaves((surface, material, texture, u, v))
+            return leaves((surface, material, texture, type(none)(u), type(none)(v)))
 
         if len(s.kin) == 1:
             state = rebuilt(state, touch())
@@ -246,7 +247,7 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
         bare = texture == tables.NO_TEXTURE
         painted = texturing.colour(a, s.atlas, dr.select(bare, 0, texture), u, v, s.features["bilinear"])
         material = replace(material, kd=dr.select(bare, material.kd, painted))
-    return surface, material, u, v
+    return surface, material, a.F(u), a.F(v)
 
 
 def _row_of(s: Scenery, table: tuple, size: int, here: Any, index: Any) -> tuple:
@@ -276,4 +277,4 @@ def _surface(s: Scenery, kind: type, placed: Any, span: Any, ray: Ray, t: Any) -
     error = gamma(8) * (extent(ray.o) + t + span)
     u, v = kind.uv(placed, p)
     normal = dr.normalize(g) if s.features["paths"] else None
-    return Surface(p, dr.normalize(s.a.V(g)), error, normal), s.a.F(u), s.a.F(v)
+    return Surface(p, dr.normalize(s.a.V(g)), error, normal), u, v

@@ -98,7 +98,7 @@ def _inside(s: Scenery, site: Site, k: Kinship, group: Group, base: int, *state:
         found = (f < 0) & (_most(clear) > 0) & (site.hit.index != index) & _smaller(radius, index, best, number)
         return tuple(dr.select(found, x, y) for x, y in ((ior, around), (radius, best), (index, number)))
 
-    if size > tables.WRITTEN_OUT:
+    if size > tables.FEW:
         return s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, state, step)
     for i in range(size):
         state = step(s.a.U(i), *state)

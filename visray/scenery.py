@@ -255,7 +255,7 @@ def _row_of(s: Scenery, table: tuple, size: int, here: Any, index: Any) -> tuple
 
     Not where derivatives are asked for: of what a branch in a loop hands through from outside, Dr.Jit 1.5 makes zero.
     """
-    if s.attached or size > tables.WRITTEN_OUT:
+    if s.attached or size > tables.FEW:
         return rows(table, dr.select(here, index, 0))
     u = s.a.U
     kept = leaves(rows(table, u(0)))

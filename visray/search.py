@@ -136,37 +136,86 @@ class Watch:
             leaves = on if leaves is None else leaves | on
         return leaves, inside
 
-    def sweep(self, d: Any, state: tuple, visit: Any, reach: Any, done: Any, plain: bool) -> tuple:
-        """`state` after visit(state, Visit) for every object that a ray may meet.
-
-        reach(state): no object farther than that is of interest; done(state): none at all. `plain`: visit them all.
-        """
+    def sweep(self, q: "Question", d: Any, state: tuple, plain: bool) -> tuple:
+        """`state` after the question is put to every object that a ray in direction `d` (single) may meet; `plain`: to
+        all objects."""
         base = 0
         for number, k in enumerate(self.kin):
             n, tree = len(k.names), self.groups[number].tree
-            if n <= tables.WRITTEN_OUT:
-                for i in range(n):
-                    state = visit(state, Visit(number, self.a.U(i), self.a.U(base + i), True, i))
-            elif tree is None or plain:
-                state = self._loop(number, n, base, state, visit)
+            written = range(n if n <= tables.WRITTEN_OUT else 0)
+            each = [Visit(number, self.a.U(i), self.a.U(base + i), True, i) for i in written]
+            if plain and each:
+                for v in each:
+                    state = q.meet(v, *state)
+            elif plain or not (each or tree):
+                state = self._loop(q, number, n, base, state, plain)
+            elif each and self.shared and n <= tables.FEW:
+                for v in each:
+                    state = _where(q.likely(v, *state), state, lambda *state, v=v: q.meet(v, *state), "meet")
+            elif each:
+                state = self._gathered(q, number, base, each, state)
             else:
                 walk = Walk.along(self.a, tree, self.boxes[number] if self.shared else None, self.o, d)
 
                 def call(state: tuple, i: Any, present: Any, number: int = number, base: int = base) -> tuple:
-                    return visit(state, Visit(number, i, i + base, present))
+                    v = Visit(number, i, i + base, present)
+                    return _where(q.likely(v, *state), state, lambda *state: q.meet(v, *state), "meet")
 
-                state = walk.through(state, call, reach, done)
+                state = walk.through(state, call, q.reach, lambda state: q.done(*state))
             base += n
         return state
 
-    def _loop(self, number: int, n: int, base: int, state: tuple, visit: Any) -> tuple:
+    def _gathered(self, q: "Question", number: int, base: int, each: list[Visit], state: tuple) -> tuple:
+        """As sweep, for objects whose guards are written out: those that pass are gathered as the bits of a number, and
+        then looked at in one loop. So what looks at them is compiled once, and each lane goes on to its own next one.
+        """
+        u, n = self.a.U, dr.width(state)
+        bits = dr.zeros(u, n)
+        for v in each:
+
+            def add(bits: Any, v: Visit = v) -> tuple:
+                return (bits | dr.select(q.likely(v, *state), u(1 << v.written), 0),)
+
+            hope = self.hope(v)
+            bits = add(bits)[0] if hope is None else _where(hope, (bits,), add, "hope")[0]
+
+        def step(bits: Any, *state: Any) -> tuple:
+            i = dr.tzcnt(bits)
+            state = q.meet(Visit(number, i, i + base, True), *state)
+            return (dr.select(q.done(*state), 0, bits & (bits - 1)), *state)
+
+        return dr.while_loop((bits, *state), lambda bits, *_: bits != 0, step, label="passed")[1:]
+
+    def _loop(self, q: "Question", number: int, n: int, base: int, state: tuple, plain: bool) -> tuple:
         last = dr.opaque(self.a.U, n)
 
         def body(i: Any, *state: Any) -> tuple:
-            return (i + 1, *visit(state, Visit(number, i, i + base, True)))
+            v = Visit(number, i, i + base, True)
+            if plain:
+                return (i + 1, *q.meet(v, *state))
+            return (i + 1, *_where(q.likely(v, *state), state, lambda *state: q.meet(v, *state), "meet"))
 
         i = dr.zeros(self.a.U, dr.width(state))
         return dr.while_loop((i, *state), lambda i, *_: i < last, body, label="objects")[1:]
+
+
+def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:
+    """change(*state) in lanes where the mask holds, by packets that have one."""
+    return dr.if_stmt(state, mask, change, lambda *state: state, label=label)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a search asks of objects, with a state that the answers change.
+
+    likely(v, *state): which rays a test in single cannot rule out; meet(v, *state): the state after the exact answer;
+    reach(state): no object farther than that is of interest; done(*state): none at all.
+    """
+
+    likely: Callable
+    meet: Callable
+    reach: Callable
+    done: Callable
 
 
 def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, within: Any = dr.inf) -> Hit:
@@ -178,34 +227,20 @@ def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, wit
     # State is of full width from the start: a loop over objects must not mix widths.
     start = dr.full(a.D, 0, n) + dr.detach(a.D(within)), dr.full(a.U, NO_OBJECT, n)
 
-    def visit(state: tuple, v: Visit) -> tuple:
-        def meet(t: Any, found: Any) -> tuple:
-            # Read in here, so that a packet of rays that is not a candidate does not wait for it.
-            whole = ray.exact()
-            met = watch.kin[v.group].kind.first(watch.seen(v), whole, *watch.leaving(v, whole))
-            nearer = met < t
-            if v.present is not True:  # a tree gives the objects in no fixed order
-                nearer |= (met == t) & (v.index < found) & (met < dr.inf)
-            return dr.select(nearer, met, t), dr.select(nearer, v.index, found)
+    def likely(v: Visit, *_: Any) -> Any:
+        return watch.guard(v).candidate(d32) & ~watch.gone(v, ray) & v.present & active
 
-        if plain:
-            return meet(*state)
+    def meet(v: Visit, t: Any, found: Any) -> tuple:
+        # Read in here, so that a packet of rays that is not a candidate does not wait for it.
+        whole = ray.exact()
+        met = watch.kin[v.group].kind.first(watch.seen(v), whole, *watch.leaving(v, whole))
+        nearer = met < t
+        if v.present is not True:  # a tree gives the objects in no fixed order
+            nearer |= (met == t) & (v.index < found) & (met < dr.inf)
+        return dr.select(nearer, met, t), dr.select(nearer, v.index, found)
 
-        def likely(*state: Any) -> tuple:
-            maybe = watch.guard(v).candidate(d32) & ~watch.gone(v, ray) & v.present & active
-            return dr.if_stmt(state, maybe, meet, lambda *state: state, label="meet")
-
-        return _hopefully(watch, v, state, likely)
-
-    return Hit(*watch.sweep(d32, start, visit, lambda s: a.F32(s[0]), lambda _: ~(active | a.B(False)), plain))
-
-
-def _hopefully(watch: Watch, v: Visit, state: tuple, likely: Callable) -> tuple:
-    """likely(*state), but by packets of rays that may meet the object at all."""
-    hope = watch.hope(v)
-    if hope is None:
-        return likely(*state)
-    return dr.if_stmt(state, hope, likely, lambda *state: state, label="hope")
+    question = Question(likely, meet, lambda s: a.F32(s[0]), lambda *_: ~(active | a.B(False)))
+    return Hit(*watch.sweep(question, d32, start, plain))
 
 
 @dataclass(frozen=True)
@@ -230,12 +265,12 @@ def blocked(
     where it lies on none that is known. `lamp`: how well that point is known, where it is a light's.
     """
 
-    def stop(hidden: Any, met: Any, _: Visit) -> tuple:
+    def stop(v: Visit, met: Callable, hidden: Any) -> tuple:
         return (hidden | met(),)
 
     start = (dr.full(watch.a.B, False, _width(watch, ray)),)
     stops = End(length, end, inward, lamp)
-    return _between(watch, ray, stops, active, plain, start, stop, lambda s: s[0])[0] & active
+    return _between(watch, ray, stops, active, plain, start, stop, lambda hidden: hidden)[0] & active
 
 
 def transmitted(watch: Watch, ray: Ray, end: End, active: Any, tints: tuple, feel: bool, plain: bool = False) -> Any:
@@ -247,16 +282,15 @@ def transmitted(watch: Watch, ray: Ray, end: End, active: Any, tints: tuple, fee
     """
     a = watch.a
 
-    def tint(*args: Any) -> tuple:
-        *state, met, v = args
+    def tint(v: Visit, met: Callable, *state: Any) -> tuple:
         kt, dmax = rows(tints[v.group] if feel else detached(tints[v.group]), v.row)
         whole, inside = met(passage=True)
         share = a.F(dr.select(whole, 1 - dr.minimum(inside / dmax, 1), 1))
         hit = met()
         return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
 
-    def dark(state: tuple) -> Any:
-        return (state[0] == 0) & (state[1] == 0) & (state[2] == 0)
+    def dark(r: Any, g: Any, b: Any) -> Any:
+        return (r == 0) & (g == 0) & (b == 0)
 
     start = tuple(dr.full(a.F, 1, _width(watch, ray)) for _ in range(3))
     return a.V(*_between(watch, ray, end, active, plain or feel, start, tint, dark))
@@ -266,48 +300,44 @@ def _width(watch: Watch, ray: Ray) -> int:
     return max(dr.width(ray.d), dr.width(watch.o))
 
 
-def _between(watch: Watch, ray: Ray, end: End, active: Any, plain: bool, start: tuple, change: Any, done: Any) -> tuple:
-    """The state after change(*state, met, visit) for every object that may lie between a ray's origin and its end.
+def _between(
+    watch: Watch, ray: Ray, end: End, active: Any, plain: bool, start: tuple, change: Callable, done: Callable
+) -> tuple:
+    """The state after change(v, met, *state) for every object that may lie between a ray's origin and its end.
 
-    met() says whether it does, and met(passage=True) how the ray passes it. done(state): nothing changes it any more.
+    met() says whether it does, and met(passage=True) how the ray passes it. done(*state): nothing changes it any more.
     """
     a, felt, felt_length = watch.a, ray, end.length
     ray, end, active = detached(ray), detached(end), dr.detach(active)
     d32, reach = a.V32(ray.d), a.F32(end.length)
 
-    def visit(state: tuple, v: Visit) -> tuple:
+    def arrives(v: Visit) -> Any:
+        return a.B(False) if end.index is None else end.index == v.index
+
+    def likely(v: Visit, *state: Any) -> Any:
+        maybe = active & ~done(*state) & v.present & ~watch.gone(v, ray) & watch.guard(v).candidate(d32)
+        return maybe if end.index is None else maybe & ~(arrives(v) & ~end.inward)
+
+    def meet(v: Visit, *state: Any) -> tuple:
         kind, group = watch.kin[v.group].kind, watch.groups[v.group]
-        arrives = a.B(False) if end.index is None else end.index == v.index
+        seen, whole, length = watch.seen(v), ray.exact(), a.D(end.length)
+        leaves, into = watch.leaving(v, whole)
+        comes, inward = arrives(v), a.B(False) if end.inward is None else end.inward
+        if end.lamp is not None:
+            lamp, one = whole.o + length * whole.d, watch.one(group, v.row)
+            f, g = kind.level(one.placed, lamp)
+            comes = comes | flush(one, f, g, lamp, a.D(end.lamp))
+            inward = inward | (dr.dot(g, whole.d) > 0)
 
-        def look(*state: Any) -> tuple:
-            seen, whole, length = watch.seen(v), ray.exact(), a.D(end.length)
-            leaves, into = watch.leaving(v, whole)
-            comes, inward = arrives, a.B(False) if end.inward is None else end.inward
-            if end.lamp is not None:
-                lamp, one = whole.o + length * whole.d, watch.one(group, v.row)
-                f, g = kind.level(one.placed, lamp)
-                comes = comes | flush(one, f, g, lamp, a.D(end.lamp))
-                inward = inward | (dr.dot(g, whole.d) > 0)
+        def met(passage: bool = False) -> Any:
+            if not passage:
+                return kind.blocks(seen, whole, length, comes, inward, leaves, into)
+            if not dr.grad_enabled(leaves_of((watch.felt[v.group].placed, felt))):
+                return kind.passage(seen, whole, length, comes, leaves)
+            near = kind.seen(rows(watch.felt[v.group].placed, v.row), felt.o)
+            return kind.passage(near, felt.exact(), a.D(felt_length), comes, leaves)
 
-            def met(passage: bool = False) -> Any:
-                if not passage:
-                    return kind.blocks(seen, whole, length, comes, inward, leaves, into)
-                if not dr.grad_enabled(leaves_of((watch.felt[v.group].placed, felt))):
-                    return kind.passage(seen, whole, length, comes, leaves)
-                near = kind.seen(rows(watch.felt[v.group].placed, v.row), felt.o)
-                return kind.passage(near, felt.exact(), a.D(felt_length), comes, leaves)
+        return change(v, met, *state)
 
-            return change(*state, met, v)
-
-        if plain:
-            return look(*state)
-
-        def likely(*state: Any) -> tuple:
-            maybe = active & ~done(state) & v.present & ~watch.gone(v, ray) & watch.guard(v).candidate(d32)
-            if end.index is not None:
-                maybe &= ~(arrives & ~end.inward)
-            return dr.if_stmt(state, maybe, look, lambda *state: state, label="between")
-
-        return _hopefully(watch, v, state, likely)
-
-    return watch.sweep(d32, start, visit, lambda _: reach, lambda s: done(s) | ~active, plain)
+    question = Question(likely, meet, lambda _: reach, lambda *state: done(*state) | ~active)
+    return watch.sweep(question, d32, start, plain)

@@ -25,6 +25,8 @@ from visray.trees import detached, rows
 # Up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree. Written out they
 # cost a few cycles each, but compiling them takes 10 to 30 ms each.
 WRITTEN_OUT = 32
+# Up to this many, not only their guards but all that is done with them.
+FEW = 12
 NO_TEXTURE = 0xFFFFFFFF
 
 

@@ -211,6 +211,20 @@ def test_looped_search_is_the_written_out_one_bit_for_bit(
         assert same(before, w.searched(shared, True))
 
 
+@WORLDS
+def test_gathered_objects_are_the_written_out_ones_bit_for_bit(
+    make: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three and more of each family, those that pass the guards gathered as bits: from one origin and from many."""
+    w = World.of(make, 0)
+    objects = {f"{seed} {name}": x for seed in SEEDS for name, x in World.of(make, seed).scene.objects.items()}
+    w = replace(w, scene=replace(w.scene, objects=objects), first=None)
+    written = w.searched(True, False)
+    assert same(written, w.searched(True, True)) and same(written, w.searched(False, False))
+    monkeypatch.setattr(tables, "FEW", 0)
+    assert same(written, w.searched(True, False))
+
+
 @pytest.mark.parametrize("shared", [True, False], ids=["one origin", "an origin a ray"])
 def test_trees_find_what_the_plain_loop_finds_bit_for_bit(shared: bool) -> None:
     """235 objects in trees of up to 5 levels and a loop."""

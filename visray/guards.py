@@ -15,9 +15,10 @@ from visray.tables import Group
 
 @dataclass(frozen=True)
 class Cone:
-    """All directions from an origin that are near an axis: the hull of the rays to a light, or a hemisphere. Single.
+    """All directions from an origin that are near an axis: those to a light, or a hemisphere. Single.
 
-    axis: unit; sine and cosine: of the angle between the axis and the edge, which is at most a right angle.
+    axis: unit; sine and cosine: of the angle between the axis and the edge, at most a right angle; or 0 and -1 for all
+    directions there are.
     """
 
     axis: Any
@@ -26,12 +27,16 @@ class Cone:
 
     @staticmethod
     def around(a: Arrays, way: Any, radius: Any) -> "Cone":
-        """The cone from the origin to a sphere about `way`; the half space where the origin is in that sphere."""
+        """The cone from the origin to a sphere about `way`; all directions where the origin may be in that sphere."""
         way, radius = a.V32(way), a.F32(radius)
         far = dr.norm(way)
-        sine = dr.minimum(radius / dr.select(far > 0, far, 1), 1)
+        safe = dr.select(far > 0, far, 1)
+        sine = radius / safe
+        # The quotient is off by the conversions, the norm and itself.
+        out = (sine < 1 - gamma(8, "single")) & (far > 0)
         # 1 - s^2 cancels no digits in this form.
-        return Cone(way / dr.select(far > 0, far, 1), sine, dr.sqrt((1 - sine) * (1 + sine)))
+        cosine = dr.select(out, dr.sqrt((1 - sine) * (1 + sine)), -1)
+        return Cone(way / safe, dr.select(out, sine, 0), cosine)
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,8 @@ class Ground:
     def near(self, cone: Cone) -> Any:
         """Whether any ray of a cone may meet the plane: the least slope of all, a full margin for rounding more."""
         slope, size = dr.dot(self.normal, cone.axis), extent(self.normal)
-        return slope * cone.cosine - size * cone.sine <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
+        least = dr.select(cone.cosine < 0, -size, slope * cone.cosine - size * cone.sine)
+        return least <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
 
 
 def ground(a: Arrays, kind: type, group: Group, o: Any) -> Ground:

@@ -10,6 +10,8 @@ EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"
 TOLD = {
     "fit_colour": "found [0.7  0.3  0.15]",
     "noise": "error ~ samples^-0.",
+    "fit_glass": "step 6: ior = 1.500000",
+    "penumbra": "sobol",
     "layers": "faces straight up",
     "what_is_simulated": "without shadows: ambient, diffuse, specular, background",
 }

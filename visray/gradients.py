@@ -92,8 +92,12 @@ class Trace:
     order: np.ndarray
 
 
+# Fields of lights and materials that move the edges of what is lit, or of what is seen.
+MOVERS = {"position", "direction", "angle", "width", "height", "normal", "radius", "ior"}
+
+
 def _moves(address: str) -> bool:
-    return address.startswith(("objects.", "camera.")) or address.endswith("position") or ".position." in address
+    return address.startswith(("objects.", "camera.")) or not MOVERS.isdisjoint(address.split(".")[2:3])
 
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
@@ -106,6 +110,10 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], 
             mark(p)
 
     made = set_up(scene, backend, wrt=tuple(wrt), attach=attach)
+    s = made.stage.scenery
+    if s.features["coloured shadows"] and any(len(k.names) > tables.WRITTEN_OUT for k in s.kin):
+        most = tables.WRITTEN_OUT
+        raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
     if any(map(_moves, wrt)) and (edges := _edges(made.stage, made.x, made.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)

@@ -1,0 +1,26 @@
+"""Which glass is it? Finds the index of refraction of a ball from a picture, by the picture's derivative."""
+
+import numpy as np
+
+import visray as vr
+
+true, guess = 1.5, 1.35
+scene = vr.Scene(
+    camera=vr.Camera(origin=(0, 0, 5), fov=16.0),
+    film=vr.Film(width=32, height=32),
+    background=vr.Gradient(top=(0.1, 0.2, 0.9), bottom=(1.0, 0.6, 0.2)),
+    materials={"glass": vr.Material(kt=(0.9, 0.9, 0.9), ior=true)},
+    objects={"ball": vr.Sphere(radius=1.0, material="glass")},
+    settings=vr.Settings(spp=4),
+)
+photograph = vr.render(scene, layers=("RGB",), progress=False)["RGB"]
+
+ior = guess
+for step in range(6):
+    now = vr.replaced(scene, "materials.glass.ior", ior)
+    error = vr.render(now, layers=("RGB",), progress=False)["RGB"] - photograph
+    slope = vr.derivative(now, "materials.glass.ior")
+    # Gauss and Newton: the step that would be right if the picture were linear in the index.
+    ior -= float((error * slope).sum() / (slope**2).sum())
+    print(f"step {step + 1}: ior = {ior:.6f}, error of the picture {np.abs(error).max():.1e}")
+assert abs(ior - true) < 1e-3

@@ -142,7 +142,7 @@ class Watch:
         base = 0
         for number, k in enumerate(self.kin):
             n, tree = len(k.names), self.groups[number].tree
-            written = range(n if n <= tables.WRITTEN_OUT else 0)
+            written = range(n if n <= (tables.GATHERED if self.shared else tables.WRITTEN_OUT) else 0)
             each = [Visit(number, self.a.U(i), self.a.U(base + i), True, i) for i in written]
             if plain and each:
                 for v in each:
@@ -169,18 +169,24 @@ class Watch:
         """As sweep, for objects whose guards are written out: those that pass are gathered as the bits of a number, and
         then looked at in one loop. So what looks at them is compiled once, and each lane goes on to its own next one.
         """
+        for first in range(0, len(each), 32):
+            state = self._passed(q, number, base, each[first : first + 32], first, state)
+        return state
+
+    def _passed(self, q: "Question", number: int, base: int, each: list[Visit], first: int, state: tuple) -> tuple:
+        """The same for the objects from number `first` on, at most 32."""
         u, n = self.a.U, dr.width(state)
         bits = dr.zeros(u, n)
         for v in each:
 
             def add(bits: Any, v: Visit = v) -> tuple:
-                return (bits | dr.select(q.likely(v, *state), u(1 << v.written), 0),)
+                return (bits | dr.select(q.likely(v, *state), u(1 << (v.written - first)), 0),)
 
             hope = self.hope(v)
             bits = add(bits)[0] if hope is None else _where(hope, (bits,), add, "hope")[0]
 
         def step(bits: Any, *state: Any) -> tuple:
-            i = dr.tzcnt(bits)
+            i = dr.tzcnt(bits) + first
             state = q.meet(Visit(number, i, i + base, True), *state)
             return (dr.select(q.done(*state), 0, bits & (bits - 1)), *state)
 

@@ -22,9 +22,11 @@ from visray.scene.scene import Gradient, Occlusion, Scene
 from visray.transforms import compose
 from visray.trees import detached, rows
 
-# Up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree. Written out they
-# cost a few cycles each, but compiling them takes 10 to 30 ms each.
+# The guards of up to this many objects of a kinship are written out one by one in the kernel; more hang in a tree.
+# Written out they cost a few cycles each, but each takes a millisecond to compile, wherever rays start anew.
 WRITTEN_OUT = 32
+# For rays that share their origin it pays for twice as many.
+GATHERED = 64
 # Up to this many, not only their guards but all that is done with them.
 FEW = 12
 NO_TEXTURE = 0xFFFFFFFF

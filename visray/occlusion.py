@@ -58,7 +58,7 @@ def _ray(s: Scenery, site: Site, stream: int, j: Any) -> Ray:
     u, v = site.draw.stream(stream).many(j, lot)
     n = site.n
     if s.settings.occlusion.hemisphere == "box":
-        d = warp.box(n, u, v, site.draw.stream(stream + TURN).many(j, lot)[0])
+        d = warp.box(n, u, v, site.draw.stream(stream + TURN).loose(j, lot))
     else:
         d = warp.cosine(n, u, v)
     return site.leaving(d, dr.dot(n, d), dr.zeros(s.a.F, dr.width(d)))

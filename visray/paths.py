@@ -9,17 +9,19 @@ All of the light that is refracted is reflected where the angle is beyond the cr
 """
 
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import Any
 
 import drjit as dr
 
 from visray import tables, warp
+from visray.guards import flush
 from visray.ray import NO_OBJECT, Hit, Ray, unit
 from visray.scenery import Scenery, Site, site
 from visray.search import Watch, closest
 from visray.shading import shade
 from visray.tables import Group, Kinship
-from visray.trees import rows
+from visray.trees import leaves, rows
 
 LOBE, SCATTER = 5, 6
 
@@ -47,62 +49,84 @@ def weight_of_local(s: Scenery, site: Site, lens: Lens | None) -> Any:
     return dr.select(lens.buried, 0, weight)
 
 
+@dataclass(frozen=True)
+class Medium:
+    """What lies on one side of a surface: the index of refraction, the size and the number of the solid it is of."""
+
+    ior: Any
+    size: Any
+    index: Any
+
+    def or_in(self, where: Any, ior: Any, size: Any, index: Any) -> "Medium":
+        """The medium where another solid is as well: the smaller one's index holds; of equals, the first one's."""
+        other = where & ((size < self.size) | ((size == self.size) & (index < self.index)))
+        return Medium(*(dr.select(other, x, y) for x, y in ((ior, self.ior), (size, self.size), (index, self.index))))
+
+
 def lens(s: Scenery, site: Site) -> Lens | None:
-    """What the ray goes through at the surface. Where transparent solids overlap, the index of the smaller one holds
-    (by the spheres around them): so an inner one counts, wherever it stands in the file."""
+    """What a ray goes through at the surface. Where transparent solids overlap, the index of the smaller
+    one holds (by the spheres around them): so an inner one counts, wherever it stands in the file."""
     if not s.features["refraction"]:
         return None
     a, n = s.a, dr.width(site.surface.p)
-    far = dr.full(a.D, dr.inf, n)
-    around, best, own = dr.full(a.D, 1, n), (far, dr.full(a.U, NO_OBJECT, n)), far
+    nothing = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_OBJECT, n))
+    before, beyond = nothing, nothing
     closed = dr.full(a.B, False, n)
-    base = 0
-    for k, group in zip(s.kin, s.groups):
-        size = len(k.names)
-        if k.kind.closed:
-            here = (site.hit.index >= base) & (site.hit.index < base + size)
-            closed |= here
-            own = dr.select(here, dr.gather(a.D, group.radius, dr.select(here, site.hit.index - base, 0)), own)
-            if s.features["nested media"]:
-                around, *best = _inside(s, site, k, group, base, around, *best)
-        base += size
-    under = _smaller(*best, own, site.hit.index)
-    within, ior = site.within, site.material.ior
-    outer = dr.select(under, ior, around)
-    ratio = dr.select(within, ior / outer, outer / ior)
+    for base, k, group in _closed(s):
+        here = (site.hit.index >= base) & (site.hit.index < base + len(k.names))
+        closed |= here
+        size = dr.gather(a.D, group.radius, dr.select(here, site.hit.index - base, 0))
+        own = site.material.ior, size, site.hit.index
+        before, beyond = before.or_in(here & site.within, *own), beyond.or_in(here & ~site.within, *own)
+        if s.features["nested media"]:
+            before, beyond = _others(s, site, base, k, group, before, beyond)
     # A sheet has no inside: light goes straight through.
-    hidden = closed & under & (_most(site.material.kt) > 0) if s.features["nested media"] else None
-    return Lens(dr.select(closed, ratio, 1), hidden)
+    ratio = dr.select(closed, before.ior / beyond.ior, 1)
+    if not s.features["nested media"]:
+        return Lens(ratio, None)
+    return Lens(ratio, closed & (before.index == beyond.index) & (_most(site.material.kt) > 0))
 
 
-def _smaller(size: Any, index: Any, other: Any, other_index: Any) -> Any:
-    """Which of two solids' indices of refraction holds: that of the smaller; of equals, that which comes first."""
-    return (size < other) | ((size == other) & (index < other_index))
+def _closed(s: Scenery) -> list[tuple[int, Kinship, Group]]:
+    """The families of solids, each with the number of its first object."""
+    starts = accumulate((len(k.names) for k in s.kin), initial=0)
+    return [(base, k, group) for base, k, group in zip(starts, s.kin, s.groups) if k.kind.closed]
+
+
+def _others(
+    s: Scenery, site: Site, base: int, k: Kinship, group: Group, before: Medium, beyond: Medium
+) -> tuple[Medium, Medium]:
+    """The media on both sides, where the solids of a family count too, but for that of the surface itself.
+
+    One whose surface lies flush with it is on the one side or the other, as the ray leaves or enters it there.
+    """
+    size = len(k.names)
+
+    def step(i: Any, *state: Any) -> tuple:
+        before, beyond = Medium(*state[:3]), Medium(*state[3:])
+        one, material = rows((replace(group, material=None, texture=None, tree=None), group.material), i)
+        p, index = dr.detach(site.surface.p), i + base
+        f, g = k.kind.level(one.placed, p)
+        there = (_most(material.kt) > 0) & (site.hit.index != index)
+        on, outwards = flush(one, f, g, p, site.surface.error), dr.dot(g, s.a.W(dr.detach(site.d))) > 0
+        it = material.ior, one.radius, index
+        before = before.or_in(there & dr.select(on, outwards, f < 0), *it)
+        beyond = beyond.or_in(there & dr.select(on, ~outwards, f < 0), *it)
+        return (*leaves(before), *leaves(beyond))
+
+    state = (*leaves(before), *leaves(beyond))
+    if size > tables.FEW:
+        state = s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, state, step)
+    else:
+        for i in range(size):
+            state = step(s.a.U(i), *state)
+    return Medium(*state[:3]), Medium(*state[3:])
 
 
 def _most(colour: Any) -> Any:
     """The greatest of a colour's parts: whether there is any of it."""
     c = dr.detach(colour)
     return dr.maximum(dr.maximum(c.x, c.y), c.z)
-
-
-def _inside(s: Scenery, site: Site, k: Kinship, group: Group, base: int, *state: Any) -> tuple:
-    """The index of refraction, the size and the number of the smallest transparent solid, of those so far and those of
-    a group, that holds the point: but that of the surface itself."""
-    size, kt = len(k.names), group.material.kt
-
-    def step(i: Any, around: Any, best: Any, number: Any) -> tuple:
-        placed, radius, clear, ior = rows((group.placed, group.radius, kt, group.material.ior), i)
-        f = k.kind.level(placed, dr.detach(site.surface.p))[0]
-        index = i + base
-        found = (f < 0) & (_most(clear) > 0) & (site.hit.index != index) & _smaller(radius, index, best, number)
-        return tuple(dr.select(found, x, y) for x, y in ((ior, around), (radius, best), (index, number)))
-
-    if size > tables.FEW:
-        return s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, state, step)
-    for i in range(size):
-        state = step(s.a.U(i), *state)
-    return state
 
 
 def _strength(colour: Any) -> Any:
@@ -138,6 +162,7 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
     kr = _strength(m.kr) if on["reflection"] else a.F(0)
     kt = _strength(m.kt) if on["refraction"] else a.F(0)
     shiny = kr + kt > 0
+    matte = (_most(m.kr) + _most(m.kt) == 0) if on["scatter"] else None
     n = dr.select(site.within, -site.surface.exact, site.surface.exact)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
@@ -163,7 +188,7 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
     ray = replace(site.leaving(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
     onward = Bounce(ray, weight, alive, a.B(False))
     if on["scatter"]:
-        onward = _either(~shiny & (scatters > 0), scattered(s, site, j), onward)
+        onward = _either(matte & (scatters > 0), scattered(s, site, j), onward)
     lit = onward.alive & site.hit.valid & (_strength(onward.weight) > 0)
     return Bounce(onward.ray, onward.weight, lit, onward.scattered)
 

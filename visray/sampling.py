@@ -92,10 +92,11 @@ def in_cell(cell: Any, spare: Any, side: Any, h: Any, real: Any) -> tuple[Any, A
 def scrambled(x: Any, seed: Any) -> Any:
     """Owen's scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of those below it.
 
-    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's.
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor is a hash, where theirs is part of
+    the seed: the points of small indices were not uniform over seeds (tests/test_sampling.py).
     """
     x = x ^ (x * 0x3D20ADEA)
-    x = (x + seed) * ((seed >> 16) | 1)
+    x = (x + seed) * (mix(seed) | 1)
     x = x ^ (x * 0x05526C56)
     return x ^ (x * 0x53A22864)
 
@@ -182,22 +183,32 @@ class Stream:
     draw: Draw
     key: Any
 
-    def one(self) -> tuple[Any, Any]:
-        """The only pair: over a pixel's samples it is spread as they are."""
+    def over_pixel(self) -> tuple[Any, Any]:
+        """One pair, spread over a pixel's samples as they are. For one purpose: with strata, two would go together."""
         d = self.draw
-        if d.sampler == "sobol":
-            return sobol(d.index, self.key, True, d.real)
-        h = mix(self.key + (d.index + 1) * _ODD)
-        if d.sampler == "independent":
-            return in_cell(d.cell, True, d.plan.side, h, d.real)
+        if d.sampler != "stratified":
+            return self.one()
         # The strata of the pixel in another order: multiplied by their number's own step, from a start of its own.
         exact = dr.float64_array_t(d.real)
         cells = exact(d.plan.cells)
-        start = exact(self.key) * 2.0**-32 * cells
-        turn = dr.floor(start) + exact(d.index) * exact(d.plan.other)
+        turn = dr.floor(exact(self.key) * 2.0**-32 * cells) + exact(d.index) * exact(d.plan.other)
         cell = turn - dr.floor(turn * dr.rcp(cells)) * cells
         cell = dr.select(cell >= cells, cell - cells, dr.select(cell < 0, cell + cells, cell))
+        h = mix(self.key + (d.index + 1) * _ODD)
         return in_cell(type(d.index)(cell), d.index >= d.plan.cells, d.plan.side, h, d.real)
+
+    def one(self) -> tuple[Any, Any]:
+        """One pair, unrelated to all others."""
+        d = self.draw
+        if d.sampler == "sobol":
+            return sobol(d.index, self.key, True, d.real)
+        return in_cell(d.cell, True, d.plan.side, mix(self.key + (d.index + 1) * _ODD), d.real)
+
+    def loose(self, j: Any, lot: Lot) -> Any:
+        """A number for pair j of a lot that goes with no stratum."""
+        d = self.draw
+        h = mix(self.key + (d.index * lot.count + j + 1) * _ODD)
+        return d.real(h >> 8) * 2.0**-24
 
     def many(self, j: Any, lot: Lot) -> tuple[Any, Any]:
         """Pair number j of a lot that is taken together."""

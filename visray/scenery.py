@@ -162,7 +162,7 @@ def scenery(
 
 
 # The fields of a material that only some effects read.
-READERS = {"kr": ("reflection",), "kt": ("refraction", "coloured shadows"), "ior": ("refraction",),
+READERS = {"kr": ("reflection", "scatter"), "kt": ("refraction", "coloured shadows", "scatter"), "ior": ("refraction",),
            "dmax": ("coloured shadows",)}  # fmt: skip
 
 

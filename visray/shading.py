@@ -63,7 +63,8 @@ def answer(s: Scenery, site: Site, light: Any, b: Beam) -> Any:
     mode = s.settings.shading
     colour = dr.zeros(a.V, 1)
     if on["diffuse"]:
-        cosine = dr.ceil(b.cosine * STEPS) * (1 / STEPS) if mode == "toon" else b.cosine
+        # A cosine may be rounded to beyond 1.
+        cosine = dr.minimum(dr.ceil(b.cosine * STEPS) * (1 / STEPS), 1) if mode == "toon" else b.cosine
         colour = colour + light.intensity * light.Id * m.kd * cosine
     if on["specular"]:
         gloss = power(_shine(s, site, b), m.shininess, on.shininess_bits, on["fractional shininess"], a.F)

@@ -12,20 +12,25 @@ from rich.console import Console
 
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.lights import PointLight
+from visray.lights import KINDS as LIGHT_KINDS
+from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.primitives.primitive import Twin
 from visray.scene.address import replaced
-from visray.scene.scene import Film, Scene, Settings
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
+from visray.study import arrivals
 from visray.study.answers import Ours
 from visray.study.comparison import Comparison
 from visray.study.crosscheck import check, random_rays
 from visray.study.facets import FINEST, MOST, around, facets
 from visray.study.findings import Report
+from visray.study.painting import Painting
 from visray.study.parts import twins
+from visray.study.plain import MOST_TRANSPARENT
 from visray.study.rounding import AXES
 from visray.study.twin import Theirs
+from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 LEAN = Matrix(matrix=((1, 0.4, 0, 0.1), (0, 0.8, 0.2, 0), (0.1, 0, 1.2, 0)))
@@ -343,3 +348,306 @@ def test_the_bsdf_is_blinn_phong_and_samples_what_it_evaluates() -> None:
     assert np.allclose(np.array(weight) * np.array(sample.pdf), value, atol=1e-5)
     assert np.allclose(np.array(bsdf.pdf(context, si, sample.wo)), np.array(sample.pdf), atol=1e-6)
     assert "BlinnPhong" in str(bsdf)
+
+
+# One of each kind of light, above the same four objects.
+LAMPS = {
+    "point": PointLight(position=(3, 4, 5), Ia=(0.1, 0.1, 0.1), a=0.5, b=0.1, c=0.01),
+    "directional": DirectionalLight(direction=(-0.6, -1, -0.4), a=2.0),
+    "spot": SpotLight(position=(2, 4, 3), direction=(-0.5, -1, -0.7), angle=24.0, exponent=0.0),
+    "rectangle": RectangleLight(position=(0.5, 3, 1), width=(1, 0, 0.2), height=(0, 0.3, 1)),
+    "disk": DiskLight(position=(-0.5, 3, 1), normal=(0.2, -1, 0), radius=0.8),
+    "sphere": SphereLight(position=(-2, 2, 2), radius=0.5),
+}
+SOFT = replace(LAMPS["spot"], angle=35.0, exponent=1.7, b=0.1)
+GROUND = {
+    "ball": Sphere(center=(0.1, 0.2, 0), radius=0.8),
+    "crate": Box(min=(-1.6, -1, -0.9), max=(-0.9, -0.2, -0.2)),
+    "cone": Cone(base=(1.3, -1, 0.3), radius=0.4, height=0.9),
+    "floor": Plane(point=(0, -1, 0)),
+}
+GLASS = Material(kd=(0.1, 0.1, 0.1), kt=(0.9, 0.7, 0.5), dmax=3.0)
+
+
+def painted(s: Scene, materials: dict[str, Material], **of: str) -> Scene:
+    """The scene with some objects of other materials."""
+    things = {name: replace(thing, material=of.get(name, thing.material)) for name, thing in s.objects.items()}
+    return replace(s, materials=s.materials | materials, objects=things)
+
+
+@pytest.fixture(scope="module")
+def ground() -> Scene:
+    return scene(GROUND, lights=LAMPS)
+
+
+def test_no_kind_of_light_is_forgotten() -> None:
+    assert {kind.__dataclass_fields__["type"].default for kind in LIGHT_KINDS} == set(LAMPS)
+
+
+@pytest.mark.parametrize("name", [*LAMPS, "soft"])
+def test_every_light_passes(ground: Scene, name: str) -> None:
+    lamp = (LAMPS | {"soft": SOFT})[name]
+    report = checked(replace(ground, lights={"it": lamp}), rays=2000)
+    assert report.passed, (failures(report), report.examples)
+    assert 500 < report.shadows.reached < report.shadows.rays - 200
+    assert report.shadows.near_edge < 10
+    assert report.picture.rms < 1e-4 and report.picture.compared > 6100
+    assert bool(report.notes) == lamp.wide
+    assert (report.penumbras.rays > 80_000) == lamp.wide
+    assert report.penumbras.near_edge < 20 and report.penumbras.difference == 0
+
+
+def test_all_lights_together_pass(ground: Scene) -> None:
+    report = checked(ground, rays=2000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.penumbras.lights == 3 and report.penumbras.points == 16
+    assert report.penumbras.compared > 15_000
+
+
+# What of the light is changed for Mitsuba, and one of the tolerances that must notice it.
+WRONG_LIGHT = {
+    "a direction": ("directional.direction", (-0.6, -1, -0.41), "shadow rays: mismatches"),
+    "what is left of the sun": ("directional.a", 2.01, "picture: difference"),
+    "a cone": ("spot.angle", 24.3, "shadow rays: mismatches"),
+    "an axis": ("spot.direction", (-0.5, -1, -0.72), "shadow rays: mismatches"),
+    "a falling off": ("spot.exponent", 0.01, "picture: difference"),
+    "a side": ("rectangle.width", (1.02, 0, 0.2), "area lights: mismatches"),
+    "another side": ("rectangle.height", (0, 0.32, 1), "area lights: mismatches"),
+    "a radius": ("disk.radius", 0.82, "area lights: mismatches"),
+    "a normal": ("disk.normal", (0.25, -1, 0), "area lights: mismatches"),
+    "a bulb": ("sphere.radius", 0.52, "area lights: mismatches"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG_LIGHT)
+def test_a_wrong_light_fails(ground: Scene, what: str) -> None:
+    field, value, tolerance = WRONG_LIGHT[what]
+    s = replace(ground, lights={field.split(".")[0]: LAMPS[field.split(".")[0]]})
+    report = checked(s, replaced(s, f"lights.{field}", value), rays=1000)
+    assert tolerance in failures(report)
+    if tolerance == "area lights: mismatches":
+        assert report.penumbras.difference > 0 and "area lights: penumbra" in failures(report)
+        assert any(line.startswith(f"light {field.split('.')[0]}") for line in report.examples)
+
+
+@pytest.mark.parametrize("name", ["point", "directional", "spot", "disk"])
+def test_a_kernel_that_is_wrong_of_one_pixel_fails(ground: Scene, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not excused as near an edge: only rays beside it are asked for that, by another search."""
+
+    def flipped(arrival: arrivals.Arrival) -> arrivals.Arrival:
+        lane = np.flatnonzero(arrival.reached)[300]
+        return replace(arrival, reached=arrival.reached ^ (np.arange(len(arrival.reached)) == lane))
+
+    right, of_point = arrivals.beams, arrivals.beam_of_point
+    monkeypatch.setattr(arrivals, "beams", lambda *args: map(flipped, right(*args)))
+    monkeypatch.setattr(arrivals, "beam_of_point", lambda *args: flipped(of_point(*args)))
+    report = checked(replace(ground, lights={"it": LAMPS[name]}), rays=1000)
+    assert report.shadows.mismatches == 1
+    assert report.penumbras.mismatches == (16 if LAMPS[name].wide else 0)
+    assert "visray dark, Mitsuba lit" in report.examples[0]
+
+
+ROOM = {"floor": Plane(point=(0, 0, 0)), "crate": Box(min=(-0.5, 0, -0.5), max=(0.2, 0.8, 0.3))}
+CEILINGS = {
+    "a slab": Box(min=(-2, 2.3, -2), max=(2, 2.5, 2)),
+    "a card": Rectangle(center=(0, 2.3, 0), width=(4, 0, 0), height=(0, 0, 4)),
+    "a plane": Plane(point=(0, 2.3, 0)),
+    "a ball": Sphere(center=(0.1, 2.6, 0.3), radius=0.3),
+}
+
+
+@pytest.mark.parametrize("ceiling", CEILINGS)
+def test_lights_that_lie_on_a_surface_are_decided(ceiling: str) -> None:
+    place = (0.1, 2.3, 0.3)
+    lamps = {
+        "point": PointLight(position=place),
+        "spot": SpotLight(position=place, direction=(0, -1, 0.1), angle=50.0),
+        "card": RectangleLight(position=place, width=(0.7, 0, 0), height=(0, 0, 0.7)),
+        "bulb": SphereLight(position=(0.1, 2.6, 0.3), radius=0.3),
+    }
+    camera = Camera(origin=(0, 1, 4), target=(0, 0.9, 0))
+    report = checked(scene(ROOM | {"ceiling": CEILINGS[ceiling]}, camera=camera, lights=lamps), rays=2000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.shadows.near_edge < 0.05 * report.shadows.rays
+    assert report.penumbras.near_edge < 0.05 * report.penumbras.rays
+    assert report.shadows.reached > 3000 and report.penumbras.reached > 30_000
+
+
+def test_a_light_along_a_plane_is_decided() -> None:
+    """Moved by rounding, any ray that is parallel to a plane would meet it somewhere."""
+    sun = {"sun": DirectionalLight(direction=(0, 0, -1))}
+    wall = Rectangle(center=(0, 0, -3), width=(6, 0, 0), height=(0, 6, 0))
+    report = checked(scene({"floor": FLOOR, "wall": wall, "ball": ONE["sphere"]}, lights=sun), rays=2000)
+    assert report.passed, failures(report)
+    assert report.shadows.near_edge < 0.05 * report.shadows.rays
+    assert 500 < report.shadows.reached < report.shadows.rays - 100
+
+
+def test_many_lights_in_a_loop_pass() -> None:
+    turns = np.linspace(0, 2 * np.pi, 26, endpoint=False)
+    ring = [(3 * np.cos(t), 3.0, 3 * np.sin(t)) for t in turns]
+    lamps = {f"p{i}": PointLight(position=tuple(map(float, p)), intensity=0.1) for i, p in enumerate(ring)}
+    s = scene(GROUND, lights=lamps)
+    assert Ours(s).scenery.crowds
+    report = checked(s, rays=1000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.shadows.rays > 26 * 4000
+    assert not checked(s, replaced(s, "lights.p25.position", (3.2, 3.0, -0.7)), rays=1000).passed
+
+
+def test_lights_without_intensity_have_no_shadows(ground: Scene) -> None:
+    report = checked(replace(ground, lights={"off": replace(LAMPS["point"], intensity=0.0)}), rays=1000)
+    assert report.passed, failures(report)
+    assert report.shadows.rays == 0
+
+
+GLASSES = {
+    "a ball": {"ball": "glass"},
+    "a box on a card": {"crate": "glass", "floor": "glass"},
+    "all but the floor": {"ball": "glass", "crate": "red", "cone": "glass"},
+    "everything": {"ball": "glass", "crate": "red", "cone": "glass", "floor": "red"},
+}
+
+
+@pytest.mark.parametrize(("case", "precision"), [*((case, "single") for case in GLASSES), ("everything", "double")])
+def test_coloured_shadows_pass(ground: Scene, case: str, precision: str) -> None:
+    red = Material(kt=(0.8, 0.2, 0.2), kr=(0.1, 0.1, 0.1), ks=(0.3, 0.3, 0.3))
+    lamps = {name: LAMPS[name] for name in ("point", "directional", "spot", "disk")}
+    s = painted(replace(ground, lights=lamps), {"glass": GLASS, "red": red}, **GLASSES[case])
+    report = checked(replace(s, settings=Settings(precision=precision)), rays=1000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.tints.rays > 500 and report.tints.near_edge < 20
+    assert report.tints.difference < 1e-4 and report.tints.bound > 0
+    assert report.picture.rms < 1e-4 and report.picture.compared > 6000
+    assert "not compared: refraction" in " ".join(report.notes) or "reflection" in " ".join(report.notes)
+
+
+@pytest.mark.parametrize(("field", "value"), [("kt", (0.9, 0.7, 0.501)), ("dmax", 3.01)])
+def test_wrong_glass_fails(ground: Scene, field: str, value: object) -> None:
+    s = painted(replace(ground, lights={"key": LAMPS["point"]}), {"glass": GLASS}, ball="glass", crate="glass")
+    report = checked(s, replaced(s, f"materials.glass.{field}", value), rays=1000)
+    assert "coloured shadows: share" in failures(report)
+    assert checked(s, rays=1000).passed
+
+
+def test_glass_from_within_passes(ground: Scene) -> None:
+    """The camera, and so every surface it sees from within, is in the glass; one light is in it as well."""
+    lamps = {"in": PointLight(position=(0.4, 0.3, 0.1)), "out": LAMPS["point"], "sun": LAMPS["directional"]}
+    s = painted(replace(ground, lights=lamps), {"glass": GLASS}, ball="glass")
+    report = checked(replace(s, camera=Camera(origin=(0.1, 0.2, 0.1), target=(0, 0, 0))), rays=1000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.tints.rays > 6000 and report.shadows.reached > 6000
+
+
+def test_lights_that_lie_on_glass_pass(ground: Scene) -> None:
+    """Ways that begin on glass and run through it are in it from there on."""
+    lamp = PointLight(position=(0.1, 1.0, 0))
+    s = painted(replace(ground, lights={"lamp": lamp}), {"glass": GLASS}, ball="glass", crate="glass")
+    report = checked(s, rays=1000)
+    assert report.passed, failures(report)
+    assert report.tints.near_edge < 0.1 * report.tints.rays and report.tints.rays > 2000
+    assert report.tints.difference < 1e-4 and report.picture.rms < 1e-4
+
+
+def test_more_glass_than_can_be_checked_counts_as_opaque() -> None:
+    places = np.random.default_rng(5).uniform(-2, 2, (MOST_TRANSPARENT + 1, 3)).tolist()
+    s = scene({f"s{i}": Sphere(center=tuple(p), radius=0.2) for i, p in enumerate(places)})
+    s = painted(s, {"glass": GLASS}, **dict.fromkeys(s.objects, "glass"))
+    report = checked(s, rays=1000)
+    assert report.passed, failures(report)
+    assert report.tints.rays == 0 and report.shadows.rays > 0
+    assert any(f"{MOST_TRANSPARENT + 1} transparent objects count as opaque" in note for note in report.notes)
+
+
+def test_what_is_not_compared_is_switched_off_and_named(ground: Scene) -> None:
+    mirror = Material(kr=(0.8, 0.8, 0.8))
+    s = painted(
+        replace(ground, lights={"wide": replace(LAMPS["disk"], Ia=(0.1, 0.1, 0.1))}),
+        {"glass": GLASS, "mirror": mirror},
+        ball="glass",
+    )
+    s = painted(s, {}, crate="mirror", cone="glass")
+    s = replace(
+        s,
+        camera=replace(s.camera, aperture=0.3),
+        settings=Settings(
+            shading="toon", area="centre", occlusion=Occlusion(sky=4, near=4), scatter=Scatter(rays=3, depth=2)
+        ),
+    )
+    report = checked(s, rays=1000)
+    assert report.passed, failures(report)
+    assert report.notes == (
+        "not compared: the shading toon (settings.shading is blinn-phong)",
+        "not compared: sky occlusion, near occlusion (all ambient light arrives)",
+        "not compared: reflection, refraction, nested media (settings.depth is 0)",
+        "not compared: scatter (settings.scatter.rays is 0)",
+        "not compared: defocus (camera.aperture is 0)",
+        "not compared: area lights (their middles are points; shadows are compared from points all over them)",
+    )
+    assert report.picture.rms < 1e-4 and report.penumbras.compared > 4000
+
+
+@pytest.mark.parametrize("shading", ["phong", "toon", "normal", "depth", "uv", "albedo"])
+def test_other_shadings_are_compared_as_blinn_phong(few: Scene, shading: str) -> None:
+    report = checked(replace(few, settings=Settings(shading=shading)), rays=1000)
+    assert report.passed, failures(report)
+    assert report.notes == (f"not compared: the shading {shading} (settings.shading is blinn-phong)",)
+    assert report.shadows.rays > 0 and report.picture.compared > 6000
+
+
+TEXTURES = {
+    "squares": CheckerTexture(a=(0.9, 0.8, 0.7), b=(0.1, 0.2, 0.3), scale=(0.8, 0.6), offset=(0.1, -0.2)),
+    **{
+        f"{wrap} {filter}": ImageTexture(file="", filter=filter, wrap=wrap, scale=(1.7, -1.3), offset=(0.3, 0.1))
+        for wrap in ("repeat", "clamp", "mirror")
+        for filter in ("nearest", "bilinear")
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A picture of 7 x 5 coloured pixels."""
+    from PIL import Image
+
+    file = tmp_path_factory.mktemp("textures") / "pixels.png"
+    Image.fromarray(np.random.default_rng(8).integers(0, 256, (5, 7, 3), dtype=np.uint8)).save(file)
+    return str(file)
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_textures_pass_and_wrong_ones_fail(ground: Scene, name: str, picture: str) -> None:
+    texture = TEXTURES[name]
+    if isinstance(texture, ImageTexture):
+        texture = replace(texture, file=picture)
+    on = painted(replace(ground, lights={"key": LAMPS["point"]}), {"paint": Material(texture="it")}, floor="paint")
+    s = replace(painted(on, {}, ball="paint", crate="paint", cone="paint"), textures={"it": texture})
+    report = checked(s, rays=1000)
+    assert report.passed, failures(report)
+    assert report.picture.rms < 1e-4 and report.picture.compared > 6100
+    for field, value in (("offset", (0.13, 0.1)), ("scale", (1.75, 1.3))):
+        assert "picture: difference" in failures(checked(s, replaced(s, f"textures.it.{field}", value), rays=1000))
+
+
+def test_paintings_show_pixels_where_they_are(picture: str) -> None:
+    """The middle of each pixel has its colour; between two middles it is their mean, and the first row is at v = 1."""
+    from PIL import Image
+
+    from visray.images.reading import linear
+
+    pixels = linear(np.array(Image.open(picture)) / 255)
+    s = replace(few_colours(picture), objects={"card": Rectangle(material="paint")})
+    painting = Painting(s, ("card",))
+    rows, columns = np.mgrid[:5, :7].reshape(2, -1)
+    uv = np.stack([(columns + 0.5) / 7, 1 - (rows + 0.5) / 5], 1)
+    index = np.zeros(len(uv), int)
+    assert np.allclose(painting.colours(index, uv), pixels.reshape(-1, 3), atol=2**-22)
+    inner = columns < 6
+    between = (pixels[:, :-1] + pixels[:, 1:]).reshape(-1, 3) / 2
+    assert np.allclose(painting.colours(index, uv + (0.5 / 7, 0))[inner], between, atol=2**-22)
+    assert not painting.uncertain(index, uv, np.full(len(uv), 1e-6)).any()
+    assert (painting.colours(np.array([-1]), np.array([[np.nan, np.nan]])) == 0).all()
+
+
+def few_colours(picture: str) -> Scene:
+    return Scene(textures={"it": ImageTexture(file=picture)}, materials={"paint": Material(texture="it")})

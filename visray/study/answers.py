@@ -10,12 +10,11 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
-from visray.lighting import beam
 from visray.ray import NO_OBJECT, Hit, Ray, Surface, unit
 from visray.render import Set, set_up
 from visray.scene.scene import Scene
-from visray.scenery import feel, site
-from visray.search import Watch, blocked, closest
+from visray.scenery import feel
+from visray.search import Watch, closest
 
 
 @dataclass(frozen=True)
@@ -111,27 +110,3 @@ class Ours:
     def colours(self, look: Look) -> np.ndarray:
         """The light along rays from the camera. Shapes: (N, 3)."""
         return rows(integrator.radiance(self.stage, look.ray)[0])
-
-    def beams(self, look: Look) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For each light, whether it reaches what was hit, and the cosine there; not lit where it is not positive."""
-        found, here = [], site(self.scenery, look.ray, look.hit)
-        for lamp in self.scenery.lamps:
-            b = beam(self.scenery, here, lamp)
-            found.append((np.array(b.reached), np.array(b.cosine, float)))
-        return found
-
-    def clear(
-        self, look: Look, light: np.ndarray, p: np.ndarray, active: np.ndarray, arrives: bool = True
-    ) -> np.ndarray:
-        """Whether nothing lies between `light` and p. Shapes: light, p (N, 3); active (N).
-
-        `arrives`: the points p stand for those hit, and are on the same surfaces.
-        """
-        a, way = self.a, p - light
-        length = np.linalg.norm(way, axis=1)
-        d = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
-        ray = Ray(self.triples(self.centre + light), self.triples(d), error=look.surface.error)
-        watch = Watch(a, self.scenery.kin, self.scenery.groups, ray.o)
-        end = look.hit.index if arrives else dr.opaque(a.U, NO_OBJECT, len(p))
-        hidden = blocked(watch, ray, a.D(length), end, a.B(look.within() & arrives), a.B(active))
-        return ~np.array(hidden)

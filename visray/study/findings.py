@@ -84,6 +84,52 @@ class Shadows:
 
 
 @dataclass(frozen=True)
+class Tints:
+    """The same rays where transparent objects let light through: the share of it that arrives, a colour.
+
+    rays: those that meet any object, by visray or by Mitsuba. near_edge: of them, within the rounding of an edge.
+    difference: the largest of all others; bound: the largest share of what rounding may make it.
+    """
+
+    rays: int = 0
+    near_edge: int = 0
+    difference: float = 0.0
+    bound: float = 0.0
+
+    def tolerances(self) -> list[Tolerance]:
+        return [
+            Tolerance("coloured shadows: share", self.bound, 1, "of the rounding bound"),
+            Tolerance("coloured shadows: not decided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
+        ]
+
+
+@dataclass(frozen=True)
+class Penumbras:
+    """Rays between what the pixels see and points all over each area light, the same points for both.
+
+    lights: how many; points: of each; pixels: from which rays were sent. near_edge and mismatches: as of Shadows.
+    difference: of the fraction of points that a pixel sees, the mean over pixels of which no ray is near an edge.
+    """
+
+    lights: int = 0
+    points: int = 0
+    pixels: int = 0
+    rays: int = 0
+    reached: int = 0
+    near_edge: int = 0
+    mismatches: int = 0
+    compared: int = 0
+    difference: float = 0.0
+
+    def tolerances(self) -> list[Tolerance]:
+        return [
+            Tolerance("area lights: mismatches", self.mismatches, 0, "rays"),
+            Tolerance("area lights: penumbra", self.difference, 0, "of the points, mean"),
+            Tolerance("area lights: not decided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
+        ]
+
+
+@dataclass(frozen=True)
 class Pictures:
     """visray's picture less that of a Blinn-Phong BSDF in Mitsuba, over the pixels that are near no edge.
 
@@ -115,12 +161,17 @@ class Report:
     pixels: Crossings
     random: Crossings
     shadows: Shadows
+    tints: Tints
+    penumbras: Penumbras
     picture: Pictures
     difference: Image = field(repr=False)
 
     @property
     def tolerances(self) -> list[Tolerance]:
         found = self.pixels.tolerances("pixel centres") + self.shadows.tolerances()
+        # Of what a scene has not nothing is said.
+        found += self.tints.tolerances() if self.tints.rays else []
+        found += self.penumbras.tolerances() if self.penumbras.rays else []
         return found + self.random.tolerances("random rays") + self.picture.tolerances()
 
     @property
@@ -161,6 +212,16 @@ class Report:
             rows.append(("  largest", f"|dt| {c.dt:.2g} of |o| + t, normal {c.angle:.2g} rad, uv {c.uv:.2g}"))
         s, p = self.shadows, self.picture
         rows.append(("shadow rays", f"{s.rays} rays, {s.reached} reach the light; {s.near_edge} near an edge"))
+        t, a = self.tints, self.penumbras
+        if t.rays:
+            rows.append(("coloured shadows", f"{t.rays} rays with something between; {t.near_edge} near an edge"))
+            rows.append(("  largest", f"difference of the share {t.difference:.2g}"))
+        if a.rays:
+            of = f"{a.lights} with {a.points} points each, from {a.pixels} pixels"
+            rows.append(
+                ("area lights", f"{of}; {a.rays} rays, {a.reached} reach the light; {a.near_edge} near an edge")
+            )
+            rows.append(("  penumbra", f"of {a.compared} pixels the fraction of points differs by {a.difference:.2g}"))
         size = f"{self.width} x {self.height} pixels"
         rows.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
         rows += [(f"left out: {name}", why) for name, why in self.left_out.items()]

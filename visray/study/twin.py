@@ -9,14 +9,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from visray.lights import PointLight
+from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.primitive import Twin
 from visray.scene.scene import Gradient, Scene
+from visray.study import emission
 from visray.study.answers import Answers, Rays
 from visray.study.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
+from visray.study.painting import Painting
 from visray.study.parts import extents, parts
-from visray.study.rounding import Shift
+from visray.study.ways import Ways
 
 
 class Theirs:
@@ -26,17 +28,24 @@ class Theirs:
         mi.set_variant(VARIANT)
         self.scene, self.centre, self.names = scene, centre, names
         self.materials = {"default": Material()} | scene.materials
-        bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
-        found = parts([made[name] for name in names], centre)
-        self.extents = extents([scene.objects[n] for n in names], found)
-        self.uv = [[part.uv for part in of] for of in found]
-        children: dict = {"type": "scene", "embree_use_robust_intersections": True}
-        for i, name in enumerate(names):
-            for j, part in enumerate(found[i]):
-                # Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
-                children[f"{i}_{j}"] = _shape(part.shape, f"{i}_{j}", bsdfs[scene.objects[name].material])
-        self.mitsuba = _loaded(children)
+        self.parts = parts([made[name] for name in names], centre)
+        self.extents = extents([scene.objects[n] for n in names], self.parts)
+        self.uv = [[part.uv for part in of] for of in self.parts]
+        self.painting = Painting(scene, names)
+        self.mitsuba = _loaded(self._children(names))
+        self.among: dict[tuple[str, ...], Any] = {}
         self.owner, self.part_of = self._registry()
+
+    def _children(self, names: tuple[str, ...]) -> dict:
+        """Some of the objects as Mitsuba's load_dict takes them."""
+        bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
+        children: dict = {"type": "scene", "embree_use_robust_intersections": True}
+        for name in names:
+            i, bsdf = self.names.index(name), bsdfs[self.scene.objects[name].material]
+            for j, part in enumerate(self.parts[i]):
+                # Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
+                children[f"{i}_{j}"] = _shape(part.shape, f"{i}_{j}", bsdf)
+        return children
 
     def _registry(self) -> tuple[np.ndarray, np.ndarray]:
         """The object, and the shape in it, of each of Mitsuba's own numbers; -1 for no object."""
@@ -74,55 +83,58 @@ class Theirs:
                 found[lanes] = np.stack(ours((uv[0, lanes], uv[1, lanes])), 1)
         return found
 
-    def reaches(self, p: np.ndarray, light: np.ndarray, margin: np.ndarray) -> np.ndarray:
-        """Whether nothing lies between points and a light, but for what is within `margin` of the point.
-
-        Shapes: p (N, 3), light (3), margin (N), in world units.
-        """
-        way = light - p
-        length = np.linalg.norm(way, axis=1)
-        d = np.divide(way, length[:, None], out=np.zeros_like(way), where=length[:, None] > 0)
-        ray = self._sent(Rays((p + margin[:, None] * d).astype(np.float32), d.astype(np.float32)))
-        ray.maxt = mi.Float((length - margin).astype(np.float32))
+    def reaches(self, ways: Ways, margin: np.ndarray) -> np.ndarray:
+        """Whether nothing lies on ways, but for what is within `margin` of their beginning (N, world units)."""
+        if not self.scene.settings.shadows:
+            return np.ones(len(ways.p), bool)
+        rest = ways.begun(margin)
         # Not by ray_test, which solves a sphere's equation as seen from the ray's origin: far from it digits cancel.
-        return ~np.array(self.mitsuba.ray_intersect_preliminary(ray).is_valid()) | (length <= margin)
+        met = self.mitsuba.ray_intersect_preliminary(self._along(rest))
+        return ~np.array(met.is_valid()) | (rest.length == 0)
 
-    def colours(self, rays: Rays, si: Any, answers: Answers, shift: Shift) -> np.ndarray:
-        """The light along rays from the camera, by Mitsuba's hits, frames, tests and BSDFs. Shapes: (N, 3)."""
-        scene, n = self.scene, len(answers.t)
+    def first(self, ways: Ways, only: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Where ways first meet an object of `only`: the distance, inf if nowhere, and |cosine| with its normal."""
+        if not len(ways.p):
+            # Mitsuba ends the process for no rays at all.
+            return np.zeros(0), np.zeros(0)
+        if only not in self.among:
+            self.among[only] = _loaded(self._children(only))
+        si = self.among[only].ray_intersect(self._along(ways))
+        return np.array(si.t, float), np.abs((np.array(si.n, float).T * ways.l).sum(1))
+
+    def _along(self, ways: Ways) -> Any:
+        ray = self._sent(Rays(ways.p.astype(np.float32), ways.l.astype(np.float32)))
+        ray.maxt = mi.Float(ways.length.astype(np.float32))
+        return ray
+
+    def colours(self, rays: Rays, si: Any, answers: Answers, uv: np.ndarray, arrive: list[np.ndarray]) -> np.ndarray:
+        """The light along rays from the camera, by Mitsuba's hits, frames and BSDFs. Shapes: (N, 3).
+
+        uv: where textures are looked up. arrive: of each light, the share that gets to what was hit. Shapes: (N, 1) or
+        (N, 3).
+        """
+        scene = self.scene
         ka = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
         glow = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
         colour = np.where(answers.hit[:, None], glow * ka[answers.index], _sky(scene, rays))
+        kd = self.painting.colours(answers.index, uv)
         p = np.array(si.p, float).T
-        for light in scene.lights.values():
-            way = np.array(light.position, float) - self.centre - p
-            distance = np.linalg.norm(way, axis=1)
-            l = way / np.maximum(distance, np.finfo(float).tiny)[:, None]
-            sent = self._scattered(light, si, l)
-            if scene.settings.shadows:
-                cosine = np.abs((answers.n * l).sum(1))
-                lit = answers.hit & (cosine > 0)
-                margin = np.where(lit, shift.start(p) / np.where(lit, cosine, 1), 0)
-                clear = self.reaches(p, p + way, margin)
-            else:
-                clear = np.ones(n, bool)
-            colour += np.where((answers.hit & clear)[:, None], sent * _weight(light, distance)[:, None], 0)
+        for light, share in zip(scene.lights.values(), arrive):
+            ways = Ways.to(p, light, self.centre)
+            share = share * (emission.weight(light, ways.length) * emission.aim(light, ways.l))[:, None]
+            sent = self._scattered(light, si, ways.l, kd)
+            colour += np.where(answers.hit[:, None], sent * share, 0)
         return colour
 
-    def _scattered(self, light: PointLight, si: Any, l: np.ndarray) -> np.ndarray:
+    def _scattered(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
         """Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDFs and frames. Shapes: (N, 3)."""
         wo = si.to_local(mi.Vector3f(*l.T.astype(np.float32)))
         context, bsdf, total = mi.BSDFContext(), si.bsdf(), 0
-        for component, colour in ((DIFFUSE, light.Id), (GLOSSY, light.Is)):
+        for component, colour in ((DIFFUSE, light.Id * kd), (GLOSSY, np.array(light.Is, float))):
             context.component = component
             part = np.array(bsdf.eval(context, si, wo, si.is_valid()), float).T
-            total = total + light.intensity * np.array(colour, float) * part
+            total = total + light.intensity * colour * part
         return total
-
-
-def _weight(light: PointLight, distance: np.ndarray) -> np.ndarray:
-    weight = light.a + light.b * distance + light.c * distance**2
-    return np.divide(1, weight, out=np.ones_like(distance), where=weight > 0)
 
 
 def _sky(scene: Scene, rays: Rays) -> np.ndarray:
@@ -147,7 +159,8 @@ def _loaded(children: dict) -> Any:
 
 
 def _bsdf(m: Material) -> Any:
-    return mi.load_dict({"type": "blinn_phong", "kd": list(m.kd), "ks": list(m.ks), "shininess": m.shininess})
+    """The material, its kd taken out: the diffuse part is multiplied with the colour at (u, v)."""
+    return mi.load_dict({"type": "blinn_phong", "kd": [1.0, 1.0, 1.0], "ks": list(m.ks), "shininess": m.shininess})
 
 
 def _shape(shape: dict, name: str, bsdf: Any) -> Any:

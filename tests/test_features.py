@@ -1,26 +1,36 @@
 """What is simulated and why; that leaving the rest out changes no bit; and no derivative that was asked for."""
 
+import random
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import drjit as dr
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
+from visray import integrator, lighting, occlusion, paths, shading, texturing, warp
 from visray.camera import Camera
 from visray.features import RULES, features
 from visray.gradients import gradient
-from visray.lights import PointLight
+from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
+from visray.lights import disk as disk_light
+from visray.lights import sphere as sphere_light
 from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
+from visray.render import Set, expose, set_up
 from visray.render import _pictures as pictures
-from visray.render import expose, set_up
 from visray.scene.address import replaced, value
-from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.scene.load import load
+from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate
 
+SCENES = sorted(p for p in (Path(__file__).resolve().parents[1] / "scenes").glob("*.json") if p.name != "schema.json")
 BLACK = (0.0, 0.0, 0.0)
+DOTS = "dots.png"  # in the folder where each test runs
 FULL = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0), fov=40.0),
     film=Film(width=24, height=16, transparent=False),
@@ -45,8 +55,29 @@ FULL = Scene(
 )
 
 
-def material(**fields: Any) -> Callable[[Scene], Scene]:
-    return lambda s: replace(s, materials={k: replace(m, **fields) for k, m in s.materials.items()})
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a picture for textures, as the current one."""
+    Pillow.fromarray(np.random.default_rng(1).integers(0, 256, (5, 7, 3), np.uint8)).save(tmp_path / DOTS)
+    monkeypatch.chdir(tmp_path)
+
+
+def both(*changes: Callable[[Scene], Scene]) -> Callable[[Scene], Scene]:
+    """All changes, the first one first."""
+
+    def change(s: Scene) -> Scene:
+        for c in changes:
+            s = c(s)
+        return s
+
+    return change
+
+
+def material(*names: str, **fields: Any) -> Callable[[Scene], Scene]:
+    """Those materials with other fields, or all of them."""
+    return lambda s: replace(
+        s, materials={k: replace(m, **fields) if k in names or not names else m for k, m in s.materials.items()}
+    )
 
 
 def light(**fields: Any) -> Callable[[Scene], Scene]:
@@ -61,9 +92,39 @@ def film(**fields: Any) -> Callable[[Scene], Scene]:
     return lambda s: replace(s, film=replace(s.film, **fields))
 
 
+def settings(**fields: Any) -> Callable[[Scene], Scene]:
+    return lambda s: replace(s, settings=replace(s.settings, **fields))
+
+
+def lens(aperture: float) -> Callable[[Scene], Scene]:
+    return lambda s: replace(s, camera=replace(s.camera, aperture=aperture, focus=5.0))
+
+
+def lit_by(**lights: Any) -> Callable[[Scene], Scene]:
+    return whole(lights=lights)
+
+
+def painted(name: str, texture: Any) -> Callable[[Scene], Scene]:
+    return both(whole(textures={"t": texture}), material(name, texture="t"))
+
+
 def lone(thing: Any) -> Callable[[Scene], Scene]:
     return lambda s: replace(s, objects={"lone": replace(thing, material="gloss")})
 
+
+GLASS = material("gloss", kt=(0.5, 0.7, 0.3), dmax=2.0, ior=1.4)
+PANEL = RectangleLight(position=(2, 5, 4), samples=5)
+DISK = DiskLight(position=(3, 5, 4), normal=(-1, -1, -1), samples=4)
+GLOBE = SphereLight(position=(-3, 4, 3), radius=0.5, samples=3)
+# Every effect but coverage, on top of those that the full scene has.
+ALL = both(
+    GLASS,
+    material("gloss", kr=(0.3, 0.2, 0.1)),
+    painted("wall", ImageTexture(file=DOTS)),
+    lambda s: replace(s, lights=s.lights | {"panel": PANEL}),
+    settings(occlusion=Occlusion(sky=3, near=2), scatter=Scatter(rays=2, depth=2)),
+    lens(0.2),
+)
 
 # Changes of the full scene: which effect they take away (or add), and the reason that is given.
 CASES = {
@@ -80,8 +141,7 @@ CASES = {
     "one flat thing": (lone(Rectangle(width=(3, 0, 0), height=(0, 3, 0))), "shadows", False,
                        "nothing can stand between a light and a surface"),
     "one solid thing": (lone(Sphere()), "shadows", True, "called for by lights.key and 1 more"),
-    "shadows off": (whole(settings=replace(FULL.settings, shadows=False)), "shadows", False,
-                    "settings.shadows is false"),
+    "shadows off": (settings(shadows=False), "shadows", False, "settings.shadows is false"),
     "no objects": (whole(objects={}), "shadows", False, "nothing can stand between a light and a surface"),
     "no lights": (whole(lights={}), "shadows", False, "nothing can stand between a light and a surface"),
     "lights off": (light(intensity=0.0), "diffuse", False, "no light with Id falls on a material with kd"),
@@ -90,7 +150,55 @@ CASES = {
     "transparent": (film(transparent=True), "background", False, "film.transparent is true"),
     "opaque": (film(transparent=False), "coverage", False, "the film is opaque: A is 1"),
     "covering": (film(transparent=True), "coverage", True, "called for by film.transparent"),
+    "tinted shadows": (both(GLASS, settings(depth=0)), "coloured shadows", True, "called for by materials.gloss"),
+    "glass in the dark": (both(GLASS, light(intensity=0.0)), "coloured shadows", False,
+                          "without shadows it changes nothing"),
+    "glass without shadows": (both(GLASS, settings(shadows=False)), "coloured shadows", False,
+                              "settings.shadows is false"),
+    "panel": (lit_by(key=PANEL), "area lights", True, "called for by lights.key"),
+    "disk and globe": (lit_by(a=DISK, b=GLOBE), "area lights", True, "called for by lights.a and 1 more"),
+    "panel without shadows": (both(lit_by(key=PANEL), settings(shadows=False)), "shadows", False,
+                              "settings.shadows is false"),
+    "panel off": (lit_by(key=replace(PANEL, intensity=0.0)), "area lights", False, "every light is a point or far"),
+    "sky": (settings(occlusion=Occlusion(sky=5)), "sky occlusion", True, "called for by settings.occlusion.sky"),
+    "sky above black": (both(material(ka=BLACK), settings(occlusion=Occlusion(sky=5))), "sky occlusion", False,
+                        "settings.occlusion.sky is 0, or no ambient light falls on a material with ka"),
+    "near": (settings(occlusion=Occlusion(near=5, distance=2.0)), "near occlusion", True,
+             "called for by settings.occlusion.near"),
+    "near without Ia": (both(light(Ia=BLACK), settings(occlusion=Occlusion(near=5))), "near occlusion", False,
+                        "settings.occlusion.near is 0, or no Ia falls on a material with ka"),
+    "mirror": (material("gloss", kr=(0.5, 0.6, 0.7)), "reflection", True, "called for by materials.gloss"),
+    "no mirror": (settings(scatter=Scatter(rays=2)), "reflection", False, "no material has kr"),
+    "mirror at depth 0": (both(material(kr=(0.5, 0.6, 0.7)), settings(depth=0)), "reflection", False,
+                          "settings.depth is 0"),
+    "glass": (both(GLASS, settings(shadows=False)), "refraction", True, "called for by materials.gloss"),
+    "no glass": (material(kr=(0.1, 0.2, 0.3)), "refraction", False, "no material has kt"),
+    "glass and mirror": (both(GLASS, material(kr=(0.2, 0.1, 0.3))), "refraction", True,
+                         "called for by materials.gloss"),
+    "two glasses": (GLASS, "nested media", True, "called for by objects.ball and 1 more"),
+    "one glass": (both(GLASS, lambda s: replace(s, objects={k: s.objects[k] for k in ("floor", "ball", "leaf")})),
+                  "nested media", False, "there are no two transparent solids"),
+    "scatter": (settings(scatter=Scatter(rays=2, depth=2)), "scatter", True,
+                "called for by materials.gloss and 1 more"),
+    "scatter of mirrors": (both(material(kr=(0.5, 0.6, 0.7)), settings(scatter=Scatter(rays=2, depth=2))), "scatter",
+                           False, "settings.scatter has no rays, or no material is matte"),
+    "squares": (painted("wall", CheckerTexture()), "textures", True, "called for by materials.wall"),
+    "no textures": (lens(0.2), "textures", False, "the scene has no textures"),
+    "textures that nothing has": (whole(textures={"t": CheckerTexture()}), "textures", False,
+                                  "no material has a texture"),
+    "blend": (painted("wall", ImageTexture(file=DOTS)), "bilinear", True, "called for by textures.t"),
+    "nearest": (painted("wall", ImageTexture(file=DOTS, filter="nearest")), "bilinear", False,
+                "no texture blends its pixels"),
+    "lens": (lens(0.3), "defocus", True, "called for by camera.aperture"),
+    "pinhole": (whole(), "defocus", False, "camera.aperture is 0"),
+    "all": (ALL, "refraction", True, "called for by materials.gloss"),
+    "normals": (both(ALL, settings(shading="normal")), "diffuse", False, "settings.shading is normal"),
 }  # fmt: skip
+# Of these cases, the scene itself rules the effect out: it is not forced.
+FORBIDDEN = (
+    "shadows off", "panel without shadows", "glass without shadows", "transparent", "mirror at depth 0", "no textures",
+    "normals",
+)  # fmt: skip
 EACH = pytest.mark.parametrize("case", CASES)
 
 
@@ -101,12 +209,16 @@ def exposed(scene: Scene, everything: bool) -> dict[str, np.ndarray]:
     return pictures(made, film, done, ("RGB", "A", "variance"))
 
 
-def operations(scene: Scene, everything: bool = False) -> int:
-    """Of the kernel that renders the samples: the greatest there is."""
+def kernel(made: Set) -> dict[str, Any]:
+    """What Dr.Jit says of the kernel that renders the samples: the greatest there is."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        expose(set_up(scene, everything=everything))
-        return max(k["operation_count"] for k in dr.kernel_history([dr.KernelType.JIT]))
+        expose(made)
+        return max(dr.kernel_history([dr.KernelType.JIT]), key=lambda k: k["operation_count"])
+
+
+def operations(scene: Scene, everything: bool = False) -> int:
+    return kernel(set_up(scene, everything=everything))["operation_count"]
 
 
 @EACH
@@ -116,15 +228,15 @@ def test_reason(case: str) -> None:
     assert list(found) == [r.name for r in RULES]
     assert (found[name].on, found[name].reason) == (on, reason)
     forced = {f.name: f for f in features(change(FULL), everything=True).listed}
-    # What the scene forbids is not forced: shadows that are switched off, a background that the film leaves out.
-    forbidden = case in ("shadows off", "transparent")
-    assert forced[name].on != forbidden
-    assert forced[name].reason == (reason if on or forbidden else "forced")
+    assert forced[name].on != (case in FORBIDDEN)
+    assert forced[name].reason == (reason if on or case in FORBIDDEN else "forced")
 
 
 def test_every_rule_is_on_in_one_case_and_off_in_another() -> None:
-    assert features(FULL).names() == [r.name for r in RULES if r.name != "coverage"]
-    assert {name for _, name, on, _ in CASES.values() if not on} == {r.name for r in RULES}
+    every = {r.name for r in RULES}
+    assert {*features(FULL).names(), *(name for _, name, on, _ in CASES.values() if on)} == every
+    assert {name for _, name, on, _ in CASES.values() if not on} == every
+    assert features(ALL(FULL)).names() == [r.name for r in RULES if r.name != "coverage"]
 
 
 @EACH
@@ -139,6 +251,26 @@ def test_everything_is_the_same_bit_for_bit(case: str, precision: str) -> None:
         assert without[name].tobytes() == forced[name].tobytes()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_everything_is_the_same_bit_for_bit_in_mixtures(seed: int) -> None:
+    """Effects that meet by chance: four cases one on top of the other."""
+    mixed = random.Random(seed).sample(list(CASES.values()), 4)
+    scene = both(*(change for change, *_ in mixed))(FULL)
+    without, forced = exposed(scene, False), exposed(scene, True)
+    for name in without:
+        assert without[name].tobytes() == forced[name].tobytes()
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
+def test_everything_is_the_same_bit_for_bit_in_every_scene(path: Path) -> None:
+    scene = load(path)
+    height = max(1, round(64 * scene.film.height / scene.film.width))
+    scene = both(film(width=64, height=height), settings(spp=3, precision="single"))(scene)
+    without, forced = exposed(scene, False), exposed(scene, True)
+    for name in without:
+        assert without[name].tobytes() == forced[name].tobytes()
+
+
 @pytest.mark.parametrize(
     "case", ["no ka", "no kd", "no ks", "whole shininess", "no attenuation", "shadows off", "black sky", "no lights"]
 )
@@ -146,6 +278,114 @@ def test_what_is_not_called_for_is_not_in_the_kernel(case: str) -> None:
     scene = CASES[case][0](FULL)
     assert operations(scene) < operations(FULL)
     assert operations(scene) < operations(scene, everything=True)
+
+
+# A matte scene, lit by a point without shadows, and for each effect how it and the same scene without it come about.
+MATTE = Scene(
+    camera=FULL.camera,
+    film=FULL.film,
+    background=BLACK,
+    ambient=BLACK,
+    materials={name: Material(ka=BLACK, kd=(0.5, 0.4, 0.3)) for name in ("floor", "one", "two")},
+    lights={"key": PointLight(position=(3, 5, 4))},
+    objects={
+        "floor": Plane(material="floor"),
+        "one": Sphere(center=(0, 1, 0), material="one"),
+        "two": Sphere(center=(1.5, 0.5, 1), radius=0.5, material="two"),
+    },
+    settings=Settings(spp=2, shadows=False),
+)
+WIDE = {"panel": PANEL, "disk": DISK, "globe": GLOBE}
+AMBIENT = both(whole(ambient=(0.5, 0.5, 0.5)), material(ka=(0.1, 0.2, 0.3)))
+STEPS = {
+    "ambient": (whole(), AMBIENT),
+    "diffuse": (material(kd=BLACK), whole()),
+    "specular": (whole(), material(ks=(0.5, 0.5, 0.5), shininess=8.0)),
+    "fractional shininess": (material(ks=(0.5, 0.5, 0.5), shininess=8.0), material(ks=(0.5, 0.5, 0.5), shininess=8.5)),
+    "attenuation": (whole(), light(a=0.5, c=0.1)),
+    "shadows": (whole(), settings(shadows=True)),
+    "coloured shadows": (settings(shadows=True, depth=0),
+                         both(settings(shadows=True, depth=0), material("one", kt=(0.5, 0.7, 0.9)))),
+    "area lights": (lit_by(**{name: PointLight(position=l.position) for name, l in WIDE.items()}), lit_by(**WIDE)),
+    "sky occlusion": (AMBIENT, both(AMBIENT, settings(occlusion=Occlusion(sky=4, hemisphere="box")))),
+    "near occlusion": (both(AMBIENT, light(Ia=(0.1, 0.1, 0.1))),
+                       both(AMBIENT, light(Ia=(0.1, 0.1, 0.1)), settings(occlusion=Occlusion(near=4)))),
+    "reflection": (whole(), material("one", kr=(0.5, 0.7, 0.9))),
+    "refraction": (whole(), material("one", kt=(0.5, 0.7, 0.9))),
+    "nested media": (material("one", kt=(0.5, 0.7, 0.9)), material("one", "two", kt=(0.5, 0.7, 0.9))),
+    "scatter": (whole(), settings(scatter=Scatter(rays=2, depth=2))),
+    "textures": (whole(), painted("one", CheckerTexture())),
+    "bilinear": (painted("one", ImageTexture(file=DOTS, filter="nearest")), painted("one", ImageTexture(file=DOTS))),
+    "defocus": (whole(), lens(0.2)),
+    "background": (whole(), whole(background=(0.1, 0.2, 0.3))),
+    "coverage": (whole(), film(transparent=True)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("effect", STEPS)
+def test_each_effect_makes_the_kernel_of_a_matte_scene_grow(effect: str) -> None:
+    before, after = (change(MATTE) for change in STEPS[effect])
+    assert features(MATTE).names() == ["diffuse"]
+    assert set(features(after).names()) - set(features(before).names()) == {effect}
+    assert operations(before) < operations(after)
+
+
+def test_there_is_a_step_for_every_rule() -> None:
+    assert list(STEPS) == [r.name for r in RULES]
+
+
+# The functions that only some effects need.
+PATHS, DOMES = {"reflection", "refraction", "scatter"}, {"sky occlusion", "near occlusion"}
+PARTS = {
+    (occlusion, "sky"): {"sky occlusion"},
+    (occlusion, "near"): {"near occlusion"},
+    (paths, "onward"): PATHS,
+    (paths, "lens"): PATHS,
+    (paths, "bounce"): PATHS,
+    (paths, "scattered"): {"scatter"},
+    (paths, "_others"): {"nested media"},
+    (lighting, "spread"): {"area lights"},
+    (lighting, "_from"): {"area lights"},
+    (lighting, "_from_afar"): set(),
+    (lighting, "_shadowed"): {"shadows"},
+    (lighting, "blocked"): {"shadows"},
+    (lighting, "transmitted"): {"coloured shadows"},
+    (shading, "power"): {"specular"},
+    (texturing, "colour"): {"textures"},
+    (texturing, "_around"): {"bilinear"},
+    (integrator, "lens_ray"): {"defocus"},
+    (warp, "disk"): {"defocus", "scatter", *DOMES},
+    (warp, "sphere"): set(),
+    (warp, "cosine"): {"scatter", *DOMES},
+    (warp, "box"): DOMES,
+    (disk_light, "disk"): {"area lights"},
+    (sphere_light, "sphere"): {"area lights"},
+}
+
+
+@pytest.mark.parametrize("effect", ["none", *STEPS])
+def test_what_is_absent_is_out_of_reach(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The kernel is the same, instruction by instruction, where the functions of all absent effects are no more."""
+    scene = STEPS[effect][1](MATTE) if effect in STEPS else MATTE
+    found, on = kernel(set_up(scene))["hash"], set(features(scene).names())
+    for (module, name), effects in PARTS.items():
+        if not effects & on:
+            monkeypatch.delattr(module, name)
+    assert kernel(set_up(scene))["hash"] == found
+
+
+def test_what_is_present_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The functions that the test above takes away are those that the effects run through."""
+    reached = set()
+
+    def watched(part: tuple, work: Callable) -> Callable:
+        return lambda *given: (reached.add(part), work(*given))[1]
+
+    for part in PARTS:
+        monkeypatch.setattr(*part, watched(part, getattr(*part)))
+    for _, change in STEPS.values():
+        expose(set_up(change(MATTE)))
+    assert reached == {part for part, effects in PARTS.items() if effects}
 
 
 def test_matte_costs_less_than_glossy_and_glossy_less_than_a_broken_exponent() -> None:

@@ -94,8 +94,13 @@ def _background(scene: Scene) -> list[str]:
 
 
 def _shadows(scene: Scene) -> list[str]:
+    return _lights(scene, lambda l: l.intensity) if _in_the_way(scene) else []
+
+
+def _in_the_way(scene: Scene) -> bool:
+    """Whether an object can stand between a light and a surface: one flat thing cannot."""
     lone = len(scene.objects) == 1 and isinstance(next(iter(scene.objects.values())), Flat)
-    return _lights(scene, lambda l: l.intensity) if scene.objects and not lone else []
+    return bool(scene.objects) and not lone
 
 
 def _lets_through(scene: Scene) -> list[str]:
@@ -103,7 +108,8 @@ def _lets_through(scene: Scene) -> list[str]:
 
 
 def _coloured(scene: Scene) -> list[str]:
-    return _lets_through(scene) if _shadows(scene) else []
+    """Without a look at how bright the lights are: a light of intensity 0 has a slope, and its shadow a colour."""
+    return _lets_through(scene) if scene.lights and _in_the_way(scene) else []
 
 
 def _nested(scene: Scene) -> list[str]:
@@ -177,7 +183,8 @@ RULES = (
     Rule("reflection", _seen(lambda s: _mirrors(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _seen(lambda s: _mirrors(s, "kt")), "no material has kt", ("kt",)),
     Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",), needs="refraction"),
-    Rule("scatter", _seen(_scatter), "settings.scatter has no rays, or no material is matte", ()),
+    Rule("scatter", _seen(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
+         lambda s: s.settings.scatter.rays and s.settings.scatter.depth),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
     Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
@@ -187,17 +194,17 @@ RULES = (
 )  # fmt: skip
 
 
-def _asked(rule: Rule, wrt: tuple[str, ...]) -> str | None:
-    """The first address in `wrt` that names one of the rule's fields."""
+def _asked(fields: tuple[str, ...], wrt: tuple[str, ...]) -> str | None:
+    """The first address in `wrt` that names one of the fields."""
 
     def field(address: str) -> str:
         parts = [*address.split("."), "", ""]
         return parts[{"materials": 2, "lights": 2, "camera": 1}.get(parts[0], 0)]
 
-    return next((w for w in wrt if field(w) in rule.fields), None)
+    return next((w for w in wrt if field(w) in fields), None)
 
 
-def _ruled_out(name: str, scene: Scene) -> str | None:
+def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
     """Why the scene itself rules an effect out, whoever asks."""
     settings = scene.settings
     if name in ("shadows", "coloured shadows") and not settings.shadows:
@@ -209,16 +216,18 @@ def _ruled_out(name: str, scene: Scene) -> str | None:
         return f"settings.shading is {settings.shading}"
     if name in ("textures", "bilinear") and not scene.textures:
         return "the scene has no textures"
-    if name == "background" and scene.film.transparent and not (_paths(scene) and not unlit):
+    # What a transparent film leaves out may still be seen in a mirror.
+    mirrored = (_paths(scene) or _asked(("kr", "kt"), wrt)) and not unlit
+    if name == "background" and scene.film.transparent and not mirrored:
         return "film.transparent is true"
     return None
 
 
 def _judge(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> Feature:
-    never = _ruled_out(rule.name, scene)
+    never = _ruled_out(rule.name, scene, wrt)
     if never:
         return Feature(rule.name, False, never)
-    calls, asked = rule.calls(scene), _asked(rule, wrt) if rule.possible(scene) else None
+    calls, asked = rule.calls(scene), _asked(rule.fields, wrt) if rule.possible(scene) else None
     if calls:
         more = f" and {len(calls) - 1} more" if len(calls) > 1 else ""
         return Feature(rule.name, True, f"called for by {calls[0]}{more}")
@@ -237,10 +246,12 @@ def features(
     most = max([m.shininess for m in used_materials(scene).values()], default=0)
     # A multiple of four, so that a small change of an exponent is a change of data, not of code.
     bits = max(8, 4 * -(-int(most).bit_length() // 4))
-    listed = (
-        Feature(rule.name, False, "left out")
-        if {rule.name, rule.needs} & set(without)
-        else _judge(rule, scene, wrt, everything)
-        for rule in RULES
-    )
-    return Features(tuple(listed), bits)
+    found: dict[str, Feature] = {}
+    for rule in RULES:
+        f = _judge(rule, scene, wrt, everything)
+        if {rule.name, rule.needs} & set(without):
+            f = Feature(rule.name, False, "left out")
+        elif f.on and rule.needs and not found[rule.needs].on:
+            f = Feature(rule.name, False, f"without {rule.needs} it changes nothing")
+        found[rule.name] = f
+    return Features(tuple(found.values()), bits)

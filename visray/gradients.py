@@ -16,7 +16,8 @@ import numpy as np
 from visray import integrator, tables
 from visray.errors import UserError
 from visray.film import Moments
-from visray.lighting import beam
+from visray.images import Atlas
+from visray.lighting import Beam, beam
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
@@ -128,7 +129,7 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
     hit = closest(stage.watch, ray)
     plan = Plan.of(s.a, 0, 1, 0, 1)
     here = site(s, ray, hit, Draw(s.settings.sampler, s.a.F, plan, x, plan.first, x))
-    lit = [beam(s, here, lamp).reached for lamp in s.lamps if not lamp.kind.wide]
+    lit = [_fully(beam(s, here, lamp)) for lamp in s.lamps if not lamp.kind.wide]
     found = []
     seen = np.unique(np.array(hit.index))
     if len(seen) > 1:
@@ -138,11 +139,25 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
         found.append("creases")
     if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in lit):
         found.append("shadow edges")
+    if s.features["textures"] and _has_steps(s.atlas):
+        found.append("texture edges")
+    if s.settings.shading == "toon":
+        found.append("steps of a cartoon")
     # What samples, or rays by way of other surfaces, meet has edges of its own, unless there is nothing to meet.
     others = {"penumbras": "area lights", "occlusion": "sky occlusion", "closeness": "near occlusion", "paths": "paths"}
     if len(kinds) > 1:
         found += [what for what, effect in others.items() if s.features[effect]]
     return " and ".join(found) + " are in view" if found else ""
+
+
+def _fully(b: Beam) -> Any:
+    """Where all of the light arrives."""
+    return b.reached if b.share is None else b.reached & (b.share.x == 1) & (b.share.y == 1) & (b.share.z == 1)
+
+
+def _has_steps(atlas: Atlas) -> bool:
+    """Whether the colour of a texture jumps: from square to square, or from pixel to pixel."""
+    return atlas.rows.a is not None or not np.all(np.array(atlas.rows.smooth))
 
 
 def gradient(

@@ -68,7 +68,9 @@ def spread(s: Scenery, site: Site, lamp: Lamp, answer: Callable, salt: Any = 0) 
     stream = site.draw.along(salt).stream(STREAM + lamp.number)
     base = a.V(lamp.light.position - site.surface.p)
     middle = None if s.settings.area == "samples" else _from(s, site, lamp, base)
-    watch = site.watch and site.watch.toward(Cone.around(a, base, lamp.light.reach()))
+    watch = None
+    if s.features["shadows"]:
+        watch = site.watch.toward(Cone.around(a, base, lamp.light.reach()))
 
     def step(j: Any, colour: Any) -> tuple:
         b = _from(s, site, lamp, base + lamp.light.offset(a.V, *stream.many(j, lamp.lot)), watch, middle)

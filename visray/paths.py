@@ -162,7 +162,7 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
     kr = _strength(m.kr) if on["reflection"] else a.F(0)
     kt = _strength(m.kt) if on["refraction"] else a.F(0)
     shiny = kr + kt > 0
-    matte = (_most(m.kr) + _most(m.kt) == 0) if on["scatter"] else None
+    matte = (_most(m.kr) + _most(m.kt) == 0) & (_strength(m.kd) > 0) if on["scatter"] else None
     n = dr.select(site.within, -site.surface.exact, site.surface.exact)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
@@ -245,6 +245,8 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
 
     def step(*state: Any) -> tuple:
         number, *rest, alive, total = level(*state)
+        if not s.features["scatter"]:
+            return number, *rest, alive, total
         again = ~alive & (number + 1 < count)
         new = begun(number + 1, scattered(s, first, number + 1), again)
         state = tuple(dr.select(again, x, y) for x, y in zip(new, (number, *rest, alive)))

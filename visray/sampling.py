@@ -92,8 +92,8 @@ def in_cell(cell: Any, spare: Any, side: Any, h: Any, real: Any) -> tuple[Any, A
 def scrambled(x: Any, seed: Any) -> Any:
     """Owen's scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of those below it.
 
-    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor is a hash, where theirs is part of
-    the seed: the points of small indices were not uniform over seeds (tests/test_sampling.py).
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor is a hash, where theirs is part
+    of the seed: the points of small indices were not uniform over seeds (tests/test_sampling.py).
     """
     x = x ^ (x * 0x3D20ADEA)
     x = (x + seed) * (mix(seed) | 1)

@@ -1,13 +1,15 @@
 """Where samples fall: each stratum once, uniform, unrelated from pixel to pixel and seed to seed."""
 
-from math import gcd, isqrt, sqrt
+from dataclasses import dataclass
+from itertools import pairwise
+from math import comb, gcd, isqrt, sqrt
 
 import drjit as dr
 import numpy as np
 import pytest
 
 from visray.quantities import Arrays
-from visray.sampling import Draw, Plan, first_cell, in_cell, mix, next_cell, pixel_key
+from visray.sampling import Draw, Lot, Plan, first_cell, in_cell, mix, next_cell, pascal, pixel_key, scrambled, sobol
 
 A = Arrays.of("llvm", "single")
 # Chance of a false alarm of each test below: 1e-6 one-sided is 4.75 standard errors; 5 for two-sided ones.
@@ -192,3 +194,221 @@ def test_a_seed_and_a_sample_count_are_data_not_code() -> None:
             draw(*numbers)
         history = dr.kernel_history([dr.KernelType.JIT])
     assert len(history) == 3 and all(k["cache_hit"] for k in history)
+
+
+# Sobol's points
+
+SHUFFLED = pytest.mark.parametrize("shuffled", [False, True], ids=["in order", "shuffled"])
+
+
+def keys(n: int) -> np.ndarray:
+    """Seeds of sequences as the kernels have them: hashes of small numbers."""
+    return np.array(mix(dr.arange(A.U, n) + 77))
+
+
+def sobol_points(index: np.ndarray, seed: np.ndarray, shuffled: bool) -> np.ndarray:
+    """Shape: (2, *index.shape), the numbers exactly as integers of 24 bits."""
+    i, s = (A.U(np.broadcast_to(v, np.broadcast(index, seed).shape).ravel().astype(np.uint32)) for v in (index, seed))
+    found = np.array([np.array(w, np.float64) for w in sobol(i, s, shuffled, A.F)]) * 2.0**24
+    assert (found == np.floor(found)).all() and found.min() >= 0 and found.max() < 2**24
+    return found.astype(np.int64).reshape(2, *np.broadcast(index, seed).shape)
+
+
+@SHUFFLED
+@pytest.mark.parametrize("k", range(11))
+def test_every_aligned_block_is_a_net(shuffled: bool, k: int) -> None:
+    """A (0, k, 2)-net in base 2: each of the k + 1 ways to cut the square into 2^k equal boxes has a point in each box.
+
+    For 30 seeds and blocks that start anywhere up to 2^32.
+    """
+    rng = np.random.default_rng(k)
+    first = (rng.integers(0, 2 ** (32 - k), 40) << k)[None, :, None]
+    first[:, :2] = [[[0], [1 << k]]]
+    x, y = sobol_points(first + np.arange(2**k), keys(30)[:, None, None], shuffled)
+    for p in range(k + 1):
+        box = ((x >> (24 - p)) << (k - p)) | (y >> (24 - k + p))
+        assert np.array_equal(np.sort(box, -1), np.broadcast_to(np.arange(2**k), box.shape))
+
+
+def test_pascals_triangle_is_that_of_binomials() -> None:
+    """Bit i of the result is the sum modulo 2 of C(j, i) over the bits j of x: odd where i has no bit that j lacks."""
+    x = np.random.default_rng(1).integers(0, 2**32, 2000, dtype=np.uint64)
+    bits = (x[:, None] >> np.arange(32, dtype=np.uint64)) & np.uint64(1)
+    matrix = np.array([[comb(j, i) % 2 for i in range(32)] for j in range(32)], np.uint64)
+    exact = ((bits @ matrix) & np.uint64(1)) @ (np.uint64(1) << np.arange(32, dtype=np.uint64))
+    assert np.array_equal(np.array(pascal(A.U(x.astype(np.uint32)))), exact)
+
+
+def test_scrambling_flips_each_bit_by_those_below_it_alone() -> None:
+    """Owen's: numbers that agree in their lowest k bits still do, and go on to differ where they did."""
+    rng = np.random.default_rng(2)
+    seed = keys(50_000)
+    x, k = rng.integers(0, 2**32, len(seed)), rng.integers(0, 32, len(seed))
+    other = x ^ ((rng.integers(0, 2**32, len(seed)) << (k + 1) | (1 << k)) & 0xFFFFFFFF)
+    one, two = (np.array(scrambled(A.U(v.astype(np.uint32)), A.U(seed))).astype(np.int64) for v in (x, other))
+    apart = one ^ two
+    assert np.array_equal(apart & -apart, 1 << k)
+    # Not without an effect: over the seeds, each of the bits is flipped half of the time.
+    flips = (one ^ x)[:, None] >> np.arange(32) & 1
+    assert np.abs(flips.mean(0) - 0.5).max() < SIGMA * 0.5 / sqrt(len(seed))
+
+
+@SHUFFLED
+@pytest.mark.parametrize("index", [0, 1, 2, 5, 63, 1000, 2**31 + 7])
+def test_scrambled_points_are_uniform_over_seeds(shuffled: bool, index: int) -> None:
+    """Each point of the sequence alone, over a million seeds: anywhere in 16 x 16 boxes, and within a small one."""
+    found = sobol_points(np.array(index), keys(1_000_000), shuffled).T / 2.0**24
+    for part in (found, found * 16 % 1):
+        assert chi_square(part, 16) < chi_square_limit(16 * 16 - 1)
+
+
+# Streams
+
+SAMPLERS = ("stratified", "sobol", "independent")
+EACH = pytest.mark.parametrize("sampler", SAMPLERS)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The random numbers of each sample of some pixels in a row, a lane each."""
+
+    draw: Draw
+    shape: tuple[int, int]
+    cell: np.ndarray
+
+    @staticmethod
+    def of(sampler: str, pixels: int, spp: int, first: int = 0, count: int | None = None, seed: int = 3) -> "Samples":
+        """Of all samples, or of a pass of `count` from the `first` on."""
+        count = spp if count is None else count
+        p = plan(seed, spp, first, count)
+        i, x = A.U(np.repeat(np.arange(count, dtype=np.uint32), pixels)), dr.tile(dr.arange(A.U, pixels), count)
+        key = pixel_key(p, x, x * 0 + 9)
+        cell = (first_cell(p, key, A.F) + i * p.step) % int(p.cells[0])
+        return Samples(Draw(sampler, A.F, p, key, i + p.first, cell), (count, pixels), np.array(cell))
+
+    def values(self, pairs: list) -> np.ndarray:
+        """Pairs of arrays, evaluated together. Shape: (number of pairs, 2, samples, pixels)."""
+        dr.eval(pairs)
+        return np.array([[np.array(w, np.float64).reshape(self.shape) for w in p] for p in pairs])
+
+    def lot(self, stream: int, n: int) -> np.ndarray:
+        """The n points of a lot. Shape: (n, 2, samples, pixels)."""
+        lot = Lot.of(A, n)
+        return self.values([self.draw.stream(stream).many(A.U(j), lot) for j in range(n)])
+
+
+def singles(d: Draw) -> list:
+    """Pairs for the purposes of which a path has one each: pixel, lens, lobe, scatter; and those of its next levels."""
+    levels = [d, d.along(A.U(1)), d.along(A.U(2)), d.along(A.U(1 | 1 << 16))]
+    return [d.pixel()] + [level.stream(n).one() for level in levels for n in (1, 5, 6)]
+
+
+LOTS = (2, 3, 7, 16, 17, 18)
+
+
+def lots(d: Draw) -> list:
+    """A pair each of the lots of occlusion, lights and paths."""
+    return [d.stream(n).many(A.U(2), Lot.of(A, 4)) for n in LOTS]
+
+
+def place(points: np.ndarray, side: int) -> np.ndarray:
+    """The number of the stratum of points (..., 2, samples, pixels)."""
+    cells = np.floor(points * side).astype(int)
+    return cells[..., 0, :, :] + side * cells[..., 1, :, :]
+
+
+def each_once(numbers: np.ndarray, axis: int) -> bool:
+    """Whether the numbers along an axis are 0 to n - 1 in some order."""
+    wanted = np.arange(numbers.shape[axis]).reshape([-1 if i == axis else 1 for i in range(numbers.ndim)])
+    return bool((np.sort(numbers, axis) == wanted).all())
+
+
+@EACH
+def test_streams_and_levels_are_unrelated_from_pixel_to_pixel(sampler: str) -> None:
+    """Any two purposes, over 100 000 pixels: the first sample of 16, and the sixth."""
+    n = 100_000
+    for number in (0, 5):
+        s = Samples.of(sampler, n, 16, number, 1)
+        found = s.values(singles(s.draw) + lots(s.draw)).reshape(-1, n)
+        for part in (found, np.abs(found - 0.5)):
+            related = np.corrcoef(part) * sqrt(n) * (1 - np.eye(len(part)))
+            # Some 1000 pairs: 6 standard errors have a chance of 2e-6 among them.
+            assert np.abs(related).max() < 6
+
+
+@EACH
+@pytest.mark.parametrize("spp", [16, 25, 256])
+def test_streams_and_levels_are_unrelated_within_a_pixel(sampler: str, spp: int) -> None:
+    """Rationale: where two purposes are paired alike in all of a pixel's samples, as u and u + constant, no number of
+    samples brings the mean of a product to the product of the means. Setup: the squared correlation over a pixel's
+    samples, mean over 1000 pixels. Expected: 1 / (spp - 1), as of random pairings of any two sets of numbers, or up to
+    twice that where the points of a set keep together by twos, as a net's do.
+    """
+    n = 1000
+    s = Samples.of(sampler, n, spp)
+    found = s.values(singles(s.draw)).reshape(-1, spp, n)
+    found -= found.mean(1, keepdims=True)
+    found /= np.sqrt((found**2).sum(1, keepdims=True))
+    squares = (np.einsum("asp,bsp->abp", found, found) ** 2).mean(2)
+    pairs = squares[np.triu_indices(len(squares), 1)]
+    # The square of a normal number has a deviation of root 2; some 300 pairs, 6 standard errors.
+    twos = 1 if sampler == "independent" else 2
+    assert pairs.max() <= twos * (1 + 6 * sqrt(2 / n)) / (spp - 1)
+
+
+@pytest.mark.parametrize("sampler", ["stratified", "sobol"])
+@pytest.mark.parametrize("n", [1, 4, 16, 64])
+def test_a_lot_is_stratified(sampler: str, n: int) -> None:
+    """Points taken together: each of the n squares has one, in each of a pixel's samples."""
+    assert each_once(place(Samples.of(sampler, 500, 5).lot(7, n), isqrt(n)), 0)
+
+
+@EACH
+@pytest.mark.parametrize("n", [2, 3, 17])
+def test_what_a_lot_has_beyond_its_squares_falls_anywhere(sampler: str, n: int) -> None:
+    """Uniform over 20 000 pixels each; of the stratified ones, those within the k x k squares have one each."""
+    s, side = Samples.of(sampler, 20_000, 1), isqrt(n)
+    found = s.lot(7, n)
+    squares = side * side if sampler == "stratified" else 0
+    assert each_once(place(found[:squares], side), 0)
+    for points in found[squares:]:
+        assert chi_square(points.reshape(2, -1).T, 16) < chi_square_limit(16 * 16 - 1)
+
+
+def test_a_lot_of_independent_points_is_not_stratified() -> None:
+    """The share of lots of 4 that have a point in each square by chance: 4!/4^4."""
+    n, chance = 20_000, 24 / 256
+    full = (np.sort(place(Samples.of("independent", n, 1).lot(7, 4), 2), 0) == np.arange(4)[:, None, None]).all(0)
+    assert abs(full.mean() - chance) < SIGMA * sqrt(chance * (1 - chance) / n)
+
+
+@pytest.mark.parametrize("spp", [1, 2, 4, 5, 9, 16, 36, 100, 144])
+def test_a_single_pair_visits_each_stratum_of_the_pixel_once(spp: int) -> None:
+    """In an order of its own: in step with that of the pixel in so many pixels as chance has it."""
+    pixels, side = 400, isqrt(spp)
+    s = Samples.of("stratified", pixels, spp)
+    strata = place(s.values([s.draw.stream(1).over_pixel()])[0], side)[: side * side]
+    assert each_once(strata, 0)
+    if side > 1:
+        same = (strata == s.cell.reshape(s.shape)[: side * side]).mean()
+        # A pixel's samples are not independent: its share of equal ones deviates by 1 at most, as 1 sample's would.
+        assert abs(same - 1 / side**2) < SIGMA * sqrt(1 / side**2 / pixels)
+
+
+@EACH
+def test_passes_do_not_change_streams_and_seeds_do(sampler: str) -> None:
+    spp, pixels = 20, 300
+
+    def numbers(first: int, count: int, seed: int = 3) -> np.ndarray:
+        s = Samples.of(sampler, pixels, spp, first, count, seed)
+        return s.values(singles(s.draw) + lots(s.draw))
+
+    whole = numbers(0, spp)
+    for ends in (range(spp + 1), (0, 3, 12, 20)):
+        pieces = [numbers(first, last - first) for first, last in pairwise(ends)]
+        assert np.array_equal(whole, np.concatenate(pieces, 2))
+    other = numbers(0, spp, seed=4)
+    # Of 2^16 places in a stratum, the same one by chance.
+    assert (whole == other).mean() <= 2.0**-16 + SIGMA * sqrt(2.0**-16 / whole.size)
+    # Lots are in the same strata whatever the seed; single pairs are not.
+    assert correlation(whole[: -len(LOTS), :, 0], other[: -len(LOTS), :, 0]) < SIGMA

@@ -1,0 +1,189 @@
+"""What each effect costs: kernels that hold nothing else differently, costs that are there, and noise that is said."""
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+from statistics import NormalDist
+
+import drjit as dr
+import numpy as np
+import pytest
+from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations
+
+from visray.cli import main
+from visray.errors import UserError
+from visray.features import RULES, features
+from visray.render import expose, set_up
+from visray.scene.load import dump
+from visray.scene.scene import Scene
+from visray.study import ablation
+from visray.study.ablation import BRIEF, FEWEST, LONGEST, MOST, Cost, Picture, Spread, cost, fitting, left_out, reduced
+
+__all__ = ["folder"]  # the fixture
+
+
+def small(scene: Scene) -> Scene:
+    return replace(scene, film=replace(scene.film, width=8, height=6))
+
+
+@pytest.mark.parametrize("effect", STEPS)
+def test_what_is_left_out_leaves_the_kernel_of_the_scene_without_it(effect: str) -> None:
+    """Instruction by instruction the kernel of the scene that does not call for the effect."""
+    before, after = (change(MATTE) for change in STEPS[effect])
+    assert kernel(left_out(after, effect))["hash"] == kernel(set_up(before))["hash"]
+
+
+def test_effects_are_left_out_with_those_that_refine_them() -> None:
+    full = ALL(FULL)
+    expected = {
+        "ambient": {"sky occlusion", "near occlusion"},
+        "specular": {"fractional shininess"},
+        "shadows": {"coloured shadows"},
+        "refraction": {"nested media"},
+        "textures": {"bilinear"},
+    }
+    for effect in features(full).names():
+        lost = set(features(full).names()) - set(left_out(full, effect).features.names())
+        assert lost == {effect} | expected.get(effect, set())
+    assert {r.name for r in RULES if r.needs} == set().union(*expected.values())
+
+
+def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
+    made = set_up(small(MATTE))
+    one, other = Picture.of(made), Picture.of(made)
+    assert one.mark != other.mark and one.mark >= 2**31 > made.scene.film.width
+    assert all(p.compiled()[1] > 0 for p in (one, other))
+    # The second time it is the same kernel: nothing is compiled.
+    assert max(one.kernels(), key=lambda k: k["operation_count"])["backend_time"] == 0
+    marked = replace(made, x=dr.select(made.x == made.a.U(one.mark), 0, made.x))
+    np.testing.assert_array_equal(np.array(expose(marked)[0].mean), np.array(expose(made)[0].mean))
+
+
+def test_spreads() -> None:
+    """The sign test: with 8 values the median is between the least and the greatest but for 2 of 2^8 cases."""
+    assert Spread.of([3.0, 1.0, 2.0, 8.0, 7.0, 6.0, 5.0, 4.0]) == Spread(4.5, 1.0, 8.0)
+    assert Spread.of(list(range(100))) == Spread(49.5, 36, 63)
+    with pytest.raises(ValueError):
+        Spread.of([1.0] * (FEWEST - 1))
+    rng = np.random.default_rng(0)
+    caught = [s.low <= 1 <= s.high for s in (Spread.of(list(v)) for v in rng.normal(1, 3, (2000, 15)))]
+    # 15 values: it misses with a chance of 0.0074, so up to 15 in 2000 are likely, and 35 are not once in 10^5 times.
+    p, n = 0.0074, 2000
+    assert sum(caught) >= n - (n * p + NormalDist().inv_cdf(1 - 1e-5) * (n * p) ** 0.5)
+
+
+def test_a_cost_says_where_it_is_noise() -> None:
+    noise = Cost(12, Spread(0.001, -0.0004, 0.002), Spread(-0.3, -0.5, 0.1))
+    assert noise.texts() == ("12", "< 2.00", "< 0.50")
+    assert noise.as_json()["seconds_in_noise"] and noise.as_json()["compile_seconds_in_noise"]
+    clear = Cost(1200, Spread(0.0021, 0.002, 0.0024), Spread(-0.3, -0.5, -0.1))
+    assert clear.texts() == ("1,200", "2.10 ± 0.30", "-0.30 ± 0.20")
+    assert not (clear.as_json()["seconds_in_noise"] or clear.as_json()["compile_seconds_in_noise"])
+
+
+@pytest.mark.parametrize("effect", ["diffuse", "scatter"])
+def test_the_report_of_a_scene_with_one_effect(effect: str) -> None:
+    scene = small(STEPS[effect][1](MATTE))
+    report = cost(scene, spp=2, runs=FEWEST)
+    assert list(report.costs) == features(scene).names()
+    assert report.costs[effect].operations == operations(scene) - operations(small(STEPS[effect][0](MATTE)))
+    assert report.total.seconds.low > 0 and report.total.compile_seconds.low > 0
+    assert report.total.operations > report.costs[effect].operations
+
+
+def test_the_report_of_a_scene_without_any_effect() -> None:
+    report = cost(replace(small(MATTE), objects={}), spp=2, runs=FEWEST)
+    assert report.costs == {} and report.total.operations > 0
+    assert not any(f["on"] for f in report.as_json()["features"])
+
+
+def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Two runs, where a user is asked for eight: tracing takes the time.
+    monkeypatch.setattr(ablation, "FEWEST", 2)
+    monkeypatch.setattr(ablation, "CHANCE", 0.5)
+    scene = small(ALL(replace(FULL, objects={name: FULL.objects[name] for name in ("floor", "ball", "box")})))
+    report = cost(scene, spp=2, runs=2)
+    found = json.loads(json.dumps(report.as_json(), allow_nan=False))
+    assert found["scene_hash"] == scene.hash()
+    assert found["picture"] == {"width": 8, "height": 6, "spp": 2, "runs": 2}
+    assert [f["name"] for f in found["features"]] == [r.name for r in RULES]
+    numbers = {"operations", "seconds", "seconds_spread", "seconds_in_noise", "compile_seconds",
+               "compile_seconds_spread", "compile_seconds_in_noise", "left_out_with"}  # fmt: skip
+    assert set(found["total"]) == numbers
+    for f in found["features"]:
+        assert set(f) == {"name", "on", "reason"} | (numbers if f["on"] else set())
+        assert not f["on"] or f["operations"] > 0
+    assert [f["name"] for f in found["features"] if not f["on"]] == ["coverage"]
+
+
+@pytest.mark.parametrize("size", [(640, 480), (100, 5000), (256, 256), (3, 2), (5000, 1)])
+def test_reduced(size: tuple[int, int]) -> None:
+    width, height = reduced(*size)
+    scale = min(1, LONGEST / max(size))
+    assert max(width, height) == min(LONGEST, max(size)) and min(width, height) >= 1
+    assert abs(width - scale * size[0]) <= 1 and abs(height - scale * size[1]) <= 1
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    """A file of a scene of which a picture is made in no time."""
+    path = tmp_path / "matte.json"
+    path.write_text(dump(small(MATTE)))
+    return str(path)
+
+
+def test_on_the_command_line(file: str, capsys: pytest.CaptureFixture) -> None:
+    tokens = ["explain", file, "--cost", "--spp", "1", "--runs", str(FEWEST)]
+    assert main(tokens) == 0
+    text = capsys.readouterr().out
+    for word in ("8 x 6 pixels, 1 samples", "operations", "run, ms", "compile, s", "all"):
+        assert word in text
+    assert main([*tokens, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [f["name"] for f in found["features"] if "operations" in f] == ["diffuse"]
+    assert main(["explain", file, "--json"]) == 0
+    plain = json.loads(capsys.readouterr().out)
+    strip = [{k: f[k] for k in ("name", "on", "reason")} for f in found["features"]]
+    assert (plain["scene_hash"], plain["features"]) == (found["scene_hash"], strip)
+
+
+@pytest.mark.parametrize(
+    ("extra", "hint"),
+    [(["--runs", "3"], f"at least {FEWEST}"), (["--spp", "0"], "settings.spp"), (["--runs", "many"], "many")],
+)
+def test_bad_input(file: str, extra: list[str], hint: str, capsys: pytest.CaptureFixture) -> None:
+    assert main(["explain", file, "--cost", *extra]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and hint in err
+
+
+def test_a_picture_has_as_many_samples_as_run_in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seconds, samples in ((1e-6, MOST), (BRIEF / 5.5, 5), (10 * BRIEF, 1)):
+        monkeypatch.setattr(Picture, "seconds", lambda _, s=seconds: s)
+        assert fitting(small(MATTE)) == samples
+        if samples == 5:
+            assert cost(small(MATTE)).spp == 5 and cost(small(MATTE), spp=7).spp == 7
+
+
+def test_runs_must_be_a_number() -> None:
+    with pytest.raises(UserError, match="whole number"):
+        cost(MATTE, runs=9.5)
+
+
+def test_ctrl_c_stops_between_two_pictures(
+    file: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def seconds(picture: Picture) -> float:
+        if made:
+            signal.raise_signal(signal.SIGINT)
+        made.append(picture.kernels())
+        return BRIEF
+
+    monkeypatch.setattr(Picture, "seconds", seconds)
+    assert main(["explain", file, "--cost"]) == 130
+    out, err = capsys.readouterr()
+    assert out == "" and "stopped" in err and len(made) == 2
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -73,9 +73,37 @@ def check() -> str:
     return "\n".join(lines)
 
 
+def effects() -> str:
+    """What each effect costs."""
+    report = loaded("cost_of_effects")
+    matte, *others = report["rows"]
+    size = f"{report['size']} x {report['size']}"
+    lines = [
+        "The matte scene with eight spheres above, and the same with one effect more or less: warm renders by turns,",
+        f"{size}, {report['spp']} samples per pixel, for which the matte scene takes {1e3 * matte['seconds']:.0f} ms:",
+        "",
+        "| scene | kernel operations | compile, s | time against matte |",
+        "|---|---|---|---|",
+    ]
+    for row in (matte, *others):
+        lines.append(f"| {row['scene']} | {row['operations']:,} | {row['compile_s']:.2f} | {row['ratio']:.2f} |")
+    b = report["before"]
+    low, high = b["ratio_quartiles"]
+    spread = f"median of {b['pairs']} pairs of processes, quartiles {low:.2f} and {high:.2f}"
+    lines += [
+        "",
+        f"Effects that are there and not called for: the matte scene takes {b['ratio']:.2f} of the time that it took",
+        f"before most of them were built ({b['commit']}; {spread}; processor time {b['cpu_ratio']:.2f}),",
+        f"{b['operations']:,} operations instead of {b['operations_before']:,}.",
+        f"{where(report)}",
+        "Run `python reference/cost_of_effects.py`; `visray explain SCENE --cost` tells of any scene.",
+    ]
+    return "\n".join(lines)
+
+
 def filled(text: str) -> str:
     """README with the figures in their places."""
-    for name, table in (("speed", speed), ("check", check)):
+    for name, table in (("speed", speed), ("effects", effects), ("check", check)):
         marks = f"<!-- figures: {name} -->", f"<!-- /figures: {name} -->"
         block = f"{marks[0]}\n{table()}\n{marks[1]}"
         text = re.sub(f"{marks[0]}.*?{marks[1]}", lambda _, b=block: b, text, flags=re.DOTALL)

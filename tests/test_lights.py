@@ -63,7 +63,7 @@ def test_directional_light_is_the_same_everywhere(precision: str) -> None:
         d[1] = -abs(d[1])
         hand = -d[1] / np.linalg.norm(d)
         for a, weight in ((0.0, 1.0), (2.0, 0.5), (0.25, 4.0)):
-            sun = DirectionalLight(direction=tuple(d.tolist()), a=a)
+            sun = DirectionalLight(direction=triple(d), a=a)
             p = np.c_[rng.normal(size=(50, 1)) * 1e6, np.zeros((50, 1)), rng.normal(size=(50, 1)) * 1e3]
             found = seen(scene_of({"sun": sun}, precision=precision), p + [0, 1, 0], np.tile([0, -1.0, 0], (50, 1)))
             assert (found == found[0]).all()
@@ -119,7 +119,7 @@ def test_spot_fades_from_axis_to_edge(precision: str, angle: float, exponent: fl
     turn = np.concatenate([edge * (1 + off), edge * rng.uniform(0, 1, 300), [0.0]])
     turn = turn[turn <= pi]
     d = cone(rng, axis, turn)
-    found = around(SpotLight(position=(0, 0, 0), direction=tuple(axis.tolist()), angle=angle, exponent=exponent), d,
+    found = around(SpotLight(position=(0, 0, 0), direction=triple(axis), angle=angle, exponent=exponent), d,
                    precision)  # fmt: skip
     share = 1 - versine(turn) / versine(np.array(edge))
     # Two unit vectors are off by some 8 roundings in double, and so is the angle; the share by as much times its slope.
@@ -193,7 +193,7 @@ def test_attenuation_of_each_kind(precision: str, kind: type) -> None:
         far = np.linalg.norm(l)
         weight = a + b * far + c * far * far
         hand = l[1] / far / (weight if weight else 1)
-        lamp = replace(SMALL[kind](tuple(l.tolist())), a=float(a), b=float(b), c=float(c))
+        lamp = replace(SMALL[kind](triple(l)), a=float(a), b=float(b), c=float(c))
         found = at(scene_of({"l": lamp}, precision=precision), (0, 0, 0))[0]
         # A part of the lamp is nearer by TINY, which counts up to thrice.
         assert abs(found - hand) <= (gamma(20, precision) + (3 * 2 * TINY / far if kind.wide else 0)) * hand
@@ -618,7 +618,7 @@ def test_lights_flush_with_leaning_ceilings(precision: str) -> None:
         for side in ("width", "height", "direction", "normal"):
             if hasattr(lamp, side):
                 kept[side] = frame @ np.array(getattr(lamp, side))
-        lamps[name] = replace(lamp, **{k: tuple(v.tolist()) for k, v in kept.items()})
+        lamps[name] = replace(lamp, **{k: triple(v) for k, v in kept.items()})
     things = {name: replace(thing, transform=TURN) for name, thing in CEILINGS.items()}
     with_them, without = (
         seen(scene_of(lamps, {"floor": Plane(point=(0, -1, 0)), **t}, precision=precision), o, goal - o)
@@ -635,7 +635,6 @@ EDGES = {
     "corner": (Box(min=(-0.3, -0.4, -0.5), max=(0.3, 0.4, 0.7)), (0.3, -0.4, 0.7)),
     "rim of a cylinder": (Cylinder(radius=0.5, height=0.8), (0.3, 0.4, 0.4)),
     "rim of a cone": (Cone(radius=0.5, height=0.8), (0.4, 0.0, -0.3)),
-    "apex": (Cone(radius=0.5, height=0.8), (0.0, 0.8, 0.0)),
 }
 
 
@@ -645,36 +644,28 @@ EDGES = {
 def test_a_light_on_an_edge_lights_all_that_the_thing_does_not_hide(
     turn: tuple, looped: bool, precision: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On an edge, a corner or an apex, where a surface has no normal: a ball all around is dark where the way from the
-    light runs through the thing, by its twin, and lit elsewhere. Point lights are red and blue, tiny ones green."""
+    """Point lights on an edge, a corner or a rim, where a surface has two normals: a ball all around is dark where the
+    way from the light runs through the thing, by its twin, and lit elsewhere."""
     monkeypatch.setattr(scenery, "CROWD", 0 if looped else 10**9)
     rng = np.random.default_rng(16)
     for thing, place in EDGES.values():
         thing = replace(thing, transform=turn)
         m, t = outer(thing)
         lamp = triple(m @ np.array(place) + t)
-        small = {"position": lamp, "radius": 1e-9, "samples": 1, "Id": (0.0, 1.0, 0.0)}
-        lamps = {
-            "red": PointLight(position=lamp, Id=(1.0, 0.0, 0.0)),
-            "blue": PointLight(position=lamp, Id=(0.0, 0.0, 1.0)),
-            "green": SphereLight(**small),
-            "more green": SphereLight(**small),
-        }
+        lamps = {f"l{i}": PointLight(position=lamp, intensity=i + 1.0) for i in range(3)}
         d = unit(rng.normal(size=(1500, 3))).astype(float)
         objects = {"sky": Sphere(center=lamp, radius=8.0), "thing": thing}
-        found = seen(scene_of(lamps, objects, precision=precision), np.array(lamp) + 7.99 * d, d) > 0
+        found = seen(scene_of(lamps, objects, precision=precision), np.array(lamp) + 7.99 * d, d)[:, 0]
         # Where the direction is turned by up to 1e-4, the answer is the same.
         moved = [unit(d + 1e-4 * v).astype(float) for v in np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])]
-        back = inverse(m)
+        twin, back = SAMPLES[type(thing).__name__].twin, inverse(m)
         with np.errstate(all="ignore"):
-            ways = [
-                SAMPLES[type(thing).__name__].twin.interval(thing, real(place), real(v) @ back.T, 0.0) for v in moved
-            ]
+            ways = [twin.interval(thing, real(place), real(v) @ back.T, 0.0) for v in moved]
         hidden = np.array([(t0 <= t1) & (t1 > 1e-6) for t0, t1 in ways])
         sure = (hidden == hidden[0]).all(0)
         assert sure.mean() > 0.99 and 0.02 < hidden[0].mean() < 0.6
-        for channel in range(3):
-            assert np.array_equal(found[sure, channel], ~hidden[0][sure])
+        hand = np.where(hidden[0], 0, 6)
+        assert (np.abs(found - hand) <= gamma(20, precision) * hand)[sure].all()
 
 
 @PRECISIONS
@@ -690,8 +681,8 @@ def test_a_bulb_of_the_size_of_its_light_shines_with_the_half_that_is_seen(preci
     height = centre[1] - radius * t
     far = np.sqrt(radius**2 * (1 - t * t) + height**2)
     exact = float((w * height / far**3).sum() / 2)
-    lamp = SphereLight(position=tuple(centre.tolist()), radius=radius, samples=64, c=1.0)
-    things = {"floor": Plane(), "bulb": Sphere(center=tuple(centre.tolist()), radius=radius)}
+    lamp = SphereLight(position=triple(centre), radius=radius, samples=64, c=1.0)
+    things = {"floor": Plane(), "bulb": Sphere(center=triple(centre), radius=radius)}
     assert close(at(scene_of({"l": lamp}, things, precision=precision), (0, 0, 0), LANES), exact, gamma(30, precision))
 
 
@@ -736,7 +727,7 @@ def test_a_light_all_around_a_point_is_shadowed_from_all_sides(precision: str, k
         ),
     }[kind]
     centres = np.array([(-1.0, 0.25, 0.0), (0.6, 0.3, 0.3), (0.2, 0.2, -0.8), (-0.3, 0.3, 0.6), (1.5, 0.3, 0.0)])
-    balls = {f"b{i}": Sphere(center=tuple(c.tolist()), radius=0.2) for i, c in enumerate(centres)}
+    balls = {f"b{i}": Sphere(center=triple(c), radius=0.2) for i, c in enumerate(centres)}
     d = np.linalg.norm(points, axis=1)
     along = np.clip(points @ centres.T / d[:, None], 0, d[:, None])
     aside = np.linalg.norm(centres - along[..., None] * (points / d[:, None])[:, None], axis=2)

@@ -213,9 +213,7 @@ def test_looped_search_is_the_written_out_one_bit_for_bit(
 
 
 @WORLDS
-def test_gathered_objects_are_the_written_out_ones_bit_for_bit(
-    make: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_gathered_objects_are_the_written_out_ones_bit_for_bit(make: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three and more of each family, those that pass the guards gathered as bits: from one origin and from many."""
     w = World.of(make, 0)
     objects = {f"{seed} {name}": x for seed in SEEDS for name, x in World.of(make, seed).scene.objects.items()}

@@ -22,6 +22,7 @@ from visray.render import explain as explain_scene
 from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene
+from visray.study import ablation
 from visray.version import __version__
 
 app = App(
@@ -151,10 +152,16 @@ def explain(
     setup: Setup = None,
     compat: Compat = False,
     set: Settings = [],  # noqa: B006
+    cost: Annotated[bool, Parameter(help="Measure what each effect costs, on a small picture.")] = False,
+    spp: Annotated[Whole | None, Parameter(help="With --cost: samples per pixel of that picture.")] = None,
+    runs: Annotated[Whole, Parameter(help="With --cost: how often each picture is made.")] = ablation.RUNS,
     json: Json = False,
 ) -> int:
-    """List what is simulated for a scene, what is not, and why."""
+    """List what is simulated for a scene, what is not, and why; and with --cost, at what cost."""
     made = opened(scene, setup, compat, set)
+    if cost and json:
+        put(ablation.cost(made, spp, runs, progress=False).as_json())
+        return 0
     found = explain_scene(made).listed
     if json:
         put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
@@ -163,6 +170,8 @@ def explain(
     for f in found:
         table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
     Console().print(table)
+    if cost:
+        Console().print(ablation.cost(made, spp, runs, progress=True).table())
     return 0
 
 

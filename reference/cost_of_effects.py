@@ -1,0 +1,197 @@
+"""What each effect costs: the matte scene of reference/bench_mitsuba.py, and the same with one effect more or less.
+
+    python reference/cost_of_effects.py -o reference/cost_of_effects.json --before ../visray-before
+
+Operations of the kernel; seconds to compile it, median of 3 kernels that no cache holds; and seconds of a warm picture
+of 512 x 512 pixels, 16 samples each, 2 threads: 9 pairs of the matte scene and the other one by turns, median and range
+of the ratio.
+
+--before: a checkout of an earlier visray (git worktree add --detach ../visray-before 0d31b7e). The matte scene by turns
+in 11 pairs of processes, one of each visray, each the median of 15 warm pictures: what effects cost that visray has and
+the scene does not call for. Processor time beside it, the least of 15, hardly feels what else the machine does.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
+import drjit as dr
+import numpy as np
+from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, vary
+from machine import machine
+from PIL import Image
+
+from visray.render import Set, expose, set_up
+from visray.study.ablation import Picture
+
+HERE = Path(__file__).resolve().parent
+SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 11
+BLACK = (0.0, 0.0, 0.0)
+HALF = (0.5, 0.5, 0.5)
+# What each process of a pair does, with whichever visray it finds: prints seconds, processor seconds and operations of
+# the matte scene.
+CHILD = """
+import json, statistics, time, visray
+import drjit as dr
+from bench_mitsuba import THREADS, ours, ring, seconds, vary
+from visray.render import expose, set_up
+dr.set_thread_count(THREADS)
+made = set_up(ours(ring(), 16))
+with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+    expose(made)
+    operations = max(k["operation_count"] for k in dr.kernel_history([dr.KernelType.JIT]))
+def measured(i):
+    begun = time.process_time()
+    return seconds(lambda: expose(vary(made, i))), time.process_time() - begun
+times, busy = zip(*[measured(i) for i in range(18)][3:])
+print(json.dumps([statistics.median(times), min(busy), operations]))
+"""
+Change = Callable[[vr.Scene], vr.Scene]
+
+
+def balls(only: str = "", **fields: object) -> Change:
+    """The balls' materials with other fields; or of one of them."""
+    names = [only] if only else [f"paint {i}" for i in range(8)]
+    return lambda s: replace(s, materials=s.materials | {n: replace(s.materials[n], **fields) for n in names})
+
+
+def settings(**fields: object) -> Change:
+    return lambda s: replace(s, settings=replace(s.settings, **fields))
+
+
+def floor(texture: object) -> Change:
+    grey = vr.Material(texture="t")
+    return lambda s: replace(s, textures={"t": texture}, materials=s.materials | {"grey": grey})
+
+
+def both(first: Change, second: Change) -> Change:
+    return lambda s: second(first(s))
+
+
+def changes(picture: str) -> dict[str, Change]:
+    """How the matte scene is changed, and what that is called. `picture`: a file for a texture."""
+    lamp = ours(ring(), SPP).lights["key"]
+    lit = lambda **f: lambda s: replace(s, lights={"key": replace(lamp, **f)})  # noqa: E731 - a change like the others
+    return {
+        "no shadows": settings(shadows=False),
+        "no ambient light": lambda s: replace(s, ambient=BLACK),
+        "black background": lambda s: replace(s, background=BLACK),
+        "transparent film": lambda s: replace(s, film=replace(s.film, transparent=True)),
+        "light that weakens": lit(a=1.0, b=0.01),
+        "highlights": balls(ks=HALF, shininess=32.0),
+        "highlights of broken exponent": balls(ks=HALF, shininess=32.5),
+        "checkered floor": floor(vr.CheckerTexture()),
+        "picture on the floor": floor(vr.ImageTexture(file=picture, filter="nearest")),
+        "blended picture on the floor": floor(vr.ImageTexture(file=picture)),
+        "lens": lambda s: replace(s, camera=replace(s.camera, aperture=0.2)),
+        "balls throw coloured shadows": both(balls(kt=HALF), settings(depth=0)),
+        "balls are mirrors": balls(kr=HALF),
+        "one ball is glass": balls("paint 7", kt=HALF),
+        "balls are glass": balls(kt=HALF),
+        "1 scattered ray": settings(scatter=vr.Scatter(rays=1)),
+        "area light, 16 samples": lambda s: replace(s, lights={"key": PANEL}),
+        "sky occlusion, 16 rays": settings(occlusion=vr.Occlusion(sky=16)),
+        "near occlusion, 16 rays": both(settings(occlusion=vr.Occlusion(near=16)), lit(Ia=HALF)),
+    }
+
+
+def kernel(made: Set) -> tuple[int, float]:
+    """Operations and compile seconds."""
+    found = [Picture.of(made).compiled() for _ in range(COMPILED)]
+    return found[0][0], median(s for _, s in found)
+
+
+def row(name: str, matte: Set, made: Set) -> dict:
+    """A scene beside the matte one."""
+    operations, compiled = kernel(made)
+    times = []
+    for seed in range(-1, PAIRS):
+        order = (matte, made) if seed % 2 else (made, matte)
+        pair = {id(m): seconds(lambda m=m, s=seed: expose(vary(m, s + 1))) for m in order}
+        times.append((pair[id(matte)], pair[id(made)]))
+    ratios = [b / a for a, b in times[1:]]
+    before, after = (set(m.features.names()) for m in (matte, made))
+    return {
+        "scene": name,
+        "adds": [n for n in made.features.names() if n not in before],
+        "lacks": [n for n in matte.features.names() if n not in after],
+        "operations": operations,
+        "compile_s": compiled,
+        "seconds": median(b for _, b in times[1:]),
+        "ratio": median(ratios),
+        "ratio_range": [min(ratios), max(ratios)],
+    }
+
+
+def table() -> list[dict]:
+    """The matte scene, and those with an effect more or less."""
+    matte = set_up(ours(ring(), SPP))
+    kernel(matte)  # with the first kernel, LLVM itself starts
+    rows = [row("matte", matte, set_up(ours(ring(), SPP)))]
+    with tempfile.TemporaryDirectory() as folder:
+        picture = str(Path(folder, "noise.png"))
+        Image.fromarray(np.random.default_rng(0).integers(0, 256, (256, 256, 3), np.uint8)).save(picture)
+        for name, change in changes(picture).items():
+            rows.append(row(name, matte, set_up(change(ours(ring(), SPP)))))
+            sys.stderr.write(f"{name}: {rows[-1]['ratio']:.2f}\n")
+    return rows
+
+
+def against(before: Path) -> dict:
+    """The matte scene with this visray and an earlier one."""
+    commit = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
+    paths = before, HERE.parent
+    found: dict[Path, list] = {path: [] for path in paths}
+    for i in range(PROCESSES):
+        for path in paths if i % 2 else paths[::-1]:
+            found[path].append(matte_by(path))
+        sys.stderr.write(f"before {found[before][-1][0]:.4f} s, now {found[HERE.parent][-1][0]:.4f} s\n")
+    (old, old_busy, old_operations), (new, busy, operations) = (tuple(zip(*found[path])) for path in paths)
+    ratios = sorted(b / a for a, b in zip(old, new))
+    return {
+        "commit": subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip(),
+        "pairs": PROCESSES,
+        "operations_before": old_operations[0],
+        "operations": operations[0],
+        "seconds_before": median(old),
+        "seconds": median(new),
+        "ratio": median(ratios),
+        "ratio_quartiles": [ratios[len(ratios) // 4], ratios[-1 - len(ratios) // 4]],
+        "ratio_range": [ratios[0], ratios[-1]],
+        "cpu_ratio": median(b / a for a, b in zip(old_busy, busy)),
+    }
+
+
+def matte_by(path: Path) -> tuple[float, float, int]:
+    """Seconds, processor seconds and operations of the matte scene in a process with the visray of a checkout."""
+    environment = os.environ | {"PYTHONPATH": f"{path}{os.pathsep}{path / 'reference'}"}
+    command = [sys.executable, "-c", CHILD]
+    run = subprocess.run(command, check=True, capture_output=True, text=True, cwd=path, env=environment)
+    return tuple(json.loads(run.stdout))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--before", type=Path, help="a checkout of an earlier visray")
+    chosen = parser.parse_args()
+    dr.set_thread_count(THREADS)
+    report = machine() | {"size": SIZE, "spp": SPP, "load": os.getloadavg()[0], "rows": table()}
+    if chosen.before:
+        report["before"] = against(chosen.before.resolve())
+    text = json.dumps(report, indent=2) + "\n"
+    sys.stdout.write(text)
+    if chosen.output:
+        chosen.output.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -195,7 +195,7 @@ def test_a_buried_mirror_does_not_reflect() -> None:
 
 
 def test_one_transparent_solid_needs_no_media() -> None:
-    one = media({"ball": Sphere(material="crown"), "sheet": Plane(point=(0, -3, 0), material="crown")})
+    one = media({"ball": Sphere(material="crown"), "floor": Plane(point=(0, -3, 0))})
     assert not features(one)["nested media"] and features(one)["refraction"]
     two = media({"ball": Sphere(material="crown"), "far": Sphere(center=(9, 0, 0), material="crown")})
     assert features(two)["nested media"]
@@ -407,6 +407,20 @@ def test_water_that_touches_its_glass_refracts_from_glass_to_water() -> None:
     out, truth = seen(media(things), o, p - o), seen(media(sunk), o, p - o)
     # The one is 1e-9 lower, so that where light leaves is as much off, grown ten times at most.
     assert (np.abs(out - truth) <= 1e-8)[sure].all()
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_clear_sheet_that_lies_on_glass_changes_nothing(others: int) -> None:
+    """Whichever of the two is met, light is refracted once; with another solid in the scene, and without one."""
+    block = {"block": Box(min=(-1, -0.7, -0.4), max=(0.8, 0.1, 0.6), material="crown")}
+    block |= {"far": Sphere(center=(9, 0, 0), radius=0.1, material="crown")} if others else {}
+    sheet = Rectangle(center=(-0.1, 0.1, 0.1), width=(1.5, 0, 0), height=(0, 0, -0.8), material="air")
+    rng = np.random.default_rng(28)
+    p = np.c_[rng.uniform(-0.8, 0.6, 500), np.full(500, 0.1), rng.uniform(-0.25, 0.45, 500)]
+    o = np.array([0.3, 3.0, 1.5])
+    bare = seen(media(block), o, p - o)
+    for objects in (block | {"sheet": sheet}, {"sheet": sheet} | block):
+        assert (np.abs(seen(media(objects), o, p - o) - bare) <= gamma(60) * 10).all()
 
 
 def test_mirrored_and_clear_shares_of_nested_balls_add_up() -> None:

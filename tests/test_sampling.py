@@ -300,7 +300,7 @@ class Samples:
 def singles(d: Draw) -> list:
     """Pairs for the purposes of which a path has one each: pixel, lens, lobe, scatter; and those of its next levels."""
     levels = [d, d.along(A.U(1)), d.along(A.U(2)), d.along(A.U(1 | 1 << 16))]
-    return [d.pixel()] + [level.stream(n).one() for level in levels for n in (1, 5, 6)]
+    return [d.pixel(), d.stream(1).over_pixel()] + [level.stream(n).one() for level in levels for n in (5, 6, 8)]
 
 
 LOTS = (2, 3, 7, 16, 17, 18)

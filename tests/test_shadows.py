@@ -10,14 +10,15 @@ from test_search import crowd
 from test_shading import BLACK, DARK, PRECISIONS, along, seen
 
 from visray import tables
+from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Plane, Rectangle, Sphere, Triangle
 from visray.primitives.flat import Flat
 from visray.primitives.solid import Solid
-from visray.render import set_up
-from visray.scene.scene import Scene, Settings
+from visray.render import render, set_up
+from visray.scene.scene import Film, Scene, Settings
 from visray.transforms import Matrix, Rotate, Translate
 
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
@@ -650,3 +651,27 @@ def test_what_lies_flush_has_no_acne_under_any_light(turn: tuple, precision: str
     single, both = picture({"box": box}), picture({"box": box, **flush})
     assert (single > 0.5).all()
     assert (np.abs(both - single) <= gamma(60, precision) * single).all()
+
+
+@pytest.mark.parametrize(("size", "height"), [(2.0, 0.1), (2.0, 0.01), (200.0, 0.1)])
+def test_a_light_flush_with_a_tilted_plane_is_not_in_its_shadow(size: float, height: float) -> None:
+    """Seen near the light and away from its middle: the way there is a difference of longer ways, in single."""
+    n = np.array([0.3, 0.5, 0.7]) / np.linalg.norm([0.3, 0.5, 0.7])
+    x = np.cross(n, [0.0, 1.0, 0.0])
+    x /= np.linalg.norm(x)
+    y = np.cross(n, x)
+    place = lambda v: tuple(map(float, v))  # noqa: E731
+    aside = 0.3 * size * x + 0.2 * size * y
+    panel = RectangleLight(position=(0, 0, 0), width=place(size * x), height=place(size * y), samples=16)
+    scene = Scene(
+        camera=Camera(origin=place(aside - 0.5 * height * n), target=place(aside - height * n + 1e-3 * x), fov=60.0),
+        film=Film(width=48, height=48),
+        lights={"panel": panel},
+        objects={"ceiling": Plane(normal=place(n)), "floor": Plane(point=place(-height * n), normal=place(n))},
+        settings=Settings(spp=2),
+    )
+    lit, free = (
+        render(replace(scene, settings=replace(scene.settings, shadows=on)), layers=("RGB",), progress=False)["RGB"]
+        for on in (True, False)
+    )
+    assert np.array_equal(lit, free) and free.max() > 0.2

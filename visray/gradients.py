@@ -22,7 +22,7 @@ from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
 from visray.render import adjusted, expose, set_up
-from visray.sampling import Draw, Plan
+from visray.sampling import Plan
 from visray.scene import address as addresses
 from visray.scene.scene import Gradient, Scene
 from visray.scenery import site
@@ -97,8 +97,9 @@ class Trace:
 MOVERS = {"position", "direction", "angle", "width", "height", "normal", "radius", "ior"}
 
 
-def _moves(address: str) -> bool:
-    return address.startswith(("objects.", "camera.")) or not MOVERS.isdisjoint(address.split(".")[2:3])
+def _moves(scene: Scene, address: str) -> bool:
+    movers = MOVERS | {"shininess"} if scene.settings.shading == "toon" else MOVERS
+    return address.startswith(("objects.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
 
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
@@ -115,7 +116,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], 
     if s.features["coloured shadows"] and any(len(k.names) > tables.WRITTEN_OUT for k in s.kin):
         most = tables.WRITTEN_OUT
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
-    if any(map(_moves, wrt)) and (edges := _edges(made.stage, made.x, made.y)):
+    if any(_moves(scene, w) for w in wrt) and (edges := _edges(made.stage, made.x, made.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)
     m: Moments = integrator.sample(made.stage, plan, made.x, made.y)
@@ -127,8 +128,7 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
     s = stage.scenery
     ray = integrator.camera_ray(stage, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
     hit = closest(stage.watch, ray)
-    plan = Plan.of(s.a, 0, 1, 0, 1)
-    here = site(s, ray, hit, Draw(s.settings.sampler, s.a.F, plan, x, plan.first, x))
+    here = site(s, ray, hit, integrator.first_draw(stage, dr.width(x)))
     lit = [_fully(beam(s, here, lamp)) for lamp in s.lamps if not lamp.kind.wide]
     found = []
     seen = np.unique(np.array(hit.index))

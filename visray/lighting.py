@@ -95,8 +95,9 @@ def _from(s: Scenery, site: Site, lamp: Lamp, way: Any, watch: Watch | None = No
         b = Beam(middle.l, distance, middle.cosine, reached & middle.reached, middle.weight)
     if watch is None:
         return b
-    # The light's point is known as well as the way to it.
-    error = gamma(8, a.precision) * distance + a.F(gamma(9) * extent(lamp.light.position))
+    # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
+    longest = distance + a.F(lamp.light.reach())
+    error = gamma(8, a.precision) * longest + a.F(gamma(9) * extent(lamp.light.position))
     return _shadowed(s, watch, site.leaving(l, cosine, error), End(distance, lamp=error), b)
 
 

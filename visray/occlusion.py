@@ -10,10 +10,10 @@ import drjit as dr
 from visray import warp
 from visray.guards import Cone
 from visray.ray import Ray
-from visray.scenery import Scenery, Site, feel
+from visray.scenery import Scenery, Site, felt_distance
 from visray.search import Watch, blocked, closest
 
-SKY, NEAR, TURN = 2, 3, 4
+SKY, NEAR, TURN = 2, 3, 6
 
 
 def sky(s: Scenery, site: Site) -> Any:
@@ -34,10 +34,7 @@ def near(s: Scenery, site: Site) -> Any:
     def step(j: Any, free: Any) -> tuple:
         ray = _ray(s, site, NEAR, j)
         hit = closest(watch, ray, s.plain, site.hit.valid, s.reach)
-        t = hit.t
-        if s.attached:
-            ray = ray.exact()
-            t = dr.dot(feel(s, ray, hit)[0].p - ray.o, ray.d)
+        t = felt_distance(s, ray, hit) if s.attached else hit.t
         return (free + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.reach)), 1),)
 
     watch = _above(s, site)

@@ -256,9 +256,10 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
     if not s.attached:
         start = (dr.zeros(a.U, n) + begun(0, b, b.alive)[0], *begun(0, b, b.alive)[1:], total)
         return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
+    mirrored = s.features["reflection"] or s.features["refraction"]
     for number in range(max(settings.scatter.rays, 1)):
         state = begun(number, b if number == 0 else scattered(s, first, a.U(number)), b.alive if number == 0 else split)
-        for _ in range(settings.depth + settings.scatter.depth):
+        for _ in range(settings.depth * mirrored + settings.scatter.depth * s.features["scatter"]):
             *state, total = level(*state, total)
     return total
 

@@ -41,7 +41,8 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Many lights of one kind, looped over: their table, the lots of area lights, and how many they are."""
+    """Many lights of one kind, looped over: their table, the lots of area lights, how many they are, and the number of
+    the first of them."""
 
     kind: type
     table: Any
@@ -104,9 +105,10 @@ class Scenery:
 
 @dataclass(frozen=True)
 class Site:
-    """A hit that is shaded. d: the ray's direction; n: the normal turned to the viewer, who sees it from `within` or
-    not; watch: from the point, where rays start there; draw: the random numbers that belong to it."""
+    """A hit that is shaded. o, d: the ray's origin and direction; n: the normal turned to the viewer, who sees it from
+    `within` or not; watch: from the point, where rays start there; draw: the random numbers that belong to it."""
 
+    o: Any
     d: Any
     hit: Hit
     surface: Surface
@@ -199,7 +201,7 @@ def site(s: Scenery, ray: Ray, hit: Hit, draw: Draw | None = None) -> Site:
     d = s.a.V(ray.d)
     n, within = facing(surface.n, d)
     watch = Watch(s.a, s.kin, s.groups, surface.p, shared=False) if s.wide and draw is not None else None
-    return Site(d, hit, surface, n, within, material, u, v, watch, draw)
+    return Site(ray.o, d, hit, surface, n, within, material, u, v, watch, draw)
 
 
 def _span(group: Group) -> Any:
@@ -248,6 +250,12 @@ def feel(s: Scenery, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
         painted = texturing.colour(a, s.atlas, dr.select(bare, 0, texture), u, v, s.features["bilinear"])
         material = replace(material, kd=dr.select(bare, material.kd, painted))
     return surface, material, a.F(u), a.F(v)
+
+
+def felt_distance(s: Scenery, ray: Ray, hit: Hit) -> Any:
+    """How far away a hit is, with derivatives."""
+    ray = ray.exact()
+    return dr.dot(feel(s, ray, hit)[0].p - ray.o, ray.d)
 
 
 def _row_of(s: Scenery, table: tuple, size: int, here: Any, index: Any) -> tuple:

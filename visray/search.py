@@ -1,4 +1,4 @@
-"""Which object a ray meets. Detached from derivatives: `surface_at` in shading.py feels what is found here.
+"""Which object a ray meets. Detached from derivatives: `feel` in scenery.py feels what is found here.
 
 Most objects are far from most rays. A test in single precision against a sphere around each object rejects them; its
 margin is a bound of its own rounding, so that it never rejects what the exact test in double would accept. The exact

@@ -95,7 +95,10 @@ def _normal(s: Scenery, site: Site) -> Any:
 
 def _depth(s: Scenery, site: Site) -> Any:
     """White at the eye, mid-grey at the distance of the camera's target, black infinitely far."""
-    return s.a.V(dr.rcp(1 + s.a.F(site.hit.t) * dr.rcp(s.middle)))
+    t = site.hit.t
+    if s.attached:
+        t = dr.select(site.hit.valid, dr.dot(site.surface.p - site.o, s.a.W(site.d)), t)
+    return s.a.V(dr.rcp(1 + s.a.F(t) * dr.rcp(s.middle)))
 
 
 def _uv(s: Scenery, site: Site) -> Any:

@@ -1,4 +1,4 @@
-"""Textures: colour over (u, v). A new kind is one class here and its name in KINDS."""
+"""Textures: colour over (u, v). A new kind is one class here, its name in KINDS, and its colour in texturing.py."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field
 
 from visray.quantities import Color, Factor
 
-# Sets of samples are numbered in single precision (sampling.Draw).
+# Up to here a sample's stratum comes out right in single precision (sampling.in_cell).
 Samples = Annotated[int, Field(strict=True, gt=0, le=2**16)]
 
 

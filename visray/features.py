@@ -113,9 +113,9 @@ def _coloured(scene: Scene) -> list[str]:
 
 
 def _nested(scene: Scene) -> list[str]:
-    """Transparent solids, where there are two or more."""
-    solids = [f"objects.{n}" for n, o in scene.objects.items() if o.closed and any(_material_of(scene, o).kt)]
-    return solids if len(solids) > 1 else []
+    """Transparent things, where there are two or more and a solid among them."""
+    clear = {f"objects.{n}": o for n, o in scene.objects.items() if any(_material_of(scene, o).kt)}
+    return list(clear) if len(clear) > 1 and any(o.closed for o in clear.values()) else []
 
 
 def _material_of(scene: Scene, thing: Primitive) -> Material:
@@ -182,7 +182,8 @@ RULES = (
          ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
     Rule("reflection", _seen(lambda s: _mirrors(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _seen(lambda s: _mirrors(s, "kt")), "no material has kt", ("kt",)),
-    Rule("nested media", _seen(_nested), "there are no two transparent solids", ("kt",), needs="refraction"),
+    Rule("nested media", _seen(_nested), "no transparent solid is beside another transparent thing", ("kt",),
+         needs="refraction"),
     Rule("scatter", _seen(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
          lambda s: s.settings.scatter.rays and s.settings.scatter.depth),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
@@ -217,7 +218,8 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
     if name in ("textures", "bilinear") and not scene.textures:
         return "the scene has no textures"
     # What a transparent film leaves out may still be seen in a mirror.
-    mirrored = (_paths(scene) or _asked(("kr", "kt"), wrt)) and not unlit
+    ways = (r for r in RULES if r.name in ("reflection", "refraction", "scatter") and r.possible(scene))
+    mirrored = (_paths(scene) or any(_asked(r.fields, wrt) for r in ways)) and not unlit
     if name == "background" and scene.film.transparent and not mirrored:
         return "film.transparent is true"
     return None

@@ -80,8 +80,8 @@ def lens(s: Scenery, site: Site) -> Lens | None:
         before, beyond = before.or_in(here & site.within, *own), beyond.or_in(here & ~site.within, *own)
         if s.features["nested media"]:
             before, beyond = _others(s, site, base, k, group, before, beyond)
-    # A sheet has no inside: light goes straight through.
-    ratio = dr.select(closed, before.ior / beyond.ior, 1)
+    # A sheet has no inside: light goes straight through, but where a solid begins or ends flush with it.
+    ratio = before.ior / beyond.ior
     if not s.features["nested media"]:
         return Lens(ratio, None)
     return Lens(ratio, closed & (before.index == beyond.index) & (_most(site.material.kt) > 0))
@@ -257,7 +257,7 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
         start = (dr.zeros(a.U, n) + begun(0, b, b.alive)[0], *begun(0, b, b.alive)[1:], total)
         return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
     mirrored = s.features["reflection"] or s.features["refraction"]
-    for number in range(max(settings.scatter.rays, 1)):
+    for number in range(settings.scatter.rays if s.features["scatter"] else 1):
         state = begun(number, b if number == 0 else scattered(s, first, a.U(number)), b.alive if number == 0 else split)
         for _ in range(settings.depth * mirrored + settings.scatter.depth * s.features["scatter"]):
             *state, total = level(*state, total)

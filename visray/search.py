@@ -234,6 +234,8 @@ def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, wit
     start = dr.full(a.D, 0, n) + dr.detach(a.D(within)), dr.full(a.U, NO_OBJECT, n)
 
     def likely(v: Visit, *_: Any) -> Any:
+        if watch.shared and watch.groups[v.group].radius is None:
+            return a.B(active)  # a floor is met by most rays from the eye: to ask first costs more
         return watch.guard(v).candidate(d32) & ~watch.gone(v, ray) & v.present & active
 
     def meet(v: Visit, t: Any, found: Any) -> tuple:

@@ -300,7 +300,7 @@ class Samples:
 def singles(d: Draw) -> list:
     """Pairs for the purposes of which a path has one each: pixel, lens, lobe, scatter; and those of its next levels."""
     levels = [d, d.along(A.U(1)), d.along(A.U(2)), d.along(A.U(1 | 1 << 16))]
-    return [d.pixel(), d.stream(1).over_pixel()] + [level.stream(n).one() for level in levels for n in (5, 6, 8)]
+    return [d.pixel(), d.stream(1).one()] + [level.stream(n).one() for level in levels for n in (5, 6, 8)]
 
 
 LOTS = (2, 3, 7, 16, 17, 18)
@@ -380,19 +380,6 @@ def test_a_lot_of_independent_points_is_not_stratified() -> None:
     n, chance = 20_000, 24 / 256
     full = (np.sort(place(Samples.of("independent", n, 1).lot(7, 4), 2), 0) == np.arange(4)[:, None, None]).all(0)
     assert abs(full.mean() - chance) < SIGMA * sqrt(chance * (1 - chance) / n)
-
-
-@pytest.mark.parametrize("spp", [1, 2, 4, 5, 9, 16, 36, 100, 144])
-def test_a_single_pair_visits_each_stratum_of_the_pixel_once(spp: int) -> None:
-    """In an order of its own: in step with that of the pixel in so many pixels as chance has it."""
-    pixels, side = 400, isqrt(spp)
-    s = Samples.of("stratified", pixels, spp)
-    strata = place(s.values([s.draw.stream(1).over_pixel()])[0], side)[: side * side]
-    assert each_once(strata, 0)
-    if side > 1:
-        same = (strata == s.cell.reshape(s.shape)[: side * side]).mean()
-        # A pixel's samples are not independent: its share of equal ones deviates by 1 at most, as 1 sample's would.
-        assert abs(same - 1 / side**2) < SIGMA * sqrt(1 / side**2 / pixels)
 
 
 @EACH

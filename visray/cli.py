@@ -159,8 +159,10 @@ def explain(
 ) -> int:
     """List what is simulated for a scene, what is not, and why; and with --cost, at what cost."""
     made = opened(scene, setup, compat, set)
-    if cost and json:
-        put(ablation.cost(made, spp, runs, progress=False).as_json())
+    # Before anything is printed: what is asked of it may be wrong.
+    measured = ablation.cost(made, spp, runs, progress=not json) if cost else None
+    if measured and json:
+        put(measured.as_json())
         return 0
     found = explain_scene(made).listed
     if json:
@@ -170,8 +172,8 @@ def explain(
     for f in found:
         table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
     Console().print(table)
-    if cost:
-        Console().print(ablation.cost(made, spp, runs, progress=True).table())
+    if measured:
+        Console().print(measured.table())
     return 0
 
 

@@ -90,7 +90,7 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
         draw = Draw(s.scenery.settings.sampler, a.F, plan, key, i + plan.first, cell)
         jx, jy = draw.pixel()
         if s.scenery.features["defocus"]:
-            ray = lens_ray(s, left + jx, top + jy, *draw.stream(LENS).over_pixel())
+            ray = lens_ray(s, left + jx, top + jy, *draw.stream(LENS).one())
         else:
             ray = camera_ray(s, left + jx, top + jy)
         colour, covered = radiance(s, ray, draw)

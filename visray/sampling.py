@@ -183,20 +183,6 @@ class Stream:
     draw: Draw
     key: Any
 
-    def over_pixel(self) -> tuple[Any, Any]:
-        """One pair, spread over a pixel's samples as they are. For one purpose: with strata, two would go together."""
-        d = self.draw
-        if d.sampler != "stratified":
-            return self.one()
-        # The strata of the pixel in another order: multiplied by their number's own step, from a start of its own.
-        exact = dr.float64_array_t(d.real)
-        cells = exact(d.plan.cells)
-        turn = dr.floor(exact(self.key) * 2.0**-32 * cells) + exact(d.index) * exact(d.plan.other)
-        cell = turn - dr.floor(turn * dr.rcp(cells)) * cells
-        cell = dr.select(cell >= cells, cell - cells, dr.select(cell < 0, cell + cells, cell))
-        h = mix(self.key + (d.index + 1) * _ODD)
-        return in_cell(type(d.index)(cell), d.index >= d.plan.cells, d.plan.side, h, d.real)
-
     def one(self) -> tuple[Any, Any]:
         """One pair, unrelated to all others."""
         d = self.draw

@@ -125,3 +125,15 @@ class Arrays:
         shading = double if precision == "double" else (lib.Float32, lib.Array3f)
         rest = lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f
         return Arrays(backend, precision, *shading, *double, *rest)
+
+
+def stacked(a: Arrays, kind: type, things: list) -> Any:
+    """One instance of `kind` whose quantities are arrays, an entry for each of `things`; its other fields are None."""
+    table = object.__new__(kind)
+    for name in kind.__dataclass_fields__:
+        object.__setattr__(table, name, None)
+    for name, q in quantities(kind).items():
+        single, many = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
+        values = np.array([getattr(x, name) for x in things], float)
+        object.__setattr__(table, name, a.put(single if q.size == 1 else many, values.T))
+    return table

@@ -120,8 +120,7 @@ class Watch:
         """Whether rays leave an object so that they never meet it again."""
         if ray.source is None:
             return self.a.B(False)
-        gone = ray.source == v.index
-        return gone & ~ray.inside if self.kin[v.group].kind.closed else gone
+        return (ray.source == v.index) & self.kin[v.group].kind.gone(ray.inside)
 
     def leaving(self, v: Visit, ray: Ray) -> tuple[Any, Any]:
         """Whether rays start on an object, and whether they run into it: None if none does.
@@ -324,7 +323,10 @@ def _between(
 
     def likely(v: Visit, *state: Any) -> Any:
         maybe = active & ~done(*state) & v.present & ~watch.gone(v, ray) & watch.guard(v).candidate(d32)
-        return maybe if end.index is None else maybe & ~(arrives(v) & ~end.inward)
+        if end.index is None:
+            return maybe
+        # The way back from the end would leave it so.
+        return maybe & ~(arrives(v) & watch.kin[v.group].kind.gone(end.inward))
 
     def meet(v: Visit, *state: Any) -> tuple:
         kind, group = watch.kin[v.group].kind, watch.groups[v.group]

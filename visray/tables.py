@@ -17,7 +17,7 @@ from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
-from visray.quantities import Arrays, quantities
+from visray.quantities import Arrays, stacked
 from visray.scene.scene import Gradient, Occlusion, Scene
 from visray.transforms import compose
 from visray.trees import detached, rows
@@ -45,7 +45,7 @@ def kinships(scene: Scene) -> tuple[Kinship, ...]:
     """The families of the scene's objects, in the order of first appearance."""
     found: dict[tuple, list[str]] = {}
     for name, thing in scene.objects.items():
-        found.setdefault((type(thing), bool(thing.transform)), []).append(name)
+        found.setdefault((thing.kind, bool(thing.transform)), []).append(name)
     return tuple(Kinship(kind, moved, tuple(names)) for (kind, moved), names in found.items())
 
 
@@ -82,18 +82,6 @@ def troops(scene: Scene) -> tuple[Troop, ...]:
     return tuple(Troop(kind, tuple(names)) for kind, names in found.items())
 
 
-def stacked(a: Arrays, kind: type, things: list) -> Any:
-    """One instance of `kind` whose quantities are arrays, an entry for each of `things`; its other fields are None."""
-    table = object.__new__(kind)
-    for name in kind.__dataclass_fields__:
-        object.__setattr__(table, name, None)
-    for name, q in quantities(kind).items():
-        single, many = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
-        values = np.array([getattr(x, name) for x in things], float)
-        object.__setattr__(table, name, a.put(single if q.size == 1 else many, values.T))
-    return table
-
-
 def pack(scene: Scene, a: Arrays) -> Tables:
     """The scene's numbers as arrays."""
     materials = {"default": Material()} | scene.materials
@@ -104,7 +92,7 @@ def pack(scene: Scene, a: Arrays) -> Tables:
     texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
     painted = {name: texture[m.texture] for name, m in materials.items()}
     tables = Tables(
-        objects=tuple(stacked(a, type(g[0]), g) for g in groups),
+        objects=tuple(g[0].kind.table(a, g) for g in groups),
         outers=tuple(_outer(a, g) for g in groups),
         material_of=tuple(a.put(a.U, np.array([index[x.material] for x in g], np.uint32)) for g in groups),
         materials=stacked(a, Material, list(materials.values())),

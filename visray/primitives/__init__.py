@@ -5,8 +5,9 @@ from visray.primitives.cone import Cone
 from visray.primitives.cylinder import Cylinder
 from visray.primitives.disk import Disk
 from visray.primitives.plane import Plane
+from visray.primitives.polynomial import Polynomial
 from visray.primitives.rectangle import Rectangle
 from visray.primitives.sphere import Sphere
 from visray.primitives.triangle import Triangle
 
-KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone)
+KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Polynomial)

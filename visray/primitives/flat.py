@@ -19,6 +19,10 @@ class Flat(Primitive):
     """A flat shape. It is crossed once by a ray, and never by a ray that leaves it."""
 
     @staticmethod
+    def gone(inside: Any) -> Any:
+        return True
+
+    @staticmethod
     def within(x: Any, y: Any) -> Any:
         """Whether a point of the plane belongs to the shape."""
         raise TypeError("no within")

@@ -21,7 +21,7 @@ from drjit.scalar import Array3f64
 from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
-from visray.quantities import Name, quantities
+from visray.quantities import Arrays, Name, quantities, stacked
 from visray.ray import Ray
 from visray.transforms import Transform, compose
 
@@ -59,6 +59,21 @@ class Primitive:
     closed: ClassVar[bool] = False
     bounded: ClassVar[bool] = True
 
+    @property
+    def kind(self) -> "type[Primitive]":
+        """Objects of one kind share their code."""
+        return type(self)
+
+    @classmethod
+    def table(cls, a: Arrays, things: list) -> Any:
+        """The numbers of objects of this kind as arrays, an entry each."""
+        return stacked(a, cls, things)
+
+    @staticmethod
+    def gone(inside: Any) -> Any:
+        """Whether a ray that leaves the object, and runs into it or not, never meets it again."""
+        raise TypeError("not known")
+
     def flaws(self) -> list[tuple[str, str]]:
         """What no field alone can show to be wrong: pairs of a field and what is wrong with it."""
         return []
@@ -85,10 +100,8 @@ class Primitive:
         return centre - radius, centre + radius
 
     def numbers(self) -> "Primitive":
-        """This object with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the
-        host."""
-        sizes = quantities(type(self))
-        return replace(self, **{k: Array3f64(*getattr(self, k)) for k, q in sizes.items() if q.size == 3})
+        """This object as `scalars`."""
+        return scalars(self)
 
     def outer_numbers(self) -> Frame | None:
         """The object's transform as a Frame of scalar values."""
@@ -142,6 +155,12 @@ class Primitive:
     def mitsuba(self) -> Twin | str:
         """The same shape for Mitsuba, or why there is none."""
         return f"Mitsuba has no {self.type}"
+
+
+def scalars(thing: Any) -> Any:
+    """A record with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the host."""
+    sizes = quantities(type(thing))
+    return replace(thing, **{k: Array3f64(*getattr(thing, k)) for k, q in sizes.items() if q.size == 3})
 
 
 def boxed_reach(whole: Frame) -> Any:

@@ -34,6 +34,10 @@ class Solid(Primitive):
     closed = True
 
     @staticmethod
+    def gone(inside: Any) -> Any:
+        return ~inside
+
+    @staticmethod
     def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
         """Entry and exit (t0, t1) of the line o + t d through the canonical shape; t0 > t1 or NaN where it misses.
 

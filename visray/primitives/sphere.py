@@ -13,6 +13,12 @@ from visray.quantities import Length, Point
 from visray.transforms import compose
 
 
+def globe(local: Any) -> tuple[Any, Any]:
+    """Longitude and latitude as (u, v), as seen from the origin: u is 0.5 at +x and grows eastwards, v upwards."""
+    u = 0.5 - dr.atan2(local.z, local.x) * (0.5 / dr.pi)
+    return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sphere(Solid):
     """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
@@ -46,9 +52,7 @@ class Sphere(Solid):
 
     @staticmethod
     def uv(placed: Any, p: Any) -> tuple[Any, Any]:
-        local = placed.point(p)
-        u = 0.5 - dr.atan2(local.z, local.x) * (0.5 / dr.pi)
-        return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
+        return globe(placed.point(p))
 
     def mitsuba(self) -> Twin | str:
         w, r = Array3f64, self.radius

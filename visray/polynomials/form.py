@@ -1,0 +1,243 @@
+"""What kernels evaluate: the operations of each factor as they are compiled, and apart from them all numbers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from visray.polynomials import grammar, monomis
+from visray.polynomials.algebra import split
+from visray.polynomials.expansion import TooLong, about, expand, horner, written_terms
+from visray.polynomials.tree import (
+    BITS,
+    Axis,
+    Negative,
+    Power,
+    Product,
+    Tree,
+    moved,
+    rational,
+    simplified,
+)
+from visray.polynomials.wrong import Wrong
+
+Source = str | tuple[str, ...] | list[str]
+# A bound on |f| outside of these leaves no room for the sums and differences of it that are computed in doubles.
+LARGEST, SMALLEST = 1e280, 1e-280
+MAX_PRODUCTS = 3_000_000
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A polynomial without repeated parts, its degree along a generic line, and whether its multiplicity is even.
+
+    Each operation of `code` names earlier ones by their index: ("slot", j), ("axis", k), ("add", i, j), ("sub", i, j),
+    ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one is the result.
+    """
+
+    degree: int
+    code: tuple[tuple, ...]
+    even: bool
+
+
+@dataclass(frozen=True)
+class Form:
+    """All that is compiled; forms are equal where polynomials differ only in the values of their numbers.
+
+    sign * the product of the factors that are not even has the sign of f everywhere.
+    """
+
+    factors: tuple[Factor, ...]
+    sign: int
+    slots: int
+
+
+@dataclass(frozen=True)
+class Built:
+    """A form and the numbers in its slots: as doubles, as trees of constants, and as rationals before rounding."""
+
+    form: Form
+    values: tuple[float, ...]
+    constants: tuple[Tree, ...]
+    wide: tuple[Fraction, ...]
+
+
+def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Built:
+    """The form of a polynomial, written as text or as a list of monomials, in q = p - centre."""
+    source = source if isinstance(source, str) else tuple(source)
+    return _built(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
+
+
+@lru_cache(maxsize=256)
+def _built(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Built:
+    parts, sign = _split(source, parameters)
+    values = {name: Fraction(value) for name, value in parameters}
+    middle = tuple(map(Fraction, centre))
+    slots = _Slots()
+    factors = tuple(Factor(p.degree, _code(_about(p.tree, middle), slots), p.even) for p in parts)
+    wide = tuple(rational(c, values) for c in slots.constants)
+    return Built(Form(factors, sign, len(wide)), tuple(map(_double, wide)), tuple(slots.constants), wide)
+
+
+@lru_cache(maxsize=256)
+def _split(source: str | tuple, parameters: tuple) -> tuple:
+    """The part that is the same about every centre."""
+    return split(read(source, dict(parameters)), grammar.known(dict(parameters)))
+
+
+def read(source: Source, parameters: dict[str, float]) -> Tree:
+    """The tree of a polynomial, written as text or as a list of monomials."""
+    return grammar.parse(source, parameters) if isinstance(source, str) else monomis.parse(list(source))
+
+
+def _double(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise Wrong("a number in it is too large for a double; write the polynomial in a larger unit") from None
+
+
+def _about(tree: Tree, centre: tuple[Fraction, Fraction, Fraction]) -> Tree:
+    """A simplified tree about a centre: what is written expanded in Horner's scheme, all else as it is written."""
+    terms = written_terms(tree)
+    return simplified(moved(tree, centre) if terms is None else horner(about(terms, centre)))
+
+
+class _Slots:
+    """The constants of a form. Only those with a name in them, or a root, share a slot where they are equal."""
+
+    def __init__(self):
+        self.constants: list[Tree] = []
+        self.shared: dict[Tree, int] = {}
+
+    def of(self, constant: Tree) -> int:
+        if constant in self.shared:
+            return self.shared[constant]
+        self.constants.append(constant)
+        if constant.parametric or constant.irrational:
+            self.shared[constant] = len(self.constants) - 1
+        return len(self.constants) - 1
+
+
+def _code(tree: Tree, slots: _Slots) -> tuple[tuple, ...]:
+    found: dict[tuple, int] = {}
+    sums: dict[Tree, int] = {}
+
+    def put(*operation) -> int:
+        return found.setdefault(operation, len(found))
+
+    def emit(node: Tree) -> int:
+        match node:
+            case _ if not node.degree:
+                return put("slot", slots.of(node))
+            case Axis(k):
+                return put("axis", k)
+            case Negative(of):
+                return put("neg", emit(of))
+            case Power(of, exponent=n):
+                return put("pow", emit(of), n)
+            case Product(parts):
+                return product(parts)
+        # Equal sums are one, with their numbers: (x^2 + y^2 - 1) in two places is computed once.
+        if node not in sums:
+            sums[node] = total(node.parts)
+        return sums[node]
+
+    def product(parts: tuple[Tree, ...]) -> int:
+        exponents: dict[int, int] = {}
+        for part in parts:
+            of, n = (part.of, part.exponent) if isinstance(part, Power) and part.degree else (part, 1)
+            k = emit(of)
+            exponents[k] = exponents.get(k, 0) + n
+        whole = None
+        for k, n in exponents.items():
+            power = put("pow", k, n) if n > 1 else k
+            whole = power if whole is None else put("mul", whole, power)
+        return whole
+
+    def total(parts: tuple[Tree, ...]) -> int:
+        minus = [isinstance(p, Negative) and p.degree > 0 for p in parts]
+        terms = [emit(p.of if m else p) for p, m in zip(parts, minus)]
+        # A sum starts with a term that is added, so that none has to be negated first.
+        first = minus.index(False) if False in minus else 0
+        whole = terms[first]
+        for k, (term, m) in enumerate(zip(terms, minus)):
+            if k != first:
+                whole = put("sub" if m != minus[first] else "add", whole, term)
+        return put("neg", whole) if minus[first] else whole
+
+    emit(tree)
+    return tuple(found)
+
+
+def interpret(code: tuple[tuple, ...], slots: Any, axes: Any, power: Callable[[Any, int], Any] | None = None) -> Any:
+    """The value of a factor in any arithmetic with + - *."""
+    power = power or repeated
+    done: list[Any] = []
+    for name, *at in code:
+        match name:
+            case "slot":
+                value = slots[at[0]]
+            case "axis":
+                value = axes[at[0]]
+            case "add":
+                value = done[at[0]] + done[at[1]]
+            case "sub":
+                value = done[at[0]] - done[at[1]]
+            case "mul":
+                value = done[at[0]] * done[at[1]]
+            case "neg":
+                value = -done[at[0]]
+            case _:
+                value = power(done[at[0]], at[1])
+        done.append(value)
+    return done[-1]
+
+
+def repeated(value: Any, n: int) -> Any:
+    """A power by squaring."""
+    result = None
+    while True:
+        if n % 2:
+            result = value if result is None else result * value
+        n //= 2
+        if not n:
+            return result
+        value = value * value
+
+
+def magnitude(built: Built, reach: float) -> tuple[float, ...]:
+    """For each factor a bound on its size where no coordinate of q is above `reach` in size."""
+    sizes = [abs(v) for v in built.values]
+    # The bound of a difference is that of the sum, and that of -a is that of a.
+    bounds = {"sub": lambda i, j: ("add", i, j), "neg": lambda i: ("pow", i, 1)}
+    found = []
+    for factor in built.form.factors:
+        code = tuple(bounds[name](*at) if name in bounds else (name, *at) for name, *at in factor.code)
+        found.append(interpret(code, sizes, (abs(reach),) * 3))
+    return tuple(found)
+
+
+def refuse_sizes(built: Built, reach: float):
+    """Wrong where a factor would overflow or vanish in doubles."""
+    for size in magnitude(built, reach):
+        if not size <= LARGEST:
+            raise Wrong(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
+        if size < SMALLEST:
+            raise Wrong(f"its values reach only {size:g}, too small for doubles; multiply it by a large number")
+
+
+def exact(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
+    """The polynomial expanded, with irrational constants as rationals of 77 digits; for tests and studies."""
+    values = grammar.known(parameters or {})
+    tree = simplified(read(source, parameters or {}))
+    try:
+        found = expand(tree, lambda node: {(0, 0, 0): rational(node, values)}, 3, MAX_PRODUCTS)
+    except TooLong:
+        raise Wrong("it is too long to be expanded") from None
+    if not tree.irrational:
+        return found
+    # Terms that cancel but for the rounding of irrational constants are none.
+    largest = max(map(abs, found.values()), default=Fraction(0))
+    return {e: c for e, c in found.items() if abs(c) > largest / (1 << BITS // 2)}

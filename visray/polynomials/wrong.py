@@ -1,0 +1,9 @@
+"""What is wrong with a polynomial."""
+
+
+class Wrong(ValueError):
+    """One line, `what is wrong; what would be right`. `part` is the index of the monomial it is about, if there is one."""
+
+    def __init__(self, text: str, part: int | None = None):
+        super().__init__(text)
+        self.part = part

@@ -1,0 +1,462 @@
+"""Where a polynomial first crosses zero along a chord, with proof.
+
+The chord is l + s e for s from -1 to 1. A polynomial surface is evaluated along it by its written structure, with
+polynomials in s for numbers: so the coefficients are as good as the structure, and cost less than samples of it.
+
+The march walks along the chord. On [a, a + w] the coefficients in Bernstein's basis bound the polynomial: if none of
+them has the other sign, nothing is crossed there; if their sign changes once and the last is certain, it is crossed
+exactly once. A coefficient within `noise` of zero counts as of the sign carried along, which is never computed anew:
+so no crossing at the end of an interval is lost or found twice. Source: Collins and Akritas 1976; Lane and Riesenfeld
+1981; Eigenwillig et al. 2005. What is isolated is refined on the surface's own structure (Chandrupatla 1997).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from visray.geometry import UNIT_ROUNDOFF
+from visray.polynomials import Factor, Form, interpret
+
+# No root is looked for within a narrower part of the chord: there the coefficients are all noise.
+NARROWEST = 2.0**-30
+# An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
+# needed (a triple root), the two differ by the cube root of the rounding.
+WIDENED = 3e-4
+# A value along a chord is off by no more than this share of the sizes of all that was added up to it.
+NOISE = 4 * UNIT_ROUNDOFF["double"]
+# A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
+SMALLEST = 2.0**-500
+
+
+class Line:
+    """A polynomial in s, the place along a chord: its coefficients from the constant one up."""
+
+    def __init__(self, *c: Any):
+        self.c = c
+
+    def __add__(self, other: "Line") -> "Line":
+        return self._with(other, lambda x, y: x + y, lambda y: y)
+
+    def __sub__(self, other: "Line") -> "Line":
+        return self._with(other, lambda x, y: x - y, lambda y: -y)
+
+    def _with(self, other: "Line", both: Callable, alone: Callable) -> "Line":
+        n = min(len(self.c), len(other.c))
+        rest = self.c[n:] or tuple(map(alone, other.c[n:]))
+        return Line(*map(both, self.c, other.c), *rest)
+
+    def __neg__(self) -> "Line":
+        return Line(*(-x for x in self.c))
+
+    def __mul__(self, other: "Line") -> "Line":
+        if self is other:
+            return self._squared()
+        found: list[Any] = [None] * (len(self.c) + len(other.c) - 1)
+        for i, x in enumerate(self.c):
+            for j, y in enumerate(other.c):
+                found[i + j] = x * y if found[i + j] is None else dr.fma(x, y, found[i + j])
+        return Line(*found)
+
+    def _squared(self) -> "Line":
+        c, n, found = self.c, len(self.c), []
+        for k in range(2 * n - 1):
+            pairs = [(i, k - i) for i in range(max(0, k - n + 1), (k + 1) // 2)]
+            total = None
+            for i, j in pairs:
+                total = c[i] * c[j] if total is None else dr.fma(c[i], c[j], total)
+            if total is not None:
+                total = total + total
+            if k % 2 == 0:
+                half = c[k // 2]
+                total = half * half if total is None else dr.fma(half, half, total)
+            found.append(total)
+        return Line(*found)
+
+    def __call__(self, s: Any) -> Any:
+        total = self.c[-1]
+        for x in self.c[-2::-1]:
+            total = dr.fma(total, s, x)
+        return total
+
+    def slope(self, s: Any) -> Any:
+        """The derivative by s."""
+        return Line(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
+
+
+class Size:
+    """A bound of the sizes of all that is added up to a number: what its rounding is relative to."""
+
+    def __init__(self, x: Any):
+        self.x = x
+
+    def __add__(self, other: "Size") -> "Size":
+        return Size(self.x + other.x)
+
+    __sub__ = __add__
+
+    def __neg__(self) -> "Size":
+        return self
+
+    def __mul__(self, other: "Size") -> "Size":
+        return Size(self.x * other.x)
+
+
+class Slope:
+    """A number with its derivatives by x, y and z, None where they are zero by structure."""
+
+    def __init__(self, x: Any, slopes: tuple):
+        self.x, self.slopes = x, slopes
+
+    def __add__(self, other: "Slope") -> "Slope":
+        return Slope(self.x + other.x, tuple(map(_sum, self.slopes, other.slopes)))
+
+    def __sub__(self, other: "Slope") -> "Slope":
+        return Slope(self.x - other.x, tuple(_sum(p, None if q is None else -q) for p, q in self._beside(other)))
+
+    def __neg__(self) -> "Slope":
+        return Slope(-self.x, tuple(None if p is None else -p for p in self.slopes))
+
+    def __mul__(self, other: "Slope") -> "Slope":
+        if self is other:
+            return Slope(self.x * self.x, tuple(None if p is None else 2 * self.x * p for p in self.slopes))
+        parts = (_sum(_product(p, other.x), _product(q, self.x)) for p, q in self._beside(other))
+        return Slope(self.x * other.x, tuple(parts))
+
+    def _beside(self, other: "Slope") -> zip:
+        return zip(self.slopes, other.slopes)
+
+
+def _sum(p: Any, q: Any) -> Any:
+    return q if p is None else p if q is None else p + q
+
+
+def _product(p: Any, x: Any) -> Any:
+    return None if p is None else p * x
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
+    have one. unresolved: how many parts were left, as too narrow, without knowing."""
+
+    low: Any
+    high: Any
+    found: Any
+    unresolved: Any
+
+
+def bernstein(c: tuple, a: Any, w: Any) -> list[Any]:
+    """The coefficients in Bernstein's basis on [a, a + w] of the polynomial with coefficients `c` in s."""
+    d, c = len(c) - 1, list(c)
+    for i in range(d):
+        for j in range(d - 1, i - 1, -1):
+            c[j] = dr.fma(a, c[j + 1], c[j])
+    power = w
+    for k in range(1, d + 1):
+        c[k] = c[k] * (power * (1 / math.comb(d, k)))
+        power = power * w
+    for i in range(d):
+        for j in range(d, i, -1):
+            c[j] = c[j] + c[j - 1]
+    return c
+
+
+def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
+    """The first crossing from above zero to below on [-1, 1], for a polynomial that counts as positive at -1.
+
+    noise: how far off its values are. Where its sign changes more than once, the first part of the interval up to which
+    the coefficients' hull stays above zero is left behind, and the rest halved.
+    """
+    d, n = len(c) - 1, max(map(dr.width, c))
+    number, count = dr.float64_array_t(type(c[0])), dr.uint32_array_t(type(c[0]))
+
+    def step(a: Any, w: Any, going: Any, found: Any, unresolved: Any) -> tuple:
+        b = bernstein(c, a, w)
+        changes, below = count(0), type(going)(False)
+        for x in b:
+            changed = dr.select(below, x > noise, x < -noise)
+            below ^= changed
+            changes += dr.select(changed, count(1), 0)
+        falls = b[d] < -noise
+        narrow = w <= NARROWEST
+        take = ((changes == 1) | narrow) & falls
+        leave = (changes == 0) | (narrow & ~falls)
+        steepest = (b[1] - b[0]) * d
+        for i in range(2, d + 1):
+            slope = (b[i] - b[0]) * (d / i)
+            steepest = dr.select(slope < steepest, slope, steepest)
+        # Up to there a straight line below all coefficients stays above zero.
+        clear = dr.select(b[0] > noise, -b[0] / steepest, 0)
+        end = a + w
+        nearer = dr.select(leave, end, dr.fma(clear, w, a))
+        rest = end - nearer
+        left = 1 - end
+        w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
+        unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
+        return nearer, w, going & ~take & (w > 0), found | take, unresolved
+
+    no = dr.full(dr.mask_t(c[0]), False, n)
+    start = dr.full(number, -1, n), dr.full(number, 2, n), no | active, no, dr.zeros(count, n)
+    a, w, _, found, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
+    return Isolated(a, a + w, found, unresolved)
+
+
+def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, Any]:
+    """As isolated, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
+    zero = 0 * c[0]
+    flat = zero if len(c) < 3 else c[2]
+    extremum = -0.5 * c[1] / flat
+    extremum = dr.select((flat > 0) & (extremum > -1) & (extremum < 1), extremum, 1)
+    down, end = Line(*c)(extremum) < -noise, Line(*c)(zero + 1) < -noise
+    # A parabola that opens downwards falls after its extremum, one that opens upwards before it.
+    root = dr.sqrt(dr.maximum(c[1] * c[1] - 4 * flat * c[0], 0))
+    q = -0.5 * (c[1] + dr.copysign(root, c[1]))
+    one, two = dr.select(q == 0, zero, c[0] / q), dr.select(flat == 0, dr.inf, q / flat)
+    low, high = dr.select(one < two, one, two), dr.select(one < two, two, one)
+    s = dr.select(flat == 0, one, dr.select(flat > 0, low, high))
+    found = active & (down | end)
+    s = dr.select(found, dr.maximum(dr.minimum(s, 1), -1), 0)
+    return Isolated(zero - 1, dr.select(down, extremum, 1), found, dr.zeros(dr.uint32_array_t(type(zero)))), s
+
+
+def refined(f: Callable, part: Isolated, level: Any) -> Any:
+    """Where f, that counts as positive at the beginning of each part and as negative at its end, is zero, to the last
+    digit of s. level: what counts as f's value there if its sign is another."""
+    low, high = part.low, part.high
+    at_low, at_high = f(low), f(high)
+    wrong = part.found & ~((at_low > 0) & (at_high < 0))
+
+    def wider(low: Any, high: Any, at_low: Any, at_high: Any) -> tuple:
+        more = dr.maximum(high - low, WIDENED)
+        low = dr.select(at_low > 0, low, dr.maximum(low - more, -1))
+        high = dr.select(at_high < 0, high, dr.minimum(high + more, 1))
+        at_low, at_high = f(low), f(high)
+        return low, high, dr.select(at_low > 0, at_low, level), dr.select(at_high < 0, at_high, -level)
+
+    state = low, high, at_low, at_high
+    low, high, at_low, at_high = dr.if_stmt(state, wrong, wider, lambda *same: same, label="wider")
+    return _chandrupatla(f, low, high, at_low, at_high, part.found)
+
+
+def _chandrupatla(f: Callable, low: Any, high: Any, at_low: Any, at_high: Any, active: Any) -> Any:
+    """A root between low and high, where f has opposite signs: by inverse quadratic interpolation where that is
+    certain to be good, by halves elsewhere. Source: Chandrupatla 1997."""
+    ulp = 2 * UNIT_ROUNDOFF["double"]
+
+    def step(a: Any, b: Any, fa: Any, fb: Any, fraction: Any, going: Any) -> tuple:
+        # a is the newest point; the root lies between a and b.
+        x = dr.fma(fraction, b - a, a)
+        fx = f(x)
+        same = (fx < 0) == (fa < 0)
+        c, fc = dr.select(same, a, b), dr.select(same, fa, fb)
+        b, fb = dr.select(same, b, a), dr.select(same, fb, fa)
+        a, fa = x, fx
+        gap = b - a
+        least = 0.5 * ulp * (dr.abs(dr.select(dr.abs(fa) < dr.abs(fb), a, b)) + 0.5) / dr.abs(gap)
+        done = ~(least <= 0.5) | (fx == 0)
+        xi, phi = -gap / (c - b), (fa - fb) / (fc - fb)
+        good = (phi * phi < xi) & ((1 - phi) * (1 - phi) < 1 - xi)
+        curve = fa / (fb - fa) * fc / (fb - fc) + (c - a) / gap * fa / (fc - fa) * fb / (fc - fb)
+        fraction = dr.select(good, curve, 0.5)
+        fraction = dr.maximum(least, dr.minimum(1 - least, fraction))
+        return a, b, fa, fb, fraction, going & ~done
+
+    half = dr.full(type(low), 0.5, dr.width(low))
+    state = high, low, at_high, at_low, half, active
+    a, b, fa, fb, *_ = dr.while_loop(state, lambda *state: state[-1], step, label="refine")
+    return dr.select(dr.abs(fa) < dr.abs(fb), a, b)
+
+
+@dataclass(frozen=True)
+class Way:
+    """Rays from `begin` to `end` as chords: l + s e for s from -1 to 1, at the distance middle + half s."""
+
+    l: tuple
+    e: tuple
+    middle: Any
+    half: Any
+
+    @staticmethod
+    def of(o: Any, d: Any, begin: Any, end: Any) -> "Way":
+        """The chord from o + begin d to o + end d. Centred, so that coefficients are no larger than they have to be."""
+        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+        return Way(tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d), middle, half)
+
+    def at(self, s: Any) -> list[Any]:
+        """The coordinates of a point."""
+        return [dr.fma(s, y, x) for x, y in zip(self.l, self.e)]
+
+    def distance(self, s: Any) -> Any:
+        """How far along the ray a point is."""
+        return dr.fma(self.half, s, self.middle)
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The first crossing of a way: its distance where it is `found`; negative: whether the surface's function is below
+    zero at the beginning; unresolved: as in Isolated."""
+
+    t: Any
+    found: Any
+    negative: Any
+    unresolved: Any
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What is known of a way's ends. on_start: it begins on the surface, and runs on where the function is below zero
+    (`negative`) or not; on_end: it ends on the surface. Crossings within the rounding of such an end are not met."""
+
+    on_start: Any = None
+    negative: Any = None
+    on_end: Any = None
+
+
+def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends = Ends()) -> Crossing:
+    """Where the way first crosses the surface of a form, with the values `slots`."""
+    paths = [_path(f, slots, way) for f in form.factors]
+    active = active & (way.half > 0)
+    signs = [p.at_start < 0 for p in paths]
+    noises = [p.noise for p in paths]
+    for on, values in ((ends.on_start, [p.at_start for p in paths]), (ends.on_end, [p.line(1) for p in paths])):
+        if on is not None:
+            for i, near in enumerate(_nearest(values, noises)):
+                # All of the value there is rounding, that of the point itself too.
+                noises[i] = dr.select(on & near, dr.maximum(noises[i], 2 * dr.abs(values[i])), noises[i])
+    negative = _odd(signs, form.sign < 0)
+    if ends.on_start is not None:
+        wrong = ends.on_start & (negative != ends.negative)
+        near = _nearest([p.at_start for p in paths], [p.noise for p in paths])
+        signs = [s ^ (wrong & n) for s, n in zip(signs, near)]
+        negative = negative ^ wrong
+    found, t, unresolved = active & ~active, dr.inf, 0
+    for path, sign, noise in zip(paths, signs, noises):
+        there, s, left = path.first(sign, noise, active, ends.on_start)
+        distance = dr.select(there, way.distance(s), dr.inf)
+        t = distance if len(paths) == 1 else dr.minimum(t, distance)
+        found, unresolved = found | there, unresolved + left
+    return Crossing(t, found, negative, unresolved)
+
+
+def value(form: Form, slots: tuple, q: Any) -> Any:
+    """The product of a form's factors at a point: below zero inside of it."""
+    total = form.sign
+    for factor in form.factors:
+        total = total * interpret(factor.code, slots, tuple(q))
+    return total
+
+
+def _odd(signs: list, flipped: bool) -> Any:
+    """Whether an odd number of signs is set."""
+    total = signs[0] ^ flipped
+    for sign in signs[1:]:
+        total = total ^ sign
+    return total
+
+
+def _nearest(values: list, noises: list) -> list:
+    """Which of several values is the nearest to zero, as measured by their noise."""
+    if len(values) == 1:
+        return [True]
+    sizes = [dr.abs(v) / n for v, n in zip(values, noises)]
+    least = sizes[0]
+    for size in sizes[1:]:
+        least = dr.minimum(least, size)
+    found, taken = [], values[0] != values[0]
+    for size in sizes:
+        found.append((size <= least) & ~taken)
+        taken = taken | found[-1]
+    return found
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A factor of a form along a way."""
+
+    factor: Factor
+    slots: tuple
+    way: Way
+    line: Line
+    noise: Any
+    at_start: Any
+
+    def first(self, sign: Any, noise: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
+        """Whether it is crossed, where, and how many parts are unresolved; sign: whether it begins below zero."""
+        turn = dr.select(sign, type(noise)(-1), 1)
+        c = tuple(dr.mulsign(x, turn) for x in self.line.c)
+
+        def f(s: Any) -> Any:
+            x = dr.mulsign(self.value(s), turn)
+            # What is only noise counts as of the side that the way begins on.
+            return x if on_start is None else dr.select(on_start & (dr.abs(x) <= noise), noise, x)
+
+        if self.factor.degree <= 2:
+            part, s = isolated_by_formula(c, noise, active)
+            return part.found, self._polished(f, Line(*c), part, s), part.unresolved
+        part = isolated(c, noise, active)
+        return part.found, refined(f, part, noise), part.unresolved
+
+    def value(self, s: Any) -> Any:
+        """The factor by its structure."""
+        return interpret(self.factor.code, self.slots, self.way.at(s))
+
+    @staticmethod
+    def _polished(f: Callable, line: Line, part: Isolated, s: Any) -> Any:
+        """Two steps of Newton's from a root by formula, which lost digits if the surface is small in its clip."""
+        for _ in range(2):
+            slope = line.slope(s)
+            moved = s - f(s) / dr.select(slope == 0, dr.inf, slope)
+            s = dr.select((moved >= part.low) & (moved <= part.high), moved, s)
+        return s
+
+
+def _path(factor: Factor, slots: tuple, way: Way) -> _Path:
+    line = interpret(factor.code, tuple(map(Line, slots)), tuple(map(Line, way.l, way.e)))
+    reach = tuple(Size(dr.abs(x) + dr.abs(y)) for x, y in zip(way.l, way.e))
+    size = interpret(factor.code, tuple(Size(dr.abs(x)) for x in slots), reach).x
+    return _Path(factor, slots, way, line, NOISE * size, line(-1))
+
+
+def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
+    """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
+
+    Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
+    """
+    axes = tuple(Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
+    found = []
+    for factor in form.factors:
+        s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), axes)
+        g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
+        found.append(_unit(factor, slots, q, step, s.x, g))
+    f, g = found[0]
+    others = type(f)(-1 if form.sign < 0 else 1)
+    for near, normal in found[1:]:
+        nearer = dr.abs(near) < dr.abs(f)
+        others = dr.mulsign(others, dr.select(nearer, f, near))
+        f, g = dr.select(nearer, near, f), dr.select(nearer, normal, g)
+    return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
+
+
+def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+    """A function and its gradient, both over the gradient's length."""
+    length = dr.norm(g)
+    flat = ~(dr.detach(length) > SMALLEST)
+
+    def differences(*_: Any) -> tuple:
+        p, found = dr.detach(q), []
+        for i in range(3):
+            sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
+            high, low = (interpret(factor.code, dr.detach(slots), side) for side in sides)
+            found.append(high - low)
+        longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
+        # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
+        found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
+        return (dr.normalize(type(p)(*found)),)
+
+    n = max(dr.width(q), dr.width(f))
+    instead = dr.if_stmt((dr.zeros(type(q), n),), flat, differences, lambda *same: same, label="singular")
+    inverse = dr.select(flat, 0, 1 / dr.select(flat, 1, length))
+    return f * dr.detach(inverse), dr.select(flat, instead[0], g * inverse)

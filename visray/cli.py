@@ -17,7 +17,7 @@ from visray.errors import UserError
 from visray.output.files import check_writable, replacing
 from visray.output.image import check_destination
 from visray.quantities import BACKENDS
-from visray.render import LAYERS, adjusted, render, set_threads
+from visray.render import LAYERS, PROOF, adjusted, render, set_threads
 from visray.render import explain as explain_scene
 from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
@@ -71,7 +71,7 @@ def sized(text: str | None) -> tuple[int, int] | None:
 def wanted(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
     """The layers that the outputs need: all for an EXR file, colour and coverage for a PNG file, or those named."""
     if text is None or text == "all":
-        return LAYERS if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A")
+        return LAYERS if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A", *PROOF)
     named = {l.lower(): l for l in LAYERS}
     asked = [l.strip() for l in text.split(",")]
     if unknown := [l for l in asked if l.lower() not in named]:
@@ -129,17 +129,20 @@ def render_command(
     stopped = bool(facts["interrupted"])
     if json:
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads")
+        keep = (*keep, "unresolved", "residual_ulps")
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
         seconds = time.perf_counter() - begun
         put(
             report
-            | {k: facts[k] for k in keep}
+            | {k: facts[k] for k in keep if k in facts}
             | {"layers": list(image.layers), "seconds": seconds, "stopped": stopped}
         )
     elif not quiet:
         names = ", ".join(str(o) for o in outputs)
         short = f" of {facts['spp_asked']}, stopped" if stopped else ""
         line = f"{names}: {image.width} x {image.height}, {facts['spp']} spp{short}, {facts['render_seconds']:.2f} s"
+        if "residual_ulps" in facts:
+            line += f"; roots: {facts['unresolved']} unresolved, residual {facts['residual_ulps']:.2g} ulp at most"
         sys.stdout.write(line + "\n")
     return INTERRUPTED if stopped else 0
 

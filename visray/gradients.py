@@ -71,8 +71,10 @@ def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, addre
         table, row, field, rest = t.camera, 0, name, parts[2:]
     elif head == "materials":
         table, row, rest = t.materials, list({"default": None} | scene.materials).index(name), parts[3:]
-    elif head in ("objects", "lights"):
-        families, all_of = (kin, t.objects) if head == "objects" else (tables.troops(scene), t.lights)
+    elif head == "objects":
+        return _of_object(scene, kin, t, name, parts[2:])
+    elif head == "lights":
+        families, all_of = tables.troops(scene), t.lights
         number = next(i for i, f in enumerate(families) if name in f.names)
         table, row, rest = all_of[number], families[number].names.index(name), parts[3:]
     elif address == "settings.occlusion.distance":
@@ -82,6 +84,20 @@ def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, addre
     if field not in quantities(type(table)):
         raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
     return Place((getattr(table, field),), row, int(rest[0]) if rest else None)
+
+
+def _of_object(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, name: str, rest: list[str]) -> Place:
+    """Where the tables hold a number of an object."""
+    thing = scene.objects[name]
+    number = next(i for i, k in enumerate(kin) if name in k.names)
+    columns = thing.kind.columns(thing, t.objects[number])
+    for field, column in columns.items():
+        size = len(field.split("."))
+        if ".".join(rest[:size]) == field:
+            part = int(rest[size]) if rest[size:] else None
+            return Place((column,), kin[number].names.index(name), part)
+    known = ", ".join(columns) or "none of its own"
+    raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
 
 
 @dataclass(frozen=True)
@@ -116,6 +132,10 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], 
     if s.features["coloured shadows"] and any(len(k.names) > tables.WRITTEN_OUT for k in s.kin):
         most = tables.WRITTEN_OUT
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
+    clear = [k for k in s.kin if k.kind.searched and k.kind.closed]
+    if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
+        name = clear[0].names[0]
+        raise UserError(f"objects.{name}: derivatives through the coloured shadow of a capped polynomial are not had")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(made.stage, made.x, made.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)

@@ -8,14 +8,16 @@ import drjit as dr
 from visray import paths, sampling, warp
 from visray.features import Features
 from visray.film import Moments
+from visray.geometry import UNIT_ROUNDOFF
 from visray.quantities import Arrays
-from visray.ray import Ray, unit
+from visray.ray import Hit, Ray, unit
 from visray.sampling import Draw
 from visray.scene.scene import Scene
 from visray.scenery import Scenery, scenery, site
 from visray.search import Watch, closest
 from visray.shading import shade
 from visray.tables import Kinship, Ready, View
+from visray.trees import rows
 
 LENS = 1
 
@@ -114,7 +116,7 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
 @dataclass(frozen=True)
 class FirstHit:
     """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is
-    hit."""
+    hit. unresolved, residual: the certificate of what is searched for; None where nothing is."""
 
     index: Any
     distance: Any
@@ -124,6 +126,8 @@ class FirstHit:
     u: Any
     v: Any
     albedo: Any
+    unresolved: Any
+    residual: Any
 
 
 def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
@@ -135,4 +139,30 @@ def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
     depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
     p, kd = a.V(here.surface.p), here.material.kd
     shown = (dr.select(hit.valid, x, 0) for x in (p, here.n, here.u, here.v, kd))
-    return FirstHit(hit.index, a.F(hit.t), depth, *shown)
+    return FirstHit(hit.index, a.F(hit.t), depth, *shown, *certificate(s, ray, hit, here.surface.p))
+
+
+def certificate(s: Stage, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
+    """Of the objects whose crossings are searched for: how many parts of a ray are unresolved, and the distance of the
+    point p that is seen from its surface, to first order, in units in the last place of its largest coordinate."""
+    a, kept = s.scenery.a, s.scenery
+    if not any(k.kind.searched for k in kept.kin):
+        return None, None
+    unresolved, residual = dr.zeros(a.U, dr.width(ray.d)), dr.zeros(a.F, dr.width(ray.d))
+    base = 0
+    for number, (k, group) in enumerate(zip(kept.kin, kept.groups)):
+        n, first = len(k.names), base
+        base += n
+        if not k.kind.searched:
+            continue
+
+        def step(i: Any, total: Any, k: Kinship = k, number: int = number) -> tuple:
+            return (total + k.kind.unresolved(rows(s.watch.sights[number], i), ray),)
+
+        unresolved = kept.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
+        here = (hit.index >= first) & (hit.index < base)
+        f, _ = k.kind.level(rows(group.placed, dr.select(here, hit.index - first, 0)), p)
+        # The greatest coordinate is known to a unit in the last place: its own roundoff, twice.
+        ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z))
+        residual = dr.select(here, a.F(dr.abs(f) / dr.select(here, ulp, 1)), residual)
+    return unresolved, residual

@@ -25,7 +25,9 @@ from visray.version import __version__
 
 # Passes after the first are fitted to this.
 PASS_SECONDS = 0.5
-DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id")
+# What tells how well the crossings are known that are searched for.
+PROOF = ("unresolved", "residual")
+DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id", *PROOF)
 LAYERS = ("RGB", "A", "variance", *DATA_LAYERS)
 
 
@@ -118,7 +120,18 @@ def render(
         check_numbers(made, film)
         pictures = _pictures(made, film, done, layers)
     seconds = time.perf_counter() - begun
-    return Image(pictures, provenance(made, done, seconds) | {"interrupted": int(patience.asked)})
+    facts = provenance(made, done, seconds) | _proof(pictures)
+    return Image(pictures, facts | {"interrupted": int(patience.asked)})
+
+
+def _proof(pictures: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The sums of the certificate: how many parts of rays are unresolved, and the largest residual in ulps."""
+    found = {}
+    if "unresolved" in pictures:
+        found["unresolved"] = int(pictures["unresolved"].sum())
+    if "residual" in pictures:
+        found["residual_ulps"] = float(pictures["residual"].max())
+    return found
 
 
 def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
@@ -213,7 +226,8 @@ def _pictures(made: Set, film: films.Film, done: int, layers: tuple[str, ...]) -
     found = {"RGB": film.mean, "A": film.coverage / done if made.scene.film.transparent else film.coverage * 0 + 1}
     if done > 1:
         found["variance"] = film.squares / (done - 1)
-    if set(layers) & set(DATA_LAYERS):
+    asked = set(layers) & set(DATA_LAYERS)
+    if asked - set(PROOF) or (asked and any(k.kind.searched for k in made.stage.scenery.kin)):
         found |= _data(made)
     return {name: _raster(made, name, found[name]) for name in LAYERS if name in layers and name in found}
 
@@ -234,7 +248,7 @@ def _data(made: Set) -> dict[str, Any]:
         "UV": (h.u, h.v),
         "albedo": h.albedo,
         "id": number,
-    }
+    } | ({} if h.residual is None else {"unresolved": h.unresolved, "residual": h.residual})
 
 
 def _raster(made: Set, name: str, values: Any) -> np.ndarray:
@@ -244,7 +258,7 @@ def _raster(made: Set, name: str, values: Any) -> np.ndarray:
         values = np.stack([np.array(v) for v in values])
     flat = np.array(values)
     flat = flat.T if flat.ndim == 2 else flat
-    picture = np.empty(flat.shape, np.uint32 if name == "id" else np.float32)
+    picture = np.empty(flat.shape, np.uint32 if name in ("id", "unresolved") else np.float32)
     picture[made.order] = flat  # one entry for all pixels where all are alike
     return picture.reshape(height, width, *picture.shape[1:])
 

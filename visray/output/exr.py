@@ -33,6 +33,8 @@ CHANNELS = {
     "N": ("N.X", "N.Y", "N.Z"),
     "P": ("P.X", "P.Y", "P.Z"),
     "id": ("id.object",),
+    "unresolved": ("proof.unresolved",),
+    "residual": ("proof.residual",),
 }
 BY_SIZE = {1: "X", 2: "UV", 3: "RGB", 4: "RGBA"}
 HALF = ("RGB", "A", "albedo")
@@ -89,7 +91,7 @@ def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _typed(name: str, values: np.ndarray) -> np.ndarray:
-    if name == "id" or values.dtype == np.uint32:
+    if name in ("id", "unresolved") or values.dtype == np.uint32:
         if not np.issubdtype(values.dtype, np.integer) or (values.astype(np.uint32) != values).any():
             raise UserError(f"image: layer '{name}' must hold whole numbers from 0 to {2**32 - 1}")
         return np.ascontiguousarray(values, np.uint32)

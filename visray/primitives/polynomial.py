@@ -137,6 +137,7 @@ class Polynomial(Primitive):
     clip: Annotated[Ball | Block, Field(discriminator="type")] | None = None
     ends: Literal["open", "capped"] = "open"
 
+    searched = True
     # Those of a kind, whose objects have one form and clips of one kind. Without types: they would be fields.
     form = solid = None
 
@@ -207,6 +208,10 @@ class Polynomial(Primitive):
             clip=stacked(a, type(limits[0]), limits),
         )
 
+    @classmethod
+    def columns(cls, thing: "Polynomial", table: Rows) -> dict[str, Any]:
+        return {f"parameters.{name}": column for name, column in zip(thing.known(), table.parameters)}
+
     @staticmethod
     def gone(inside: Any) -> Any:
         return False
@@ -222,6 +227,10 @@ class Polynomial(Primitive):
             # On its own surface the ray may be as near as it likes.
             near = dr.select(leaving, 0, near)
         return cls._first(seen, seen.placed.inverse.vector(ray.d), near, dr.inf, Ends(leaving, inside))[0]
+
+    @classmethod
+    def unresolved(cls, seen: Near, ray: Ray) -> Any:
+        return cls._first(seen, seen.placed.inverse.vector(ray.d), 0, dr.inf, Ends())[1]
 
     @classmethod
     def blocks(cls, seen: Near, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:

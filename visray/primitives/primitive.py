@@ -58,11 +58,18 @@ class Primitive:
 
     closed: ClassVar[bool] = False
     bounded: ClassVar[bool] = True
+    # Whether crossings are searched for, and come with a certificate (`unresolved`).
+    searched: ClassVar[bool] = False
 
     @property
     def kind(self) -> "type[Primitive]":
         """Objects of one kind share their code."""
         return type(self)
+
+    @classmethod
+    def columns(cls, thing: Any, table: Any) -> dict[str, Any]:
+        """The arrays of a table by the names of an object's numbers, as in addresses."""
+        return {name: getattr(table, name) for name in quantities(cls)}
 
     @classmethod
     def table(cls, a: Arrays, things: list) -> Any:
@@ -141,6 +148,11 @@ class Primitive:
         inside. A point of the object's own surface counts as entered or left. A flat object has no inside.
         """
         return arrives & ~arrives, 0 * length
+
+    @classmethod
+    def unresolved(cls, seen: Any, ray: Ray) -> Any:
+        """How many parts of a ray are left of which it is not known whether the object is crossed there: 0 expected."""
+        raise TypeError(f"{cls.__name__} is not searched for")
 
     @staticmethod
     def level(placed: Any, p: Any) -> tuple[Any, Any]:

@@ -638,7 +638,6 @@ EDGES = {
 }
 
 
-@pytest.mark.xfail(reason="a lamp exactly on an edge of a solid is judged by one of its faces", strict=True)
 @PRECISIONS
 @pytest.mark.parametrize("looped", [False, True], ids=["written out", "looped over"])
 @pytest.mark.parametrize("turn", [(), TURN], ids=["upright", "turned"])

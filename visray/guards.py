@@ -113,5 +113,9 @@ def ground(a: Arrays, kind: type, group: Group, o: Any) -> Ground:
 def flush(group: Group, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
     """Whether the points p, known to `error`, lie on objects to within rounding, by their level f
     and its gradient g."""
-    size = extent(p) + (extent(group.placed.o) if group.radius is None else group.radius)
-    return dr.abs(f) <= (gamma(32) * size + error) * dr.norm(g)
+    return dr.abs(f) <= (rounding(group, p) + error) * dr.norm(g)
+
+
+def rounding(group: Group, p: Any) -> Any:
+    """How far points near objects are off by rounding."""
+    return gamma(32) * (extent(p) + (extent(group.placed.o) if group.radius is None else group.radius))

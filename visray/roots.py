@@ -140,10 +140,13 @@ def _product(p: Any, x: Any) -> Any:
 @dataclass(frozen=True)
 class Isolated:
     """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
-    have one. unresolved: how many parts were left, as too narrow, without knowing."""
+    have one. at_low, at_high: its values there. unresolved: how many parts were left, as too narrow, without knowing.
+    """
 
     low: Any
     high: Any
+    at_low: Any
+    at_high: Any
     found: Any
     unresolved: Any
 
@@ -173,7 +176,7 @@ def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
     d, n = len(c) - 1, max(map(dr.width, c))
     number, count = dr.float64_array_t(type(c[0])), dr.uint32_array_t(type(c[0]))
 
-    def step(a: Any, w: Any, going: Any, found: Any, unresolved: Any) -> tuple:
+    def step(a: Any, w: Any, first: Any, last: Any, going: Any, found: Any, unresolved: Any) -> tuple:
         b = bernstein(c, a, w)
         changes, below = count(0), type(going)(False)
         for x in b:
@@ -196,12 +199,16 @@ def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
         left = 1 - end
         w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
         unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
-        return nearer, w, going & ~take & (w > 0), found | take, unresolved
+        # To the left of the crossing all that is not certain counts as above zero.
+        first = dr.select(take, dr.maximum(b[0], noise), first)
+        return nearer, w, first, dr.select(take, b[d], last), going & ~take & (w > 0), found | take, unresolved
 
     no = dr.full(dr.mask_t(c[0]), False, n)
-    start = dr.full(number, -1, n), dr.full(number, 2, n), no | active, no, dr.zeros(count, n)
-    a, w, _, found, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
-    return Isolated(a, a + w, found, unresolved)
+    ends = (dr.full(number, x, n) for x in (-1, 2, 1, -1))
+    start = *ends, no | active, no, dr.zeros(count, n)
+    done = dr.while_loop(start, lambda a, w, first, last, going, *_: going, step, label="march")
+    a, w, first, last, _, found, unresolved = done
+    return Isolated(a, a + w, first, last, found, unresolved)
 
 
 def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, Any]:
@@ -219,34 +226,21 @@ def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, An
     s = dr.select(flat == 0, one, dr.select(flat > 0, low, high))
     found = active & (down | end)
     s = dr.select(found, dr.maximum(dr.minimum(s, 1), -1), 0)
-    return Isolated(zero - 1, dr.select(down, extremum, 1), found, dr.zeros(dr.uint32_array_t(type(zero)))), s
+    none = dr.zeros(dr.uint32_array_t(type(zero)))
+    return Isolated(zero - 1, dr.select(down, extremum, 1), zero, zero, found, none), s
 
 
-def refined(f: Callable, part: Isolated, level: Any) -> Any:
-    """Where f, that counts as positive at the beginning of each part and as negative at its end, is zero, to the last
-    digit of s. level: what counts as f's value there if its sign is another."""
-    low, high = part.low, part.high
-    at_low, at_high = f(low), f(high)
-    wrong = part.found & ~((at_low > 0) & (at_high < 0))
+def refined(f: Callable, part: Isolated) -> Any:
+    """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
+    digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
 
-    def wider(low: Any, high: Any, at_low: Any, at_high: Any) -> tuple:
-        more = dr.maximum(high - low, WIDENED)
-        low = dr.select(at_low > 0, low, dr.maximum(low - more, -1))
-        high = dr.select(at_high < 0, high, dr.minimum(high + more, 1))
-        at_low, at_high = f(low), f(high)
-        return low, high, dr.select(at_low > 0, at_low, level), dr.select(at_high < 0, at_high, -level)
-
-    state = low, high, at_low, at_high
-    low, high, at_low, at_high = dr.if_stmt(state, wrong, wider, lambda *same: same, label="wider")
-    return _chandrupatla(f, low, high, at_low, at_high, part.found)
-
-
-def _chandrupatla(f: Callable, low: Any, high: Any, at_low: Any, at_high: Any, active: Any) -> Any:
-    """A root between low and high, where f has opposite signs: by inverse quadratic interpolation where that is
-    certain to be good, by halves elsewhere. Source: Chandrupatla 1997."""
+    Where that comes out at an end, f's sign there is not that of the polynomial that was isolated: the end is moved,
+    once.
+    Source: Chandrupatla 1997.
+    """
     ulp = 2 * UNIT_ROUNDOFF["double"]
 
-    def step(a: Any, b: Any, fa: Any, fb: Any, fraction: Any, going: Any) -> tuple:
+    def step(a: Any, b: Any, fa: Any, fb: Any, fraction: Any, moved: Any, going: Any) -> tuple:
         # a is the newest point; the root lies between a and b.
         x = dr.fma(fraction, b - a, a)
         fx = f(x)
@@ -255,17 +249,28 @@ def _chandrupatla(f: Callable, low: Any, high: Any, at_low: Any, at_high: Any, a
         b, fb = dr.select(same, b, a), dr.select(same, fb, fa)
         a, fa = x, fx
         gap = b - a
-        least = 0.5 * ulp * (dr.abs(dr.select(dr.abs(fa) < dr.abs(fb), a, b)) + 0.5) / dr.abs(gap)
+        best = dr.select(dr.abs(fa) < dr.abs(fb), a, b)
+        least = 0.5 * ulp * (dr.abs(best) + 0.5) / dr.abs(gap)
         done = ~(least <= 0.5) | (fx == 0)
         xi, phi = -gap / (c - b), (fa - fb) / (fc - fb)
         good = (phi * phi < xi) & ((1 - phi) * (1 - phi) < 1 - xi)
         curve = fa / (fb - fa) * fc / (fb - fc) + (c - a) / gap * fa / (fc - fa) * fb / (fc - fb)
         fraction = dr.select(good, curve, 0.5)
         fraction = dr.maximum(least, dr.minimum(1 - least, fraction))
-        return a, b, fa, fb, fraction, going & ~done
+        # A second start, from an end that was moved.
+        first, last = b == part.low, b == part.high
+        again = done & (first | last) & (fx != 0) & ~moved
+        more = dr.maximum(part.high - part.low, WIDENED)
+        a = dr.select(again, dr.select(first, part.high, part.low), a)
+        b = dr.select(again, dr.select(first, dr.maximum(part.low - more, -1), dr.minimum(part.high + more, 1)), b)
+        fa = dr.select(again, dr.select(first, part.at_high, part.at_low), fa)
+        fb = dr.select(again, dr.select(first, part.at_low, part.at_high), fb)
+        fraction = dr.select(again, 0.5, fraction)
+        return a, b, fa, fb, fraction, moved | again, going & (~done | again)
 
-    half = dr.full(type(low), 0.5, dr.width(low))
-    state = high, low, at_high, at_low, half, active
+    n = dr.width(part.low)
+    half, no = dr.full(type(part.low), 0.5, n), dr.full(type(part.found), False, n)
+    state = part.high, part.low, part.at_high, part.at_low, half, no, part.found
     a, b, fa, fb, *_ = dr.while_loop(state, lambda *state: state[-1], step, label="refine")
     return dr.select(dr.abs(fa) < dr.abs(fb), a, b)
 
@@ -397,7 +402,7 @@ class _Path:
             part, s = isolated_by_formula(c, noise, active)
             return part.found, self._polished(f, Line(*c), part, s), part.unresolved
         part = isolated(c, noise, active)
-        return part.found, refined(f, part, noise), part.unresolved
+        return part.found, refined(f, part), part.unresolved
 
     def value(self, s: Any) -> Any:
         """The factor by its structure."""

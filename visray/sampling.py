@@ -30,8 +30,7 @@ class Plan:
     """The samples of one pass, as opaque numbers of one entry.
 
     seed; first and count: which samples this pass takes; cells: the pixel's k x k strata; side: k; step and start: the
-    order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted;
-    other: the step of a second order.
+    order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted.
     """
 
     seed: Any
@@ -41,22 +40,18 @@ class Plan:
     side: Any
     step: Any
     start: Any
-    other: Any
 
     @staticmethod
     def of(a: Arrays, seed: int, spp: int, first: int, count: int) -> "Plan":
         side = isqrt(spp)
         cells = side * side
-        # A step that has no divisor in common with cells visits each once: those nearest to cells over the golden
-        # ratio, and times the square root of 2 less 1.
-        step, other = (
-            next(s for s in range(max(1, round(cells * x)), 2 * cells + 2) if gcd(s, cells) == 1) % cells or 1
-            for x in (0.618, 0.4142)
-        )
+        # A step that has no divisor in common with cells visits each once: the one nearest to cells over the golden
+        # ratio.
+        step = next(s for s in range(max(1, round(cells * 0.618)), 2 * cells + 2) if gcd(s, cells) == 1) % cells or 1
         return Plan(
             *(dr.opaque(a.U, x) for x in (seed, first, count, cells)),
             dr.opaque(a.F, side),
-            *(dr.opaque(a.U, x) for x in (step, first * step % cells, other)),
+            *(dr.opaque(a.U, x) for x in (step, first * step % cells)),
         )
 
 

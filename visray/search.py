@@ -16,7 +16,7 @@ import numpy as np
 
 from visray import tables
 from visray.bvh import Walk, packets
-from visray.guards import Cone, Ground, Guard, flush, ground, guard
+from visray.guards import Cone, Ground, Guard, flush, ground, guard, rounding
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
 from visray.tables import Group, Kinship
@@ -130,7 +130,8 @@ class Watch:
         leaves, inside = (None, None) if ray.source is None else (ray.source == v.index, ray.inside)
         if self.shared and self.touches[v.group] is not None:
             on, g = rows(self.touches[v.group], v.row)
-            into = dr.dot(g, ray.d) < 0
+            kind, one = self.kin[v.group].kind, self.one(self.groups[v.group], v.row)
+            into = kind.runs_within(self.seen(v), ray, dr.dot(g, ray.d), 0, dr.inf, rounding(one, self.o))
             inside = into if inside is None else dr.select(on, into, inside)
             leaves = on if leaves is None else leaves | on
         return leaves, inside
@@ -336,8 +337,10 @@ def _between(
         if end.lamp is not None:
             lamp, one = whole.o + length * whole.d, watch.one(group, v.row)
             f, g = kind.level(one.placed, lamp)
-            comes = comes | flush(one, f, g, lamp, a.D(end.lamp))
-            inward = inward | (dr.dot(g, whole.d) > 0)
+            error = a.D(end.lamp)
+            comes = comes | flush(one, f, g, lamp, error)
+            near = rounding(one, lamp) + error
+            inward = inward | kind.runs_within(seen, whole, -dr.dot(g, whole.d), 0, length, near)
 
         def met(passage: bool = False) -> Any:
             if not passage:

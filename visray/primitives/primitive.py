@@ -143,6 +143,15 @@ class Primitive:
         raise TypeError(f"{cls.__name__} has no blocks")
 
     @classmethod
+    def runs_within(cls, seen: Seen, ray: Ray, outwards: Any, begin: Any, end: Any, error: Any) -> Any:
+        """Whether a ray runs in the object between two distances, of which one is on its surface.
+
+        outwards: the ray's slope along the normal there, as seen by who goes away from there. error: how well that
+        point is known.
+        """
+        return outwards < 0
+
+    @classmethod
     def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
         """For a ray that the object lies in the way of: whether it enters and leaves it on that way, and how long it is
         inside. A point of the object's own surface counts as entered or left. A flat object has no inside.

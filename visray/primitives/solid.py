@@ -78,6 +78,15 @@ class Solid(Primitive):
         return (t0 <= t1) & dr.select(arrives, inward & enters, other)
 
     @classmethod
+    def runs_within(cls, seen: Seen, ray: Ray, outwards: Any, begin: Any, end: Any, error: Any) -> Any:
+        """By the depth of the middle: an edge has more than one normal."""
+        t0, t1 = cls.intervals(seen, ray.d)
+        middle = 0.5 * (dr.select(t0 > begin, t0, begin) + dr.select(t1 < end, t1, end))
+        there = (t0 <= t1) & (dr.abs(middle) < dr.inf)
+        f, g = cls.depth(seen.o + dr.select(there, middle, 0) * seen.inverse.vector(ray.d))
+        return there & (f < -error * dr.norm(seen.inverse.normal(g)))
+
+    @classmethod
     def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
         t0, t1 = cls.intervals(seen, ray.d)
         near = 0 if ray.start is None else ray.start

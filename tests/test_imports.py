@@ -13,6 +13,8 @@ llvm
 quantities trees
 ray geometry transforms
 warp
+polynomials.wrong polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
+polynomials.algebra polynomials.form polynomials
 textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
 primitives.primitive primitives.flat primitives.solid primitives.revolved
@@ -100,7 +102,13 @@ def outside(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("library", "rooms"), [("mitsuba", ("study.",)), ("cyclopts", ("cli",)), ("OpenEXR", ("output.", "study."))]
+    ("library", "rooms"),
+    [
+        ("mitsuba", ("study.",)),
+        ("cyclopts", ("cli",)),
+        ("OpenEXR", ("output.", "study.")),
+        ("sympy", ("polynomials.",)),
+    ],
 )
 def test_doors(library, rooms):
     users = {name for name, path in MODULES.items() if library in outside(path)}

@@ -26,7 +26,7 @@ NARROWEST = 2.0**-30
 # needed (a triple root), the two differ by the cube root of the rounding.
 WIDENED = 3e-4
 # A value along a chord is off by no more than this share of the sizes of all that was added up to it.
-NOISE = 4 * UNIT_ROUNDOFF["double"]
+NOISE = 0.25 * UNIT_ROUNDOFF["double"]
 # A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
 SMALLEST = 2.0**-500
 

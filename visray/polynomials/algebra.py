@@ -21,6 +21,7 @@ from visray.polynomials.tree import (
     Sum,
     Tree,
     negated,
+    negligible,
     rational,
     simplified,
 )
@@ -201,7 +202,6 @@ def _generic(tree: Tree, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Tree]]
     size = 3 + len(atoms)
     zero = (0,) * size
 
-
     def constant(node: Tree) -> Terms:
         if node in atoms:
             e = [0] * size
@@ -368,12 +368,11 @@ def _number(c) -> Fraction:
 
 
 def _sign(tree: Tree, parts: tuple[Part, ...], parameters: dict[str, Fraction]) -> int:
-    """The sign of the tree over that of the factors that change theirs, at a point where none is near 0."""
-    for k in count(1):
+    """The sign of the tree over that of the factors that change theirs, at a point where none is 0."""
+    odd = [p.tree for p in parts if not p.even]
+    for k in range(1, 100):
         point = (Fraction(3 * k, 7), Fraction(5, 11 * k), Fraction(-2 * k, 13))
-        values = [rational(p.tree, parameters, point) for p in parts]
-        # Irrational constants are known to BITS; what is not far above that could have any sign.
-        if all(abs(v) > Fraction(1, 1 << BITS // 2) for v in values):
-            negative = sum(v < 0 for v, p in zip(values, parts) if not p.even)
-            return (-1) ** negative * (1 if rational(tree, parameters, point) > 0 else -1)
-    raise AssertionError
+        values = [(rational(t, parameters, point), t) for t in (tree, *odd)]
+        if not any(negligible(v, t, parameters, point) for v, t in values):
+            return (-1) ** sum(v < 0 for v, _ in values)
+    raise Wrong("its sign is lost in the rounding of its irrational constants; write them as decimal numbers")

@@ -15,6 +15,7 @@ from visray.polynomials.tree import (
     Sum,
     Tree,
     negated,
+    rational,
     vanishes,
 )
 
@@ -119,12 +120,24 @@ def about(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> C
         found: dict[tuple[int, int, int], list[Tree]] = {}
         for e, coefficient in terms.items():
             n = e[axis]
-            for k in range(n + 1):
-                new = (*e[:axis], k, *e[axis + 1 :])
-                factor = Number(comb(n, k) * c ** (n - k))
-                found.setdefault(new, []).append(coefficient if k == n else Product((factor, coefficient)))
-        terms = _without_zeros({e: c[0] if len(c) == 1 else Sum(tuple(c)) for e, c in found.items()})
+            # Rational coefficients are numbers at once: trees of sums of sums would be evaluated again and again.
+            plain = not coefficient.parametric and not coefficient.irrational
+            value = rational(coefficient, {}) if plain and n else Fraction(0)
+            for k in range(n):
+                factor = comb(n, k) * c ** (n - k)
+                part = Number(factor * value) if plain else Product((Number(factor), coefficient))
+                found.setdefault((*e[:axis], k, *e[axis + 1 :]), []).append(part)
+            found.setdefault(e, []).append(coefficient)
+        terms = _without_zeros({e: parts[0] if len(parts) == 1 else _added(parts) for e, parts in found.items()})
     return terms
+
+
+def _added(parts: list[Tree]) -> Tree:
+    plain = [p for p in parts if not p.parametric and not p.irrational]
+    others = [p for p in parts if p.parametric or p.irrational]
+    if plain:
+        others.append(Number(sum((rational(p, {}) for p in plain), Fraction(0))))
+    return others[0] if len(others) == 1 else Sum(tuple(others))
 
 
 def horner(terms: Coefficients) -> Tree:
@@ -150,4 +163,4 @@ def _term(exponents: tuple[int, int, int], coefficient: Tree) -> Tree:
     powers = tuple(_power(k, n) for k, n in enumerate(exponents) if n)
     if coefficient == negated(ONE):
         return Negative(Product(powers)) if powers else coefficient
-    return Product((coefficient, *powers))
+    return Product((coefficient, *powers)) if powers else coefficient

@@ -6,7 +6,7 @@ from functools import cache
 from itertools import chain, count, islice
 from random import Random
 
-from visray.polynomials.tree import Axis, Named, Parameter, Root, Tree, fold
+from visray.polynomials.tree import Axis, Named, Number, Parameter, Root, Tree, fold
 
 # Modulo a prime p = -1 mod 8 * 3 * 5 * ... * 23 each of these primes is a square, and the root (p + 1) / 4 takes is
 # itself a square: roots multiply as positive reals do, sqrt(12) is 2 sqrt(3).
@@ -104,7 +104,8 @@ def field(tree: Tree, parameters: dict[str, Fraction]) -> int:
     for p in islice(primes, MAX_TRIES):
         try:
             for node in _constants(tree):
-                restricted(node, parameters, p, 1)
+                if not (isinstance(node, Number) and node.value.denominator % p):
+                    restricted(node, parameters, p, 1)
         except Singular:
             continue
         return p

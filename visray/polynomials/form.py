@@ -92,10 +92,10 @@ def read(source: Source, parameters: dict[str, float]) -> Tree:
 
 
 def _double(value: Fraction) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        raise Wrong("a number in it is too large for a double; write the polynomial in a larger unit") from None
+    # Merged constants may be beyond doubles, or among those that have lost digits, although none of them was.
+    if value and not -1022 < abs(value.numerator).bit_length() - value.denominator.bit_length() < 1023:
+        raise Wrong("its constants multiply to a number beyond the doubles; write it in another unit")
+    return float(value)
 
 
 def _about(tree: Tree, centre: tuple[Fraction, Fraction, Fraction]) -> Tree:

@@ -4,6 +4,7 @@ import ast
 import re
 from difflib import get_close_matches
 from fractions import Fraction
+from itertools import pairwise
 from keyword import iskeyword
 
 from visray.polynomials.tree import (
@@ -46,8 +47,8 @@ _HINTS = {
     "²": "write x^2",
     "³": "write x^3",
     "·": "write * for a product",
-    "×": "write * for a product",
-    "−": "write - for minus",
+    "×": "write * for a product",  # noqa: RUF001
+    "−": "write - for minus",  # noqa: RUF001
     "√": "write sqrt(2)",
     "φ": "write phi",
     "π": "write pi",
@@ -65,7 +66,9 @@ def parse(text: str, parameters: dict[str, float]) -> Tree:
         c = strange.group()
         hint = _HINTS.get(c, "only numbers, names and + - * / ^ ( ) have a meaning")
         raise Wrong(f"unexpected {c!r} at column {strange.start() + 1}; {hint}")
-    _refuse_stuck(text)
+    tokens = list(_TOKEN.finditer(text))
+    _refuse_stuck(tokens)
+    _refuse_open(tokens)
     text = re.sub(r"\s", " ", text)
     lead = len(text) - len(text.lstrip())
     # Where each character of the text for Python stood in the text.
@@ -134,10 +137,9 @@ def _deep() -> Wrong:
     return Wrong(f"it is nested too deeply; at most {MAX_DEPTH} levels")
 
 
-def _refuse_stuck(text: str):
+def _refuse_stuck(tokens: list[re.Match]):
     """2x and 2(x + 1), which Python would read as something else or not at all."""
-    tokens = list(_TOKEN.finditer(text))
-    for token, after in zip(tokens, tokens[1:]):
+    for token, after in pairwise(tokens):
         if not token["number"] or not re.match(r"[A-Za-z_(]", after[0]):
             continue
         number, name = token[0], after[0]
@@ -145,6 +147,22 @@ def _refuse_stuck(text: str):
             wanted = f"{number}*{name}" + ("...)" if name == "(" else "")
             raise Wrong(f"a sign is missing at column {after.start() + 1}; write {_cut(wanted)}")
         raise Wrong(f"{_cut(number + name)} is no number; write numbers as in 1000.5 or 1e3")
+
+
+def _refuse_open(tokens: list[re.Match]):
+    """Brackets without their partners, and an end that is none: Python does not say where."""
+    opened = []
+    for token in tokens:
+        if token[0] == "(":
+            opened.append(token.start() + 1)
+        elif token[0] == ")":
+            if not opened:
+                raise Wrong(f"the bracket at column {token.start() + 1} was not opened; leave it out")
+            opened.pop()
+    if opened:
+        raise Wrong(f"the bracket at column {opened[-1]} is not closed; add a )")
+    if tokens[-1][0] in "+-*/^":
+        raise Wrong(f"it breaks off after {tokens[-1][0]}; add what follows or leave it out")
 
 
 class _Reader:

@@ -25,7 +25,7 @@ def parse(entries: list[str]) -> Tree:
 def _monomial(entry: str, part: int) -> Tree:
     found = _MONOMIAL.fullmatch(entry)
     # An exponent is what follows its letter at once or after ^: "x 2" could also be a product.
-    if not found or not (found[2] or found[3]) or not found[2] and found[3].lstrip().startswith("*"):
+    if not found or not (found[2] or found[3]) or (not found[2] and found[3].lstrip().startswith("*")):
         raise Wrong(
             'is not a monomial; write a number and then powers of x, y and z, as in "-0.5x2y"; '
             "a sum has one entry for each of its terms",

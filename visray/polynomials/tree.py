@@ -202,26 +202,37 @@ def square_root(value: Fraction) -> Fraction:
 
 
 def vanishes(node: Tree) -> bool:
-    """Whether a constant is 0 whatever the parameters are, as far as this is seen without expanding it."""
-    if node.parametric:
-        return False
-    value = rational(node, {})
-    # Irrational constants are known to BITS: what is left of them below half of that is rounding.
-    return value == 0 or node.irrational and abs(value) < Fraction(1, 1 << BITS // 2) * _size(node)
+    """Whether a constant is 0 whatever the parameters are."""
+    return not node.parametric and negligible(rational(node, {}), node, {})
 
 
-def _size(node: Tree) -> Fraction:
-    """The constant with all signs positive: what its rounding is relative to."""
+def negligible(value: Fraction, node: Tree, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
+    """Whether a value of the tree is 0, or no more than the rounding of its irrational constants."""
+    if not value or not node.irrational:
+        return not value
+    # These are known to BITS; half of that bounds what is left of them where they cancel in a sum.
+    sizes = {name: abs(v) for name, v in parameters.items()}
+    return abs(value) < rational(_positive(node), sizes, tuple(map(abs, point))) / (1 << BITS // 2)
+
+
+def _positive(node: Tree) -> Tree:
+    """The tree with all signs +."""
     match node:
-        case Sum(parts):
-            return sum(map(_size, parts), Fraction(0))
+        case Number(value):
+            return Number(abs(value))
         case Negative(of):
-            return _size(of)
-    return abs(rational(node, {}))
+            return _positive(of)
+        case Power(of, exponent=n):
+            return Power(_positive(of), n)
+        case Sum(parts):
+            return Sum(tuple(map(_positive, parts)))
+        case Product(parts):
+            return Product(tuple(map(_positive, parts)))
+    return node
 
 
 def simplified(node: Tree) -> Tree:
-    """Nested sums and products made one, the constants of each merged into one, signs pulled out. Nothing is expanded."""
+    """The tree with nested sums and products as one, their constants merged and signs pulled out, nothing expanded."""
     if node.degree == 0:
         return node
     match node:

@@ -2,7 +2,7 @@
 
 
 class Wrong(ValueError):
-    """One line, `what is wrong; what would be right`. `part` is the index of the monomial it is about, if there is one."""
+    """One line: `what is wrong; what would be right`. `part` is the index of the monomial that it is about, if any."""
 
     def __init__(self, text: str, part: int | None = None):
         super().__init__(text)

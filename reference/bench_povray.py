@@ -1,0 +1,621 @@
+"""visray's polynomial surfaces against POV-Ray 3.7 (`poly`) and surf: the same surface, camera, light and shadows.
+
+    python reference/bench_povray.py -o reference/bench_povray.json
+
+Against POV-Ray, 2 threads each: 512 x 512, one point light with shadows; POV-Ray at one sample per pixel by its own
+trace time, which has milliseconds, without parsing and writing; visray warm, to the sums in memory, at 1, 4 and 16
+samples; what is compared is the time of one sample. Against surf, one thread each: 2048 x 2048, camera rays only, no
+shadows, one sample; surf less its start, which is the time of a picture of 64 x 64. Medians, measured by turns, and
+beside each the processor's seconds, which leave out the waiting where other programs run.
+
+Wrong pixels: whether the ray through a pixel's centre hits the surface at all, by exact arithmetic, for random pixels,
+for those at the edges of what a program found, for those where two programs differ, and for all around a wrong one. A
+ray whose answer changes when it moves by 1e-9 of a pixel is on an edge and is counted apart.
+
+What is not installed is left out, and --peers leaves visray out.
+"""
+
+import argparse
+import ast
+import importlib
+import json
+import operator
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+from pathlib import Path
+
+import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
+import drjit as dr
+import flint
+import numpy as np
+from bench_mitsuba import vary
+from machine import machine
+from PIL import Image
+
+from visray.integrator import camera_ray
+from visray.render import expose, set_up
+from visray.search import closest
+
+SIZE, LARGE, SMALL, RUNS, THREADS, SAMPLES = 512, 2048, 64, 5, 2, (1, 4, 16)
+# Directions to the eye and the lamp in units of the clip sphere's radius: along no symmetry of a surface.
+EYE, LAMP, UP, FOV = (1.87, -2.06, 1.11), (-1.0, -2.5, 3.0), (0.0, 0.0, 1.0), 40.0
+AMBIENT, DIFFUSE, BACKGROUND = 0.1, 0.7, (0.05, 0.08, 0.2)
+POVRAY, SURF = "povray", "surf-alggeo-nox"
+SAMPLED, EDGE = 20_000, 1e-9
+# surf draws what is within 10 units of its origin, seen from the z axis.
+SURF_HALF = 10.0
+# Golden ratio and root of two, as all programs and the exact answer take them.
+CONSTANTS = {
+    "phi": "1.618033988749894848204586834365638117720309",
+    "root": "1.414213562373095048801688724209698078569672",
+}
+
+Monomial = tuple[int, int, int]
+Taken = tuple[float, float]  # seconds of the clock, and of the processor
+Work = Callable[[], Taken]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface f = 0 within a sphere about the origin."""
+
+    expression: str
+    clip: str
+
+    @property
+    def radius(self) -> float:
+        return float(self.clip)
+
+    @property
+    def constants(self) -> dict[str, str]:
+        """The constants that the expression names."""
+        return {k: v for k, v in CONSTANTS.items() if re.search(rf"\b{k}\b", self.expression)}
+
+    def terms(self) -> dict[Monomial, Fraction]:
+        """The exact coefficient of x^i y^j z^k by (i, j, k)."""
+        whole = ast.parse(self.expression.replace("^", "**"), mode="eval").body
+        return {e: c for e, c in _expanded(whole).items() if c}
+
+    @property
+    def degree(self) -> int:
+        return max(map(sum, self.terms()))
+
+
+SURFACES = {
+    "sphere": Surface("x^2+y^2+z^2-1", "1.25"),
+    "heart": Surface("(x^2+9/4*y^2+z^2-1)^3-x^2*z^3-9/80*y^2*z^3", "1.6"),
+    "barth-sextic": Surface(
+        "4*(phi^2*x^2-y^2)*(phi^2*y^2-z^2)*(phi^2*z^2-x^2)-(1+2*phi)*(x^2+y^2+z^2-1)^2", "2.5"
+    ),
+    "barth-decic": Surface(
+        "8*(x^2-phi^4*y^2)*(y^2-phi^4*z^2)*(z^2-phi^4*x^2)*(x^4+y^4+z^4-2*x^2*y^2-2*x^2*z^2-2*y^2*z^2)"
+        "+(3+5*phi)*(x^2+y^2+z^2-1)^2*(x^2+y^2+z^2-(2-phi))^2",
+        "2.6",
+    ),
+    "endrass-octic": Surface(
+        "64*(x^2-1)*(y^2-1)*((x-y)^2-2)*((x+y)^2-2)-((8-16*root)*z^2-16*z^4-(4+4*root)*(x^2+y^2)^2"
+        "+(x^2+y^2)*((16+8*root)*z^2+4+14*root)-12*root-1)^2",
+        "2.6",
+    ),
+}  # fmt: skip
+DEFAULT = [name for name in SURFACES if name != "sphere"]
+
+
+def _expanded(node: ast.expr) -> dict[Monomial, Fraction]:
+    """An expression multiplied out, without rounding."""
+    match node:
+        case ast.Constant(value):
+            return {(0, 0, 0): Fraction(value)}
+        case ast.Name(name) if name in CONSTANTS:
+            return {(0, 0, 0): Fraction(CONSTANTS[name])}
+        case ast.Name(name):
+            return {tuple(int(name == axis) for axis in "xyz"): Fraction(1)}
+        case ast.UnaryOp(ast.USub(), inner):
+            return {e: -c for e, c in _expanded(inner).items()}
+        case ast.BinOp(left, ast.Pow(), ast.Constant(power)):
+            a = total = _expanded(left)
+            for _ in range(power - 1):
+                total = _product(total, a)
+            return total
+        case ast.BinOp(left, ast.Mult(), right):
+            return _product(_expanded(left), _expanded(right))
+        case ast.BinOp(left, ast.Div(), right):
+            return _product(_expanded(left), {e: 1 / c for e, c in _expanded(right).items()})
+        case ast.BinOp(left, ast.Add() | ast.Sub() as sign, right):
+            a, b = _expanded(left), _expanded(right)
+            join = operator.add if isinstance(sign, ast.Add) else operator.sub
+            return {e: join(a.get(e, 0), b.get(e, 0)) for e in a | b}
+    raise ValueError(f"{ast.unparse(node)}: is no part of a polynomial")
+
+
+def _product(a: dict[Monomial, Fraction], b: dict[Monomial, Fraction]) -> dict[Monomial, Fraction]:
+    total: dict[Monomial, Fraction] = {}
+    for (i, j, k), c in a.items():
+        for (l, m, n), d in b.items():
+            e = i + l, j + m, k + n
+            total[e] = total.get(e, 0) + c * d
+    return total
+
+
+@dataclass(frozen=True)
+class View:
+    """The camera as vectors, as visray derives them: `right` and `up` are unit, `half` is the tangent of fov / 2."""
+
+    eye: np.ndarray
+    forward: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    half: float
+
+    @staticmethod
+    def of(surface: Surface) -> "View":
+        eye = surface.radius * np.array(EYE)
+        forward = -eye / np.linalg.norm(eye)
+        right = np.cross(forward, UP) / np.linalg.norm(np.cross(forward, UP))
+        return View(eye, forward, right, np.cross(right, forward), float(np.tan(np.radians(FOV) / 2)))
+
+    def direction(self, x: float, y: float, size: int) -> np.ndarray:
+        """Where the point (x, y) of the picture is, in pixels from its top left corner."""
+        across, down = (2 * x / size - 1) * self.half, (2 * y / size - 1) * self.half
+        return self.forward + across * self.right - down * self.up
+
+
+def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Taken:
+    """How long something takes that this process does, or its children."""
+    before, begun = resource.getrusage(who), time.perf_counter()
+    work()
+    taken, after = time.perf_counter() - begun, resource.getrusage(who)
+    return taken, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+# --- visray
+
+
+def have_visray() -> bool:
+    """Whether this visray has polynomials."""
+    try:
+        importlib.import_module("visray.primitives.polynomial")
+    except ImportError:
+        return False
+    return True
+
+
+def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
+    """The scene for visray."""
+    from visray.primitives.polynomial import Ball, Polynomial
+
+    written = re.sub(r"\broot\b", "sqrt(2)", surface.expression)  # phi it knows
+    f = Polynomial(expression=written, clip=Ball(radius=surface.radius), material="matte")
+    at = {name: tuple(surface.radius * x for x in place) for name, place in {"eye": EYE, "lamp": LAMP}.items()}
+    return vr.Scene(
+        camera=vr.Camera(origin=at["eye"], target=(0.0, 0.0, 0.0), up=UP, fov=FOV),
+        film=vr.Film(width=size, height=size),
+        background=BACKGROUND,
+        materials={"matte": vr.Material(ka=(AMBIENT,) * 3, kd=(DIFFUSE,) * 3)},
+        objects={"f": f},
+        lights={"lamp": vr.PointLight(position=at["lamp"])},
+        settings=vr.Settings(spp=spp, **settings),
+    )
+
+
+def rendering(surface: Surface, size: int, spp: int, **settings) -> Work:
+    """How long a warm picture of visray takes, each with another seed."""
+    made, seeds = set_up(ours(surface, size, spp, **settings)), iter(range(1000))
+    return lambda: timed(lambda: expose(vary(made, next(seeds))))
+
+
+def intersecting(surface: Surface, size: int) -> Work:
+    """How long visray takes to find what the rays through all pixels' centres hit, and nothing else."""
+    made = set_up(ours(surface, size, 1, shadows=False))
+    a = made.a
+
+    def work() -> None:
+        dr.eval(closest(made.stage.watch, camera_ray(made.stage, a.F(made.x) + 0.5, a.F(made.y) + 0.5)).t)
+        dr.sync_thread()
+
+    return lambda: timed(work)
+
+
+def our_mask(surface: Surface) -> np.ndarray:
+    """Where visray's rays through the pixels' centres hit: in double, as the exact answer takes them."""
+    scene = ours(surface, SIZE, 1, precision="double")
+    return vr.render(scene, layers=("id",), progress=False)["id"] > 0
+
+
+# --- POV-Ray
+
+
+def coefficients(surface: Surface) -> list[float]:
+    """For `poly`: of x^i y^j z^k with i falling, for each i with j falling, for each j with k falling.
+
+    So for order 2: x^2, xy, xz, x, y^2, yz, y, z^2, z, 1, as the table in POV-Ray's reference has it.
+    """
+    n, terms = surface.degree, surface.terms()
+    order = [(i, j, k) for i in range(n, -1, -1) for j in range(n - i, -1, -1) for k in range(n - i - j, -1, -1)]
+    return [float(terms.get(e, 0)) for e in order]
+
+
+def vector(v: Iterable[float]) -> str:
+    return "<" + ", ".join(repr(float(x)) for x in v) + ">"
+
+
+def for_povray(surface: Surface, lit: bool) -> str:
+    """The scene for POV-Ray; not `lit`: white where a ray hits, black elsewhere.
+
+    The camera's vectors are given as they are, without look_at, so POV-Ray's left-handed convention does not enter.
+    Its side lengths are those of the picture at distance 1. clipped_by leaves no cap where the sphere cuts the surface.
+    """
+    view = View.of(surface)
+    paint = f"finish {{ ambient {AMBIENT} diffuse {DIFFUSE} }}" if lit else "finish { ambient 1 diffuse 0 }"
+    return f"""#version 3.7;
+global_settings {{ assumed_gamma 1 max_trace_level 1 }}
+background {{ rgb {vector(BACKGROUND if lit else (0, 0, 0))} }}
+camera {{
+  perspective location {vector(view.eye)} direction {vector(view.forward)}
+  right {vector(2 * view.half * view.right)} up {vector(2 * view.half * view.up)}
+}}
+{f"light_source {{ {vector(surface.radius * np.array(LAMP))} rgb 1 }}" if lit else ""}
+poly {{
+  {surface.degree}, {vector(coefficients(surface))} sturm
+  clipped_by {{ sphere {{ 0, {surface.clip} }} }} bounded_by {{ clipped_by }}
+  pigment {{ rgb 1 }} {paint}
+}}
+"""
+
+
+def povray(folder: Path, text: str, threads: int, picture: str | None = None) -> Taken:
+    """How long POV-Ray says that tracing took, and the picture on disk if it has a name."""
+    (folder / "scene.pov").write_text(text)
+    command = [POVRAY, "+Iscene.pov", f"+W{SIZE}", f"+H{SIZE}", f"+WT{threads}", "-A", "-J", "-D", "-V", "-UA", "+Q9"]
+    command += [f"+O{picture}", "+FN8"] if picture else ["-F"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    found = re.search(r"Trace Time:.*\(([\d.]+) seconds\)\s+using .* with ([\d.]+) CPU-seconds", done.stderr)
+    if done.returncode or not found:
+        raise SystemExit(f"povray failed:\n{done.stderr[-2000:]}")
+    return float(found[1]), float(found[2])
+
+
+def povray_mask(folder: Path, surface: Surface) -> np.ndarray:
+    """Where POV-Ray's rays through the pixels' centres hit."""
+    povray(folder, for_povray(surface, lit=False), THREADS, "mask.png")
+    return np.asarray(Image.open(folder / "mask.png").convert("L")) > 127
+
+
+# --- surf
+
+
+def for_surf(surface: Surface, size: int, picture: str | None = None) -> str:
+    """The script for surf: the surface in the camera's axes, scaled so that its rays are those of pixels' centres.
+
+    surf's first and last pixel lie on the borders of what it draws, so that is a pixel less than the picture. surf
+    divides whole numbers as C does, so fractions are written as decimals.
+    """
+    view = View.of(surface)
+    distance = float(np.linalg.norm(view.eye))
+    scale = distance * view.half * (size - 1) / size / SURF_HALF
+    lines = [f"width={size}; height={size};", "perspective=central; clip=sphere;"]
+    lines += [f"spec_z={distance / scale!r}; radius={surface.radius / scale!r};"]
+    lines += [f"double {name}={value[:20]};" for name, value in surface.constants.items()]
+    for name, axis in zip("uvw", range(3)):
+        row = (scale * float(v[axis]) for v in (view.right, view.up, -view.forward))
+        lines.append(f"poly {name}=" + "+".join(f"({c:.17f})*{v}" for c, v in zip(row, "xyz")) + ";")
+    written = re.sub(r"(\d+)/(\d+)", lambda m: repr(int(m[1]) / int(m[2])), surface.expression)
+    for name, axis in zip("uvw", "xyz"):
+        written = re.sub(rf"\b{axis}\b", name, written)
+    if picture:  # all that is hit is bright
+        lines += ["illumination=ambient_light; ambient=100;"]
+        lines += [f"{side}_{c}=255;" for side in ("surface", "inside") for c in ("red", "green", "blue")]
+    lines += [f"surface={written};", "clear_screen; draw_surface;"]
+    if picture:
+        lines += [f'filename="{picture}"; color_file_format=ppm; save_color_image;']
+    return "\n".join(lines) + "\n"
+
+
+def surf(folder: Path, text: str) -> Taken:
+    """How long surf takes from its start to its end. It says nothing of a script that it cannot read: see surf_mask."""
+    (folder / "scene.pic").write_text(text)
+    run = [SURF, "-q", "scene.pic"]
+    return timed(lambda: subprocess.run(run, cwd=folder, capture_output=True, check=True), resource.RUSAGE_CHILDREN)
+
+
+def surf_mask(folder: Path, surface: Surface) -> np.ndarray:
+    """Where surf's rays hit: it darkens what is far, but not to black."""
+    (folder / "mask.ppm").unlink(missing_ok=True)
+    surf(folder, for_surf(surface, SIZE, "mask.ppm"))
+    if not (folder / "mask.ppm").exists():
+        raise SystemExit("surf failed: it drew no picture")
+    return np.asarray(Image.open(folder / "mask.ppm").convert("L")) > 0
+
+
+# --- what is true
+
+
+class Truth:
+    """Whether rays hit a surface, from exact polynomials and certified roots."""
+
+    def __init__(self, surface: Surface):
+        self.view, self.known = View.of(surface), {}
+        terms, self.degree, self.clip = surface.terms(), surface.degree, Fraction(surface.clip)
+        whole = lcm(*(c.denominator for c in terms.values()))
+        self.terms = {e: int(c * whole) for e, c in terms.items()}
+
+    def hit(self, x: int, y: int) -> bool | None:
+        """For a pixel; None where the first root cannot be told from the rim of the clip sphere."""
+        if (x, y) not in self.known:
+            self.known[x, y] = self._hit(x + 0.5, y + 0.5)
+        return self.known[x, y]
+
+    def on_edge(self, x: int, y: int) -> bool:
+        """Whether the answer changes when the ray moves by 1e-9 of a pixel."""
+        moved = {
+            self._hit(x + 0.5 + dx * EDGE, y + 0.5 + dy * EDGE) for dx, dy in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+        }
+        return len(moved) > 1 or None in moved
+
+    def _hit(self, x: float, y: float) -> bool | None:
+        # All coordinates as whole numbers over 2^s: the polynomials then need no fractions.
+        both = zip(self.view.eye.tolist(), self.view.direction(x, y, SIZE).tolist())
+        rays = [(Fraction(o), Fraction(d)) for o, d in both]
+        s = max(v.denominator for ray in rays for v in ray)
+        lines = [flint.fmpz_poly([int(o * s), int(d * s)]) for o, d in rays]
+        powers = [[flint.fmpz_poly([1])] for _ in lines]
+        for line, row in zip(lines, powers):
+            for _ in range(self.degree):
+                row.append(row[-1] * line)
+        f = flint.fmpz_poly([])
+        for (i, j, k), c in self.terms.items():
+            f += powers[0][i] * powers[1][j] * powers[2][k] * (c * s ** (self.degree - i - j - k))
+        if f == 0:
+            return None
+        radius, unsure = self.clip * s, False
+        square = radius.denominator**2
+        outside = sum((row[2] * square for row in powers), flint.fmpz_poly([-(radius.numerator**2)]))
+        for root, _ in f.complex_roots():
+            if root.imag == 0:
+                far = flint.arb_poly(outside)(root.real)
+                if far <= 0 and root.real > 0:
+                    return True
+                unsure |= not far > 0 and root.real > 0
+        return None if unsure else False
+
+
+def edges(mask: np.ndarray) -> set[tuple[int, int]]:
+    """Pixels (x, y) with a neighbour that differs."""
+    found = np.zeros_like(mask)
+    for axis in (0, 1):
+        differs = np.diff(mask.astype(np.int8), axis=axis) != 0
+        pad = [(0, 0), (0, 0)]
+        for pad[axis] in ((0, 1), (1, 0)):
+            found |= np.pad(differs, pad)
+    return pixels(found)
+
+
+def pixels(mask: np.ndarray) -> set[tuple[int, int]]:
+    return {(int(x), int(y)) for y, x in np.argwhere(mask)}
+
+
+def wrong(truth: Truth, mask: np.ndarray, suspects: set[tuple[int, int]]) -> dict:
+    """How many of the suspects, and of the pixels around wrong ones, are wrong."""
+    rng = np.random.default_rng(0)
+    chosen = {(int(i) % SIZE, int(i) // SIZE) for i in rng.choice(SIZE * SIZE, SAMPLED, replace=False)}
+    waiting, seen = list(chosen | suspects), set(chosen | suspects)
+    found = {"missed": [], "invented": [], "edge": []}
+    while waiting:
+        x, y = waiting.pop()
+        true = truth.hit(x, y)
+        if true == bool(mask[y, x]):
+            continue
+        kind = "edge" if truth.on_edge(x, y) else "missed" if true else "invented"
+        found[kind].append((x, y))
+        around = {(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)}
+        new = {(x, y) for x, y in around - seen if 0 <= x < SIZE and 0 <= y < SIZE}
+        seen |= new
+        waiting += new
+    bad = found["missed"] + found["invented"]
+    return {
+        "checked": len(seen),
+        "wrong": len(bad),
+        "missed": len(found["missed"]),
+        "invented": len(found["invented"]),
+        "on_an_edge": len(found["edge"]),
+        "of_random": len(chosen),
+        "wrong_of_random": len(chosen & set(bad)),
+        "first_wrong": sorted(bad)[:5],
+    }
+
+
+# --- the comparison
+
+
+def by_turns(works: dict[str, Work], runs: int) -> dict[str, np.ndarray]:
+    """Seconds of each, in every turn, after one that does not count. Shape: (2, runs), as in Taken."""
+    for work in works.values():
+        work()
+    taken: dict[str, list[Taken]] = {name: [] for name in works}
+    for _ in range(runs):
+        for name, work in works.items():
+            taken[name].append(work())
+    return {name: np.array(t).T for name, t in taken.items()}
+
+
+def summary(taken: np.ndarray) -> dict:
+    clock, processor = taken
+    found = {"median": np.median(clock), "range": [clock.min(), clock.max()], "cpu_median": np.median(processor)}
+    return {k: v if isinstance(v, list) else float(v) for k, v in found.items()}
+
+
+def shaded(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
+    """With shadows, on two threads."""
+    works: dict[str, Work] = {}
+    if "povray" in have:
+        text = for_povray(surface, lit=True)
+        works |= {f"povray {n}": lambda n=n: povray(folder, text, n) for n in (THREADS, 1)}
+    if "visray" in have:
+        dr.set_thread_count(THREADS)
+        works |= {f"visray {spp}": rendering(surface, SIZE, spp) for spp in SAMPLES}
+    taken = by_turns(works, runs)
+    report: dict = {"s": {name: summary(t) for name, t in taken.items()}}
+    if "visray" in have:
+        report["visray_s_per_sample"] = {n: float(np.median(taken[f"visray {n}"][0])) / n for n in SAMPLES}
+    if {"povray", "visray"} <= have:
+        theirs = taken[f"povray {THREADS}"]
+        pairs = {n: theirs / (taken[f"visray {n}"] / n) for n in SAMPLES}
+        both = {n: np.median(theirs, 1) / np.median(taken[f"visray {n}"] / n, 1) for n in SAMPLES}
+        report["ratio"] = {n: float(r[0]) for n, r in both.items()}
+        report["ratio_range"] = {n: [float(p[0].min()), float(p[0].max())] for n, p in pairs.items()}
+        report["ratio_cpu"] = {n: float(r[1]) for n, r in both.items()}
+    return report
+
+
+def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
+    """Camera rays only, on one thread, in millions a second."""
+    works: dict[str, Work] = {}
+    if "surf" in have:
+        works |= {f"surf {n}": lambda n=n: surf(folder, for_surf(surface, n)) for n in (LARGE, SMALL)}
+    if "visray" in have:
+        dr.set_thread_count(1)
+        works["visray picture"] = rendering(surface, LARGE, 1, shadows=False)
+        works["visray intersecting"] = intersecting(surface, LARGE)
+    taken = by_turns(works, runs)
+    rates = {name: LARGE**2 / 1e6 / np.median(t, 1) for name, t in taken.items() if name.startswith("visray")}
+    if "surf" in have:
+        drawing = taken[f"surf {LARGE}"] - taken[f"surf {SMALL}"]
+        rates["surf"] = (LARGE**2 - SMALL**2) / 1e6 / np.median(drawing, 1)
+    report: dict = {"s": {name: summary(t) for name, t in taken.items()}}
+    report["Mrays_per_s"] = {name: float(r[0]) for name, r in rates.items()}
+    report["Mrays_per_cpu_s"] = {name: float(r[1]) for name, r in rates.items()}
+    if {"surf", "visray"} <= have:
+        report["ratio"] = {name: float(r[0] / rates["surf"][0]) for name, r in rates.items() if name != "surf"}
+        report["ratio_cpu"] = {name: float(r[1] / rates["surf"][1]) for name, r in rates.items() if name != "surf"}
+    return report
+
+
+def judged(surface: Surface, folder: Path, have: set[str]) -> dict:
+    """Wrong pixels of each program."""
+    masks = {}
+    if "povray" in have:
+        masks["povray"] = povray_mask(folder, surface)
+    if "visray" in have:
+        masks["visray"] = our_mask(surface)
+    if "surf" in have:
+        masks["surf"] = surf_mask(folder, surface)
+    truth = Truth(surface)
+    suspects = set().union(*(edges(m) for m in masks.values()))
+    suspects |= set().union(*(pixels(m != n) for m in masks.values() for n in masks.values()))
+    return {name: {"hit": int(mask.sum())} | wrong(truth, mask, suspects) for name, mask in masks.items()}
+
+
+def side_by_side(surface: Surface, folder: Path, have: set[str], out: Path) -> None:
+    """The pictures of all programs in a row: POV-Ray, visray, surf."""
+    shown = []
+    if "povray" in have:
+        povray(folder, for_povray(surface, lit=True), THREADS, "picture.png")
+        shown.append(Image.open(folder / "picture.png").convert("RGB"))
+    if "visray" in have:
+        vr.render(ours(surface, SIZE, 4), progress=False).write(folder / "ours.png")
+        shown.append(Image.open(folder / "ours.png").convert("RGB"))
+    if "surf" in have:
+        shown.append(Image.fromarray(surf_mask(folder, surface)).convert("RGB"))
+    if shown:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.hstack([np.asarray(s) for s in shown])).save(out)
+
+
+def versions(have: set[str]) -> dict[str, str]:
+    """Of the programs compared with."""
+    found = {}
+    if "povray" in have:
+        told = subprocess.run([POVRAY, "--version"], capture_output=True, text=True)
+        found["povray"] = next(iter(re.findall(r"POV-Ray (\S+)", told.stdout + told.stderr)), "")
+    if "surf" in have:
+        told = subprocess.run([SURF, "--version"], capture_output=True, text=True)
+        found["surf"] = (told.stdout + told.stderr).strip()
+    return found
+
+
+def table(rows: list[dict], have: set[str]) -> str:
+    """The report in lines: seconds a sample with shadows, millions of camera rays a second, wrong pixels."""
+    head = ["surface", "deg"]
+    if "povray" in have:
+        head += ["POV 2t s", "POV 1t s"]
+    if "visray" in have:
+        head += [f"ours {n} s" for n in SAMPLES]
+    if {"povray", "visray"} <= have:
+        head += [f"ratio {n}" for n in SAMPLES] + [f"cpu ratio {SAMPLES[-1]}"]
+    if "surf" in have:
+        head += ["surf M/s"]
+    if "visray" in have:
+        head += ["ours M/s", "isect M/s"]
+    judges = [n for n in ("povray", "visray", "surf") if n in have]
+    head += [f"wrong {n}" for n in judges]
+    lines = [head]
+    for row in rows:
+        line = [row["surface"], str(row["degree"])]
+        if "povray" in have:
+            line += [f"{row['shaded']['s'][f'povray {n}']['median']:.3f}" for n in (THREADS, 1)]
+        if "visray" in have:
+            line += [f"{row['shaded']['visray_s_per_sample'][n]:.4f}" for n in SAMPLES]
+        if {"povray", "visray"} <= have:
+            line += [f"{row['shaded']['ratio'][n]:.1f}" for n in SAMPLES]
+            line += [f"{row['shaded']['ratio_cpu'][SAMPLES[-1]]:.1f}"]
+        if "surf" in have:
+            line += [f"{row['camera_rays']['Mrays_per_s']['surf']:.2f}"]
+        if "visray" in have:
+            line += [f"{row['camera_rays']['Mrays_per_s'][f'visray {n}']:.2f}" for n in ("picture", "intersecting")]
+        line += [f"{row['wrong'][n]['wrong']} of {row['wrong'][n]['checked']}" for n in judges]
+        lines.append(line)
+    wide = [max(map(len, column)) for column in zip(*lines)]
+    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(line, wide)) for line in lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, help="a JSON file")
+    parser.add_argument("--surfaces", default=",".join(DEFAULT), help=f"of {', '.join(SURFACES)}")
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--peers", action="store_true", help="without visray")
+    parser.add_argument("--pictures", type=Path, help="a folder for the pictures, side by side")
+    chosen = parser.parse_args()
+    names = chosen.surfaces.split(",")
+    if unknown := set(names) - set(SURFACES):
+        parser.error(f"--surfaces: {', '.join(sorted(unknown))}: choose from {', '.join(SURFACES)}")
+    have = {name for name, program in {"povray": POVRAY, "surf": SURF}.items() if shutil.which(program)}
+    for name in sorted({"povray", "surf"} - have):
+        print(f"{name} is not installed: left out")
+    if not chosen.peers and have_visray():
+        have.add("visray")
+    elif not chosen.peers:
+        print("visray has no polynomial primitive yet: left out")
+    dr.set_thread_count(THREADS)
+    report = machine() | versions(have) | {"size": SIZE, "size_of_camera_rays": LARGE, "runs": chosen.runs}
+    rows = []
+    with tempfile.TemporaryDirectory() as name_of_folder:
+        folder = Path(name_of_folder)
+        for name in names:
+            surface = SURFACES[name]
+            rows.append({
+                "surface": name,
+                "degree": surface.degree,
+                "shaded": shaded(surface, folder, chosen.runs, have),
+                "camera_rays": bare(surface, folder, chosen.runs, have),
+                "wrong": judged(surface, folder, have),
+            })  # fmt: skip
+            print(f"{name} is done", file=sys.stderr)
+            if chosen.pictures:
+                side_by_side(surface, folder, have, chosen.pictures / f"{name}.png")
+    print(table(rows, have))
+    if chosen.output:
+        chosen.output.write_text(json.dumps(report | {"surfaces": rows}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,569 @@
+"""Polynomial surfaces from text: exact values, factors, equal forms, and lines for what is wrong."""
+
+import json
+import subprocess
+import sys
+from fractions import Fraction
+from itertools import combinations_with_replacement
+from math import isclose, prod, sqrt
+from pathlib import Path
+from time import perf_counter
+
+import flint
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from visray.polynomials import Wrong, build, evaluate, exact, fields, interpret, magnitude, refuse_sizes
+from visray.polynomials.form import read
+from visray.polynomials.tree import rational
+
+HEART = "(x^2+9/4*y^2+z^2-1)^3 - x^2*z^3 - 9/80*y^2*z^3"
+SPHERE = "(x^2+y^2+z^2-1)"
+CATALOGUE = Path(__file__).resolve().parents[2] / "shared" / "notes" / "surfaces.json"
+SURFACES = json.loads(CATALOGUE.read_text())["surfaces"] if CATALOGUE.exists() else []
+POINTS = [
+    (Fraction(1, 3), Fraction(-2, 7), Fraction(5, 11)),
+    (Fraction(-4, 3), Fraction(1, 5), Fraction(2, 9)),
+    (Fraction(7, 4), Fraction(3, 2), Fraction(-8, 5)),
+    (Fraction(0), Fraction(-5, 6), Fraction(9, 10)),
+]
+
+
+def value(terms, point):
+    """A polynomial from `exact` at a point."""
+    return sum((c * prod(v**n for v, n in zip(point, e)) for e, c in terms.items()), Fraction(0))
+
+
+def factors_at(built, point, centre=(0, 0, 0)):
+    q = [p - Fraction(c) for p, c in zip(point, centre)]
+    return [interpret(f.code, built.wide, q) for f in built.form.factors]
+
+
+def sign(v):
+    return (v > 0) - (v < 0)
+
+
+def agrees(source, parameters=None, centre=(0, 0, 0), points=POINTS):
+    """Whether sign * the odd factors has the sign of f everywhere, and f and the factors vanish together."""
+    built, terms = build(source, parameters, centre), exact(source, parameters)
+    for point in points:
+        values = factors_at(built, point, centre)
+        whole = value(terms, point)
+        if all(values):
+            odd = prod(sign(v) for v, f in zip(values, built.form.factors) if not f.even)
+            assert built.form.sign * odd == sign(whole), (source, point)
+        else:
+            assert whole == 0
+    return built
+
+
+def shape(source, parameters=None):
+    return [(f.degree, f.even) for f in agrees(source, parameters).form.factors]
+
+
+def same(source, other, scale=1):
+    """Whether the one factor of a polynomial is exactly `scale` times another polynomial."""
+    built, terms = build(source), exact(other)
+    assert len(built.form.factors) == 1
+    for point in POINTS:
+        assert factors_at(built, point) == [scale * value(terms, point)]
+
+
+# --- values --------------------------------------------------------------------------------------------------------
+
+
+def test_the_heart_is_evaluated_as_it_is_written():
+    built = build(HEART)
+    for x, y, z in POINTS:
+        g = x * x + Fraction(9, 4) * y * y + z * z - 1
+        assert factors_at(built, (x, y, z)) == [g**3 - x * x * z**3 - Fraction(9, 80) * y * y * z**3]
+    assert [f.degree for f in built.form.factors] == [6] and built.values == (2.25, -1.0, -9 / 80)
+    assert sum(op[0] == "pow" and op[2] == 3 for op in built.form.factors[0].code) == 2
+
+
+def test_numbers_are_read_exactly():
+    assert exact("0.1*x + .5*y - 1e-3*z + 1.25e2") == {
+        (1, 0, 0): Fraction(1, 10),
+        (0, 1, 0): Fraction(1, 2),
+        (0, 0, 1): Fraction(-1, 1000),
+        (0, 0, 0): Fraction(125),
+    }
+    assert exact("x - r", {"r": 0.1})[0, 0, 0] == -Fraction(0.1)
+    assert exact("x/3 - 2/(3/4)")[1, 0, 0] == Fraction(1, 3)
+    assert exact("-x^2") == {(2, 0, 0): Fraction(-1)} and exact("x**2 + x^0") == exact("x^2 + 1")
+
+
+def test_named_constants():
+    terms = exact("phi*x + pi*y + sqrt(2)*z - sqrt(9/4)")
+    assert isclose(terms[1, 0, 0], (1 + sqrt(5)) / 2, rel_tol=1e-16)
+    assert isclose(terms[0, 1, 0], np.pi, rel_tol=1e-16)
+    assert abs(terms[0, 0, 1] ** 2 - 2) < Fraction(1, 10**60) and terms[0, 0, 0] == Fraction(-3, 2)
+    assert exact("(phi^2 - phi - 1)*x + y") == {(0, 1, 0): 1}
+
+
+@pytest.mark.parametrize(
+    ("monomial", "expected"),
+    [
+        ("+3x2", "3*x^2"),
+        (".5x2", "x^2/2"),
+        ("x12", "x^12"),
+        ("2*x", "2*x"),
+        ("xx2", "x^3"),
+        ("1e-3x", "x/1000"),
+        ("Y2", "y^2"),
+        ("x^2", "x^2"),
+        ("x**2", "x^2"),
+        ("2 x2 y", "2*x^2*y"),
+        ("-x", "-x"),
+        ("x2y3z", "x^2*y^3*z"),
+        ("-3y2", "-3*y^2"),
+        ("- 0.25 z", "-z/4"),
+        ("2.*x*y", "2*x*y"),
+        ("X0z", "z"),
+        ("2E1x", "20*x"),
+    ],
+)
+def test_monomials_that_were_misread(monomial, expected):
+    assert exact([monomial, "-1"]) == exact(f"{expected} - 1")
+
+
+def test_monomials_are_a_sum():
+    assert exact(["0.9x2", "z2", "y4", "y3", "-3y2", "-1"]) == exact("0.9*x^2 + z^2 + y^4 + y^3 - 3*y^2 - 1")
+
+
+def test_any_arithmetic():
+    built = build(HEART)
+    code = built.form.factors[0].code
+    x, y, z = 0.3, -0.2, 0.7
+    expected = (x * x + 9 / 4 * y * y + z * z - 1) ** 3 - x * x * z**3 - 9 / 80 * y * y * z**3
+    assert isclose(interpret(code, built.values, (x, y, z)), expected, rel_tol=1e-14)
+    rows = interpret(code, built.values, (np.full(3, x), np.full(3, y), np.full(3, z)))
+    assert np.allclose(rows, expected, rtol=1e-14)
+    t = flint.fmpq_poly([0, 1])
+    line = interpret(code, [flint.fmpq(w.numerator, w.denominator) for w in built.wide], (t, 2 * t, 3 * t))
+    assert line.degree() == 6
+    assert interpret(code, built.wide, POINTS[0], lambda v, n: v**n) == factors_at(built, POINTS[0])[0]
+
+
+def test_constants_of_slots_in_other_arithmetics():
+    built = build("x^2 + y^2 - a*sqrt(2)*z - 2*sqrt(a)", {"a": 2.0})
+    slots = [evaluate(c, {"a": 2.0}.get, float, sqrt) for c in built.constants]
+    assert np.allclose(slots, built.values, rtol=1e-15)
+    (h,) = [c for c in built.constants if c.parametric and "Root(of=Parameter" in repr(c)]
+    with pytest.raises(ValueError, match="needs sqrt"):
+        evaluate(h, {"a": 2.0}.get, float)
+    assert rational(built.constants[0], {"a": Fraction(2)}) == built.wide[0]
+
+
+# --- random expressions --------------------------------------------------------------------------------------------
+
+
+@st.composite
+def expressions(draw, depth=3):
+    """A text and what it means, as a function of exact coordinates."""
+    if depth == 0 or draw(st.integers(0, 5)) == 0:
+        kind = draw(st.integers(0, 4))
+        if kind < 3:
+            return "xyz"[kind], lambda p: p[kind]
+        n = draw(st.integers(0, 40))
+        return (f"{n}", lambda p: Fraction(n)) if kind == 3 else (f"{n}.25", lambda p: n + Fraction(1, 4))
+    (a, f), (b, g) = draw(expressions(depth - 1)), draw(expressions(depth - 1))
+    n = draw(st.integers(1, 3))
+    return draw(
+        st.sampled_from(
+            [
+                (f"({a}) + ({b})", lambda p: f(p) + g(p)),
+                (f"({a}) - {b}" if "+" not in b and "-" not in b else f"({a}) - ({b})", lambda p: f(p) - g(p)),
+                (f"({a})*({b})", lambda p: f(p) * g(p)),
+                (f"-({a})", lambda p: -f(p)),
+                (f"({a})^{n}", lambda p: f(p) ** n),
+                (f"({a})/{n} + {b}", lambda p: f(p) / n + g(p)),
+            ]
+        )
+    )
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(expressions(), st.sampled_from([(0, 0, 0), (1, 0, -2.5), (1000, 0.1, 0)]))
+def test_random_expressions(expression, centre):
+    text, f = expression
+    try:
+        terms = exact(text)
+    except Wrong as e:
+        assert "degree" in str(e)
+        return
+    assert all(value(terms, p) == f(p) for p in POINTS)
+    if not any(any(e) for e in terms):
+        with pytest.raises(Wrong, match=r"everywhere|nowhere"):
+            build(text, centre=centre)
+        return
+    built = agrees(text, None, centre)
+    degree = max(map(sum, terms))
+    assert sum(factor.degree for factor in built.form.factors) <= degree
+    if len(built.form.factors) == 1 and built.form.factors[0].degree == degree:
+        ratios = [f(p) / v for p in POINTS if (v := factors_at(built, p, centre)[0])]
+        assert len(set(ratios)) <= 1
+
+
+# --- factors -------------------------------------------------------------------------------------------------------
+
+
+def expanded(text):
+    terms = exact(text)
+    return " + ".join(f"({c})*x^{e[0]}*y^{e[1]}*z^{e[2]}" for e, c in terms.items())
+
+
+FIVE = "*".join(f"(x^2+y^2+z^2-{k * k}/25)" for k in range(1, 6))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (f"{SPHERE}^2", [(2, True)]),
+        (f"-3*{SPHERE}^3", [(2, False)]),
+        (expanded(f"{SPHERE}^2"), [(2, True)]),
+        (expanded(f"-{SPHERE}^3"), [(2, False)]),
+        (f"{SPHERE}^2*(1-x^2-y^2-z^2)*x", [(2, False), (1, False)]),
+        (f"{SPHERE}*(2-2*x^2-2*y^2-2*z^2)", [(2, True)]),
+        ("x^2 - y^2*z^2", [(2, False)] * 2),
+        (FIVE, [(2, False)] * 5),
+        (expanded(FIVE), [(2, False)] * 5),
+        ("(x^2-y^2)*(x-y)", [(1, True), (1, False)]),
+        ("x^2+2*phi*x*y+(phi+1)*y^2", [(1, True)]),
+        ("pi*x^2+2*pi*phi*x*y+pi*(phi+1)*y^2", [(1, True)]),
+        ("(x^2-2*y^2)*(x-sqrt(2)*y)", [(1, False), (1, True)]),
+        (f"{SPHERE}^2*x^2 - {SPHERE}^2*y^2", [(1, False), (1, False), (2, True)]),
+        ("(x-1)^2 - x^2 + y", [(1, False)]),
+        ("(phi^2-phi-1)*x^3 + y^2 + z^2 - 1", [(2, False)]),
+        ("x^8 + y^8 + z^8 - 1", [(8, False)]),
+        ("x^2 + y^2", [(2, False)]),
+        ("-2*x^2*y", [(1, True), (1, False)]),
+    ],
+)
+def test_factors(text, expected):
+    assert shape(text) == expected
+
+
+def test_factors_hold_for_all_values_of_a_parameter():
+    text = "(x^2+y^2+z^2-1)^2 - e^2"
+    built = build(text, {"e": 0.01})
+    assert shape(text, {"e": 0.01}) == [(2, False)] * 2
+    assert all(c.parametric for c in built.constants)
+    assert build(text, {"e": 0.25}).form == built.form
+    # A square at one value only is split there, and nowhere else.
+    assert shape("(x^2+y^2+z^2-1)^2 - e", {"e": 0.0}) == [(2, True)]
+    assert shape("(x^2+y^2+z^2-1)^2 - e", {"e": 0.25}) == [(4, False)]
+    assert shape("e*x^3 + y^2 + z^2 - 1", {"e": 0.0}) == [(2, False)]
+
+
+def test_expanded_sums_are_in_horner_form():
+    (factor,) = build("8*x^4 - 8*x^2 + 8*y^4 - 8*y^2 + 8*z^4 - 8*z^2 + 4").form.factors
+    powers = [op for op in factor.code if op[0] == "pow"]
+    assert len(powers) == 3 and {op[2] for op in powers} == {2}
+    assert sum(op[0] == "mul" for op in factor.code) == 6
+    (factor,) = build("x^8+y^8+z^8-1").form.factors
+    assert [op[0] for op in factor.code].count("pow") == 3 and not any(op[0] == "mul" for op in factor.code)
+    same("x^3 + x*y - x*z^2 + 2*x^2*y^2 - 7", "x^3 + x*y - x*z^2 + 2*x^2*y^2 - 7")
+
+
+def test_common_cases_do_without_sympy():
+    program = (
+        "import sys; from visray.polynomials import build\n"
+        f"build({HEART!r}); build({SPHERE + '^2'!r}); build(['x2', 'y2', 'z2', '-1'])\n"
+        "assert 'sympy' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+# --- forms ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "equal"),
+    [
+        ("3*x^2 + y^2 - 2", "-1.5*x^2 + y^2 + 7/9", True),
+        ("3*x^2 + y^2 - 2", "sqrt(2)*x^2 + y^2 - pi", True),
+        ("3*x^2 + y^2 - 2", "1*x^2 + y^2 - 1", True),
+        ("3*x^2 + y^2 - 2", "3*x^2 - y^2 - 2", False),
+        ("3*x^2 + y^2 - 2", "3*x^2 + y^4 - 2", False),
+        ("3*x^2 + y^2 - 2", "3*x^2 + z^2 - 2", False),
+        ("3*x^2 + y^2 - 2", "x^2 + y^2 - 2", False),
+        ("3*x^2 + y^2 - 2", "3*x^2 + y^2", False),
+        (HEART, HEART.replace("9/80", "0.2").replace("9/4", "2"), True),
+        (f"{SPHERE}^2", SPHERE, False),
+    ],
+)
+def test_equal_forms(a, b, equal):
+    assert (build(a).form == build(b).form) == equal
+    assert not equal or hash(build(a).form) == hash(build(b).form)
+
+
+def test_parameters_are_slots_also_at_1_and_0():
+    text = "a*x^2 + y^2 + b*z^2 - a"
+    forms = {
+        build(text, {"a": a, "b": b}).form for a, b in combinations_with_replacement((0.0, 0.5, 1.0, -1.0), 2) if a
+    }
+    assert len(forms) == 1 and build(text, {"a": 2.0, "b": 1.0}).form.slots == 3
+
+
+def test_names_share_slots_and_equal_sums_are_one():
+    assert build("a*x^2 + a*y^2 + sqrt(2)*x + sqrt(2)*z - 1", {"a": 2.0}).form.slots == 3
+    assert build("2*x^2 + 2*y^2 - 1").form.slots == 3
+    (factor,) = build("(x^2+y^2+z^2-1)^3 - z^3*(x^2+y^2+z^2-1) + 7").form.factors
+    assert [op[0] for op in factor.code].count("slot") == 2
+
+
+def test_far_centres_are_exact():
+    built = build("(x - 1000)^2 + y^2 + (z - 0.1)^2 - 1/4", centre=(1000.0, 0.0, 0.1))
+    x, y, z, r = Fraction(1, 3), Fraction(2, 7), Fraction(1, 5), Fraction(1, 10) - Fraction(0.1)
+    assert factors_at(built, (x, y, z)) == [x**2 + y**2 + (z - r) ** 2 - Fraction(1, 4)]
+    assert build("(x - 1000)^2 + y^2 - 4", centre=(1000, 0, 0)).form == build("x^2 + y^2 - 4").form
+    far = "x^2 - 2000*x + y^2 + z^2 - 4000*z + 4999999.5"
+    built = build(far, centre=(1000, 0, 2000))
+    assert built.values == (-0.5,) and built.form == build("x^2 + y^2 + z^2 - 0.5").form
+    agrees(far, None, (1000, 0, 2000))
+
+
+def test_sizes():
+    assert magnitude(build("3*x^2 - y - 2"), 10) == (312.0,)
+    refuse_sizes(build(HEART), 2)
+    with pytest.raises(Wrong, match=r"^its values reach inf, too large for doubles; write it in a larger unit$"):
+        refuse_sizes(build("1e300*x^2 + y"), 1e10)
+    with pytest.raises(Wrong, match=r"^its values reach only 2e-290, too small for doubles; multiply it by a large"):
+        refuse_sizes(build("1e-290*x^2 + 1e-290*y"), 1)
+
+
+# --- the catalogue -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not SURFACES, reason="the catalogue is not there")
+@pytest.mark.parametrize("surface", SURFACES, ids=lambda s: s["name"])
+def test_catalogue(surface):
+    text = surface["expression"]
+    centre = surface["centre"] or (0, 0, 0)
+    start = perf_counter()
+    build(text, None, centre)
+    assert perf_counter() - start < 2
+    terms = exact(text)
+    assert max(map(sum, terms)) == surface["degree"]
+    agrees(text, None, centre)
+    expected = {(i, j, k): Fraction(c) for i, j, k, c in surface["monomials"]} if surface["monomials"] else None
+    if surface["coefficients_rational"] and "sqrt" not in text:
+        assert terms == expected
+    elif expected:
+        # Stored to 40 digits where they are irrational.
+        assert terms.keys() == expected.keys()
+        assert all(abs(terms[e] - c) <= abs(c) / 10**36 for e, c in expected.items())
+
+
+def test_build_times():
+    build("x^2 - y^2*z^2")  # imports sympy
+    for text, seconds in [(HEART.replace("9/80", "0.11"), 0.1), (expanded(FIVE).replace("x^0*", ""), 2)]:
+        start = perf_counter()
+        build(text)
+        assert perf_counter() - start < seconds
+
+
+# --- what is wrong -------------------------------------------------------------------------------------------------
+
+BAD = {
+    "": "it is empty; write for example x^2 + y^2 + z^2 - 1",
+    "   ": "it is empty; write for example x^2 + y^2 + z^2 - 1",
+    "x +": "it breaks off after +; add what follows or leave it out",
+    "(x": "the bracket at column 1 is not closed; add a )",
+    "x)": "the bracket at column 2 was not opened; leave it out",
+    "x***2": "not understood at column 4, near 'x***2'; write for example x^2 + y^2 + z^2 - 1",
+    "x y": "not understood at column 3, near 'x y'; write for example x^2 + y^2 + z^2 - 1",
+    "2x": "a sign is missing at column 2; write 2*x",
+    "2 x": "a sign is missing at column 3; write 2*x",
+    "2(x+1)": "a sign is missing at column 2; write 2*(...)",
+    "x2": "unknown name x2; write x^2",
+    "xy": "unknown name xy; write x*y",
+    "X+1": "unknown name X; did you mean x? (one of x, y, z, phi, pi, sqrt, huge, r)",
+    "x(y+1)": "a sign is missing in x(y+1); write x*(...)",
+    "(x+1)(y+1)": "a sign is missing before a bracket in (x+1)(y+1); write * for a product",
+    "(x+1)*2y": "a sign is missing at column 8; write 2*y",
+    "1/x": "it divides by x; only division by constants leaves a polynomial",
+    "x/(2-2)": "it divides by 2-2, which is 0; divide by another number",
+    "x/(sqrt(2)^2-2)": "it divides by sqrt(2)^2-2, which is 0; divide by another number",
+    "x/(y-y)": "it divides by y-y; only division by constants leaves a polynomial",
+    "x^-2": "the exponent -2 is not allowed; it is a whole number as in x^2",
+    "x^2.5": "the exponent 2.5 is not allowed; it is a whole number as in x^2",
+    "x^y": "the exponent y is not allowed; it is a whole number as in x^2",
+    "x^(1/2)": "the exponent 1/2 is not allowed; it is a whole number as in x^2",
+    "x^r": "the exponent r is not allowed; it is a whole number as in x^2",
+    "x^33": "its degree, as written, is 33; at most 32",
+    "(x^8)^8": "its degree, as written, is 64; at most 32",
+    "x^999999999999": "its degree, as written, is over a million; at most 32",
+    "x^20*y^20": "its degree, as written, is 40; at most 32",
+    "9^9^9*x": "the exponent 9^9 is not allowed; it is a whole number as in x^2",
+    "9^999999*x": "9^999999 has too many digits to be computed exactly; write a shorter number",
+    "((2^900)^900)*x": "(2^900)^900 has too many digits to be computed exactly; write a shorter number",
+    "(2^900)*(2^900)*x+y": "its constants multiply to a number beyond the doubles; write it in another unit",
+    "x*(1/2^900)*(1/2^900)+y": "its constants multiply to a number beyond the doubles; write it in another unit",
+    "1e999999999*x": "the number 1e999999999 has too many digits; it is 0 or between 1e-301 and 1e301",
+    "1e999*x": "the number 1e999 is too large or too small; it is 0 or between 1e-301 and 1e301",
+    "0."
+    + "0" * 2000
+    + "1*x": "the number 0.000000000000000... has too many digits; it is 0 or between 1e-301 and 1e301",
+    "fi*x": "unknown name fi; one of x, y, z, phi, pi, sqrt, huge, r",
+    "hug*x": "unknown name hug; did you mean huge? (one of x, y, z, phi, pi, sqrt, huge, r)",
+    "sin(x)": "unknown function sin; the only one is sqrt, of a constant",
+    "sqrt(x)": "sqrt of x is no polynomial; only constants have a sqrt here",
+    "sqrt(-2)*x": "sqrt of -2, which is negative; it takes a number of at least 0",
+    "sqrt(2-3*r)*x": "sqrt of 2-3*r, which is negative; it takes a number of at least 0",
+    "sqrt": "sqrt stands without brackets; write sqrt(2)",
+    "sqrt()": "sqrt takes one number; write sqrt(2)",
+    "sqrt(2)(x)": "a sign is missing before a bracket in sqrt(2)(x); write * for a product",
+    "x.real": "'x.real' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "x = 1": "unexpected '=' at column 3; write f = g as f - g",
+    "x < 1": "unexpected '<' at column 3; a surface is f = 0, without a comparison",
+    "x, y": "unexpected ',' at column 2; decimals have a point, as in 0.5",
+    "0,5*x": "unexpected ',' at column 2; decimals have a point, as in 0.5",
+    "x²": "unexpected '²' at column 2; write x^2",
+    "x # y": "unexpected '#' at column 3; only numbers, names and + - * / ^ ( ) have a meaning",
+    "'x'": 'unexpected "\'" at column 1; only numbers, names and + - * / ^ ( ) have a meaning',
+    "lambda: x": "unexpected ':' at column 7; only numbers, names and + - * / ^ ( ) have a meaning",
+    "lambda": "not understood at column 1, near 'lambda'; write for example x^2 + y^2 + z^2 - 1",
+    "x if y else z": "'x if y else z' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "x and y": "'x and y' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "not x": "'not x' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "x // 2": "'x // 2' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "x % 2": "unexpected '%' at column 3; only numbers, names and + - * / ^ ( ) have a meaning",
+    "0x10*x": "0x10 is no number; write numbers as in 1000.5 or 1e3",
+    "1_000*x": "1_000 is no number; write numbers as in 1000.5 or 1e3",
+    "1j*x": "a sign is missing at column 2; write 1*j",
+    "True": "'True' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "None*x": "'None' has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have",
+    "a.__class__('true')": 'unexpected "\'" at column 13; only numbers, names and + - * / ^ ( ) have a meaning',
+    "x-x": "it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0",
+    "x*0": "it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0",
+    "(x+y)^2-x^2-2*x*y-y^2": "it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0",
+    "3": "it is a constant, nowhere 0; a surface has x, y or z in its polynomial",
+    "r": "it is a constant, nowhere 0; a surface has x, y or z in its polynomial",
+    "(x+1)^2-x^2-2*x": "it is a constant, nowhere 0; a surface has x, y or z in its polynomial",
+    "sqrt(12)*x-2*sqrt(3)*x": "it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0",
+    "-" * 5000 + "x": "it is nested too deeply; at most 100 levels",
+    "(" * 300 + "x" + ")" * 300: "it is nested too deeply; at most 100 levels",
+    "+".join(["x"] * 9999): "it is nested too deeply; at most 100 levels",
+    "x+" * 10001: "it is 20002 characters long; at most 20000",
+    "x\n+\ny +": "it breaks off after +; add what follows or leave it out",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_texts(text):
+    start = perf_counter()
+    with pytest.raises(Wrong) as e:
+        build(text, {"r": 1.0, "huge": 2.0})
+    assert perf_counter() - start < 1
+    assert str(e.value) == BAD[text] and e.value.part is None
+
+
+NO_MONOMIAL = (
+    'is not a monomial; write a number and then powers of x, y and z, as in "-0.5x2y"; '
+    "a sum has one entry for each of its terms"
+)
+BAD_MONOMIALS = {
+    "": NO_MONOMIAL,
+    "*x": NO_MONOMIAL,
+    "x+y": NO_MONOMIAL,
+    "x 2": NO_MONOMIAL,
+    "x*2": NO_MONOMIAL,
+    "w2": NO_MONOMIAL,
+    "-": NO_MONOMIAL,
+    "--x": NO_MONOMIAL,
+    "2**x": NO_MONOMIAL,
+    "sqrt(2)x": NO_MONOMIAL,
+    "x99": "its degree, as written, is 99; at most 32",
+    "x20y20": "its degree, as written, is 40; at most 32",
+    "x99999999999999": "its degree, as written, is over a million; at most 32",
+    "1e9999x": "the number 1e9999 has too many digits; it is 0 or between 1e-301 and 1e301",
+    "1/2x": NO_MONOMIAL,
+    "x²": NO_MONOMIAL,
+}
+
+
+@pytest.mark.parametrize("monomial", BAD_MONOMIALS)
+def test_bad_monomials(monomial):
+    with pytest.raises(Wrong) as e:
+        build(["x2", monomial])
+    assert str(e.value) == BAD_MONOMIALS[monomial] and e.value.part == 1
+
+
+def test_no_monomials():
+    with pytest.raises(Wrong, match=r"^there is no monomial; write for example"):
+        build([])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("x", 1.0, "a parameter cannot be called x, which has a meaning already; take another name"),
+        ("sqrt", 1.0, "a parameter cannot be called sqrt, which has a meaning already; take another name"),
+        ("a b", 1.0, "'a b' is no name of a parameter; it has letters, digits and _, as in r or r_1"),
+        ("lambda", 1.0, "'lambda' is no name of a parameter; it has letters, digits and _, as in r or r_1"),
+        ("r", float("nan"), "the parameter r is nan; it is 0 or between 1e-301 and 1e301 in size"),
+        ("r", float("inf"), "the parameter r is inf; it is 0 or between 1e-301 and 1e301 in size"),
+        ("r", 1e-310, "the parameter r is 1e-310; it is 0 or between 1e-301 and 1e301 in size"),
+    ],
+)
+def test_bad_parameters(name, value, text):
+    with pytest.raises(Wrong) as e:
+        build("x + y - 1", {name: value})
+    assert str(e.value) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "exec(x)",
+        "print(x)",
+        "open(x)",
+        "(lambda: x)()",
+        "x.__class__",
+        "[x for x in y]",
+        "{x}",
+        "x if print(y) else z",
+        "(x := y)",
+        "f'{x}'",
+        "breakpoint()",
+        "await_(x)",
+        "sqrt(exit())",
+    ],
+)
+def test_nothing_is_executed(text, monkeypatch, capsys):
+    def called(*_, **__):
+        raise AssertionError("executed")
+
+    for name in ("exec", "open", "print", "breakpoint", "exit", "__import__"):
+        monkeypatch.setattr(f"builtins.{name}", called, raising=False)
+    try:
+        with pytest.raises(Wrong):
+            read(text, {})
+    finally:
+        monkeypatch.undo()
+    assert not capsys.readouterr().out
+
+
+# --- prime fields --------------------------------------------------------------------------------------------------
+
+
+def test_primes():
+    assert [n for n in range(60) if fields.prime(n)] == [n for n in range(60) if flint.fmpz(n).is_prime()]
+    rows = [(1 << 61) - 1, (1 << 61) + 1, 3215031751, 3825123056546413051, 341550071728321]
+    assert [fields.prime(n) for n in rows] == [bool(flint.fmpz(n).is_prime()) for n in rows]
+
+
+def test_degrees_of_factors_modulo_primes():
+    for p, coefficients in [
+        (1009, [3, 1, 4, 1, 5, 9, 2, 6, 5, 1]),
+        (1013, [2, 7, 1, 8, 2, 8, 1]),
+        (1019, [1, 0, 0, 0, 1]),
+    ]:
+        factors = flint.nmod_poly(coefficients, p).factor()[1]
+        assert all(n == 1 for _, n in factors)
+        assert sorted(fields.degrees(coefficients, p)) == sorted(f.degree() for f, _ in factors)

@@ -13,6 +13,8 @@ so no crossing at the end of an interval is lost or found twice. Source: Collins
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -26,7 +28,7 @@ NARROWEST = 2.0**-30
 # needed (a triple root), the two differ by the cube root of the rounding.
 WIDENED = 3e-4
 # A value along a chord is off by no more than this share of the sizes of all that was added up to it.
-NOISE = 0.25 * UNIT_ROUNDOFF["double"]
+NOISE = 4 * UNIT_ROUNDOFF["double"]
 # A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
 SMALLEST = 2.0**-500
 
@@ -151,20 +153,43 @@ class Isolated:
     unresolved: Any
 
 
-def bernstein(c: tuple, a: Any, w: Any) -> list[Any]:
-    """The coefficients in Bernstein's basis on [a, a + w] of the polynomial with coefficients `c` in s."""
+@cache
+def conversion(d: int) -> list[list[float]]:
+    """The coefficients in Bernstein's basis on [-1, 1] of each power s^k up to degree d. Shape: (d + 1, d + 1)."""
+    comb = math.comb
+
+    def entry(i: int, k: int) -> Fraction:
+        # s = 2 u - 1 with u from 0 to 1, and u^j has the coefficients C(i, j) / C(d, j).
+        return sum(Fraction(comb(k, j) * 2**j * comb(i, j) * (-1) ** (k - j), comb(d, j)) for j in range(k + 1))
+
+    return [[float(entry(i, k)) for k in range(d + 1)] for i in range(d + 1)]
+
+
+def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
+    """The coefficients in Bernstein's basis on [middle - half, middle + half] of the polynomial with coefficients `c`.
+
+    Error: some roundings of the sum of the sizes of c, as no entry of `conversion` is above 1 and the interval is in
+    [-1, 1] (tests/test_roots.py). From the interval's end, as usual, it would be 3^d times as much.
+    """
     d, c = len(c) - 1, list(c)
     for i in range(d):
         for j in range(d - 1, i - 1, -1):
-            c[j] = dr.fma(a, c[j + 1], c[j])
-    power = w
+            c[j] = dr.fma(middle, c[j + 1], c[j])
+    power = half
     for k in range(1, d + 1):
-        c[k] = c[k] * (power * (1 / math.comb(d, k)))
-        power = power * w
-    for i in range(d):
-        for j in range(d, i, -1):
-            c[j] = c[j] + c[j - 1]
-    return c
+        c[k] = c[k] * power
+        power = power * half
+    found: list[Any] = [None] * (d + 1)
+    for i in range(d // 2 + 1):
+        row = conversion(d)[i]
+        even, odd = c[0], row[1] * c[1]
+        for k in range(2, d + 1, 2):
+            even = dr.fma(row[k], c[k], even) if row[k] else even
+        for k in range(3, d + 1, 2):
+            odd = dr.fma(row[k], c[k], odd) if row[k] else odd
+        # The other half of the rows differs in the sign of the odd powers.
+        found[i], found[d - i] = even + odd, even - odd
+    return found
 
 
 def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
@@ -177,7 +202,8 @@ def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
     number, count = dr.float64_array_t(type(c[0])), dr.uint32_array_t(type(c[0]))
 
     def step(a: Any, w: Any, first: Any, last: Any, going: Any, found: Any, unresolved: Any) -> tuple:
-        b = bernstein(c, a, w)
+        half = 0.5 * w
+        b = bernstein(c, a + half, half)
         changes, below = count(0), type(going)(False)
         for x in b:
             changed = dr.select(below, x > noise, x < -noise)

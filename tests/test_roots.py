@@ -75,8 +75,9 @@ def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
     for factor in built.form.factors:
         axes = [(array(x), array(y)) for x, y in zip(l, e)]
         line = polynomials.interpret(factor.code, list(map(Line, slots)), [Line(x, y) for x, y in axes])
-        sizes = [Size(dr.abs(x) + dr.abs(y)) for x, y in axes]
-        size = polynomials.interpret(factor.code, [Size(dr.abs(x)) for x in slots], sizes).x
+        r = array(np.abs(middle) + half)
+        reach = [Size(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
+        size = polynomials.interpret(factor.code, [Size(dr.abs(x)) for x in slots], reach).x
         noise = NOISE * np.broadcast_to(np.array(size), n)
         assert len(line.c) == factor.degree + 1
         found = [np.broadcast_to(np.array(b), n) for b in bernstein(line.c, array(middle), array(half))]
@@ -143,7 +144,7 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     c = c * sign
     line = Line(*map(array, c))
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(line.c, noise, A.B(True))
+    part = isolated(line.c, lambda r: noise, A.B(True))
     s = np.array(refined(line, part))
     found = np.array(part.found)
     assert not np.array(part.unresolved).any()
@@ -168,7 +169,8 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
     for _ in range(m):
         c = r * np.vstack([c, 0 * r]) - np.vstack([0 * r, c])
     c = np.vstack([c, 0 * r, 0 * r]) + np.vstack([0 * r, 0 * r, c])
-    part = isolated(tuple(map(array, c)), array(8 * 2.0**-53 * np.abs(c).sum(0)), A.B(True))
+    noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
+    part = isolated(tuple(map(array, c)), lambda r: noise, A.B(True))
 
     def structured(s: Any) -> Any:
         gap = array(r) - s
@@ -182,5 +184,5 @@ def test_touching_is_no_crossing() -> None:
     """(s - r)^2 touches zero: left behind, and not unresolved."""
     r = np.linspace(-0.9, 0.9, 501)
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
-    part = isolated(c, array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), A.B(True))
+    part = isolated(c, lambda _: array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), A.B(True))
     assert not np.array(part.found).any() and not np.array(part.unresolved).any()

@@ -11,7 +11,7 @@ so no crossing at the end of an interval is lost or found twice. Source: Collins
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -40,15 +40,11 @@ class Line:
         self.c = c
 
     def __add__(self, other: "Line") -> "Line":
-        return self._with(other, lambda x, y: x + y, lambda y: y)
+        n = min(len(self.c), len(other.c))
+        return Line(*(x + y for x, y in zip(self.c, other.c)), *(self.c[n:] or other.c[n:]))
 
     def __sub__(self, other: "Line") -> "Line":
-        return self._with(other, lambda x, y: x - y, lambda y: -y)
-
-    def _with(self, other: "Line", both: Callable, alone: Callable) -> "Line":
-        n = min(len(self.c), len(other.c))
-        rest = self.c[n:] or tuple(map(alone, other.c[n:]))
-        return Line(*map(both, self.c, other.c), *rest)
+        return self + -other
 
     def __neg__(self) -> "Line":
         return Line(*(-x for x in self.c))
@@ -192,24 +188,25 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
     return found
 
 
-def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
+def isolated(c: tuple, noise: Callable, active: Any) -> Isolated:
     """The first crossing from above zero to below on [-1, 1], for a polynomial that counts as positive at -1.
 
-    noise: how far off its values are. Where its sign changes more than once, the first part of the interval up to which
-    the coefficients' hull stays above zero is left behind, and the rest halved.
+    noise(r): how far off its values are for |s| <= r. Where its sign changes more than once, the first part of the
+    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved.
     """
     d, n = len(c) - 1, max(map(dr.width, c))
     number, count = dr.float64_array_t(type(c[0])), dr.uint32_array_t(type(c[0]))
 
     def step(a: Any, w: Any, first: Any, last: Any, going: Any, found: Any, unresolved: Any) -> tuple:
         half = 0.5 * w
-        b = bernstein(c, a + half, half)
+        middle = a + half
+        b, off = bernstein(c, middle, half), noise(dr.abs(middle) + half)
         changes, below = count(0), type(going)(False)
         for x in b:
-            changed = dr.select(below, x > noise, x < -noise)
+            changed = dr.select(below, x > off, x < -off)
             below ^= changed
             changes += dr.select(changed, count(1), 0)
-        falls = b[d] < -noise
+        falls = b[d] < -off
         narrow = w <= NARROWEST
         take = ((changes == 1) | narrow) & falls
         leave = (changes == 0) | (narrow & ~falls)
@@ -218,7 +215,7 @@ def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
             slope = (b[i] - b[0]) * (d / i)
             steepest = dr.select(slope < steepest, slope, steepest)
         # Up to there a straight line below all coefficients stays above zero.
-        clear = dr.select(b[0] > noise, -b[0] / steepest, 0)
+        clear = dr.select(b[0] > off, -b[0] / steepest, 0)
         end = a + w
         nearer = dr.select(leave, end, dr.fma(clear, w, a))
         rest = end - nearer
@@ -226,7 +223,7 @@ def isolated(c: tuple, noise: Any, active: Any) -> Isolated:
         w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
         unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
         # To the left of the crossing all that is not certain counts as above zero.
-        first = dr.select(take, dr.maximum(b[0], noise), first)
+        first = dr.select(take, dr.maximum(b[0], off), first)
         return nearer, w, first, dr.select(take, b[d], last), going & ~take & (w > 0), found | take, unresolved
 
     no = dr.full(dr.mask_t(c[0]), False, n)
@@ -350,22 +347,23 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     """Where the way first crosses the surface of a form, with the values `slots`."""
     paths = [_path(f, slots, way) for f in form.factors]
     active = active & (way.half > 0)
-    signs = [p.at_start < 0 for p in paths]
-    noises = [p.noise for p in paths]
-    for on, values in ((ends.on_start, [p.at_start for p in paths]), (ends.on_end, [p.line(1) for p in paths])):
-        if on is not None:
-            for i, near in enumerate(_nearest(values, noises)):
-                # All of the value there is rounding, that of the point itself too.
-                noises[i] = dr.select(on & near, dr.maximum(noises[i], 2 * dr.abs(values[i])), noises[i])
+    at_start, at_end = ([p.line(s) for p in paths] for s in (-1, 1))
+    signs, floors = [x < 0 for x in at_start], [0 * x for x in at_start]
+    if ends.on_start is not None:
+        near = _nearest(at_start, paths)
+        # All of the value there is rounding, that of the point itself too.
+        floors = [dr.select(ends.on_start & n, 2 * dr.abs(x), f) for n, x, f in zip(near, at_start, floors)]
+    if ends.on_end is not None:
+        last = _nearest(at_end, paths)
+        floors = [dr.select(ends.on_end & n, dr.maximum(f, 2 * dr.abs(x)), f) for n, x, f in zip(last, at_end, floors)]
     negative = _odd(signs, form.sign < 0)
     if ends.on_start is not None:
         wrong = ends.on_start & (negative != ends.negative)
-        near = _nearest([p.at_start for p in paths], [p.noise for p in paths])
         signs = [s ^ (wrong & n) for s, n in zip(signs, near)]
         negative = negative ^ wrong
     found, t, unresolved = active & ~active, dr.inf, 0
-    for path, sign, noise in zip(paths, signs, noises):
-        there, s, left = path.first(sign, noise, active, ends.on_start)
+    for path, sign, floor in zip(paths, signs, floors):
+        there, s, left = path.first(sign, floor, active, ends.on_start)
         distance = dr.select(there, way.distance(s), dr.inf)
         t = distance if len(paths) == 1 else dr.minimum(t, distance)
         found, unresolved = found | there, unresolved + left
@@ -388,15 +386,15 @@ def _odd(signs: list, flipped: bool) -> Any:
     return total
 
 
-def _nearest(values: list, noises: list) -> list:
-    """Which of several values is the nearest to zero, as measured by their noise."""
+def _nearest(values: list, paths: list) -> list:
+    """Which of several factors is the nearest to zero, as measured by its noise."""
     if len(values) == 1:
         return [True]
-    sizes = [dr.abs(v) / n for v, n in zip(values, noises)]
+    sizes = [dr.abs(v) / p.noise(1) for v, p in zip(values, paths)]
     least = sizes[0]
     for size in sizes[1:]:
         least = dr.minimum(least, size)
-    found, taken = [], values[0] != values[0]
+    found, taken = [], least != least
     for size in sizes:
         found.append((size <= least) & ~taken)
         taken = taken | found[-1]
@@ -411,21 +409,33 @@ class _Path:
     slots: tuple
     way: Way
     line: Line
-    noise: Any
-    at_start: Any
 
-    def first(self, sign: Any, noise: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
-        """Whether it is crossed, where, and how many parts are unresolved; sign: whether it begins below zero."""
-        turn = dr.select(sign, type(noise)(-1), 1)
+    def noise(self, r: Any) -> Any:
+        """How far off its values are for |s| <= r."""
+        return self._noise(dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
+
+    def _noise(self, reach: Iterable) -> Any:
+        """How far off its values are where no coordinate is larger."""
+        sizes = [Size(dr.abs(x)) for x in self.slots]
+        return NOISE * interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
+
+    def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
+        """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
+        what is not above it is noise."""
+        turn = dr.select(sign, type(floor)(-1), 1)
         c = tuple(dr.mulsign(x, turn) for x in self.line.c)
+        flat = None if on_start is None else dr.maximum(floor, self._noise(map(dr.abs, self.way.at(-1))))
 
         def f(s: Any) -> Any:
             x = dr.mulsign(self.value(s), turn)
             # What is only noise counts as of the side that the way begins on.
-            return x if on_start is None else dr.select(on_start & (dr.abs(x) <= noise), noise, x)
+            return x if on_start is None else dr.select(on_start & (dr.abs(x) <= flat), flat, x)
+
+        def noise(r: Any) -> Any:
+            return dr.maximum(self.noise(r), floor)
 
         if self.factor.degree <= 2:
-            part, s = isolated_by_formula(c, noise, active)
+            part, s = isolated_by_formula(c, noise(1), active)
             return part.found, self._polished(f, Line(*c), part, s), part.unresolved
         part = isolated(c, noise, active)
         return part.found, refined(f, part), part.unresolved
@@ -446,9 +456,7 @@ class _Path:
 
 def _path(factor: Factor, slots: tuple, way: Way) -> _Path:
     line = interpret(factor.code, tuple(map(Line, slots)), tuple(map(Line, way.l, way.e)))
-    reach = tuple(Size(dr.abs(x) + dr.abs(y)) for x, y in zip(way.l, way.e))
-    size = interpret(factor.code, tuple(Size(dr.abs(x)) for x in slots), reach).x
-    return _Path(factor, slots, way, line, NOISE * size, line(-1))
+    return _Path(factor, slots, way, line)
 
 
 def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:

@@ -78,7 +78,7 @@ def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
         r = array(np.abs(middle) + half)
         reach = [Size(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
         size = polynomials.interpret(factor.code, [Size(dr.abs(x)) for x in slots], reach).x
-        noise = NOISE * np.broadcast_to(np.array(size), n)
+        noise = NOISE * 2.0**-53 * np.broadcast_to(np.array(size), n)
         assert len(line.c) == factor.degree + 1
         found = [np.broadcast_to(np.array(b), n) for b in bernstein(line.c, array(middle), array(half))]
         for k in range(n):

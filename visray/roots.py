@@ -27,8 +27,8 @@ NARROWEST = 2.0**-30
 # An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
 # needed (a triple root), the two differ by the cube root of the rounding.
 WIDENED = 3e-4
-# A value along a chord is off by no more than this share of the sizes of all that was added up to it.
-NOISE = 4 * UNIT_ROUNDOFF["double"]
+# A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it.
+NOISE = 4
 # A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
 SMALLEST = 2.0**-500
 
@@ -149,6 +149,11 @@ class Isolated:
     unresolved: Any
 
 
+def roundoff(x: Any) -> float:
+    """The unit roundoff of an array's numbers: of double, but on backends that have none."""
+    return UNIT_ROUNDOFF["double" if dr.type_v(x) == dr.VarType.Float64 else "single"]
+
+
 @cache
 def conversion(d: int) -> list[list[float]]:
     """The coefficients in Bernstein's basis on [-1, 1] of each power s^k up to degree d. Shape: (d + 1, d + 1)."""
@@ -195,7 +200,7 @@ def isolated(c: tuple, noise: Callable, active: Any) -> Isolated:
     interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved.
     """
     d, n = len(c) - 1, max(map(dr.width, c))
-    number, count = dr.float64_array_t(type(c[0])), dr.uint32_array_t(type(c[0]))
+    number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
 
     def step(a: Any, w: Any, first: Any, last: Any, going: Any, found: Any, unresolved: Any) -> tuple:
         half = 0.5 * w
@@ -261,7 +266,7 @@ def refined(f: Callable, part: Isolated) -> Any:
     once.
     Source: Chandrupatla 1997.
     """
-    ulp = 2 * UNIT_ROUNDOFF["double"]
+    ulp = 2 * roundoff(part.low)
 
     def step(a: Any, b: Any, fa: Any, fb: Any, fraction: Any, moved: Any, going: Any) -> tuple:
         # a is the newest point; the root lies between a and b.
@@ -417,7 +422,8 @@ class _Path:
     def _noise(self, reach: Iterable) -> Any:
         """How far off its values are where no coordinate is larger."""
         sizes = [Size(dr.abs(x)) for x in self.slots]
-        return NOISE * interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
+        size = interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
+        return NOISE * roundoff(size) * size
 
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:

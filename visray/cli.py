@@ -23,6 +23,7 @@ from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene
 from visray.study import ablation
+from visray.study import stability as study
 from visray.version import __version__
 
 app = App(
@@ -211,13 +212,37 @@ def check(
 
 
 @app.command
+def stability(
+    *,
+    surfaces: Annotated[Path | None, Parameter(help="A JSON file of surfaces; else the known ones.")] = None,
+    rays: Annotated[Whole, Parameter(help="Of each set.")] = study.RAYS,
+    sets: Annotated[str, Parameter(help="Separated by commas.")] = ",".join(study.SETS),
+    only: Annotated[str, Parameter(help="Names of surfaces, separated by commas.")] = "",
+    seed: Annotated[Whole, Parameter(help="Of the rays.")] = 0,
+    json: Json = False,
+) -> int:
+    """Compare polynomial surfaces with exact arithmetic: lost, false and wrong roots. Exit code 1 if there are any.
+
+    It needs python-flint: pip install 'visray[test]'.
+    """
+    report = study.run(surfaces, rays, _listed(sets), _listed(only), seed, progress=not json)
+    put(report.as_json()) if json else Console().print(report.table())
+    return INTERRUPTED if report.stopped else 0 if report.passed else 1
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """The words of a text that are separated by commas."""
+    return tuple(word for part in text.split(",") if (word := part.strip()))
+
+
+@app.command
 def doctor(*, json: Json = False) -> int:
     """Say what visray found on this machine, and whether a picture comes out."""
-    from visray.study import doctor as study  # it loads Mitsuba
+    from visray.study import doctor as examination  # it loads Mitsuba
 
-    report = study.examine(_probe)
-    put(report) if json else Console().print(study.table(report))
-    return 0 if report["verdict"] == study.GOOD else 1
+    report = examination.examine(_probe)
+    put(report) if json else Console().print(examination.table(report))
+    return 0 if report["verdict"] == examination.GOOD else 1
 
 
 def _probe() -> Any:

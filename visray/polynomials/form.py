@@ -24,7 +24,7 @@ from visray.polynomials.wrong import Wrong
 
 Source = str | tuple[str, ...] | list[str]
 # A bound on |f| outside of these leaves no room for the sums and differences of it that are computed in doubles.
-LARGEST, SMALLEST = 1e280, 1e-280
+LARGEST, SMALLEST = 1e140, 1e-140
 MAX_PRODUCTS = 3_000_000
 
 

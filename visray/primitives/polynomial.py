@@ -1,6 +1,7 @@
 """Polynomial surfaces: f(x, y, z) = 0 of any degree, within a clip."""
 
 import cmath
+import re
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
@@ -179,14 +180,20 @@ class Polynomial(Primitive):
             near = get_close_matches(self.surface, CLASSICS, 1)
             hint = f'did you mean "{near[0]}"? ' if near else ""
             return [("surface", f"unknown surface; {hint}(one of {', '.join(CLASSICS)})")]
-        wrong = [("clip", text) for _, text in self.limits().flaws()]
-        if wrong:
+        if wrong := [("clip", text) for _, text in self.limits().flaws()] + self._unused():
             return wrong
         try:
             polynomials.refuse_sizes(self.built(), max(map(float, scalars(self.limits()).half())))
         except Wrong as error:
             return [(ways[0], str(error))]
         return []
+
+    def _unused(self) -> list[tuple[str, str]]:
+        """Parameters that nothing depends on."""
+        there = CLASSICS[self.surface].parameters if self.surface else re.findall(r"\w+", self.expression or "")
+        wrong = [name for name in self.parameters if name not in there]
+        of = f"the surface {self.surface}" if self.surface else "the expression" if self.expression else "monomis"
+        return [("parameters", f"{wrong[0]} is not in {of}; leave it out")] if wrong else []
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
         centre, radius = (np.array(v, float) for v in scalars(self.limits()).sphere(self.outer_numbers()))

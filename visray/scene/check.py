@@ -1,7 +1,7 @@
 """Checks scenes, from files and from Python: the fields one by one, then what only several together show."""
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,8 @@ def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]
 
 def _own_flaws(address: str, thing: Any) -> list[str]:
     """The flaws that a light or an object finds in itself."""
-    return [line(f"{address}.{field}", getattr(thing, field), text) for field, text in thing.flaws()]
+    found = [(field, getattr(thing, field), text) for field, text in thing.flaws()]
+    return [line(f"{address}.{field}", asdict(v) if is_dataclass(v) else v, text) for field, v, text in found]
 
 
 def _object_flaws(scene: Scene, address: str, thing: Any) -> list[str]:

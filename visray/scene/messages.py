@@ -102,6 +102,12 @@ def is_union(annotation: Any) -> bool:
     return get_origin(annotation) in (Union, UnionType)
 
 
+def members_of(union: Any) -> list[Any]:
+    """The members of a bare union, and of unions in it."""
+    inner = [(m, bare(m)) for m in get_args(union)]
+    return [x for m, plain in inner for x in (members_of(plain) if is_union(plain) else [m])]
+
+
 def tag_of(kind: type) -> str:
     """The name of a kind in a union: its `type` in files, or else its class."""
     return next((f.default for f in fields(kind) if f.name == "type"), kind.__name__)
@@ -109,7 +115,7 @@ def tag_of(kind: type) -> str:
 
 def _member(union: Any, tag: str) -> Any:
     """The member of a union that pydantic calls `tag`."""
-    members = get_args(union)
+    members = members_of(union)
     kinds = [m for m in members if is_dataclass(bare(m)) and tag in (tag_of(bare(m)), bare(m).__name__)]
     others = [m for m in members if not is_dataclass(bare(m))]
     alike = [m for m in others if (get_origin(bare(m)) is tuple) == tag.startswith("tuple")]
@@ -191,7 +197,7 @@ def _absent(place: _Place) -> str:
 def _untagged(place: _Place, raw: Any) -> str:
     """A value of a union whose member is named by a key: the key is missing or wrong, or the value has no keys."""
     value, address = _value(raw, place.address), _dotted(place.address)
-    members = [bare(m) for m in get_args(bare(place.annotation))]
+    members = [m for m in map(bare, members_of(bare(place.annotation))) if is_dataclass(m)]
     if not isinstance(value, dict):
         return _expected(place.address, place.annotation, raw)
     if members[0] in STEPS.values():
@@ -209,7 +215,7 @@ def describe(annotation: Any) -> str:
         return f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
     annotation = bare(annotation)
     if is_union(annotation):
-        return _described_union(get_args(annotation))
+        return _described_union(members_of(annotation))
     if is_dataclass(annotation):
         return f"an object {{...}} with the keys {', '.join(f.name for f in fields(annotation))}"
     args, origin = get_args(annotation), get_origin(annotation)
@@ -232,8 +238,10 @@ _PLAIN = {
 }
 
 
-def _described_union(members: tuple) -> str:
-    kinds = [bare(m) for m in members]
+def _described_union(members: list) -> str:
+    kinds = [bare(m) for m in members if bare(m) is not NoneType]
+    if len(kinds) > 1 and len(kinds) < len(members):
+        return f"{_described_union(kinds)}, or null"
     if all(k in STEPS.values() for k in kinds):
         return f"an object {{...}} with one of the keys {', '.join(STEPS)}"
     if all(is_dataclass(k) for k in kinds):

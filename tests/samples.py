@@ -18,7 +18,9 @@ import numpy as np
 from visray import tables
 from visray.features import features
 from visray.geometry import gamma
-from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
+from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives.polynomial import Ball
+from visray.primitives.primitive import scalars
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray
 from visray.scene.scene import Scene
@@ -92,6 +94,43 @@ class RoundSphere:
         x, y, z = unit(p - real(s.center)).T
         east = 2 * np.arctan2(-z, np.hypot(x, z) + x)
         return 0.5 + east / (2 * PI), np.arcsin(np.clip(y, -1, 1)) / PI + 0.5
+
+
+class RoundPolynomial(RoundSphere):
+    """That of the sphere that the polynomial of the sample is."""
+
+    @staticmethod
+    def interval(s: Polynomial, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        return RoundSphere.interval(round_of(s), o, d, g)
+
+    @staticmethod
+    def faces(s: Polynomial, p: np.ndarray) -> list[Face]:
+        return RoundSphere.faces(round_of(s), p)
+
+    @staticmethod
+    def uv(s: Polynomial, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return RoundSphere.uv(round_of(s), p)
+
+
+def round_of(s: Polynomial) -> Sphere:
+    """The sphere that the polynomial of the sample is."""
+    a, b, c, r = s.parameters.values()
+    return Sphere(center=(a, b, c), radius=r, transform=s.transform)
+
+
+def polynomial_sphere(centre: tuple, radius: float, **more: Any) -> Polynomial:
+    """A sphere as a polynomial, a solid, well within its clip."""
+    return Polynomial(
+        expression="(x - a)^2 + (y - b)^2 + (z - c)^2 - r^2",
+        parameters=dict(zip("abcr", (*centre, radius))),
+        clip=Ball(center=centre, radius=CLIP * radius),
+        ends="capped",
+        **more,
+    )
+
+
+# Radius of the clip of a polynomial sphere over its own.
+CLIP = 1.3
 
 
 class RoundBox:
@@ -270,12 +309,16 @@ class RoundTriangle(RoundFlat):
 
 @dataclass(frozen=True)
 class Sample:
-    """A kind's random instances, its twin, and the middle and reach of an instance (for aiming at it)."""
+    """A kind's random instances, its twin, and the middle and reach of an instance (for aiming at it).
+
+    loose: the radius of the sphere that is known to hold an instance, over its reach.
+    """
 
     kind: type
     random: Callable[[np.random.Generator, float], Any]
     twin: Any
     hull: Callable[[Any], tuple[np.ndarray, float]]
+    loose: float = 1.0
 
 
 def direction(rng: np.random.Generator) -> tuple[float, float, float]:
@@ -335,6 +378,10 @@ def _cone(rng: np.random.Generator, scale: float) -> Cone:
     return Cone(base=place(rng, scale), axis=direction(rng), radius=length(rng, scale), height=length(rng, scale))
 
 
+def _polynomial(rng: np.random.Generator, scale: float) -> Polynomial:
+    return polynomial_sphere(place(rng, scale), length(rng, scale))
+
+
 def _box_hull(s: Box) -> tuple[np.ndarray, float]:
     low, high = np.array(s.min), np.array(s.max)
     return (low + high) / 2, float(np.linalg.norm(high - low) / 2)
@@ -372,6 +419,9 @@ SAMPLES = {
         Sample(Box, _box, RoundBox, _box_hull),
         Sample(Cylinder, _cylinder, RoundCylinder, _cylinder_hull),
         Sample(Cone, _cone, RoundCone, _cone_hull),
+        Sample(
+            Polynomial, _polynomial, RoundPolynomial, lambda s: (np.array(s.clip.center), s.parameters["r"]), loose=CLIP
+        ),
     )
 }
 NAMES = [k.__name__ for k in KINDS]
@@ -396,6 +446,10 @@ def instances(name: str, seed: int, count: int, moved: bool, decades: float = 4)
 
 def shifted(thing: Any, by: np.ndarray) -> Any:
     """The object with all points that it is made of moved."""
+    if isinstance(thing, Polynomial):
+        ball = round_of(thing)
+        centre = tuple((np.array(ball.center) + by).tolist())
+        return polynomial_sphere(centre, ball.radius, material=thing.material, transform=thing.transform)
     points = [k for k in ("center", "point", "a", "b", "c", "min", "max", "base") if hasattr(thing, k)]
     return replace(thing, **{k: tuple((np.array(getattr(thing, k)) + by).tolist()) for k in points})
 
@@ -485,7 +539,8 @@ def distortion(thing: Any) -> tuple[float, float]:
     The rows of the inverse are cross products over a determinant: their relative error is gamma(8) times Hadamard's
     ratio |x||y||z| / |det| of the frame's columns, once for the products and once for the determinant.
     """
-    frame = thing.numbers().frame()
+    # Of a polynomial only the clip has one.
+    frame = (scalars(thing.clip) if isinstance(thing, Polynomial) else thing.numbers()).frame()
     columns = np.eye(3) if not hasattr(frame, "x") else np.array([frame.x, frame.y, frame.z], float).reshape(3, 3).T
     m, _ = outer(thing)
     whole = m @ columns

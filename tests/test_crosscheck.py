@@ -15,7 +15,7 @@ from visray.errors import UserError
 from visray.lights import KINDS as LIGHT_KINDS
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
-from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
+from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.primitive import Twin
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
@@ -106,7 +106,14 @@ def test_every_kind_under_any_transform_passes(kind: str, steps: str) -> None:
 
 
 def test_no_kind_is_forgotten() -> None:
-    assert {kind.__dataclass_fields__["type"].default for kind in KINDS} == set(ONE)
+    assert {kind.__dataclass_fields__["type"].default for kind in KINDS} == {*ONE, "polynomial"}
+
+
+def test_a_polynomial_surface_is_left_out_and_said_to_be() -> None:
+    heart = Polynomial(surface="heart", transform=(Translate(translate=(0.0, 0.0, 50.0)),))
+    report = checked(scene({"ball": ONE["sphere"], "heart": heart}), rays=2000)
+    assert report.passed, failures(report)
+    assert report.left_out == {"heart": heart.mitsuba()} and "no polynomial" in heart.mitsuba()
 
 
 def test_a_scene_of_every_kind_passes(all_kinds: Scene) -> None:

@@ -15,7 +15,8 @@ from visray.camera import Camera
 from visray.errors import UserError
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
-from visray.primitives import Box, Plane, Rectangle, Sphere, Triangle
+from visray.primitives import Box, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives.polynomial import Ball, Block
 from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
@@ -23,7 +24,7 @@ from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone"
+KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone, polynomial"
 LIGHTS = "point, directional, spot, rectangle, disk, sphere"
 TEXTURES = "image, checker"
 MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
@@ -55,7 +56,12 @@ def wrong(folder: Path, **ball: object) -> list[str]:
 def everything() -> Scene:
     """A scene with every kind of everything."""
     corners = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.25)}
-    things = {kind.__name__: kind(**(corners if kind is Triangle else {})) for kind in primitives.KINDS}
+    own = {Triangle: corners, Polynomial: {"surface": "heart"}}
+    things = {kind.__name__: kind(**own.get(kind, {})) for kind in primitives.KINDS}
+    things["written"] = Polynomial(
+        expression="x^2 + y^2 - k*z", parameters={"k": 0.5}, clip=Block(max=(1.0, 2.0, 3.0)), ends="capped"
+    )
+    things["listed"] = Polynomial(monomis=("x2", "y2", "-z2", "-1"), clip=Ball(center=(0.0, 0.5, 0.0), radius=2.0))
     steps = (
         Translate(translate=(1.0, 2.0, 3.0)),
         Scale(scale=2.0),

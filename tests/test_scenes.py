@@ -18,6 +18,7 @@ PAIRS = {
     "ambientOcclusion": "setupAmbientOcclusion",
     "penombres": "setupPenombres",
     "cornell_box_geometry": "cornell_box_config_vis",
+    "tests": "setupPoly",
 }
 
 

@@ -31,7 +31,7 @@ from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import PointLight
 from visray.materials import Material
-from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere
+from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere
 from visray.primitives.solid import Solid
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Ray
@@ -41,7 +41,8 @@ from visray.transforms import Translate
 
 A = Arrays.of("llvm", "single")
 RAYS = 10_000
-SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid)]
+# The polynomial of the sample is a convex solid, though not all are.
+SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid | Polynomial)]
 
 
 # Worlds of one structure, so that one kernel serves them all: an object of each kind as it is, and one transformed.

@@ -5,7 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import NAMES, SAMPLES, direction, inverse, outer, real, rounding, shifted, stretched, unit
+from samples import (
+    NAMES,
+    SAMPLES,
+    direction,
+    inverse,
+    outer,
+    polynomial_sphere,
+    real,
+    rounding,
+    shifted,
+    stretched,
+    unit,
+)
 from test_search import crowd
 from test_shading import BLACK, DARK, PRECISIONS, along, seen
 
@@ -14,7 +26,7 @@ from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
-from visray.primitives import Box, Cone, Cylinder, Plane, Rectangle, Sphere, Triangle
+from visray.primitives import Box, Cone, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.flat import Flat
 from visray.primitives.solid import Solid
 from visray.render import render, set_up
@@ -22,7 +34,8 @@ from visray.scene.scene import Film, Scene, Settings
 from visray.transforms import Matrix, Rotate, Translate
 
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
-SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid)]
+# The polynomial of the sample is a convex solid, though not all are.
+SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid | Polynomial)]
 FLATS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Flat) and n != "Plane"]
 EACH_SOLID = pytest.mark.parametrize("name", SOLIDS)
 MOVED = pytest.mark.parametrize("moved", [False, True], ids=["as it is", "transformed"])
@@ -130,6 +143,8 @@ def fitted(rng: np.random.Generator, name: str, middle: np.ndarray, size: float,
     if moved:
         matrix = np.c_[factor * m, middle - factor * m @ centre]
         return replace(thing, transform=(Matrix(matrix=tuple(map(tuple, matrix.tolist()))),))
+    if isinstance(thing, Polynomial):
+        return polynomial_sphere(triple(middle), size)
     sizes = {k: factor * getattr(thing, k) for k in ("radius", "height") if isinstance(getattr(thing, k, None), float)}
     sizes |= {k: triple(factor * np.array(getattr(thing, k))) for k in ("width", "height", "a", "b", "c", "min", "max")
               if isinstance(getattr(thing, k, None), tuple)}  # fmt: skip
@@ -297,7 +312,7 @@ def several(rng: np.random.Generator, room: Room) -> dict:
     ids=["written out, single", "written out, double", "in trees"],
 )
 def test_things_that_overlap_multiply(how: str, written: bool, precision: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """14 things of one material, so that none can be told from another by it: each counts for itself, the product of
+    """16 things of one material, so that none can be told from another by it: each counts for itself, the product of
     all; and in any order, written out or in trees."""
     if not written:
         monkeypatch.setattr(tables, "WRITTEN_OUT", 0)
@@ -309,10 +324,10 @@ def test_things_that_overlap_multiply(how: str, written: bool, precision: str, m
         objects = {"floor": room.floor} | {name: replace(things[name], material="glass") for name in order}
         scene = scene_of(objects, {"l": room.lamp}, {"glass": glass(dmax, kt)}, precision=precision)
         pictures.append(room.seen(scene))
-        assert room.check(pictures[-1], chords, dmax, [kt] * 14, precision) > 0.8
+        assert room.check(pictures[-1], chords, dmax, [kt] * len(things), precision) > 0.8
     pictures.append(room.seen(scene, plain=True))
     for other in pictures[1:]:
-        assert (np.abs(pictures[0] - other) <= gamma(2 * 14, precision) * other).all()
+        assert (np.abs(pictures[0] - other) <= gamma(2 * len(things), precision) * other).all()
     assert (np.sum([c.met for c in chords], axis=0) >= 4).mean() > 0.2
 
 

@@ -16,7 +16,9 @@ from visray.study.exact.formulas import number, parsed, value
 from visray.study.exact.known_surface import Bundle, Surface
 from visray.study.exact.truth import Truth, settled
 from visray.study.exact.twofold import Twofold
+from visray.study.judging import Row, judged
 from visray.study.ray_sets import Named, surfaces_of
+from visray.study.solvers import Function
 from visray.surfaces import CLASSICS
 
 FILE = Path(__file__).resolve().parents[2] / "shared" / "notes" / "surfaces.json"

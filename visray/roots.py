@@ -258,9 +258,11 @@ def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, An
     return Isolated(zero - 1, dr.select(down, extremum, 1), zero, zero, found, none), s
 
 
-def refined(f: Callable, part: Isolated) -> Any:
+def refined(f: Callable, part: Isolated, flat: Any = None) -> Any:
     """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
     digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
+
+    flat: what is no larger in size, and so of no sign, counts as above zero, as long as nothing larger has been found.
 
     Where that comes out at an end, f's sign there is not that of the polynomial that was isolated: the end is moved,
     once.
@@ -272,6 +274,9 @@ def refined(f: Callable, part: Isolated) -> Any:
         # a is the newest point; the root lies between a and b.
         x = dr.fma(fraction, b - a, a)
         fx = f(x)
+        if flat is not None:
+            above = dr.select(fa > 0, fa, fb)
+            fx = dr.select((above <= flat) & (dr.abs(fx) <= flat), flat, fx)
         same = (fx < 0) == (fa < 0)
         c, fc = dr.select(same, a, b), dr.select(same, fa, fb)
         b, fb = dr.select(same, b, a), dr.select(same, fb, fa)
@@ -291,14 +296,15 @@ def refined(f: Callable, part: Isolated) -> Any:
         more = dr.maximum(part.high - part.low, WIDENED)
         a = dr.select(again, dr.select(first, part.high, part.low), a)
         b = dr.select(again, dr.select(first, dr.maximum(part.low - more, -1), dr.minimum(part.high + more, 1)), b)
-        fa = dr.select(again, dr.select(first, part.at_high, part.at_low), fa)
-        fb = dr.select(again, dr.select(first, part.at_low, part.at_high), fb)
+        fa = dr.select(again, dr.select(first, part.at_high, at_low), fa)
+        fb = dr.select(again, dr.select(first, at_low, part.at_high), fb)
         fraction = dr.select(again, 0.5, fraction)
         return a, b, fa, fb, fraction, moved | again, going & (~done | again)
 
     n = dr.width(part.low)
     half, no = dr.full(type(part.low), 0.5, n), dr.full(type(part.found), False, n)
-    state = part.high, part.low, part.at_high, part.at_low, half, no, part.found
+    at_low = part.at_low if flat is None else dr.select(flat > 0, dr.minimum(part.at_low, flat), part.at_low)
+    state = part.high, part.low, part.at_high, at_low, half, no, part.found
     a, b, fa, fb, *_ = dr.while_loop(state, lambda *state: state[-1], step, label="refine")
     return dr.select(dr.abs(fa) < dr.abs(fb), a, b)
 
@@ -353,7 +359,10 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     paths = [_path(f, slots, way) for f in form.factors]
     active = active & (way.half > 0)
     at_start, at_end = ([p.line(s) for p in paths] for s in (-1, 1))
-    signs, floors = [x < 0 for x in at_start], [0 * x for x in at_start]
+    # A way that begins within rounding of a zero begins on the side that it runs to.
+    near_zero = [dr.abs(x) <= p.off_at_start() for x, p in zip(at_start, paths)]
+    signs = [dr.select(zero, p.line.slope(-1), x) < 0 for zero, x, p in zip(near_zero, at_start, paths)]
+    floors = [0 * x for x in at_start]
     if ends.on_start is not None:
         near = _nearest(at_start, paths)
         # All of the value there is rounding, that of the point itself too.
@@ -417,9 +426,9 @@ class _Path:
 
     def noise(self, r: Any) -> Any:
         """How far off its values are for |s| <= r."""
-        return self._noise(dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
+        return self.off(dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
 
-    def _noise(self, reach: Iterable) -> Any:
+    def off(self, reach: Iterable) -> Any:
         """How far off its values are where no coordinate is larger."""
         sizes = [Size(dr.abs(x)) for x in self.slots]
         size = interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
@@ -430,12 +439,9 @@ class _Path:
         what is not above it is noise."""
         turn = dr.select(sign, type(floor)(-1), 1)
         c = tuple(dr.mulsign(x, turn) for x in self.line.c)
-        flat = None if on_start is None else dr.maximum(floor, self._noise(map(dr.abs, self.way.at(-1))))
 
         def f(s: Any) -> Any:
-            x = dr.mulsign(self.value(s), turn)
-            # What is only noise counts as of the side that the way begins on.
-            return x if on_start is None else dr.select(on_start & (dr.abs(x) <= flat), flat, x)
+            return dr.mulsign(self.value(s), turn)
 
         def noise(r: Any) -> Any:
             return dr.maximum(self.noise(r), floor)
@@ -444,7 +450,15 @@ class _Path:
             part, s = isolated_by_formula(c, noise(1), active)
             return part.found, self._polished(f, Line(*c), part, s), part.unresolved
         part = isolated(c, noise, active)
-        return part.found, refined(f, part), part.unresolved
+        if on_start is None:
+            return part.found, refined(f, part), part.unresolved
+        # Near a start on the surface what is only noise counts as of the side that the way begins on.
+        flat = dr.maximum(floor, self.off_at_start())
+        return part.found, refined(f, part, dr.select(on_start & (part.low == -1), flat, 0)), part.unresolved
+
+    def off_at_start(self) -> Any:
+        """How far off the value by structure is where the way begins."""
+        return self.off(map(dr.abs, self.way.at(-1)))
 
     def value(self, s: Any) -> Any:
         """The factor by its structure."""
@@ -475,7 +489,7 @@ def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
     for factor in form.factors:
         s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), axes)
         g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
-        found.append(_unit(factor, slots, q, step, s.x, g))
+        found.append(_unit(_Path(factor, slots, None, None), q, step, s.x, g))
     f, g = found[0]
     others = type(f)(-1 if form.sign < 0 else 1)
     for near, normal in found[1:]:
@@ -485,8 +499,9 @@ def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
     return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
 
 
-def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
-    """A function and its gradient, both over the gradient's length."""
+def _unit(path: "_Path", q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+    """A function and its gradient, both over the gradient's length. Where that is none, the function is zero if its
+    value is only noise, and else nowhere near zero."""
     length = dr.norm(g)
     flat = ~(dr.detach(length) > SMALLEST)
 
@@ -494,14 +509,16 @@ def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tu
         p, found = dr.detach(q), []
         for i in range(3):
             sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
-            high, low = (interpret(factor.code, dr.detach(slots), side) for side in sides)
+            high, low = (interpret(path.factor.code, dr.detach(path.slots), side) for side in sides)
             found.append(high - low)
         longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
         # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
         found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
-        return (dr.normalize(type(p)(*found)),)
+        far = dr.select(dr.abs(f) <= path.off(map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
+        return dr.normalize(type(p)(*found)), dr.detach(far)
 
     n = max(dr.width(q), dr.width(f))
-    instead = dr.if_stmt((dr.zeros(type(q), n),), flat, differences, lambda *same: same, label="singular")
-    inverse = dr.select(flat, 0, 1 / dr.select(flat, 1, length))
-    return f * dr.detach(inverse), dr.select(flat, instead[0], g * inverse)
+    none = dr.zeros(type(q), n), dr.zeros(type(f), n)
+    normal, far = dr.if_stmt(none, flat, differences, lambda *same: same, label="singular")
+    inverse = 1 / dr.select(flat, 1, length)
+    return dr.select(flat, far, f * dr.detach(inverse)), dr.select(flat, normal, g * inverse)

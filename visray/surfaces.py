@@ -15,7 +15,8 @@ Point = tuple[float | str, float | str, float | str]
 class Classic:
     """A surface f = 0 within a sphere of `radius` about `centre`.
 
-    singular: some of its real singular points in that sphere, as numbers or expressions without x, y, z. compact: the sphere holds all of it; else it is cut there, and open.
+    singular: some of its real singular points in that sphere, as numbers or expressions without x, y, z. compact: the
+    sphere holds all of it; else it is cut there, and open.
     """
 
     title: str
@@ -82,7 +83,7 @@ _DECIC = (
     "*(x^4 + y^4 + z^4 - 2*x^2*y^2 - 2*x^2*z^2 - 2*y^2*z^2)"
     " + (3 + 5*phi)*(x^2 + y^2 + z^2 - 1)^2*(x^2 + y^2 + z^2 - (2 - phi))^2"
 )
-# The root alpha of 7 a^3 + 7 a + 1, of which the grammar has no exact form: as a double it is off by at most 2^-56, which
+# The root alpha of 7 a^3 + 7 a + 1, of which the grammar has no exact form: a double is off by at most 2^-56. That
 # moves f by no more than the rounding of double does: so the nodes are nodes to within rounding only.
 _LABS = (
     "x*(x^6 - 21*x^4*y^2 + 35*x^2*y^4 - 7*y^6) + 7*z*((x^2 + y^2)^3 - 8*z^2*(x^2 + y^2)^2 + 16*z^4*(x^2 + y^2))"
@@ -136,7 +137,8 @@ CLASSICS: dict[str, Classic] = {
                                       ("-sqrt(2)", "1", "0"), ("1", "2", "0"), ("-1", "2", "0"))),
     "kummer": Classic("Kummer surface", _KUMMER, 3.5, "MathWorld, Kummer Surface: 16 nodes", False,
                       parameters={"mu": 1.3},
-                      singular=_signed(("0", "sqrt(mu^2 - 1)", "1"))[::2] + _signed(("sqrt(mu^2 - 1)", "0", "-1"))[::2]),
+                      singular=(("0", "sqrt(mu^2 - 1)", "1"), ("0", "-sqrt(mu^2 - 1)", "1"),
+                                ("sqrt(mu^2 - 1)", "0", "-1"), ("-sqrt(mu^2 - 1)", "0", "-1"))),
     "tangle": Classic("Tangle cube", "x^4 - 5*x^2 + y^4 - 5*y^2 + z^4 - 5*z^2 + 59/5", 4.2, "MathWorld, Tanglecube",
                       True),
     "piriform": Classic("Piriform surface", "x^4 - x^3 + y^2 + z^2", 1.2, "MathWorld, Piriform Surface", True,

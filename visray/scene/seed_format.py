@@ -12,8 +12,8 @@ otherwise:
 
 It restores no defects: not the highlights drawn to the viewer, the shift of half a pixel, the missing total internal
 reflection, the shadows from beyond a light, the occlusion of the global light that is 0, the boxes without light, the
-lens that is always 2 wide, the spot light without a cone where a = b = c = 0; nor the fourth root in a spot light's
-falloff, one sample a pixel, or the original's random numbers.
+lens that is always 2 wide, the spot light without a cone where a = b = c = 0, the monomials that were misread; nor the
+fourth root in a spot light's falloff, one sample a pixel, or the original's random numbers.
 """
 
 from pathlib import Path
@@ -27,7 +27,7 @@ from visray.scene.seed_entry import Entry, Log
 from visray.scene.seed_keys import SCENE, SCENES, SETUP
 from visray.scene.seed_materials import Looks
 from visray.scene.seed_names import respelled
-from visray.scene.seed_objects import objects
+from visray.scene.seed_objects import clipped, objects
 from visray.scene.seed_pictures import Pictures
 from visray.scene.seed_setup import effects, setup
 from visray.scene.source import read
@@ -78,6 +78,7 @@ def convert(
     looks = Looks(effects(e), Pictures(scene_file, compat))
     things = _objects(raw, looks, log)
     made = setup(e, looks.materials.values(), compat)
+    clipped(things, made["camera"]["origin"], log)
     parts = {"textures": looks.pictures.textures, "materials": looks.materials, "objects": things}
     scene, wrong = examined(made | parts)
     kinds = {name: thing["type"] for name, thing in things.items()}

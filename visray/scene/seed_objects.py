@@ -1,15 +1,23 @@
 """The objects of original VisRayTrace scenes as plain dicts of visray's fields."""
 
+import re
 from collections.abc import Callable
+from math import hypot
 from typing import Any
 
+from visray.primitives.polynomial import Ball
+from visray.quantities import FARTHEST
 from visray.scene.messages import hint, line
 from visray.scene.seed_entry import Entry, Log
 from visray.scene.seed_keys import OBJECTS
 from visray.scene.seed_materials import Looks
 from visray.scene.seed_names import distinct, valid
 
-NOT_BUILT = {"mesh": "objFileName", "polynomial": "monomis"}
+NOT_BUILT = {"mesh": "objFileName"}
+HYPERBOLOID = ("x2", "y2", "-z2", "-1")
+# What the original read as it is written, unless a letter comes again and one of the two has a digit, as in "xx2".
+PLAIN = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
+AGAIN = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
 
 
 def objects(raw: list[Any], looks: Looks, log: Log) -> dict[str, dict]:
@@ -29,6 +37,23 @@ def objects(raw: list[Any], looks: Looks, log: Log) -> dict[str, dict]:
             thing |= _upright(thing)
         things[name] = thing | {"material": material}
     return things
+
+
+def clipped(things: dict[str, dict], eye: tuple[float, ...], log: Log) -> None:
+    """Bounds the polynomials, which had no end in the original, by a ball about the origin, twice as large as the
+    camera is far from there, or by a ball of the default size.
+
+    It holds the camera and all around it up to its distance from the origin, and towards the origin three times as
+    far. A larger ball would show no more of most surfaces, but costs accuracy: f is summed from powers of coordinates
+    as large as the ball. The heart of degree 6, multiplied out and seen from 10, has lost a hundredth of its rim in a
+    ball of 40.
+    """
+    radius = min(max(2 * hypot(*eye), Ball.radius), FARTHEST)
+    for name, thing in things.items():
+        if thing["type"] == "polynomial":
+            thing["clip"] = {"type": "sphere", "radius": radius}
+            text = "is drawn of the surface; the original had no such bound"
+            log.warn(f"objects.{name}.monomis: what lies within {radius:.4g} of the origin {text}")
 
 
 def _name(found: dict, i: int, taken: set[str], log: Log) -> str:
@@ -90,6 +115,20 @@ def _box(e: Entry) -> dict:
     return {"type": "box", "min": tuple(map(min, *corners)), "max": tuple(map(max, *corners))}
 
 
+def _polynomial(e: Entry) -> dict:
+    """The original misread some of what is written; here all of it counts as it is written."""
+    found = e.entries("monomis")
+    for i, text in enumerate(found):
+        address = f"{e.at('monomis')}.{i}"
+        if not isinstance(text, str):
+            e.log.error(line(address, text, 'must be a string such as "-0.5x2y"'))
+        elif not PLAIN.fullmatch(text) or AGAIN.search(text):
+            e.log.warn(line(address, text, "counts as it is written; the original read it otherwise"))
+    if not found:
+        e.log.warn(f"{e.at('monomis')}: {'is empty' if e.has('monomis') else 'is missing'}; x2 + y2 - z2 - 1 is used")
+    return {"type": "polynomial", "monomis": tuple(found) or HYPERBOLOID}
+
+
 def _fitted_plane(e: Entry) -> dict:
     """The part of the plane over the rectangle from pmin to pmax in x and z, with its normal on the file's side: as
     `width` runs to +x, it points up where `height` runs to -z, and down where `height` runs to +z.
@@ -138,4 +177,5 @@ BUILDERS: dict[str, Callable[[Entry], dict]] = {
     "triangle": _triangle,
     "cylinder": _cylinder,
     "box": _box,
+    "polynomial": _polynomial,
 }

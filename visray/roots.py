@@ -358,7 +358,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     """Where the way first crosses the surface of a form, with the values `slots`."""
     paths = [_path(f, slots, way) for f in form.factors]
     active = active & (way.half > 0)
-    at_start, at_end = ([p.line(s) for p in paths] for s in (-1, 1))
+    at_start, at_end = ([p.value(s) for p in paths] for s in (-1, 1))
     # A way that begins within rounding of a zero begins on the side that it runs to.
     near_zero = [dr.abs(x) <= p.off_at_start() for x, p in zip(at_start, paths)]
     signs = [dr.select(zero, p.line.slope(-1), x) < 0 for zero, x, p in zip(near_zero, at_start, paths)]

@@ -144,8 +144,8 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     c = c * sign
     line = Line(*map(array, c))
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(line.c, lambda r: noise, A.B(True))
-    s = np.array(refined(line, part))
+    part = isolated(line.c, lambda r: noise, D(-1), D(1), A.B(True))
+    s = np.array(refined(line, part, line(part.low), line(part.high), (-1, 1)))
     found = np.array(part.found)
     assert not np.array(part.unresolved).any()
     if not len(roots):
@@ -170,19 +170,20 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
         c = r * np.vstack([c, 0 * r]) - np.vstack([0 * r, c])
     c = np.vstack([c, 0 * r, 0 * r]) + np.vstack([0 * r, 0 * r, c])
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(tuple(map(array, c)), lambda r: noise, A.B(True))
+    part = isolated(tuple(map(array, c)), lambda r: noise, D(-1), D(1), A.B(True))
 
     def structured(s: Any) -> Any:
         gap = array(r) - s
         return gap**m * (s * s + 1)
 
     assert np.array(part.found).all() and not np.array(part.unresolved).any()
-    assert np.abs(np.array(refined(structured, part)) - r).max() <= 2.0**-52
+    found = refined(structured, part, structured(part.low), structured(part.high), (-1, 1))
+    assert np.abs(np.array(found) - r).max() <= 2.0**-52
 
 
 def test_touching_is_no_crossing() -> None:
     """(s - r)^2 touches zero: left behind, and not unresolved."""
     r = np.linspace(-0.9, 0.9, 501)
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
-    part = isolated(c, lambda _: array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), A.B(True))
+    part = isolated(c, lambda _: array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), D(-1), D(1), A.B(True))
     assert not np.array(part.found).any() and not np.array(part.unresolved).any()

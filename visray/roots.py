@@ -23,7 +23,7 @@ from visray.geometry import UNIT_ROUNDOFF
 from visray.polynomials import Factor, Form, interpret
 
 # No root is looked for within a narrower part of the chord: there the coefficients are all noise.
-NARROWEST = 2.0**-30
+NARROWEST = 2.0**-40
 # An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
 # needed (a triple root), the two differ by the cube root of the rounding.
 WIDENED = 3e-4
@@ -138,13 +138,10 @@ def _product(p: Any, x: Any) -> Any:
 @dataclass(frozen=True)
 class Isolated:
     """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
-    have one. at_low, at_high: its values there. unresolved: how many parts were left, as too narrow, without knowing.
-    """
+    have one. unresolved: how many parts were left, as too narrow, without knowing."""
 
     low: Any
     high: Any
-    at_low: Any
-    at_high: Any
     found: Any
     unresolved: Any
 
@@ -193,59 +190,61 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
     return found
 
 
-def isolated(c: tuple, noise: Callable, active: Any) -> Isolated:
-    """The first crossing from above zero to below on [-1, 1], for a polynomial that counts as positive at -1.
+def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> Isolated:
+    """The first crossing from above zero to below on [first, last], for a polynomial that counts as positive at first.
 
     noise(r): how far off its values are for |s| <= r. Where its sign changes more than once, the first part of the
-    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved.
+    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved. So is an interval
+    with coefficients that could be below zero but for the noise, where it is less in the half that is nearer to 0.
     """
     d, n = len(c) - 1, max(map(dr.width, c))
     number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
 
-    def step(a: Any, w: Any, first: Any, last: Any, going: Any, found: Any, unresolved: Any) -> tuple:
+    def step(a: Any, w: Any, going: Any, found: Any, unresolved: Any) -> tuple:
         half = 0.5 * w
         middle = a + half
         b, off = bernstein(c, middle, half), noise(dr.abs(middle) + half)
-        changes, below = count(0), type(going)(False)
+        changes, below, least = count(0), type(going)(False), b[0]
         for x in b:
             changed = dr.select(below, x > off, x < -off)
             below ^= changed
             changes += dr.select(changed, count(1), 0)
+            least = dr.select(x < least, x, least)
         falls = b[d] < -off
         narrow = w <= NARROWEST
         take = ((changes == 1) | narrow) & falls
-        leave = (changes == 0) | (narrow & ~falls)
+        blurred = (changes == 0) & (least < 0) & ~narrow
+        blurred = dr.if_stmt(
+            (blurred,), blurred, lambda _: (noise(dr.abs(middle)) < 0.5 * off,), lambda same: (same,), label="blurred"
+        )[0]
+        leave = ((changes == 0) & ~blurred) | (narrow & ~falls)
         steepest = (b[1] - b[0]) * d
         for i in range(2, d + 1):
             slope = (b[i] - b[0]) * (d / i)
             steepest = dr.select(slope < steepest, slope, steepest)
         # Up to there a straight line below all coefficients stays above zero.
-        clear = dr.select(b[0] > off, -b[0] / steepest, 0)
+        clear = dr.select((b[0] > off) & ~blurred, -b[0] / steepest, 0)
         end = a + w
         nearer = dr.select(leave, end, dr.fma(clear, w, a))
         rest = end - nearer
-        left = 1 - end
+        left = last - end
         w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
         unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
-        # To the left of the crossing all that is not certain counts as above zero.
-        first = dr.select(take, dr.maximum(b[0], off), first)
-        return nearer, w, first, dr.select(take, b[d], last), going & ~take & (w > 0), found | take, unresolved
+        return nearer, w, going & ~take & (w > 0), found | take, unresolved
 
     no = dr.full(dr.mask_t(c[0]), False, n)
-    ends = (dr.full(number, x, n) for x in (-1, 2, 1, -1))
-    start = *ends, no | active, no, dr.zeros(count, n)
-    done = dr.while_loop(start, lambda a, w, first, last, going, *_: going, step, label="march")
-    a, w, first, last, _, found, unresolved = done
-    return Isolated(a, a + w, first, last, found, unresolved)
+    start = first + dr.zeros(number, n), last - first + dr.zeros(number, n), no | active, no, dr.zeros(count, n)
+    a, w, _, found, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
+    return Isolated(a, a + w, found, unresolved)
 
 
-def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, Any]:
+def isolated_by_formula(c: tuple, noise: Any, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:
     """As isolated, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
     zero = 0 * c[0]
     flat = zero if len(c) < 3 else c[2]
     extremum = -0.5 * c[1] / flat
-    extremum = dr.select((flat > 0) & (extremum > -1) & (extremum < 1), extremum, 1)
-    down, end = Line(*c)(extremum) < -noise, Line(*c)(zero + 1) < -noise
+    extremum = dr.select((flat > 0) & (extremum > first) & (extremum < last), extremum, last)
+    down, end = Line(*c)(extremum) < -noise, Line(*c)(last) < -noise
     # A parabola that opens downwards falls after its extremum, one that opens upwards before it.
     root = dr.sqrt(dr.maximum(c[1] * c[1] - 4 * flat * c[0], 0))
     q = -0.5 * (c[1] + dr.copysign(root, c[1]))
@@ -253,26 +252,23 @@ def isolated_by_formula(c: tuple, noise: Any, active: Any) -> tuple[Isolated, An
     low, high = dr.select(one < two, one, two), dr.select(one < two, two, one)
     s = dr.select(flat == 0, one, dr.select(flat > 0, low, high))
     found = active & (down | end)
-    s = dr.select(found, dr.maximum(dr.minimum(s, 1), -1), 0)
+    s = dr.select(found, dr.maximum(dr.minimum(s, last), first), 0)
     none = dr.zeros(dr.uint32_array_t(type(zero)))
-    return Isolated(zero - 1, dr.select(down, extremum, 1), zero, zero, found, none), s
+    return Isolated(first + zero, dr.select(down, extremum, last), found, none), s
 
 
-def refined(f: Callable, part: Isolated, flat: Any = None) -> Any:
+def refined(f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None) -> Any:
     """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
     digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
 
+    at_low, at_high: what counts as its values there. f is of order 1 or less. bounds: no end is moved beyond these.
     flat: what is no larger in size, and so of no sign, counts as above zero, as long as nothing larger has been found.
-
-    Where that comes out at an end, f's sign there is not that of the polynomial that was isolated: the end is moved,
-    once.
-    Source: Chandrupatla 1997.
+    Source: Chandrupatla 1997, with one division.
     """
     ulp = 2 * roundoff(part.low)
 
-    def step(a: Any, b: Any, fa: Any, fb: Any, fraction: Any, moved: Any, going: Any) -> tuple:
-        # a is the newest point; the root lies between a and b.
-        x = dr.fma(fraction, b - a, a)
+    def step(a: Any, b: Any, fa: Any, fb: Any, x: Any, going: Any) -> tuple:
+        # a is the newest point, x the next one; the root lies between a and b.
         fx = f(x)
         if flat is not None:
             above = dr.select(fa > 0, fa, fb)
@@ -281,48 +277,53 @@ def refined(f: Callable, part: Isolated, flat: Any = None) -> Any:
         c, fc = dr.select(same, a, b), dr.select(same, fa, fb)
         b, fb = dr.select(same, b, a), dr.select(same, fb, fa)
         a, fa = x, fx
-        gap = b - a
-        best = dr.select(dr.abs(fa) < dr.abs(fb), a, b)
-        least = 0.5 * ulp * (dr.abs(best) + 0.5) / dr.abs(gap)
-        done = ~(least <= 0.5) | (fx == 0)
-        xi, phi = -gap / (c - b), (fa - fb) / (fc - fb)
-        good = (phi * phi < xi) & ((1 - phi) * (1 - phi) < 1 - xi)
-        curve = fa / (fb - fa) * fc / (fb - fc) + (c - a) / gap * fa / (fc - fa) * fb / (fc - fb)
-        fraction = dr.select(good, curve, 0.5)
-        fraction = dr.maximum(least, dr.minimum(1 - least, fraction))
-        # A second start, from an end that was moved.
-        first, last = b == part.low, b == part.high
-        again = done & (first | last) & (fx != 0) & ~moved
-        more = dr.maximum(part.high - part.low, WIDENED)
-        a = dr.select(again, dr.select(first, part.high, part.low), a)
-        b = dr.select(again, dr.select(first, dr.maximum(part.low - more, -1), dr.minimum(part.high + more, 1)), b)
-        fa = dr.select(again, dr.select(first, part.at_high, at_low), fa)
-        fb = dr.select(again, dr.select(first, at_low, part.at_high), fb)
-        fraction = dr.select(again, 0.5, fraction)
-        return a, b, fa, fb, fraction, moved | again, going & (~done | again)
+        gap, ba, bc, ca = b - a, fb - fa, fb - fc, fc - fa
+        least = 0.5 * ulp * (dr.abs(dr.select(dr.abs(fa) < dr.abs(fb), a, b)) + 0.5)
+        size, far, square = dr.abs(gap), dr.abs(c - b), bc * bc
+        good = (ba * ba * far < size * square) & (ca * ca * far < (far - size) * square) & (ca != 0)
+        curve = dr.abs(fa * (fc * ca * gap - (c - a) * fb * ba) / (ba * bc * ca))
+        onwards = dr.select(good, curve, 0.5 * size)
+        onwards = dr.maximum(least, dr.minimum(size - least, onwards))
+        return a, b, fa, fb, a + dr.copysign(onwards, gap), going & (2 * least < size) & (fx != 0)
 
-    n = dr.width(part.low)
-    half, no = dr.full(type(part.low), 0.5, n), dr.full(type(part.found), False, n)
-    at_low = part.at_low if flat is None else dr.select(flat > 0, dr.minimum(part.at_low, flat), part.at_low)
-    state = part.high, part.low, part.at_high, at_low, half, no, part.found
-    a, b, fa, fb, *_ = dr.while_loop(state, lambda *state: state[-1], step, label="refine")
+    def between(low: Any, high: Any, active: Any) -> tuple:
+        state = high, low, at_high, at_low, 0.5 * (low + high), active
+        return dr.while_loop(state, lambda *state: state[-1], step, label="refine")[:4]
+
+    a, b, fa, fb = between(part.low, part.high, part.found)
+    # At an end f's sign is not that of the polynomial that was isolated: then that end is moved.
+    first = part.found & (fa != 0) & (b == part.low)
+    last = part.found & (fa != 0) & (b == part.high)
+    more = dr.maximum(part.high - part.low, WIDENED)
+    low = dr.select(first, dr.maximum(part.low - more, bounds[0]), part.low)
+    high = dr.select(last, dr.minimum(part.high + more, bounds[1]), part.high)
+    again = between(low, high, first | last)
+    a, b, fa, fb = (dr.select(first | last, new, old) for new, old in zip(again, (a, b, fa, fb)))
     return dr.select(dr.abs(fa) < dr.abs(fb), a, b)
 
 
 @dataclass(frozen=True)
 class Way:
-    """Rays from `begin` to `end` as chords: l + s e for s from -1 to 1, at the distance middle + half s."""
+    """Parts of chords l + s e, s from -1 to 1 at the distance middle + half s: those from s = first to s = last."""
 
     l: tuple
     e: tuple
     middle: Any
     half: Any
+    first: Any
+    last: Any
 
     @staticmethod
-    def of(o: Any, d: Any, begin: Any, end: Any) -> "Way":
-        """The chord from o + begin d to o + end d. Centred, so that coefficients are no larger than they have to be."""
-        middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
-        return Way(tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d), middle, half)
+    def of(o: Any, d: Any, chord: tuple, begin: Any, end: Any) -> "Way":
+        """Rays between the distances begin and end, in the chord of their clip between two others.
+
+        s counts from the middle of the chord, where most surfaces are, and their clips' centres; not from the middle of
+        the way: coefficients and rounding are then as small as they can be where it matters.
+        """
+        middle, half = 0.5 * (chord[0] + chord[1]), 0.5 * (chord[1] - chord[0])
+        l, e = tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d)
+        first, last = ((t - middle) / half for t in (begin, end))
+        return Way(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1))
 
     def at(self, s: Any) -> list[Any]:
         """The coordinates of a point."""
@@ -357,11 +358,11 @@ class Ends:
 def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends = Ends()) -> Crossing:
     """Where the way first crosses the surface of a form, with the values `slots`."""
     paths = [_path(f, slots, way) for f in form.factors]
-    active = active & (way.half > 0)
-    at_start, at_end = ([p.value(s) for p in paths] for s in (-1, 1))
+    active = active & (way.first < way.last)
+    at_start, at_end = ([p.value(s) for p in paths] for s in (way.first, way.last))
     # A way that begins within rounding of a zero begins on the side that it runs to.
     near_zero = [dr.abs(x) <= p.off_at_start() for x, p in zip(at_start, paths)]
-    signs = [dr.select(zero, p.line.slope(-1), x) < 0 for zero, x, p in zip(near_zero, at_start, paths)]
+    signs = [dr.select(zero, p.line.slope(way.first), x) < 0 for zero, x, p in zip(near_zero, at_start, paths)]
     floors = [0 * x for x in at_start]
     if ends.on_start is not None:
         near = _nearest(at_start, paths)
@@ -437,28 +438,33 @@ class _Path:
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
         what is not above it is noise."""
-        turn = dr.select(sign, type(floor)(-1), 1)
-        c = tuple(dr.mulsign(x, turn) for x in self.line.c)
+        # All is relative to the sizes of what is added up, so that products of values stay within a double's range.
+        scale = roundoff(floor) / self.noise(1)
+        turn = dr.mulsign(scale, dr.select(sign, type(scale)(-1), 1))
+        line = Line(*(x * turn for x in self.line.c))
 
         def f(s: Any) -> Any:
-            return dr.mulsign(self.value(s), turn)
+            return self.value(s) * turn
 
         def noise(r: Any) -> Any:
-            return dr.maximum(self.noise(r), floor)
+            return dr.maximum(self.noise(r), floor) * scale
 
+        ends = self.way.first, self.way.last
         if self.factor.degree <= 2:
-            part, s = isolated_by_formula(c, noise(1), active)
-            return part.found, self._polished(f, Line(*c), part, s), part.unresolved
-        part = isolated(c, noise, active)
+            part, s = isolated_by_formula(line.c, noise(dr.maximum(dr.abs(ends[0]), dr.abs(ends[1]))), *ends, active)
+            return part.found, self._polished(f, line, part, s), part.unresolved
+        part = isolated(line.c, noise, *ends, active)
+        least = roundoff(floor)
+        low, high = dr.maximum(line(part.low), least), dr.minimum(line(part.high), -least)
         if on_start is None:
-            return part.found, refined(f, part), part.unresolved
+            return part.found, refined(f, part, low, high, ends), part.unresolved
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
-        flat = dr.maximum(floor, self.off_at_start())
-        return part.found, refined(f, part, dr.select(on_start & (part.low == -1), flat, 0)), part.unresolved
+        flat = dr.select(on_start & (part.low == ends[0]), dr.maximum(floor, self.off_at_start()) * scale, 0)
+        return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
 
     def off_at_start(self) -> Any:
         """How far off the value by structure is where the way begins."""
-        return self.off(map(dr.abs, self.way.at(-1)))
+        return self.off(map(dr.abs, self.way.at(self.way.first)))
 
     def value(self, s: Any) -> Any:
         """The factor by its structure."""

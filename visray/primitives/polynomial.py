@@ -263,13 +263,13 @@ class Polynomial(Primitive):
         t0, t1 = cls._limits(seen, d)
         begin, end = dr.select(t0 > 0, t0, 0), dr.select(t1 < length, t1, length)
         there = (t0 <= t1) & (begin < end)
-        begin, end = dr.select(there, begin, 0), dr.select(there, end, 0)
+        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
         # Where the ray leaves the surface, or comes to it, rounding may add a crossing.
         most = 2 + sum(f.degree for f in cls.form.factors)
 
         def step(at: Any, negative: Any, inside: Any, count: Any, going: Any) -> tuple:
             ends = Ends(count > 0, negative)
-            c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, at, end), going, ends)
+            c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, chord, at, end), going, ends)
             to = dr.select(c.found, c.t, end)
             inside += dr.select(c.negative, to - at, 0)
             return to, c.negative ^ c.found, inside, count + 1, going & c.found & (count < most)
@@ -296,7 +296,8 @@ class Polynomial(Primitive):
         t0, t1 = cls._limits(seen, d)
         begin, end = dr.select(t0 > near, t0, near), dr.select(t1 < far, t1, far)
         there = (t0 <= t1) & (begin < end)
-        begin, end = dr.select(there, begin, 0), dr.select(there, end, 0)
+        # Lanes that miss take part in a chord of their own, so that nothing in them is infinite.
+        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
         starts_in = t0 <= near
         if ends.on_start is not None:
             # Who leaves the surface is in the clip, whatever rounding says.
@@ -306,7 +307,7 @@ class Polynomial(Primitive):
                 # A cap is convex: who leaves it outwards does not come back.
                 there &= ~(capped & ~ends.negative)
                 ends = Ends(ends.on_start & ~capped, ends.negative, ends.on_end)
-        c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, begin, end), there, ends)
+        c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, chord, begin, end), there, ends)
         if not cls.closed:
             return c.t, c.unresolved
         # A solid is entered through its cap, or left through it.

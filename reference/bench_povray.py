@@ -17,7 +17,6 @@ What is not installed is left out, and --peers leaves visray out.
 
 import argparse
 import ast
-import importlib
 import json
 import operator
 import re
@@ -180,21 +179,10 @@ def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Taken:
 # --- visray
 
 
-def have_visray() -> bool:
-    """Whether this visray has polynomials."""
-    try:
-        importlib.import_module("visray.primitives.polynomial")
-    except ImportError:
-        return False
-    return True
-
-
 def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
     """The scene for visray."""
-    from visray.primitives.polynomial import Ball, Polynomial
-
     written = re.sub(r"\broot\b", "sqrt(2)", surface.expression)  # phi it knows
-    f = Polynomial(expression=written, clip=Ball(radius=surface.radius), material="matte")
+    f = vr.Polynomial(expression=written, clip=vr.Ball(radius=surface.radius), material="matte")
     at = {name: tuple(surface.radius * x for x in place) for name, place in {"eye": EYE, "lamp": LAMP}.items()}
     return vr.Scene(
         camera=vr.Camera(origin=at["eye"], target=(0.0, 0.0, 0.0), up=UP, fov=FOV),
@@ -591,10 +579,8 @@ def main() -> None:
     have = {name for name, program in {"povray": POVRAY, "surf": SURF}.items() if shutil.which(program)}
     for name in sorted({"povray", "surf"} - have):
         print(f"{name} is not installed: left out")
-    if not chosen.peers and have_visray():
+    if not chosen.peers:
         have.add("visray")
-    elif not chosen.peers:
-        print("visray has no polynomial primitive yet: left out")
     dr.set_thread_count(THREADS)
     report = machine() | versions(have) | {"size": SIZE, "size_of_camera_rays": LARGE, "runs": chosen.runs}
     rows = []

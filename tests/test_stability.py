@@ -18,7 +18,7 @@ from visray.study.exact.truth import Truth, settled
 from visray.study.exact.twofold import Twofold
 from visray.study.judging import Row, judged
 from visray.study.ray_sets import Named, surfaces_of
-from visray.study.solvers import Function
+from visray.study.solvers import Function, Kernel
 from visray.surfaces import CLASSICS
 
 FILE = Path(__file__).resolve().parents[2] / "shared" / "notes" / "surfaces.json"
@@ -438,3 +438,30 @@ def test_the_kernel(name):
     assert all(r.errors_within <= 64 and r.per_million(r.errors)[0] < 5e4 for r in rows), rows
     assert not any(r.errors for r in rows if r.rays in ("camera", "inside", "secondary, hemisphere")), rows
     assert all(r.ulps[0] < 4 and r.unresolved == 0 and r.seconds > 0 for r in rows if r.rays in ("camera", "inside"))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["heart", "barth-sextic", "barth-decic"])
+def test_a_million_rays_agree_with_the_twin(name: str):
+    """The kernel against the twin on 10^6 rays from three eyes; where they differ, exact arithmetic settles it."""
+    named = surfaces_of(None)[name]
+    surface, settled_for = named.surface, {"kernel": 0, "twin": 0, "edge": 0}
+    solver, other = Kernel(surface), twin(surface)
+    for seed in range(10):
+        bundle = rays(surface, 100_000, seed)
+        t, s = (
+            solver.first(bundle)[0],
+            np.concatenate([other(o, d) for o, d in zip(np.array_split(bundle.o, 10), np.array_split(bundle.d, 10))]),
+        )
+        with np.errstate(invalid="ignore"):
+            differ = (np.isfinite(t) != np.isfinite(s)) | (np.abs(t - s) > 1e-6 * t)
+        truth = settled(surface, bundle.part(differ), 0, 10**6)
+        for mine, exact, good in zip(t[differ], truth.t, truth.good):
+            if not good:
+                settled_for["edge"] += 1
+            elif np.isclose(mine, exact, rtol=1e-6) or (np.isinf(mine) and np.isinf(exact)):
+                settled_for["kernel"] += 1
+            else:
+                settled_for["twin"] += 1
+    print(name, settled_for)
+    assert settled_for["twin"] == 0

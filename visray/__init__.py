@@ -13,13 +13,15 @@ from visray import llvm
 
 llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
 
+from visray import surfaces
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.gradients import EdgeWarning, derivative, difference, gradient
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.output.image import Image
-from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
+from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives.polynomial import Ball, Block
 from visray.render import explain, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
@@ -29,9 +31,9 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
 
 __all__ = [
-    "Box", "Camera", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk", "DiskLight", "EdgeWarning",
-    "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix", "Occlusion", "Plane", "PointLight",
-    "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter", "Scene", "Settings", "Sphere", "SphereLight",
-    "SpotLight", "Translate", "Triangle", "UserError", "__version__", "derivative", "difference", "dump", "explain",
-    "gradient", "load", "render", "replaced", "value",
+    "Ball", "Block", "Box", "Camera", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk", "DiskLight",
+    "EdgeWarning", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix", "Occlusion", "Plane",
+    "PointLight", "Polynomial", "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter", "Scene", "Settings",
+    "Sphere", "SphereLight", "SpotLight", "Translate", "Triangle", "UserError", "__version__", "derivative",
+    "difference", "dump", "explain", "gradient", "load", "render", "replaced", "surfaces", "value",
 ]  # fmt: skip

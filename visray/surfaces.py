@@ -129,7 +129,7 @@ CLASSICS: dict[str, Classic] = {
                              "elementary: radii 1/2 and 1", True, singular=_signed(("0", "0", "sqrt(3)/2"))),
     "dupin-cyclide": Classic("Dupin ring cyclide", "(x^2 + y^2 + z^2 + 3/16)^2 - 4*(x - 3/8)^2 - 3*y^2", 2.3,
                              "MathWorld, Cyclide: a = 1, b^2 = 3/4, c = 1/2, d = 3/4", True),
-    "roman": Classic("Roman surface of Steiner", "x^2*y^2 + x^2*z^2 + y^2*z^2 - 2*x*y*z", 1.1, "Steiner 1844", False,
+    "roman": Classic("Roman surface of Steiner", "x^2*y^2 + x^2*z^2 + y^2*z^2 - 2*x*y*z", 1.2, "Steiner 1844", False,
                      singular=((0, 0, 0),) + _signed(*_turned(("1", "0", "0"), ("1/2", "0", "0")))),
     "boy": Classic("Boy surface of Apéry", _BOY, 2.5, "Apéry 1986", True, singular=(("0", "0", "0"),)),
     "klein-bottle": Classic("Klein bottle", _KLEIN, 4.5, "MathWorld, Klein Bottle (Stewart 1991)", True,

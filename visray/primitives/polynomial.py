@@ -142,6 +142,11 @@ class Polynomial(Primitive):
     # Those of a kind, whose objects have one form and clips of one kind. Without types: they would be fields.
     form = solid = None
 
+    def __post_init__(self):
+        if self.surface in CLASSICS:
+            # Written out, so that each has an address.
+            object.__setattr__(self, "parameters", CLASSICS[self.surface].parameters | self.parameters)
+
     @property
     def closed(self) -> bool:
         """Whether it is the surface of a solid."""
@@ -149,11 +154,7 @@ class Polynomial(Primitive):
 
     @property
     def kind(self) -> Any:
-        return _kind(self.built().form, self.closed, type(self.limits()), len(self.known()))
-
-    def known(self) -> dict[str, float]:
-        """The parameters, with those that the named surface has by itself."""
-        return (CLASSICS[self.surface].parameters if self.surface else {}) | self.parameters
+        return _kind(self.built().form, self.closed, type(self.limits()), len(self.parameters))
 
     def limits(self) -> Clip:
         """The clip, by default the named surface's own, or a ball of radius 5."""
@@ -169,7 +170,7 @@ class Polynomial(Primitive):
     def built(self) -> Built:
         """The polynomial, ready for kernels, in coordinates about the clip's centre."""
         o = scalars(self.limits()).frame().o
-        return polynomials.build(self.written(), self.known(), tuple(map(float, o)))
+        return polynomials.build(self.written(), self.parameters, tuple(map(float, o)))
 
     def flaws(self) -> list[tuple[str, str]]:
         ways = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]
@@ -185,7 +186,8 @@ class Polynomial(Primitive):
         try:
             polynomials.refuse_sizes(self.built(), max(map(float, scalars(self.limits()).half())))
         except Wrong as error:
-            return [(ways[0], str(error))]
+            part = "" if error.part is None else f".{error.part}"
+            return [(f"{ways[0]}{part}", str(error))]
         return []
 
     def _unused(self) -> list[tuple[str, str]]:
@@ -201,7 +203,7 @@ class Polynomial(Primitive):
 
     @classmethod
     def table(cls, a: Arrays, things: list["Polynomial"]) -> Rows:
-        built, known = [x.built() for x in things], [x.known() for x in things]
+        built, known = [x.built() for x in things], [x.parameters for x in things]
         slopes = [[_slopes(b, k, name) for name in k] for b, k in zip(built, known)]
         limits = [x.limits() for x in things]
 
@@ -217,7 +219,7 @@ class Polynomial(Primitive):
 
     @classmethod
     def columns(cls, thing: "Polynomial", table: Rows) -> dict[str, Any]:
-        return {f"parameters.{name}": column for name, column in zip(thing.known(), table.parameters)}
+        return {f"parameters.{name}": column for name, column in zip(thing.parameters, table.parameters)}
 
     @staticmethod
     def gone(inside: Any) -> Any:

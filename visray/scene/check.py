@@ -80,8 +80,13 @@ def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]
 
 def _own_flaws(address: str, thing: Any) -> list[str]:
     """The flaws that a light or an object finds in itself."""
-    found = [(field, getattr(thing, field), text) for field, text in thing.flaws()]
-    return [line(f"{address}.{field}", asdict(v) if is_dataclass(v) else v, text) for field, v, text in found]
+    found = []
+    for field, text in thing.flaws():
+        name, _, part = field.partition(".")
+        value = getattr(thing, name)
+        value = asdict(value) if is_dataclass(value) else value[int(part)] if part else value
+        found.append(line(f"{address}.{field}", value, text))
+    return found
 
 
 def _object_flaws(scene: Scene, address: str, thing: Any) -> list[str]:

@@ -28,7 +28,8 @@ from visray import roots
 from visray.camera import Camera
 from visray.integrator import camera_ray
 from visray.lights import PointLight
-from visray.primitives.polynomial import Ball, Polynomial
+from visray.primitives.clips import Ball
+from visray.primitives.polynomial import Polynomial
 from visray.render import adjusted, expose, set_up
 from visray.scene.scene import Film, Scene
 from visray.search import closest

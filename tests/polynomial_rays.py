@@ -11,7 +11,8 @@ import flint
 import numpy as np
 from samples import array
 
-from visray.primitives.polynomial import Ball, Polynomial
+from visray.primitives.clips import Ball
+from visray.primitives.polynomial import Polynomial
 from visray.ray import NO_OBJECT, Ray
 from visray.render import set_up
 from visray.scene.scene import Scene, Settings

@@ -19,7 +19,7 @@ from visray import tables
 from visray.features import features
 from visray.geometry import gamma
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
-from visray.primitives.polynomial import Ball
+from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray

@@ -15,12 +15,13 @@ ray geometry transforms
 warp
 polynomials.wrong polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
 polynomials.algebra polynomials.form polynomials surfaces
-roots
+roots.numbers roots.march roots.refine roots.along roots.crossing roots.level roots
 textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
 primitives.primitive primitives.flat primitives.solid primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
-primitives.sphere primitives.box primitives.cylinder primitives.cone primitives.polynomial primitives
+primitives.sphere primitives.box primitives.cylinder primitives.cone primitives.clips
+primitives.polynomial primitives
 scene.scene
 scene
 features progress output.files output.exr output.png output.image output

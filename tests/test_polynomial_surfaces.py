@@ -32,7 +32,8 @@ from test_render import compiled
 
 import visray as vr
 from visray import tables
-from visray.primitives.polynomial import Ball, Block, Polynomial
+from visray.primitives.clips import Ball, Block
+from visray.primitives.polynomial import Polynomial
 from visray.ray import NO_OBJECT
 from visray.scene.scene import Scene, Settings
 from visray.search import Watch, closest

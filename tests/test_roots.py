@@ -10,7 +10,10 @@ import pytest
 
 from visray import polynomials
 from visray.quantities import Arrays
-from visray.roots import NOISE, Line, Size, Slope, bernstein, conversion, isolated, refined
+from visray.roots.along import NOISE
+from visray.roots.march import bernstein, conversion, isolated
+from visray.roots.numbers import Line, Size, Slope
+from visray.roots.refine import refined
 from visray.surfaces import CLASSICS
 
 A = Arrays.of()

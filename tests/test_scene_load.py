@@ -16,7 +16,7 @@ from visray.errors import UserError
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Plane, Polynomial, Rectangle, Sphere, Triangle
-from visray.primitives.polynomial import Ball, Block
+from visray.primitives.clips import Ball, Block
 from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings

@@ -40,7 +40,7 @@ from visray.lights import DirectionalLight, PointLight, RectangleLight, SpotLigh
 from visray.materials import Material
 from visray.polynomials import exact
 from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
-from visray.primitives.polynomial import Ball
+from visray.primitives.clips import Ball
 from visray.quantities import FARTHEST
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scene, Settings

@@ -21,7 +21,7 @@ from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLigh
 from visray.materials import Material
 from visray.output.image import Image
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
-from visray.primitives.polynomial import Ball, Block
+from visray.primitives.clips import Ball, Block
 from visray.render import explain, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load

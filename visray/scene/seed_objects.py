@@ -5,7 +5,7 @@ from collections.abc import Callable
 from math import hypot
 from typing import Any
 
-from visray.primitives.polynomial import Ball
+from visray.primitives.clips import Ball
 from visray.quantities import FARTHEST
 from visray.scene.messages import hint, line
 from visray.scene.seed_entry import Entry, Log

@@ -12,7 +12,8 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.lights.light import AreaLight
 from visray.materials import Material
-from visray.primitives.polynomial import Ball, Block, Polynomial
+from visray.primitives.clips import Ball, Block
+from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene.check import checked

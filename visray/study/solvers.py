@@ -9,6 +9,8 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import facing
+from visray.primitives.clips import Ball
+from visray.primitives.polynomial import Polynomial
 from visray.ray import Ray
 from visray.render import set_up
 from visray.scene.scene import Scene, Settings
@@ -63,8 +65,6 @@ class Kernel:
     """visray's search in a scene that has only the surface, all in double."""
 
     def __init__(self, surface: Surface):
-        from visray.primitives.polynomial import Ball, Polynomial
-
         thing = Polynomial(
             expression=surface.expression,
             parameters=dict(surface.parameters),

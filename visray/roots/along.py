@@ -1,0 +1,118 @@
+"""A factor of a form along a way: its values, how far off they are, and its first crossing."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from visray.polynomials import Factor, interpret
+from visray.roots.march import Isolated, isolated, isolated_by_formula
+from visray.roots.numbers import Line, Size, roundoff
+from visray.roots.refine import refined
+
+# A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it
+# (tests/test_roots.py).
+NOISE = 4
+
+
+@dataclass(frozen=True)
+class Way:
+    """Parts of chords l + s e, s from -1 to 1 at the distance middle + half s: those from s = first to s = last."""
+
+    l: tuple
+    e: tuple
+    middle: Any
+    half: Any
+    first: Any
+    last: Any
+
+    @staticmethod
+    def of(o: Any, d: Any, chord: tuple, begin: Any, end: Any) -> "Way":
+        """Rays between the distances begin and end, in the chord of their clip between two others.
+
+        s counts from the middle of the chord, where most surfaces are, and their clips' centres; not from the middle of
+        the way: coefficients and rounding are then as small as they can be where it matters.
+        """
+        middle, half = 0.5 * (chord[0] + chord[1]), 0.5 * (chord[1] - chord[0])
+        l, e = tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d)
+        first, last = ((t - middle) / half for t in (begin, end))
+        return Way(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1))
+
+    def at(self, s: Any) -> list[Any]:
+        """The coordinates of a point."""
+        return [dr.fma(s, y, x) for x, y in zip(self.l, self.e)]
+
+    def distance(self, s: Any) -> Any:
+        """How far along the ray a point is."""
+        return dr.fma(self.half, s, self.middle)
+
+
+@dataclass(frozen=True)
+class Along:
+    """A factor of a form along a way."""
+
+    factor: Factor
+    slots: tuple
+    way: Way
+    line: Line
+
+    def noise(self, r: Any) -> Any:
+        """How far off its values are for |s| <= r."""
+        return self.off(dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
+
+    def off(self, reach: Iterable) -> Any:
+        """How far off its values are where no coordinate is larger."""
+        sizes = [Size(dr.abs(x)) for x in self.slots]
+        size = interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
+        return NOISE * roundoff(size) * size
+
+    def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
+        """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
+        what is not above it is noise."""
+        # All is relative to the sizes of what is added up, so that products of values stay within a double's range.
+        scale = roundoff(floor) / self.noise(1)
+        turn = dr.mulsign(scale, dr.select(sign, type(scale)(-1), 1))
+        line = Line(*(x * turn for x in self.line.c))
+
+        def f(s: Any) -> Any:
+            return self.value(s) * turn
+
+        def noise(r: Any) -> Any:
+            return dr.maximum(self.noise(r), floor) * scale
+
+        ends = self.way.first, self.way.last
+        if self.factor.degree <= 2:
+            part, s = isolated_by_formula(line.c, noise(dr.maximum(dr.abs(ends[0]), dr.abs(ends[1]))), *ends, active)
+            return part.found, self._polished(f, line, part, s), part.unresolved
+        part = isolated(line.c, noise, *ends, active)
+        least = roundoff(floor)
+        low, high = dr.maximum(line(part.low), least), dr.minimum(line(part.high), -least)
+        if on_start is None:
+            return part.found, refined(f, part, low, high, ends), part.unresolved
+        # Near a start on the surface what is only noise counts as of the side that the way begins on.
+        flat = dr.select(on_start & (part.low == ends[0]), dr.maximum(floor, self.off_at(ends[0])) * scale, 0)
+        return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
+
+    def off_at(self, s: Any) -> Any:
+        """How far off the value by structure is at a point."""
+        return self.off(map(dr.abs, self.way.at(s)))
+
+    def value(self, s: Any) -> Any:
+        """The factor by its structure."""
+        return interpret(self.factor.code, self.slots, self.way.at(s))
+
+    @staticmethod
+    def _polished(f: Callable, line: Line, part: Isolated, s: Any) -> Any:
+        """Two steps of Newton's from a root by formula, which lost digits if the surface is small in its clip."""
+        for _ in range(2):
+            slope = line.slope(s)
+            moved = s - f(s) / dr.select(slope == 0, dr.inf, slope)
+            s = dr.select((moved >= part.low) & (moved <= part.high), moved, s)
+        return s
+
+
+def along(factor: Factor, slots: tuple, way: Way) -> Along:
+    """The factor along the way, with its polynomial in s."""
+    line = interpret(factor.code, tuple(map(Line, slots)), tuple(map(Line, way.l, way.e)))
+    return Along(factor, slots, way, line)

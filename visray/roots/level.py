@@ -1,0 +1,65 @@
+"""How far points are from the surface of a form, to first order, and on which side."""
+
+from typing import Any
+
+import drjit as dr
+
+from visray.polynomials import Form, interpret
+from visray.roots.along import Along
+from visray.roots.numbers import Slope
+
+# A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
+SMALLEST = 2.0**-500
+
+
+def value(form: Form, slots: tuple, q: Any) -> Any:
+    """The product of a form's factors at a point: below zero inside of it."""
+    total = form.sign
+    for factor in form.factors:
+        total = total * interpret(factor.code, slots, tuple(q))
+    return total
+
+
+def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
+    """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
+
+    Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
+    """
+    axes = tuple(Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
+    found = []
+    for factor in form.factors:
+        s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), axes)
+        g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
+        found.append(_unit(Along(factor, slots, None, None), q, step, s.x, g))
+    f, g = found[0]
+    others = type(f)(-1 if form.sign < 0 else 1)
+    for near, normal in found[1:]:
+        nearer = dr.abs(near) < dr.abs(f)
+        others = dr.mulsign(others, dr.select(nearer, f, near))
+        f, g = dr.select(nearer, near, f), dr.select(nearer, normal, g)
+    return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
+
+
+def _unit(course: Along, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+    """A function and its gradient, both over the gradient's length. Where that is none, the function is zero if its
+    value is only noise, and else nowhere near zero."""
+    length = dr.norm(g)
+    flat = ~(dr.detach(length) > SMALLEST)
+
+    def differences(*_: Any) -> tuple:
+        p, found = dr.detach(q), []
+        for i in range(3):
+            sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
+            high, low = (interpret(course.factor.code, dr.detach(course.slots), side) for side in sides)
+            found.append(high - low)
+        longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
+        # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
+        found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
+        far = dr.select(dr.abs(f) <= course.off(map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
+        return dr.normalize(type(p)(*found)), dr.detach(far)
+
+    n = max(dr.width(q), dr.width(f))
+    none = dr.zeros(type(q), n), dr.zeros(type(f), n)
+    normal, far = dr.if_stmt(none, flat, differences, lambda *same: same, label="singular")
+    inverse = 1 / dr.select(flat, 1, length)
+    return dr.select(flat, far, f * dr.detach(inverse)), dr.select(flat, normal, g * inverse)

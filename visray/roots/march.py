@@ -1,0 +1,132 @@
+"""The part of a chord in which a polynomial is zero for the first time."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import drjit as dr
+
+from visray.roots.numbers import Line
+
+# No root is looked for within a narrower part of the chord: there the coefficients are all noise.
+NARROWEST = 2.0**-40
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
+    have one. unresolved: how many parts were left, as too narrow, without knowing."""
+
+    low: Any
+    high: Any
+    found: Any
+    unresolved: Any
+
+
+@cache
+def conversion(d: int) -> list[list[float]]:
+    """The coefficients in Bernstein's basis on [-1, 1] of each power s^k up to degree d. Shape: (d + 1, d + 1)."""
+    comb = math.comb
+
+    def entry(i: int, k: int) -> Fraction:
+        # s = 2 u - 1 with u from 0 to 1, and u^j has the coefficients C(i, j) / C(d, j).
+        return sum(Fraction(comb(k, j) * 2**j * comb(i, j) * (-1) ** (k - j), comb(d, j)) for j in range(k + 1))
+
+    return [[float(entry(i, k)) for k in range(d + 1)] for i in range(d + 1)]
+
+
+def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
+    """The coefficients in Bernstein's basis on [middle - half, middle + half] of the polynomial with coefficients `c`.
+
+    Error: some roundings of the sum of the sizes of c, as no entry of `conversion` is above 1 and the interval is in
+    [-1, 1] (tests/test_roots.py). From the interval's end, as usual, it would be 3^d times as much.
+    """
+    d, c = len(c) - 1, list(c)
+    for i in range(d):
+        for j in range(d - 1, i - 1, -1):
+            c[j] = dr.fma(middle, c[j + 1], c[j])
+    power = half
+    for k in range(1, d + 1):
+        c[k] = c[k] * power
+        power = power * half
+    found: list[Any] = [None] * (d + 1)
+    for i in range(d // 2 + 1):
+        row = conversion(d)[i]
+        even, odd = c[0], row[1] * c[1]
+        for k in range(2, d + 1, 2):
+            even = dr.fma(row[k], c[k], even) if row[k] else even
+        for k in range(3, d + 1, 2):
+            odd = dr.fma(row[k], c[k], odd) if row[k] else odd
+        # The other half of the rows differs in the sign of the odd powers.
+        found[i], found[d - i] = even + odd, even - odd
+    return found
+
+
+def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> Isolated:
+    """The first crossing from above zero to below on [first, last], for a polynomial that counts as positive at first.
+
+    noise(r): how far off its values are for |s| <= r. Where its sign changes more than once, the first part of the
+    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved. So is an interval
+    with coefficients that could be below zero but for the noise, where it is less in the half that is nearer to 0.
+    """
+    d, n = len(c) - 1, max(map(dr.width, c))
+    number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
+
+    def step(a: Any, w: Any, going: Any, found: Any, unresolved: Any) -> tuple:
+        half = 0.5 * w
+        middle = a + half
+        b, off = bernstein(c, middle, half), noise(dr.abs(middle) + half)
+        changes, below, least = count(0), type(going)(False), b[0]
+        for x in b:
+            changed = dr.select(below, x > off, x < -off)
+            below ^= changed
+            changes += dr.select(changed, count(1), 0)
+            least = dr.select(x < least, x, least)
+        falls = b[d] < -off
+        narrow = w <= NARROWEST
+        take = ((changes == 1) | narrow) & falls
+        blurred = (changes == 0) & (least < 0) & ~narrow
+        blurred = dr.if_stmt(
+            (blurred,), blurred, lambda _: (noise(dr.abs(middle)) < 0.5 * off,), lambda same: (same,), label="blurred"
+        )[0]
+        leave = ((changes == 0) & ~blurred) | (narrow & ~falls)
+        steepest = (b[1] - b[0]) * d
+        for i in range(2, d + 1):
+            slope = (b[i] - b[0]) * (d / i)
+            steepest = dr.select(slope < steepest, slope, steepest)
+        # Up to there a straight line below all coefficients stays above zero.
+        clear = dr.select((b[0] > off) & ~blurred, -b[0] / steepest, 0)
+        end = a + w
+        nearer = dr.select(leave, end, dr.fma(clear, w, a))
+        rest = end - nearer
+        left = last - end
+        w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
+        unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
+        return nearer, w, going & ~take & (w > 0), found | take, unresolved
+
+    no = dr.full(dr.mask_t(c[0]), False, n)
+    start = first + dr.zeros(number, n), last - first + dr.zeros(number, n), no | active, no, dr.zeros(count, n)
+    a, w, _, found, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
+    return Isolated(a, a + w, found, unresolved)
+
+
+def isolated_by_formula(c: tuple, noise: Any, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:
+    """As isolated, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
+    zero = 0 * c[0]
+    flat = zero if len(c) < 3 else c[2]
+    extremum = -0.5 * c[1] / flat
+    extremum = dr.select((flat > 0) & (extremum > first) & (extremum < last), extremum, last)
+    down, end = Line(*c)(extremum) < -noise, Line(*c)(last) < -noise
+    # A parabola that opens downwards falls after its extremum, one that opens upwards before it.
+    root = dr.sqrt(dr.maximum(c[1] * c[1] - 4 * flat * c[0], 0))
+    q = -0.5 * (c[1] + dr.copysign(root, c[1]))
+    one, two = dr.select(q == 0, zero, c[0] / q), dr.select(flat == 0, dr.inf, q / flat)
+    low, high = dr.select(one < two, one, two), dr.select(one < two, two, one)
+    s = dr.select(flat == 0, one, dr.select(flat > 0, low, high))
+    found = active & (down | end)
+    s = dr.select(found, dr.maximum(dr.minimum(s, last), first), 0)
+    none = dr.zeros(dr.uint32_array_t(type(zero)))
+    return Isolated(first + zero, dr.select(down, extremum, last), found, none), s

@@ -1,0 +1,114 @@
+"""What the structure of a polynomial is evaluated with: polynomials along a chord, bounds of sizes, slopes."""
+
+from typing import Any
+
+import drjit as dr
+
+from visray.geometry import UNIT_ROUNDOFF
+
+
+def roundoff(x: Any) -> float:
+    """The unit roundoff of an array's numbers: of double, but on backends that have none."""
+    return UNIT_ROUNDOFF["double" if dr.type_v(x) == dr.VarType.Float64 else "single"]
+
+
+class Line:
+    """A polynomial in s, the place along a chord: its coefficients from the constant one up."""
+
+    def __init__(self, *c: Any):
+        self.c = c
+
+    def __add__(self, other: "Line") -> "Line":
+        n = min(len(self.c), len(other.c))
+        return Line(*(x + y for x, y in zip(self.c, other.c)), *(self.c[n:] or other.c[n:]))
+
+    def __sub__(self, other: "Line") -> "Line":
+        return self + -other
+
+    def __neg__(self) -> "Line":
+        return Line(*(-x for x in self.c))
+
+    def __mul__(self, other: "Line") -> "Line":
+        if self is other:
+            return self._squared()
+        found: list[Any] = [None] * (len(self.c) + len(other.c) - 1)
+        for i, x in enumerate(self.c):
+            for j, y in enumerate(other.c):
+                found[i + j] = x * y if found[i + j] is None else dr.fma(x, y, found[i + j])
+        return Line(*found)
+
+    def _squared(self) -> "Line":
+        c, n, found = self.c, len(self.c), []
+        for k in range(2 * n - 1):
+            pairs = [(i, k - i) for i in range(max(0, k - n + 1), (k + 1) // 2)]
+            total = None
+            for i, j in pairs:
+                total = c[i] * c[j] if total is None else dr.fma(c[i], c[j], total)
+            if total is not None:
+                total = total + total
+            if k % 2 == 0:
+                half = c[k // 2]
+                total = half * half if total is None else dr.fma(half, half, total)
+            found.append(total)
+        return Line(*found)
+
+    def __call__(self, s: Any) -> Any:
+        total = self.c[-1]
+        for x in self.c[-2::-1]:
+            total = dr.fma(total, s, x)
+        return total
+
+    def slope(self, s: Any) -> Any:
+        """The derivative by s."""
+        return Line(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
+
+
+class Size:
+    """A bound of the sizes of all that is added up to a number: what its rounding is relative to."""
+
+    def __init__(self, x: Any):
+        self.x = x
+
+    def __add__(self, other: "Size") -> "Size":
+        return Size(self.x + other.x)
+
+    __sub__ = __add__
+
+    def __neg__(self) -> "Size":
+        return self
+
+    def __mul__(self, other: "Size") -> "Size":
+        return Size(self.x * other.x)
+
+
+class Slope:
+    """A number with its derivatives by x, y and z, None where they are zero by structure."""
+
+    def __init__(self, x: Any, slopes: tuple):
+        self.x, self.slopes = x, slopes
+
+    def __add__(self, other: "Slope") -> "Slope":
+        return Slope(self.x + other.x, tuple(map(_sum, self.slopes, other.slopes)))
+
+    def __sub__(self, other: "Slope") -> "Slope":
+        return Slope(self.x - other.x, tuple(_sum(p, None if q is None else -q) for p, q in self._beside(other)))
+
+    def __neg__(self) -> "Slope":
+        return Slope(-self.x, tuple(None if p is None else -p for p in self.slopes))
+
+    def __mul__(self, other: "Slope") -> "Slope":
+        if self is other:
+            return Slope(self.x * self.x, tuple(None if p is None else 2 * self.x * p for p in self.slopes))
+        parts = (_sum(_product(p, other.x), _product(q, self.x)) for p, q in self._beside(other))
+        return Slope(self.x * other.x, tuple(parts))
+
+    def _beside(self, other: "Slope") -> zip:
+        return zip(self.slopes, other.slopes)
+
+
+def _sum(p: Any, q: Any) -> Any:
+    return q if p is None else p if q is None else p + q
+
+
+def _product(p: Any, x: Any) -> Any:
+    return None if p is None else p * x

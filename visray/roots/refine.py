@@ -1,0 +1,58 @@
+"""A root to the last digit."""
+
+from collections.abc import Callable
+from typing import Any
+
+import drjit as dr
+
+from visray.roots.march import Isolated
+from visray.roots.numbers import roundoff
+
+# An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
+# needed (a triple root), the two differ by the cube root of the rounding.
+WIDENED = 3e-4
+
+
+def refined(f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None) -> Any:
+    """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
+    digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
+
+    at_low, at_high: what counts as its values there. f is of order 1 or less. bounds: no end is moved beyond these.
+    flat: what is no larger in size, and so of no sign, counts as above zero, as long as nothing larger has been found.
+    Source: Chandrupatla 1997, with one division.
+    """
+    ulp = 2 * roundoff(part.low)
+
+    def step(a: Any, b: Any, fa: Any, fb: Any, x: Any, going: Any) -> tuple:
+        # a is the newest point, x the next one; the root lies between a and b.
+        fx = f(x)
+        if flat is not None:
+            above = dr.select(fa > 0, fa, fb)
+            fx = dr.select((above <= flat) & (dr.abs(fx) <= flat), flat, fx)
+        same = (fx < 0) == (fa < 0)
+        c, fc = dr.select(same, a, b), dr.select(same, fa, fb)
+        b, fb = dr.select(same, b, a), dr.select(same, fb, fa)
+        a, fa = x, fx
+        gap, ba, bc, ca = b - a, fb - fa, fb - fc, fc - fa
+        least = 0.5 * ulp * (dr.abs(dr.select(dr.abs(fa) < dr.abs(fb), a, b)) + 0.5)
+        size, far, square = dr.abs(gap), dr.abs(c - b), bc * bc
+        good = (ba * ba * far < size * square) & (ca * ca * far < (far - size) * square) & (ca != 0)
+        curve = dr.abs(fa * (fc * ca * gap - (c - a) * fb * ba) / (ba * bc * ca))
+        onwards = dr.select(good, curve, 0.5 * size)
+        onwards = dr.maximum(least, dr.minimum(size - least, onwards))
+        return a, b, fa, fb, a + dr.copysign(onwards, gap), going & (2 * least < size) & (fx != 0)
+
+    def between(low: Any, high: Any, active: Any) -> tuple:
+        state = high, low, at_high, at_low, 0.5 * (low + high), active
+        return dr.while_loop(state, lambda *state: state[-1], step, label="refine")[:4]
+
+    a, b, fa, fb = between(part.low, part.high, part.found)
+    # At an end f's sign is not that of the polynomial that was isolated: then that end is moved.
+    first = part.found & (fa != 0) & (b == part.low)
+    last = part.found & (fa != 0) & (b == part.high)
+    more = dr.maximum(part.high - part.low, WIDENED)
+    low = dr.select(first, dr.maximum(part.low - more, bounds[0]), part.low)
+    high = dr.select(last, dr.minimum(part.high + more, bounds[1]), part.high)
+    again = between(low, high, first | last)
+    a, b, fa, fb = (dr.select(first | last, new, old) for new, old in zip(again, (a, b, fa, fb)))
+    return dr.select(dr.abs(fa) < dr.abs(fb), a, b)

@@ -69,7 +69,7 @@ class Along:
 
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
-        what is not above it is noise."""
+        how far off all values are by the rounding of the ends."""
         # All is relative to the sizes of what is added up, so that products of values stay within a double's range.
         scale = roundoff(floor) / self.noise(1)
         turn = dr.mulsign(scale, dr.select(sign, type(scale)(-1), 1))
@@ -79,7 +79,7 @@ class Along:
             return self.value(s) * turn
 
         def noise(r: Any) -> Any:
-            return dr.maximum(self.noise(r), floor) * scale
+            return (self.noise(r) + floor) * scale
 
         ends = self.way.first, self.way.last
         if self.factor.degree <= 2:
@@ -91,7 +91,7 @@ class Along:
         if on_start is None:
             return part.found, refined(f, part, low, high, ends), part.unresolved
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
-        flat = dr.select(on_start & (part.low == ends[0]), dr.maximum(floor, self.off_at(ends[0])) * scale, 0)
+        flat = dr.select(on_start & (part.low == ends[0]), (floor + self.off_at(ends[0])) * scale, 0)
         return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
 
     def off_at(self, s: Any) -> Any:

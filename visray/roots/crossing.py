@@ -41,11 +41,12 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     floors = [0 * x for x in at_start]
     if ends.on_start is not None:
         near = _nearest(at_start, off)
-        # All of the value there is rounding, that of the point itself too.
-        floors = [dr.select(ends.on_start & n, 2 * dr.abs(x), f) for n, x, f in zip(near, at_start, floors)]
+        # All of the value there is rounding: that of the point, and its own.
+        floors = [dr.select(ends.on_start & n, dr.abs(x) + o, 0) for n, x, o in zip(near, at_start, off)]
     if ends.on_end is not None:
-        last = _nearest(at_end, [p.off_at(way.last) for p in courses])
-        floors = [dr.select(ends.on_end & n, dr.maximum(f, 2 * dr.abs(x)), f) for n, x, f in zip(last, at_end, floors)]
+        off = [p.off_at(way.last) for p in courses]
+        sizes = [dr.select(ends.on_end & n, dr.abs(x) + o, 0) for n, x, o in zip(_nearest(at_end, off), at_end, off)]
+        floors = [dr.maximum(f, size) for f, size in zip(floors, sizes)]
     negative = _odd(signs, form.sign < 0)
     if ends.on_start is not None:
         wrong = ends.on_start & (negative != ends.negative)

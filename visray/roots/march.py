@@ -11,8 +11,9 @@ import drjit as dr
 
 from visray.roots.numbers import Line
 
-# No root is looked for within a narrower part of the chord: there the coefficients are all noise.
-NARROWEST = 2.0**-40
+# No root is looked for within a part that is narrower than this share of its distance from the chord's middle (or of
+# 2^-30): beyond, the places s are no longer told apart.
+NARROWEST = 2.0**-48
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
             changes += dr.select(changed, count(1), 0)
             least = dr.select(x < least, x, least)
         falls = b[d] < -off
-        narrow = w <= NARROWEST
+        narrow = w <= NARROWEST * dr.maximum(dr.abs(middle), 2.0**-30)
         take = ((changes == 1) | narrow) & falls
         blurred = (changes == 0) & (least < 0) & ~narrow
         blurred = dr.if_stmt(

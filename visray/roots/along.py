@@ -26,6 +26,7 @@ class Way:
     half: Any
     first: Any
     last: Any
+    begin: Any
 
     @staticmethod
     def of(o: Any, d: Any, chord: tuple, begin: Any, end: Any) -> "Way":
@@ -37,7 +38,7 @@ class Way:
         middle, half = 0.5 * (chord[0] + chord[1]), 0.5 * (chord[1] - chord[0])
         l, e = tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d)
         first, last = ((t - middle) / half for t in (begin, end))
-        return Way(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1))
+        return Way(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1), begin)
 
     def at(self, s: Any) -> list[Any]:
         """The coordinates of a point."""
@@ -46,6 +47,10 @@ class Way:
     def distance(self, s: Any) -> Any:
         """How far along the ray a point is."""
         return dr.fma(self.half, s, self.middle)
+
+    def begun(self, s: Any) -> Any:
+        """Whether a point lies beyond the beginning of the way."""
+        return self.distance(s) > self.begin
 
 
 @dataclass(frozen=True)

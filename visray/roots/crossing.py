@@ -55,6 +55,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     found, t, unresolved = active & ~active, dr.inf, 0
     for course, sign, floor in zip(courses, signs, floors):
         there, s, left = course.first(sign, floor, active, ends.on_start)
+        there &= way.begun(s)
         distance = dr.select(there, way.distance(s), dr.inf)
         t = distance if len(courses) == 1 else dr.minimum(t, distance)
         found, unresolved = found | there, unresolved + left

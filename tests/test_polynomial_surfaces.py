@@ -666,3 +666,52 @@ def test_a_ball_looks_the_same_written_as_a_polynomial(material: str, away: tupl
     off = np.abs(ours - theirs).max(2)
     assert theirs.std() > 0.05
     assert (off > 1e-6).sum() <= (1 if away[0] == 0 else 3)
+
+
+# Points on the solid's cap, and on singular points
+
+
+CAPS = {
+    "ball": ("x - 9", {"clip": Ball(radius=1.0)}, vr.Sphere(radius=1.0)),
+    "box": (
+        "x - 9",
+        {"clip": Block(min=(-1.0, -1.0, -1.0), max=(1.0, 1.0, 1.0))},
+        vr.Box(min=(-1.0, -1.0, -1.0), max=(1.0, 1.0, 1.0)),
+    ),
+}
+OUTSIDE, WITHIN, ON = (3.0, 1.7, 0.4), (0.1, 0.2, -0.3), (0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("glass", [False, True], ids=["matte", "glass"])
+@pytest.mark.parametrize("lamp", [OUTSIDE, WITHIN, ON], ids=["lamp outside", "lamp within", "lamp on it"])
+@pytest.mark.parametrize("eye", [OUTSIDE, WITHIN], ids=["eye outside", "eye within"])
+@pytest.mark.parametrize("name", CAPS)
+def test_a_solid_of_cap_alone_looks_as_the_solid(name: str, eye: tuple, lamp: tuple, glass: bool) -> None:
+    """A capped surface that is nowhere in its clip, and below zero there, is the clip."""
+    expression, clip, solid = CAPS[name]
+    material = vr.Material(kd=(0.2, 0.3, 0.4), kt=(0.8, 0.7, 0.6), ior=1.3, dmax=3.0) if glass else vr.Material()
+    pictures = []
+    for thing in (solid, vr.Polynomial(expression=expression, ends="capped", **clip)):
+        scene = vr.Scene(
+            camera=vr.Camera(origin=eye, target=(0.0, 0.1, 0.05), fov=60.0),
+            film=vr.Film(width=48, height=40),
+            materials={"m": material},
+            objects={"thing": replace(thing, material="m"), "floor": vr.Plane(point=(0.0, -1.5, 0.0))},
+            lights={"lamp": vr.PointLight(position=lamp)},
+            settings=vr.Settings(precision="double", spp=1, depth=3),
+        )
+        pictures.append(vr.render(scene, layers=("RGB",), progress=False)["RGB"])
+    differ = (np.abs(pictures[0] - pictures[1]) > 1e-6).any(-1)
+    # Where a path runs along an edge of the box, rounding decides.
+    assert differ.sum() <= 2
+
+
+@pytest.mark.parametrize("expression", ["x^2 + y^2 - z^2", "x*y*z", "x^4 + y^4 - z^4", "x^2 + y^2 - 3*z^2 - x^6"])
+def test_from_a_singular_point_no_ray_meets_the_point_itself(expression: str) -> None:
+    """From the apex of a cone: nothing of it is met; of a surface that is a cone near it only what is farther."""
+    rng = np.random.default_rng(31)
+    d = unit(rng.normal(size=(4000, 3)))
+    t = Rig(surface(expression, 1.5)).first(np.zeros((4000, 3)), d)[0]
+    met = np.isfinite(t)
+    assert (t[met] > 0.1).all()
+    assert met.any() == ("x^6" in expression)

@@ -150,9 +150,8 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     part = isolated(line.c, lambda r: noise, D(-1), D(1), A.B(True))
     s = np.array(refined(line, part, line(part.low), line(part.high), (-1, 1)))
     found = np.array(part.found)
-    assert not np.array(part.unresolved).any()
     if not len(roots):
-        assert not found.any()
+        assert not found.any() and not np.array(part.unresolved).any()
         return
     # A root is as well known as the noise over the slope there; nearly equal ones are not told apart.
     slope = np.abs(sum(k * c[k] * roots[0] ** (k - 1) for k in range(1, d + 1)))
@@ -160,7 +159,7 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     off = np.array(noise) / np.maximum(slope, 1e-300)
     clear = off < 0.02 * np.minimum(gap, roots[0] + 1)
     assert clear.mean() > 0.9
-    assert found[clear].all()
+    assert found[clear].all() and not np.array(part.unresolved)[clear].any()
     assert (np.abs(s - roots[0]) <= 4 * off + 2.0**-50)[clear].all()
 
 
@@ -185,8 +184,9 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
 
 
 def test_touching_is_no_crossing() -> None:
-    """(s - r)^2 touches zero: left behind, and not unresolved."""
+    """(s - r)^2 touches zero: left behind, and counted, as rounding could make two crossings of it."""
     r = np.linspace(-0.9, 0.9, 501)
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
     part = isolated(c, lambda _: array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), D(-1), D(1), A.B(True))
-    assert not np.array(part.found).any() and not np.array(part.unresolved).any()
+    assert not np.array(part.found).any()
+    assert np.isin(np.array(part.unresolved), [0, 1]).all() and np.array(part.unresolved).mean() > 0.5

@@ -432,7 +432,6 @@ def test_without_flint(monkeypatch):
 @pytest.mark.parametrize("name", ["torus", "cayley-cubic", "heart"])
 def test_the_kernel(name):
     """visray's own search makes no error, but for rays so close to an edge that a shift of f by 64 tau mends it."""
-    pytest.importorskip("visray.primitives.polynomial")
     rows = stability.run(None, 400, only=(name,)).rows
     assert len(rows) >= 5 and not any(r.nan or r.any_hit_differs or r.gross or r.truth_wrong for r in rows), rows
     assert all(r.errors_within <= 64 and r.per_million(r.errors)[0] < 5e4 for r in rows), rows

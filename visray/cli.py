@@ -6,6 +6,7 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,6 +25,8 @@ from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene
 from visray.study import ablation
 from visray.study import stability as study
+from visray.study.ray_sets import FORMAT
+from visray.surfaces import CLASSICS
 from visray.version import __version__
 
 app = App(
@@ -143,7 +146,8 @@ def render_command(
         short = f" of {facts['spp_asked']}, stopped" if stopped else ""
         line = f"{names}: {image.width} x {image.height}, {facts['spp']} spp{short}, {facts['render_seconds']:.2f} s"
         if "residual_ulps" in facts:
-            line += f"; roots: {facts['unresolved']} unresolved, residual {facts['residual_ulps']:.2g} ulp at most"
+            seen = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
+            line += f"; roots: {facts['unresolved']} unresolved, {seen}"
         sys.stdout.write(line + "\n")
     return INTERRUPTED if stopped else 0
 
@@ -214,7 +218,7 @@ def check(
 @app.command
 def stability(
     *,
-    surfaces: Annotated[Path | None, Parameter(help="A JSON file of surfaces; else the known ones.")] = None,
+    surfaces: Annotated[Path | None, Parameter(help=f"A JSON file {FORMAT}; else the known ones.")] = None,
     rays: Annotated[Whole, Parameter(help="Of each set.")] = study.RAYS,
     sets: Annotated[str, Parameter(help="Separated by commas.")] = ",".join(study.SETS),
     only: Annotated[str, Parameter(help="Names of surfaces, separated by commas.")] = "",
@@ -233,6 +237,20 @@ def stability(
 def _listed(text: str) -> tuple[str, ...]:
     """The words of a text that are separated by commas."""
     return tuple(word for part in text.split(",") if (word := part.strip()))
+
+
+@app.command
+def surfaces(*, json: Json = False) -> int:
+    """List the known polynomial surfaces, which a scene has by name."""
+    if json:
+        put({name: asdict(c) for name, c in CLASSICS.items()})
+        return 0
+    table = Table("surface", "", "parameters", "radius of the clip", "f")
+    for name, c in CLASSICS.items():
+        given = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
+        table.add_row(name, c.title, given, f"{c.radius:g}", c.expression)
+    Console().print(table)
+    return 0
 
 
 @app.command

@@ -144,7 +144,8 @@ def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
 
 def certificate(s: Stage, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
     """Of the objects whose crossings are searched for: how many parts of a ray are unresolved, and the distance of the
-    point p that is seen from its surface, to first order, in units in the last place of its largest coordinate."""
+    point p that is seen from its surface, to first order, in units in the last place of the largest coordinate, its own
+    or the eye's."""
     a, kept = s.scenery.a, s.scenery
     if not any(k.kind.searched for k in kept.kin):
         return None, None
@@ -162,7 +163,7 @@ def certificate(s: Stage, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
         unresolved = kept.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
         here = (hit.index >= first) & (hit.index < base)
         f, _ = k.kind.level(rows(group.placed, dr.select(here, hit.index - first, 0)), p)
-        # The greatest coordinate is known to a unit in the last place: its own roundoff, twice.
-        ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(dr.maximum(dr.abs(p.x), dr.abs(p.y)), dr.abs(p.z))
+        largest = [dr.maximum(dr.maximum(dr.abs(v.x), dr.abs(v.y)), dr.abs(v.z)) for v in (p, ray.o)]
+        ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(*largest)
         residual = dr.select(here, a.F(dr.abs(f) / dr.select(here, ulp, 1)), residual)
     return unresolved, residual

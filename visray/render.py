@@ -3,6 +3,7 @@
 import json
 import platform
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -120,8 +121,33 @@ def render(
         check_numbers(made, film)
         pictures = _pictures(made, film, done, layers)
     seconds = time.perf_counter() - begun
-    facts = provenance(made, done, seconds) | _proof(pictures)
+    proof = _proof(pictures)
+    _warn(proof, len(made.order))
+    facts = provenance(made, done, seconds) | proof
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
+
+
+class RootWarning(UserWarning):
+    """Double precision does not tell where some rays meet a surface."""
+
+
+# A residual beyond this many units in the last place is no rounding, nor the blur of a singular point.
+LARGEST_RESIDUAL = 1e9
+
+
+# At edges a few rays are always within rounding; more than this share of them are told.
+UNRESOLVED = 1e-3
+
+
+def _warn(proof: dict[str, Any], pixels: int) -> None:
+    """Tells what a certificate cannot certify."""
+    advice = "a tighter clip helps, or f written in products and powers"
+    if proof.get("unresolved", 0) > UNRESOLVED * pixels:
+        text = f"{proof['unresolved']} parts of rays could not be told from rounding; {advice}"
+        warnings.warn(text, RootWarning, stacklevel=3)
+    if proof.get("residual_ulps", 0) > LARGEST_RESIDUAL:
+        text = f"what is seen is up to {proof['residual_ulps']:.2g} ulp off its surface; {advice}"
+        warnings.warn(text, RootWarning, stacklevel=3)
 
 
 def _proof(pictures: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -130,7 +156,8 @@ def _proof(pictures: dict[str, np.ndarray]) -> dict[str, Any]:
     if "unresolved" in pictures:
         found["unresolved"] = int(pictures["unresolved"].sum())
     if "residual" in pictures:
-        found["residual_ulps"] = float(pictures["residual"].max())
+        # JSON has no infinity.
+        found["residual_ulps"] = min(float(pictures["residual"].max()), float(np.finfo(np.float32).max))
     return found
 
 

@@ -31,7 +31,7 @@ def _touch(kind: type, group: Group, o: Any) -> tuple[Any, Any] | None:
     there is one is structure: a camera or light that comes to lie on a surface compiles anew.
     """
     f, g = kind.level(group.placed, o)
-    on = flush(group, f, g, o)
+    on = flush(group, f, g, o) & kind.sided(group.placed, o)
     return (on, g) if np.any(np.array(on)) else None
 
 

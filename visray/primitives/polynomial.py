@@ -116,7 +116,9 @@ class Polynomial(Primitive):
 
     def written(self) -> str | tuple[str, ...]:
         """The polynomial as text."""
-        return CLASSICS[self.surface].expression if self.surface else self.expression or self.monomis or ""
+        if self.surface is not None:
+            return CLASSICS[self.surface].expression
+        return self.monomis if self.expression is None else self.expression
 
     def built(self) -> Built:
         """The polynomial, ready for kernels, in coordinates about the clip's centre."""
@@ -143,9 +145,13 @@ class Polynomial(Primitive):
 
     def _unused(self) -> list[tuple[str, str]]:
         """Parameters that nothing depends on."""
-        there = CLASSICS[self.surface].parameters if self.surface else re.findall(r"\w+", self.expression or "")
-        wrong = [name for name in self.parameters if name not in there]
-        of = f"the surface {self.surface}" if self.surface else "the expression" if self.expression else "monomis"
+        if self.surface is not None:
+            there, of = CLASSICS[self.surface].parameters, f"the surface {self.surface}"
+        elif self.expression is not None:
+            there, of = re.findall(r"\w+", self.expression), "the expression"
+        else:
+            there, of = (), "monomis, which have none"
+        wrong = [name for name in self.parameters if name not in there and (there or self.expression is None)]
         return [("parameters", f"{wrong[0]} is not in {of}; leave it out")] if wrong else []
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -231,7 +237,7 @@ class Polynomial(Primitive):
         zero, no = dr.zeros(type(end), n), dr.full(dr.mask_t(end), False, n)
         state = zero + begin, no, zero, dr.zeros(dr.uint32_array_t(type(end)), n), no | there
         _, last, inside, _, _ = dr.while_loop(state, lambda *state: state[-1], step, label="passage")
-        entered = (t0 > 0) | (roots.value(cls.form, seen.placed.slots, seen.o) > 0)
+        entered = (t0 > 0) | ~roots.below(cls.form, seen.placed.slots, seen.o)
         if leaving is not None:
             entered |= leaving
         return entered & (~last | (t1 < length) | arrives), inside
@@ -263,8 +269,12 @@ class Polynomial(Primitive):
         c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, chord, begin, end), there, ends)
         if not cls.closed:
             return c.t, c.unresolved
-        # A solid is entered through its cap, or left through it.
-        cap = dr.select(starts_in, dr.select(t1 < far, t1, dr.inf), t0)
+        # A solid is entered through its cap, or left through it; but not where the way ends on it.
+        leaves = t1 < far
+        if ends.on_end is not None:
+            q = seen.o + dr.select(ends.on_end, far, 0) * d
+            leaves &= ~(ends.on_end & cls._depths(seen.placed, q)[2])
+        cap = dr.select(starts_in, dr.select(leaves, t1, dr.inf), t0)
         through = there & c.negative & (~starts_in | ~c.found)
         return dr.select(through, cap, c.t), c.unresolved
 
@@ -287,6 +297,10 @@ class Polynomial(Primitive):
         g = placed.inverse.normal(g)
         inverse = dr.rcp(dr.norm(g))
         return f * dr.detach(inverse), g * inverse
+
+    @classmethod
+    def sided(cls, placed: Placed, p: Any) -> Any:
+        return roots.sided(cls.form, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
     @staticmethod
     def uv(placed: Placed, p: Any) -> tuple[Any, Any]:

@@ -169,6 +169,11 @@ class Primitive:
         raise TypeError("no level")
 
     @staticmethod
+    def sided(placed: Any, p: Any) -> Any:
+        """Whether there is one normal at a point of the surface, and so two sides."""
+        return True
+
+    @staticmethod
     def uv(placed: Any, p: Any) -> tuple[Any, Any]:
         """Texture coordinates of a point on the surface; v runs upwards."""
         raise TypeError("no uv")

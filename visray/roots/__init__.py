@@ -11,6 +11,6 @@ so no crossing at the end of an interval is lost or found twice. Source: Collins
 """
 
 from visray.roots.crossing import Crossing, Ends, Way, first_crossing
-from visray.roots.level import level, value
+from visray.roots.level import below, level, sided
 
-__all__ = ["Crossing", "Ends", "Way", "first_crossing", "level", "value"]
+__all__ = ["Crossing", "Ends", "Way", "below", "first_crossing", "level", "sided"]

@@ -88,7 +88,7 @@ class Along:
 
         ends = self.way.first, self.way.last
         if self.factor.degree <= 2:
-            part, s = isolated_by_formula(line.c, noise(dr.maximum(dr.abs(ends[0]), dr.abs(ends[1]))), *ends, active)
+            part, s = isolated_by_formula(line.c, noise, *ends, active)
             return part.found, self._polished(f, line, part, s), part.unresolved
         part = isolated(line.c, noise, *ends, active)
         least = roundoff(floor)
@@ -98,6 +98,23 @@ class Along:
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
         flat = dr.select(on_start & (part.low == ends[0]), (floor + self.off_at(ends[0])) * scale, 0)
         return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
+
+    def runs_below(self, x: Any, zero: Any) -> Any:
+        """Whether the way begins below zero, with the value x; where that is no more than rounding (`zero`), whether it
+        runs there: by the sign of the first derivative that is more."""
+        way, c = self.way, list(self.line.c)
+
+        def leading(_: Any) -> tuple:
+            d = len(c) - 1
+            for i in range(d):
+                for j in range(d - 1, i - 1, -1):
+                    c[j] = dr.fma(way.first, c[j + 1], c[j])
+            off, length, found = self.noise(1), way.last - way.first, x
+            for k in range(d, 0, -1):
+                found = dr.select(dr.abs(c[k]) * length**k > off, c[k], found)
+            return (found,)
+
+        return dr.if_stmt((x,), zero, leading, lambda x: (x,), label="leading")[0] < 0
 
     def off_at(self, s: Any) -> Any:
         """How far off the value by structure is at a point."""

@@ -1,6 +1,8 @@
 """Where rays first cross the surface of a form."""
 
+import operator
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import drjit as dr
@@ -37,7 +39,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     at_start, at_end = ([p.value(s) for p in courses] for s in (way.first, way.last))
     off = [p.off_at(way.first) for p in courses]
     # A way that begins within rounding of a zero begins on the side that it runs to.
-    signs = [dr.select(dr.abs(x) <= o, p.line.slope(way.first), x) < 0 for x, o, p in zip(at_start, off, courses)]
+    signs = [p.runs_below(x, dr.abs(x) <= o) for x, o, p in zip(at_start, off, courses)]
     floors = [0 * x for x in at_start]
     if ends.on_start is not None:
         near = _nearest(at_start, off)
@@ -47,7 +49,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
         off = [p.off_at(way.last) for p in courses]
         sizes = [dr.select(ends.on_end & n, dr.abs(x) + o, 0) for n, x, o in zip(_nearest(at_end, off), at_end, off)]
         floors = [dr.maximum(f, size) for f, size in zip(floors, sizes)]
-    negative = _odd(signs, form.sign < 0)
+    negative = reduce(operator.xor, signs) ^ (form.sign < 0)
     if ends.on_start is not None:
         wrong = ends.on_start & (negative != ends.negative)
         signs = [s ^ (wrong & n) for s, n in zip(signs, near)]
@@ -62,19 +64,11 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     return Crossing(t, found, negative, unresolved)
 
 
-def _odd(signs: list, flipped: bool) -> Any:
-    """Whether an odd number of signs is set."""
-    total = signs[0] ^ flipped
-    for sign in signs[1:]:
-        total = total ^ sign
-    return total
-
-
 def _nearest(values: list, off: list) -> list:
     """Which of several values is the nearest to zero, as measured by how far off it may be."""
     if len(values) == 1:
         return [True]
-    sizes = [dr.abs(v) / o for v, o in zip(values, off)]
+    sizes = [dr.select(o > 0, dr.abs(v) / o, 0) for v, o in zip(values, off)]
     least = sizes[0]
     for size in sizes[1:]:
         least = dr.minimum(least, size)

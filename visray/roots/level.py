@@ -1,5 +1,7 @@
 """How far points are from the surface of a form, to first order, and on which side."""
 
+import operator
+from functools import reduce
 from typing import Any
 
 import drjit as dr
@@ -12,12 +14,25 @@ from visray.roots.numbers import Slope
 SMALLEST = 2.0**-500
 
 
-def value(form: Form, slots: tuple, q: Any) -> Any:
-    """The product of a form's factors at a point: below zero inside of it."""
-    total = form.sign
+def below(form: Form, slots: tuple, q: Any) -> Any:
+    """Whether the product of a form's factors, each once, is below zero at a point."""
+    signs = [interpret(factor.code, slots, tuple(q)) < 0 for factor in form.factors]
+    return reduce(operator.xor, signs) ^ (form.sign < 0)
+
+
+def sided(form: Form, slots: tuple, q: Any, reach: Any) -> Any:
+    """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
+    found = []
     for factor in form.factors:
-        total = total * interpret(factor.code, slots, tuple(q))
-    return total
+        one = Along(factor, slots, None, None)
+        slopes = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), _axes(q)).slopes
+        longest = sum(0 if p is None else dr.abs(p) for p in slopes)
+        found.append(longest * reach > one.off(map(dr.abs, q)))
+    return reduce(operator.and_, found)
+
+
+def _axes(q: Any) -> tuple:
+    return tuple(Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
 
 
 def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
@@ -25,10 +40,9 @@ def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
 
     Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
     """
-    axes = tuple(Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
     found = []
     for factor in form.factors:
-        s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), axes)
+        s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), _axes(q))
         g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
         found.append(_unit(Along(factor, slots, None, None), q, step, s.x, g))
     f, g = found[0]

@@ -9,17 +9,18 @@ from typing import Any
 
 import drjit as dr
 
-from visray.roots.numbers import Line
+from visray.roots.numbers import Line, roundoff
 
-# No root is looked for within a part that is narrower than this share of its distance from the chord's middle (or of
-# 2^-30): beyond, the places s are no longer told apart.
-NARROWEST = 2.0**-48
+# No root is looked for within a part that is narrower than so many roundings of its distance from the chord's middle
+# (or of 2^-30): beyond, the places s are no longer told apart.
+NARROWEST = 32
 
 
 @dataclass(frozen=True)
 class Isolated:
     """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
-    have one. unresolved: how many parts were left, as too narrow, without knowing."""
+    have one. unresolved: how many places were left without knowing: what is below zero there could be noise, or the
+    part was too narrow."""
 
     low: Any
     high: Any
@@ -73,10 +74,10 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
     interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved. So is an interval
     with coefficients that could be below zero but for the noise, where it is less in the half that is nearer to 0.
     """
-    d, n = len(c) - 1, max(map(dr.width, c))
+    d, n = len(c) - 1, max(map(dr.width, (*c, first, last, active)))
     number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
 
-    def step(a: Any, w: Any, going: Any, found: Any, unresolved: Any) -> tuple:
+    def step(a: Any, w: Any, going: Any, found: Any, unsure: Any, unresolved: Any) -> tuple:
         half = 0.5 * w
         middle = a + half
         b, off = bernstein(c, middle, half), noise(dr.abs(middle) + half)
@@ -87,7 +88,7 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
             changes += dr.select(changed, count(1), 0)
             least = dr.select(x < least, x, least)
         falls = b[d] < -off
-        narrow = w <= NARROWEST * dr.maximum(dr.abs(middle), 2.0**-30)
+        narrow = w <= NARROWEST * roundoff(w) * dr.maximum(dr.abs(middle), 2.0**-30)
         take = ((changes == 1) | narrow) & falls
         blurred = (changes == 0) & (least < 0) & ~narrow
         blurred = dr.if_stmt(
@@ -105,22 +106,29 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
         rest = end - nearer
         left = last - end
         w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
-        unresolved += dr.select(narrow & (changes > 0) & ~take, count(1), 0)
-        return nearer, w, going & ~take & (w > 0), found | take, unresolved
+        # What is left although it could be below zero is the foot of the next crossing, or has two of its own.
+        clean = leave & (least >= 0)
+        unresolved += dr.select((unsure & clean) | (narrow & ~take & (changes > 0)), count(1), 0)
+        unsure = (unsure & ~clean & ~take) | (leave & (least < 0))
+        return nearer, w, going & ~take & (w > 0), found | take, unsure, unresolved
 
     no = dr.full(dr.mask_t(c[0]), False, n)
-    start = first + dr.zeros(number, n), last - first + dr.zeros(number, n), no | active, no, dr.zeros(count, n)
-    a, w, _, found, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
-    return Isolated(a, a + w, found, unresolved)
+    places = first + dr.zeros(number, n), last - first + dr.zeros(number, n)
+    start = *places, no | active, no, no, dr.zeros(count, n)
+    a, w, _, found, unsure, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
+    return Isolated(a, a + w, found, unresolved + dr.select(unsure, count(1), 0))
 
 
-def isolated_by_formula(c: tuple, noise: Any, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:
+def isolated_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:
     """As isolated, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
     zero = 0 * c[0]
     flat = zero if len(c) < 3 else c[2]
     extremum = -0.5 * c[1] / flat
     extremum = dr.select((flat > 0) & (extremum > first) & (extremum < last), extremum, last)
-    down, end = Line(*c)(extremum) < -noise, Line(*c)(last) < -noise
+    # How deep it is at its extremum and at its end, and how far that may be off.
+    depths = [(-Line(*c)(s), noise(dr.abs(s))) for s in (extremum, last)]
+    down, end = (depth > off for depth, off in depths)
+    blurred = ~(down | end) & ((depths[0][0] > 0) | (depths[1][0] > 0))
     # A parabola that opens downwards falls after its extremum, one that opens upwards before it.
     root = dr.sqrt(dr.maximum(c[1] * c[1] - 4 * flat * c[0], 0))
     q = -0.5 * (c[1] + dr.copysign(root, c[1]))
@@ -129,5 +137,5 @@ def isolated_by_formula(c: tuple, noise: Any, first: Any, last: Any, active: Any
     s = dr.select(flat == 0, one, dr.select(flat > 0, low, high))
     found = active & (down | end)
     s = dr.select(found, dr.maximum(dr.minimum(s, last), first), 0)
-    none = dr.zeros(dr.uint32_array_t(type(zero)))
-    return Isolated(first + zero, dr.select(down, extremum, last), found, none), s
+    unresolved = dr.select(active & blurred, dr.uint32_array_t(type(zero))(1), 0)
+    return Isolated(first + zero, dr.select(down, extremum, last), found, unresolved), s

@@ -84,6 +84,9 @@ def _locate(loc: tuple) -> _Place:
     for part in loc:
         if part == "[key]":
             break  # the name itself is wrong
+        optional = [m for m in members_of(bare(annotation)) if bare(m) is not NoneType]
+        if is_union(bare(annotation)) and len(optional) == 1:
+            annotation = optional[0]  # which pydantic does not name
         if is_union(bare(annotation)):
             branches += (_Branch(address, annotation, part),)
             annotation = _member(bare(annotation), part)

@@ -17,6 +17,8 @@ from visray.study.ray_sets import PARTS, Named
 MOST_ASKED, MOST_SHIFTED = 3000, 60
 # The share of rays leaving a surface all around that may be shadowed by it, or not, against the truth.
 MOST_LEFT = 60e-6
+# What a root may be off, in units of what rounding makes of it, and 99.9 % of the normals in degrees.
+LOOSE, TURNED = 64, 0.01
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class Row:
     truth_wrong: of those, how many differed, which is a fault of the study.
 
     false_misses, false_hits: hit or missed against the truth; of secondary rays they are leaks and false self-shadows.
-    wrong_roots: off by more than 1e-3 of t, or nearer to another crossing. errors_within: such errors are right if f is
+    wrong_roots: off by more than 1e-3 of t, or nearer to another crossing. loose: off by more than LOOSE times what a
+    shift of f by tau, and the rounding of places in the clip, make of t. errors_within: such errors are right if f is
     shifted by so many tau, looked for in steps of 2 for the first MOST_SHIFTED; gross: of how many of these not even a
     shift by 2^20 tau makes that. any_hit_differs: what is hit first, and whether anything is between, do not agree.
     ulps: |dt| in units of the last place of t; degrees: between normals.
@@ -48,6 +51,7 @@ class Row:
     false_misses: int = 0
     false_hits: int = 0
     wrong_roots: int = 0
+    loose: int = 0
     nan: int = 0
     errors_within: int = 0
     gross: int = 0
@@ -67,15 +71,18 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """Whether all is right that double can tell: every answer from eyes and from inside; of rays that leave the
-        surface at most MOST_LEFT hidden or lit wrongly, none at small angles; elsewhere no error but by rounding."""
+        """Whether all is right that double can tell: every answer from eyes and from inside, with its distance and its
+        normal; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, none at small angles; elsewhere
+        no error but by rounding."""
         faults = self.truth_wrong, self.nan, self.gross, self.unresolved, self.any_hit_differs
-        if any(faults):
+        if any(faults) or not self.judged:
             return False
         if self.secondary:
             most = 0 if self.rays == PARTS[1] else MOST_LEFT * self.judged
             return self.false_misses + self.false_hits <= most
-        return not self.errors or self.rays not in ("camera", "inside")
+        if self.rays not in ("camera", "inside"):
+            return True
+        return not self.errors and not self.loose and (self.degrees is None or self.degrees[0] < TURNED)
 
     def per_million(self, count: int) -> tuple[float, float, float]:
         """A count per million rays, and its 95 % interval: the rule of three for none, else Wilson's."""
@@ -123,6 +130,12 @@ def judged(
     if rays.side is not None or not len(right):
         return found
     off = dt[right] / np.spacing(truth.t[right])
+    part = rays.part(right)
+    slope = np.abs((named.surface.gradient(part.at(truth.t[right], truth.low[right])) * part.d).sum(1))
+    places = 2.0**-52 * (np.abs(part.o).max(1) + truth.t[right] + 2 * named.surface.radius)
+    with np.errstate(divide="ignore"):
+        bound = LOOSE * (Chord.of(named.surface, part).tau / slope + places)
+    found["loose"] = int((dt[right] > bound).sum())
     found["ulps"] = (float(np.median(off)), float(np.quantile(off, 0.999)), float(off.max()))
     if n is not None:
         found |= turned(named.surface, rays.part(right), truth.t[right], truth.low[right], n[right])

@@ -56,9 +56,12 @@ def _coordinate(text: float | str, parameters: dict[str, float]) -> float:
 ALIASES = {"heart-taubin": "heart", "roman-steiner": "roman"}
 
 
+FORMAT = '{"surfaces": [{"name": "ball", "expression": "x^2 + y^2 + z^2 - 1", "bounding_radius": 1.5}, ...]}'
+
+
 def surfaces_of(path: Path | None) -> dict[str, Named]:
-    """The known surfaces, or those of a JSON file: {"surfaces": [{"name", "expression", "bounding_radius", "centre",
-    "parameters", "singular_points"}]}, the last three optional."""
+    """The known surfaces, or those of a JSON file in FORMAT; each may have "centre", "parameters" and
+    "singular_points" as well."""
     if path is None:
         named = CLASSICS.items()
         return {n: Named(n, Surface(c.expression, c.radius, c.centre, c.parameters), c.singular) for n, c in named}
@@ -67,8 +70,8 @@ def surfaces_of(path: Path | None) -> dict[str, Named]:
         return {e["name"]: _read(e) for e in listed}
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{path}: is no file of surfaces ({error})") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise UserError(f"{path}: is no file of surfaces; it must hold {FORMAT}") from None
 
 
 def _read(entry: dict) -> Named:

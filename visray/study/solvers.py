@@ -8,7 +8,9 @@ from typing import Any, Protocol
 import drjit as dr
 import numpy as np
 
+from visray.errors import UserError
 from visray.geometry import facing
+from visray.polynomials import Wrong
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.ray import Ray
@@ -71,7 +73,10 @@ class Kernel:
             clip=Ball(center=tuple(map(float, surface.centre)), radius=float(surface.radius)),
             ends="open",
         )
-        made = set_up(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
+        try:
+            made = set_up(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
+        except Wrong as error:
+            raise UserError(str(error)) from None
         self.a, self.scenery, self.far = made.a, made.stage.scenery, 10 * surface.radius
 
     def triples(self, v: np.ndarray) -> Any:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Table
+from rich.table import Column, Table
 
 from visray.errors import UserError
 from visray.progress import Bar, Patience
@@ -96,8 +96,8 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether every row is."""
-        return all(r.passed for r in self.rows)
+        """Whether there are rows, and every one is."""
+        return bool(self.rows) and all(r.passed for r in self.rows)
 
     def as_json(self) -> dict[str, Any]:
         """The report as json.dumps takes it."""
@@ -107,24 +107,23 @@ class Report:
     def table(self) -> Table:
         """The report for the terminal."""
         title = f"{'passed' if self.passed else 'FAILED'}: against exact answers, {self.rays} rays a set"
-        table = Table(
-            "surface", "rays", title=title, caption=self._notes(), caption_justify="left", padding=(0, 0, 0, 1)
-        )
-        for name in ("judged", "edge", "lost", "false", "wrong", "tau", "|dt|", "normal", "ns"):
+        layout = {"title": title, "caption": self._notes(), "caption_justify": "left", "padding": (0, 0, 0, 1)}
+        table = Table(*(Column(name, no_wrap=True) for name in ("surface", "rays")), **layout)
+        for name in ("judged", "edge", "wrong", "|dt|", "normal", "ns"):
             table.add_column(name, justify="right", no_wrap=True)
         before = ""
         for r in self.rows:
             if r.surface != before:
                 table.add_section()
-            name = "" if r.surface == before else f"{r.surface} ({r.degree})"
+            name = "" if r.surface == before else r.surface
+            rays = {"secondary, hemisphere": "leaving", "secondary, grazing": "skimming"}.get(r.rays, r.rays)
             edge = f"{r.near_edge}" + (f"+{r.open}" if r.open else "")
-            within = (f"{r.errors_within}" if r.errors_within else "") + (f"+{r.gross}" if r.gross else "")
-            counts = (str(n) for n in (r.false_misses, r.false_hits, r.wrong_roots))
+            wrong = f"{r.false_misses}/{r.false_hits}/{r.wrong_roots}" if r.errors else "0"
+            wrong += f" ({r.errors_within})" if r.errors_within else ""
             ns = "" if r.seconds is None else f"{1e9 * r.seconds:.0f}"
-            rays = r.rays.replace("secondary, ", "leaving, ")
-            figures = _few(r.ulps and r.ulps[:2]), _few(r.degrees and r.degrees[:1])
+            figures = (f"{v:.1g}" if v is not None else "" for v in (r.ulps and r.ulps[1], r.degrees and r.degrees[0]))
             style = None if r.passed else "red"
-            table.add_row(name, rays, f"{r.judged}", edge, *counts, within, *figures, ns, style=style)
+            table.add_row(name, rays, f"{r.judged}", edge, wrong, *figures, ns, style=style)
             before = r.surface
         return table
 
@@ -133,20 +132,17 @@ class Report:
         rows = self.rows
         exact, checked, off = (sum(getattr(r, k) for r in rows) for k in ("exact", "checked", "truth_wrong"))
         lines = [
-            "In brackets the degree. judged: answers that double can tell; edge: those it cannot (+ not settled).",
-            "lost, false, wrong: roots; of leaving rays, leaks, self-shadows, wrong roots. 0 of n: below 3/n (95 %).",
-            "tau: errors are right if f is shifted by so many roundings of its terms, 4 2^-53 each (+ by none).",
-            "|dt|: median and p99.9 in units in the last place of t; normal: p99.9 in degrees; ns: a ray on a thread.",
+            "judged: answers that double can tell; edge: those it cannot (+ not settled).",
+            "wrong: lost/false/other roots; of leaving and skimming rays (on a surface, all around",
+            "and at small angles) leaks/self-shadows/other roots; in brackets the shift of f, in",
+            "roundings of its terms, that makes them right. 0 of n: below 3/n (95 %).",
+            "|dt|: p99.9, units in the last place of t; normal: p99.9, degrees; ns: one ray, one thread.",
             f"Settled exactly: {exact} rays; of the others {checked} checked so, {off} of them off.",
             f"NaN: {sum(r.nan for r in rows)}; unresolved: {sum(r.unresolved or 0 for r in rows)}; "
             f"any hit and first hit differ: {sum(r.any_hit_differs or 0 for r in rows)}.",
         ]
         lines += [f"left out: {name}: {why}" for name, why in self.left_out.items()]
         return "\n".join(lines + ["stopped early"] * self.stopped)
-
-
-def _few(values: tuple[float, ...] | None) -> str:
-    return "" if values is None else " ".join(f"{v:.2g}" for v in values)
 
 
 def run(

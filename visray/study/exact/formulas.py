@@ -1,6 +1,7 @@
 """Expressions as trees, which are computed in any ring, and python-flint.
 
-f is taken as written: numbers are exact, roots of numbers right to 2^-140.
+Apart from visray.polynomials, so that the truth shares nothing with what it judges. f is taken as written: numbers are
+exact, roots of numbers right to 2^-140.
 """
 
 import ast
@@ -21,9 +22,6 @@ def flint() -> Any:
     except ImportError:
         raise UserError("python-flint is not installed: exact answers need it (pip install 'visray[test]')") from None
     return library
-
-
-# Expressions
 
 
 def rational(x: Any) -> Any:
@@ -133,6 +131,3 @@ def degree(tree: Any) -> int:
             return degree(a) + degree(b)
         case (_, a, b):
             return max(degree(a), degree(b))
-
-
-# Double-double numbers, and polynomials of them

@@ -104,9 +104,6 @@ def certain_value(surface: Surface, rays: Bundle, t: Twofold) -> np.ndarray:
     return np.where(np.abs(f) > 2.0**-94 * surface.size([c.hi[0] for c in p]), f, 0)
 
 
-# Exact arithmetic
-
-
 def _radical(tree: Any) -> Any:
     """The product of the distinct factors of a power or product, as far as one sees them; else by python-flint, where
     all coefficients are short."""

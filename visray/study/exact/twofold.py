@@ -79,6 +79,3 @@ class Size:
 
     def __mul__(self, other: "Size") -> "Size":
         return Size(self.v * other.v)
-
-
-# Rays against a surface

@@ -10,7 +10,8 @@ beside each the processor's seconds, which leave out the waiting where other pro
 
 Wrong pixels: whether the ray through a pixel's centre hits the surface at all, by exact arithmetic, for random pixels,
 for those at the edges of what a program found, for those where two programs differ, and for all around a wrong one. A
-ray whose answer changes when it moves by 1e-9 of a pixel is on an edge and is counted apart.
+ray whose answer changes when it moves by 1e-9 of a pixel is on an edge and is counted apart. For it visray takes the
+rays' directions in double, as the others do; by default they are single, off by 1e-4 of a pixel.
 
 What is not installed is left out, and --peers leaves visray out.
 """

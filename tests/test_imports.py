@@ -14,7 +14,7 @@ quantities trees
 ray geometry transforms
 warp
 polynomials.wrong polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
-polynomials.algebra polynomials.form polynomials surfaces
+polynomials.generic polynomials.factoring polynomials.algebra polynomials.form polynomials surfaces
 roots.numbers roots.march roots.refine roots.along roots.crossing roots.level roots
 textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera

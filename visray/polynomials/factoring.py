@@ -1,0 +1,111 @@
+"""Factors and multiplicities of polynomials, by sympy, which is loaded only where it is needed: it takes 0.4 s."""
+
+from collections import Counter
+from fractions import Fraction
+
+from visray.polynomials.expansion import Terms, TooLong
+from visray.polynomials.generic import MOST_TERMS, generic, rebuilt
+from visray.polynomials.tree import BITS, Named, Negative, Number, Parameter, Power, Reciprocal, Root, Sum, Tree
+from visray.polynomials.wrong import Wrong
+
+# Where a factoring must be, and where it only makes rendering faster.
+MAX_TERMS = {True: MOST_TERMS, False: 300}
+MAX_ALGEBRAIC_TERMS = 60
+
+
+def repeated() -> Wrong:
+    return Wrong("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
+
+
+def factored(tree: Tree, parameters: dict[str, Fraction], needed: bool) -> list[tuple[Tree, int]]:
+    """The factors over the rationals, whatever the values of parameters and irrational constants."""
+    terms, atoms = generic(tree)
+    if len(terms) > MAX_TERMS[needed]:
+        raise TooLong
+    from sympy import QQ, Poly, symbols
+
+    used = [k for k in range(3 + len(atoms)) if any(e[k] for e in terms)]
+    names = symbols(f"v:{3 + len(atoms)}")
+    poly = Poly.from_dict(
+        {tuple(e[k] for k in used): QQ(c.numerator, c.denominator) for e, c in terms.items()},
+        *(names[k] for k in used),
+        domain=QQ,
+    )
+    found = []
+    for factor, n in poly.factor_list()[1]:
+        inner = {}
+        for e, c in factor.terms():
+            full = [0] * (3 + len(atoms))
+            for k, i in zip(used, e):
+                full[k] = i
+            inner[tuple(full)] = Fraction(int(c.p), int(c.q))
+        if any(any(e[:3]) for e in inner):
+            # The number that is there most often becomes a 1, which costs nothing.
+            often = Counter(map(abs, inner.values())).most_common(1)[0][0]
+            found.append(({e: c / often for e, c in inner.items()}, n))
+    found.sort(key=lambda f: (max(sum(e[:3]) for e in f[0]), len(f[0]), sorted(f[0].items())))
+    return [(rebuilt(inner, atoms), n) for inner, n in found]
+
+
+def algebraic(tree: Tree, parameters: dict[str, Fraction]) -> list[tuple[Tree, int]]:
+    """The parts of each multiplicity at the values of the constants: roots are roots here, parameters are numbers."""
+    try:
+        terms, atoms = generic(tree)
+    except TooLong:
+        raise repeated() from None
+    if len(terms) > MAX_ALGEBRAIC_TERMS:
+        raise repeated()
+    import sympy
+
+    def value(node: Tree) -> sympy.Expr:
+        match node:
+            case Number(v):
+                return sympy.Rational(v.numerator, v.denominator)
+            case Parameter(name):
+                return sympy.Rational(parameters[name].numerator, parameters[name].denominator)
+            case Named("pi"):
+                return pi
+            case Named():
+                return (1 + sympy.sqrt(5)) / 2
+            case Root(of):
+                return sympy.sqrt(value(of))
+            case Reciprocal(of):
+                return 1 / value(of)
+            case Negative(of):
+                return -value(of)
+            case Power(of, exponent=n):
+                return value(of) ** n
+            case Sum(parts):
+                return sympy.Add(*map(value, parts))
+        return sympy.Mul(*map(value, node.parts))
+
+    axes, pi = sympy.symbols("x y z"), sympy.Symbol("pi")
+    values = [value(a) for a in atoms]
+    whole = sympy.Add(
+        *(
+            sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(b**n for b, n in zip((*axes, *values), e)))
+            for e, c in terms.items()
+        )
+    )
+    roots = [v for v in values if v.has(sympy.Pow) and not v.has(pi)]
+    symbols = (*axes, *([pi] if any(v.has(pi) for v in values) else []))
+    options = {"extension": roots} if roots else {"domain": sympy.QQ}
+    try:
+        parts = sympy.Poly(whole, *symbols, **options).sqf_list()[1]
+    except (sympy.PolynomialError, NotImplementedError):
+        raise repeated() from None
+    found = []
+    for part, n in parts:
+        inner: Terms = {}
+        for e, c in part.terms():
+            inner[(*e, 0)[:4]] = _number(c)
+        if any(any(e[:3]) for e in inner):
+            found.append((rebuilt(inner, [Named("pi")]), n))
+    return found
+
+
+def _number(c) -> Fraction:
+    """A real number of sympy as a rational, good to BITS where it is irrational."""
+    if c.is_Rational:
+        return Fraction(int(c.p), int(c.q))
+    return Fraction(str(c.evalf(BITS * 3 // 10)))

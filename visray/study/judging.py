@@ -72,9 +72,9 @@ class Row:
     @property
     def passed(self) -> bool:
         """Whether all is right that double can tell: every answer from eyes and from inside, with its distance and its
-        normal; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, none at small angles; elsewhere
+        normal, and none unresolved; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, none at small angles; elsewhere
         no error but by rounding."""
-        faults = self.truth_wrong, self.nan, self.gross, self.unresolved, self.any_hit_differs
+        faults = self.truth_wrong, self.nan, self.gross, self.any_hit_differs
         if any(faults) or not self.judged:
             return False
         if self.secondary:
@@ -82,7 +82,8 @@ class Row:
             return self.false_misses + self.false_hits <= most
         if self.rays not in ("camera", "inside"):
             return True
-        return not self.errors and not self.loose and (self.degrees is None or self.degrees[0] < TURNED)
+        turned = self.degrees is not None and self.degrees[0] > TURNED
+        return not (self.errors or self.loose or self.unresolved or turned)
 
     def per_million(self, count: int) -> tuple[float, float, float]:
         """A count per million rays, and its 95 % interval: the rule of three for none, else Wilson's."""

@@ -10,11 +10,11 @@ import pytest
 
 from visray import polynomials
 from visray.quantities import Arrays
-from visray.roots.along import NOISE
+from visray.roots.along import roundings
 from visray.roots.march import bernstein, conversion, isolated
 from visray.roots.numbers import Line, Size, Slope
 from visray.roots.refine import refined
-from visray.surfaces import CLASSICS
+from visray.surfaces import CLASSICS, Classic
 
 A = Arrays.of()
 D = A.D
@@ -65,10 +65,18 @@ def array(x: np.ndarray) -> Any:
     return D(np.ascontiguousarray(x))
 
 
-@pytest.mark.parametrize("name", CLASSICS)
+POWERS = {
+    "x^20": Classic("", "x^20 + y^20 + z^20 - 1", 1.75, "", True),
+    "ball^10": Classic("", "(x^2 + y^2 + z^2 - 1/2)^10 - 1/1000000", 1.5, "", True),
+    "x^32": Classic("", "x^32 + x*y^31 - z^3", 1.2, "", False),
+}
+ALL = CLASSICS | POWERS
+
+
+@pytest.mark.parametrize("name", ALL)
 def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
     """On parts of random chords, Bernstein's coefficients in double against exact ones of the same chord."""
-    classic, rng, n = CLASSICS[name], np.random.default_rng(1), 24
+    classic, rng, n = ALL[name], np.random.default_rng(1), 24
     built = polynomials.build(classic.expression, classic.parameters, classic.centre)
     l, e = chords(rng, classic.radius, n)
     low = np.where(np.arange(n) < 8, -1, rng.uniform(-1, 1, n))
@@ -81,7 +89,7 @@ def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
         r = array(np.abs(middle) + half)
         reach = [Size(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
         size = polynomials.interpret(factor.code, [Size(dr.abs(x)) for x in slots], reach).x
-        noise = NOISE * 2.0**-53 * np.broadcast_to(np.array(size), n)
+        noise = roundings(factor.code) * 2.0**-53 * np.broadcast_to(np.array(size), n)
         assert len(line.c) == factor.degree + 1
         found = [np.broadcast_to(np.array(b), n) for b in bernstein(line.c, array(middle), array(half))]
         for k in range(n):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -12,8 +13,18 @@ from visray.roots.numbers import Line, Size, roundoff
 from visray.roots.refine import refined
 
 # A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it
-# (tests/test_roots.py).
+# (tests/test_roots.py): they rarely go the same way.
 NOISE = 4
+
+
+@cache
+def roundings(code: tuple) -> float:
+    """How many roundings a value is off at most; in a power all go the same way, as it is squared again and again."""
+    found: list[int] = []
+    for name, *at in code:
+        inner = 1 if name in ("slot", "axis") else max(found[i] for i in (at[:1] if name in ("pow", "neg") else at))
+        found.append(inner * at[1] if name == "pow" else inner)
+    return max(NOISE, found[-1] / 2)
 
 
 @dataclass(frozen=True)
@@ -70,7 +81,7 @@ class Along:
         """How far off its values are where no coordinate is larger."""
         sizes = [Size(dr.abs(x)) for x in self.slots]
         size = interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
-        return NOISE * roundoff(size) * size
+        return roundings(self.factor.code) * roundoff(size) * size
 
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:

@@ -72,8 +72,8 @@ class Row:
     @property
     def passed(self) -> bool:
         """Whether all is right that double can tell: every answer from eyes and from inside, with its distance and its
-        normal, and none unresolved; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, none at small angles; elsewhere
-        no error but by rounding."""
+        normal, and none unresolved; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, and none at
+        small angles; elsewhere no error but by rounding."""
         faults = self.truth_wrong, self.nan, self.gross, self.any_hit_differs
         if any(faults) or not self.judged:
             return False

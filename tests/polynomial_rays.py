@@ -17,7 +17,7 @@ from visray.ray import NO_OBJECT, Ray
 from visray.render import set_up
 from visray.scene.scene import Scene, Settings
 from visray.scenery import feel
-from visray.search import Watch, blocked, closest
+from visray.search import End, Watch, blocked, closest
 
 U = 2.0**-53
 PHI = Fraction(10**80 + isqrt(5 * 10**160), 2 * 10**80)
@@ -77,7 +77,9 @@ class Rig:
         if end is not None:
             end, inward = a.U(np.full(len(d), end, np.uint32)), a.B(np.ascontiguousarray(inward))
         active = dr.full(a.B, True, len(d))
-        plain = [np.array(blocked(self.watch(ray), ray, a.D(length), end, inward, active, p)) for p in (False, True)]
+        plain = [
+            np.array(blocked(self.watch(ray), ray, End(a.D(length), end, inward), active, p)) for p in (False, True)
+        ]
         assert np.array_equal(*plain)
         return plain[0]
 

@@ -36,7 +36,7 @@ from visray.primitives.solid import Solid
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Ray
 from visray.scene.scene import Film, Scene
-from visray.search import Watch, blocked, closest
+from visray.search import End, Watch, blocked, closest
 from visray.transforms import Translate
 
 A = Arrays.of("llvm", "single")
@@ -144,7 +144,7 @@ class World:
         length, end, inward = self.ends(rng)
         shaft = Ray(o, d, error=A.D(1e-15 * length))
         active = A.B(rng.random(n) < 0.9)
-        hidden = blocked(watch, shaft, A.D(length), A.U(end.astype(np.uint32)), A.B(inward), active, plain)
+        hidden = blocked(watch, shaft, End(A.D(length), A.U(end.astype(np.uint32)), A.B(inward)), active, plain)
         dr.eval(hit, hidden)
         return np.array(hit.t), np.array(hit.index), np.array(hidden)
 
@@ -465,9 +465,9 @@ def test_blocked_by_what_lies_between_and_by_nothing_else() -> None:
     active = dr.full(A.B, True, len(p))
     for plain in (False, True):
         watch = Watch(A, kin, ready.groups, o)
-        found = np.array(blocked(watch, shaft, A.D(length), end, inward, active, plain))
+        found = np.array(blocked(watch, shaft, End(A.D(length), end, inward), active, plain))
         assert found.tolist() == [c[4] for c in cases]
-        none = blocked(watch, shaft, A.D(length), end, inward, dr.full(A.B, False, len(p)), plain)
+        none = blocked(watch, shaft, End(A.D(length), end, inward), dr.full(A.B, False, len(p)), plain)
         assert not np.array(none).any()
 
 

@@ -19,13 +19,12 @@ STREAM = 16
 
 @dataclass(frozen=True)
 class Beam:
-    """Light on its way to a point: unit direction to the light, distance, cosine with the normal, whether any arrives.
+    """Light on its way to a point: unit direction to the light, cosine with the normal, whether any arrives.
 
     weight: what attenuation and aim leave of it; share: what transparent objects leave; None where that is all.
     """
 
     l: Any
-    distance: Any
     cosine: Any
     reached: Any
     weight: Any = None
@@ -90,9 +89,9 @@ def _from(s: Scenery, site: Site, lamp: Lamp, way: Any, watch: Watch | None = No
     distance = squared * inverse
     cosine = dr.dot(site.n, l)
     reached = site.hit.valid & (cosine > 0)
-    b = Beam(l, distance, cosine, reached, attenuation(s, lamp.light, distance))
+    b = Beam(l, cosine, reached, attenuation(s, lamp.light, distance))
     if middle is not None:
-        b = Beam(middle.l, distance, middle.cosine, reached & middle.reached, middle.weight)
+        b = Beam(middle.l, middle.cosine, reached & middle.reached, middle.weight)
     if watch is None:
         return b
     # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
@@ -118,7 +117,7 @@ def beam(s: Scenery, site: Site, lamp: Lamp) -> Beam:
         aim = a.F(aim)
         reached &= aim > 0
         weight = aim if weight is None else weight * aim
-    b = Beam(l, distance, cosine, reached, weight)
+    b = Beam(l, cosine, reached, weight)
     if not s.features["shadows"]:
         return b
     if lamp.watch is None:
@@ -140,7 +139,7 @@ def _from_afar(s: Scenery, site: Site, lamp: Lamp) -> Beam:
     weight = None
     if s.features["attenuation"]:
         weight = dr.select(lamp.light.a > 0, dr.rcp(lamp.light.a), 1)
-    b = Beam(l, dr.inf, cosine, site.hit.valid & (cosine > 0), weight)
+    b = Beam(l, cosine, site.hit.valid & (cosine > 0), weight)
     if not s.features["shadows"]:
         return b
     everywhere = dr.zeros(a.D, dr.width(site.surface.p))
@@ -159,8 +158,8 @@ def attenuation(s: Scenery, light: Any, distance: Any) -> Any:
 def _shadowed(s: Scenery, watch: Any, ray: Ray, end: End, b: Beam) -> Beam:
     """The beam with what is left of it beyond the objects on its way."""
     if not s.features["coloured shadows"]:
-        hidden = blocked(watch, ray, end.length, end.index, end.inward, b.reached, s.plain, end.lamp)
-        return Beam(b.l, b.distance, b.cosine, b.reached & ~hidden, b.weight)
+        hidden = blocked(watch, ray, end, b.reached, s.plain)
+        return Beam(b.l, b.cosine, b.reached & ~hidden, b.weight)
     tints = tuple((g.material.kt, g.material.dmax) for g in s.groups)
     share = transmitted(watch, ray, end, b.reached, tints, s.attached, s.plain)
-    return Beam(b.l, b.distance, b.cosine, b.reached, b.weight, share)
+    return Beam(b.l, b.cosine, b.reached, b.weight, share)

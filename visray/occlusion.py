@@ -11,7 +11,7 @@ from visray import warp
 from visray.guards import Cone
 from visray.ray import Ray
 from visray.scenery import Scenery, Site, felt_distance
-from visray.search import Watch, blocked, closest
+from visray.search import End, Watch, blocked, closest
 
 SKY, NEAR, TURN = 2, 3, 6
 
@@ -21,7 +21,7 @@ def sky(s: Scenery, site: Site) -> Any:
 
     def step(j: Any, seen: Any) -> tuple:
         ray = _ray(s, site, SKY, j)
-        hidden = blocked(watch, ray, dr.full(s.a.F, dr.inf, dr.width(seen)), None, None, site.hit.valid, s.plain)
+        hidden = blocked(watch, ray, End(dr.full(s.a.F, dr.inf, dr.width(seen))), site.hit.valid, s.plain)
         return (seen + dr.select(hidden, s.a.F(0), 1),)
 
     watch = _above(s, site)

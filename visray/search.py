@@ -264,21 +264,14 @@ class End:
     lamp: Any = None
 
 
-def blocked(
-    watch: Watch, ray: Ray, length: Any, end: Any, inward: Any, active: Any, plain: bool = False, lamp: Any = None
-) -> Any:
-    """Whether an object lies between the origin and the point at `length` along each ray.
-
-    `end` is the index of the object that point lies on, `inward` whether the ray reaches it from within; both None
-    where it lies on none that is known. `lamp`: how well that point is known, where it is a light's.
-    """
+def blocked(watch: Watch, ray: Ray, end: End, active: Any, plain: bool = False) -> Any:
+    """Whether an object lies between the origin and the end of each ray."""
 
     def stop(v: Visit, met: Callable, hidden: Any) -> tuple:
         return (hidden | met(),)
 
     start = (dr.full(watch.a.B, False, _width(watch, ray)),)
-    stops = End(length, end, inward, lamp)
-    return _between(watch, ray, stops, active, plain, start, stop, lambda hidden: hidden)[0] & active
+    return _between(watch, ray, end, active, plain, start, stop, lambda hidden: hidden)[0] & active
 
 
 def transmitted(watch: Watch, ray: Ray, end: End, active: Any, tints: tuple, feel: bool, plain: bool = False) -> Any:

@@ -80,5 +80,7 @@ def neighbour(path: Path) -> str:
     """A hint at a file of a similar name in the same folder, or nothing."""
     if not path.parent.is_dir():
         return ""
-    near = get_close_matches(path.name, [p.name for p in path.parent.iterdir() if p.is_file()], 1)
-    return f"; did you mean {str(path.parent / near[0])!r}?" if near else ""
+    # By the names without their ends, in which all files of a kind are alike.
+    files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
+    near = get_close_matches(path.stem, files, 1)
+    return f"; did you mean {str(path.parent / files[near[0]])!r}?" if near else ""

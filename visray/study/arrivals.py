@@ -114,7 +114,7 @@ def clear(ours: Ours, look: Look, ways: Ways, active: np.ndarray, arrives: bool 
     if not ours.made.scene.settings.shadows:
         return np.ones(len(ways.p), bool)
     watch, ray, end = _search(ours, look, ways, arrives)
-    return ~np.array(blocked(watch, ray, end.length, end.index, end.inward, ours.a.B(active)))
+    return ~np.array(blocked(watch, ray, end, ours.a.B(active)))
 
 
 def shares(ours: Ours, look: Look, ways: Ways, active: np.ndarray) -> np.ndarray:

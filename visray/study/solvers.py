@@ -17,7 +17,7 @@ from visray.ray import Ray
 from visray.render import set_up
 from visray.scene.scene import Scene, Settings
 from visray.scenery import feel
-from visray.search import Watch, blocked, closest
+from visray.search import End, Watch, blocked, closest
 from visray.study.exact.known_surface import Bundle, Surface
 from visray.study.ray_sets import Leaving
 from visray.trees import rows
@@ -104,7 +104,7 @@ class Kernel:
         dr.eval(ray)
         watch = self.watch(ray.o)
         again = closest(watch, ray)
-        between = blocked(watch, ray, self.a.D(self.far), None, None, self.a.B(True))
+        between = blocked(watch, ray, End(self.a.D(self.far)), self.a.B(True))
         t = dr.select(hit.valid, again.t, dr.nan)
         return np.array(t), np.array(between)
 

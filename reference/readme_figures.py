@@ -105,7 +105,7 @@ def polynomials() -> str:
     """Against POV-Ray and surf."""
     report = loaded("bench_povray")
     lines = [
-        "The same surface, camera, light and shadows in POV-Ray 3.7 (`poly`, `sturm` where it needs it) and in visray, two",
+        "The same surface, camera, light and shadows in POV-Ray 3.7 (`poly` with `sturm`) and in visray, two",
         f"threads each, {report['size']} x {report['size']}; the time of a sample per pixel at 1, 4 and 16 of them. Against surf, which",
         f"draws without shadows, on one thread: camera rays alone, {report['size_of_camera_rays']:,} x {report['size_of_camera_rays']:,}. Wrong pixels by exact",
         "arithmetic, of those at edges, where programs differ, and 20,000 at random:",

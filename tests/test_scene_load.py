@@ -261,7 +261,8 @@ def test_dump_names_the_files_of_textures_from_a_folder(
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     write(tmp_path, "{}")
     for path, what in (
-        (tmp_path / "y.json", f"no such file; did you mean '{tmp_path / 'x.json'}'?"),
+        (tmp_path / "xx.json", f"no such file; did you mean '{tmp_path / 'x.json'}'?"),
+        (tmp_path / "y.json", "no such file"),
         (tmp_path / "nowhere" / "far.json", "no such file"),
         (tmp_path, "is a folder; give a file in it"),
     ):

@@ -241,14 +241,17 @@ def _listed(text: str) -> tuple[str, ...]:
 
 @app.command
 def surfaces(*, json: Json = False) -> int:
-    """List the known polynomial surfaces, which a scene has by name."""
+    """List the known polynomial surfaces, which a scene has by name: parameters, and the radius of the clip.
+
+    With --json also how each is written, where that is from, and its singular points.
+    """
     if json:
         put({name: asdict(c) for name, c in CLASSICS.items()})
         return 0
-    table = Table("surface", "", "parameters", "radius of the clip", "f")
+    table = Table("surface", "", "parameters", "clip")
     for name, c in CLASSICS.items():
         given = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
-        table.add_row(name, c.title, given, f"{c.radius:g}", c.expression)
+        table.add_row(name, c.title, given, f"{c.radius:g}")
     Console().print(table)
     return 0
 

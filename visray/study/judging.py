@@ -72,8 +72,8 @@ class Row:
     @property
     def passed(self) -> bool:
         """Whether all is right that double can tell: every answer from eyes and from inside, with its distance and its
-        normal, and none unresolved; of rays that leave the surface at most MOST_LEFT hidden or lit wrongly, and none at
-        small angles; elsewhere no error but by rounding."""
+        normal, and none unresolved but near edges; of rays that leave the surface at most MOST_LEFT hidden or lit
+        wrongly, and none at small angles; elsewhere no error but by rounding."""
         faults = self.truth_wrong, self.nan, self.gross, self.any_hit_differs
         if any(faults) or not self.judged:
             return False
@@ -83,7 +83,8 @@ class Row:
         if self.rays not in ("camera", "inside"):
             return True
         turned = self.degrees is not None and self.degrees[0] > TURNED
-        return not (self.errors or self.loose or self.unresolved or turned)
+        unresolved = (self.unresolved or 0) > self.near_edge + self.open
+        return not (self.errors or self.loose or unresolved or turned)
 
     def per_million(self, count: int) -> tuple[float, float, float]:
         """A count per million rays, and its 95 % interval: the rule of three for none, else Wilson's."""

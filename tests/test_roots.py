@@ -1,6 +1,7 @@
 """Polynomials along chords against exact rationals: coefficients, bounds of rounding, the first crossing."""
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -128,6 +129,11 @@ def test_slopes_are_those_of_exact_arithmetic() -> None:
         assert found.slopes[i] == pytest.approx(float((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / 12), rel=1e-13)
 
 
+def plainly(c: tuple, noise: Any) -> Callable:
+    """What is asked for where coefficients are blurred, without more care."""
+    return lambda middle, half: (bernstein(c, middle, half), noise)
+
+
 def with_roots(rng: np.random.Generator, d: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients (d + 1, n), lowest first, of polynomials whose real roots in [-1, 1] are known; roots (r, n)."""
     count = int(rng.integers(0, d + 1))
@@ -155,7 +161,7 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     c = c * sign
     line = Line(*map(array, c))
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(line.c, lambda r: noise, D(-1), D(1), A.B(True))
+    part = isolated(line.c, lambda r: noise, plainly(line.c, noise), D(-1), D(1), A.B(True))
     s = np.array(refined(line, part, line(part.low), line(part.high), (-1, 1)))
     found = np.array(part.found)
     if not len(roots):
@@ -180,7 +186,7 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
         c = r * np.vstack([c, 0 * r]) - np.vstack([0 * r, c])
     c = np.vstack([c, 0 * r, 0 * r]) + np.vstack([0 * r, 0 * r, c])
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(tuple(map(array, c)), lambda r: noise, D(-1), D(1), A.B(True))
+    part = isolated(tuple(map(array, c)), lambda r: noise, plainly(tuple(map(array, c)), noise), D(-1), D(1), A.B(True))
 
     def structured(s: Any) -> Any:
         gap = array(r) - s
@@ -195,6 +201,7 @@ def test_touching_is_no_crossing() -> None:
     """(s - r)^2 touches zero: left behind, and counted, as rounding could make two crossings of it."""
     r = np.linspace(-0.9, 0.9, 501)
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
-    part = isolated(c, lambda _: array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2), D(-1), D(1), A.B(True))
+    noise = array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2)
+    part = isolated(c, lambda _: noise, plainly(c, noise), D(-1), D(1), A.B(True))
     assert not np.array(part.found).any()
     assert np.isin(np.array(part.unresolved), [0, 1]).all() and np.array(part.unresolved).mean() > 0.5

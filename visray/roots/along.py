@@ -8,8 +8,8 @@ from typing import Any
 import drjit as dr
 
 from visray.polynomials import Factor, interpret
-from visray.roots.march import Isolated, isolated, isolated_by_formula
-from visray.roots.numbers import Line, Size, roundoff
+from visray.roots.march import Isolated, converted, isolated, isolated_by_formula
+from visray.roots.numbers import Line, Size, Sure, roundoff
 from visray.roots.refine import refined
 
 # A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it
@@ -101,7 +101,12 @@ class Along:
         if self.factor.degree <= 2:
             part, s = isolated_by_formula(line.c, noise, *ends, active)
             return part.found, self._polished(f, line, part, s), part.unresolved
-        part = isolated(line.c, noise, *ends, active)
+
+        def closely(middle: Any, half: Any) -> tuple:
+            b, off = self.closely(middle, half)
+            return [x * turn for x in b], (off + floor) * scale
+
+        part = isolated(line.c, noise, closely, *ends, active)
         least = roundoff(floor)
         low, high = dr.maximum(line(part.low), least), dr.minimum(line(part.high), -least)
         if on_start is None:
@@ -109,6 +114,17 @@ class Along:
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
         flat = dr.select(on_start & (part.low == ends[0]), (floor + self.off_at(ends[0])) * scale, 0)
         return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
+
+    def closely(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
+        """Bernstein's coefficients on a part of the way and how far off they are, from its structure on that part."""
+        axes = []
+        for x, y in zip(self.way.l, self.way.e):
+            line = Line(dr.fma(middle, y, x), half * y)
+            # The places of the surface are those that its values are taken at: l + s e as it is rounded.
+            axes.append(Sure(line, 2 * roundoff(x) * Sure(line, 0).size))
+        sure = interpret(self.factor.code, tuple(Sure(Line(x), 0) for x in self.slots), tuple(axes))
+        rounds = len(sure.line.c) * roundoff(middle)
+        return converted(sure.line.c), sure.error + rounds * sure.size
 
     def runs_below(self, x: Any, zero: Any) -> Any:
         """Whether the way begins below zero, with the value x; where that is no more than rounding (`zero`), whether it

@@ -1,7 +1,7 @@
 """The part of a chord in which a polynomial is zero for the first time."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -14,6 +14,8 @@ from visray.roots.numbers import Line, roundoff
 # No root is looked for within a part that is narrower than so many roundings of its distance from the chord's middle
 # (or of 2^-30): beyond, the places s are no longer told apart.
 NARROWEST = 32
+# A part whose coefficients differ by no more than so many times what they are off is not worth to be halved.
+FLAT = 4
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,12 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
     for k in range(1, d + 1):
         c[k] = c[k] * power
         power = power * half
-    found: list[Any] = [None] * (d + 1)
+    return converted(c)
+
+
+def converted(c: Sequence) -> list[Any]:
+    """The same on [-1, 1]."""
+    d, found = len(c) - 1, [None] * len(c)
     for i in range(d // 2 + 1):
         row = conversion(d)[i]
         even, odd = c[0], row[1] * c[1]
@@ -67,12 +74,14 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
     return found
 
 
-def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> Isolated:
+def isolated(c: tuple, noise: Callable, closely: Callable, first: Any, last: Any, active: Any) -> Isolated:
     """The first crossing from above zero to below on [first, last], for a polynomial that counts as positive at first.
 
     noise(r): how far off its values are for |s| <= r. Where its sign changes more than once, the first part of the
-    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved. So is an interval
-    with coefficients that could be below zero but for the noise, where it is less in the half that is nearer to 0.
+    interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved.
+    closely(middle, half): coefficients in Bernstein's basis on a part, and how far off they are, with more care: asked
+    for where coefficients could be below zero but for the noise. Where they still could, the part is halved as long as
+    they differ by more than that.
     """
     d, n = len(c) - 1, max(map(dr.width, (*c, first, last, active)))
     number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
@@ -81,19 +90,23 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
         half = 0.5 * w
         middle = a + half
         b, off = bernstein(c, middle, half), noise(dr.abs(middle) + half)
-        changes, below, least = count(0), type(going)(False), b[0]
+        least, most = _range(b)
+        blurred = (least < 0) & (least >= -off)
+
+        def again(*_: Any) -> tuple:
+            b, off = closely(middle, half)
+            return (*b, off, *_range(b))
+
+        *b, off, least, most = dr.if_stmt((*b, off, least, most), blurred, again, lambda *same: same, label="blurred")
+        changes, below = count(0), type(going)(False)
         for x in b:
             changed = dr.select(below, x > off, x < -off)
             below ^= changed
             changes += dr.select(changed, count(1), 0)
-            least = dr.select(x < least, x, least)
         falls = b[d] < -off
         narrow = w <= NARROWEST * roundoff(w) * dr.maximum(dr.abs(middle), 2.0**-30)
         take = ((changes == 1) | narrow) & falls
-        blurred = (changes == 0) & (least < 0) & ~narrow
-        blurred = dr.if_stmt(
-            (blurred,), blurred, lambda _: (noise(dr.abs(middle)) < 0.5 * off,), lambda same: (same,), label="blurred"
-        )[0]
+        blurred &= (changes == 0) & (least < 0) & (most - least > FLAT * off) & ~narrow
         leave = ((changes == 0) & ~blurred) | (narrow & ~falls)
         steepest = (b[1] - b[0]) * d
         for i in range(2, d + 1):
@@ -117,6 +130,14 @@ def isolated(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> I
     start = *places, no | active, no, no, dr.zeros(count, n)
     a, w, _, found, unsure, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
     return Isolated(a, a + w, found, unresolved + dr.select(unsure, count(1), 0))
+
+
+def _range(b: Sequence) -> tuple[Any, Any]:
+    """The least and the greatest of some numbers."""
+    least = most = b[0]
+    for x in b[1:]:
+        least, most = dr.select(x < least, x, least), dr.select(x > most, x, most)
+    return least, most
 
 
 def isolated_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:

@@ -63,6 +63,41 @@ class Line:
         return Line(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
 
 
+# Of polynomials of up to so many coefficients the size is added up; of larger ones it is bounded by that of their parts.
+FEW = 5
+
+
+class Sure:
+    """A polynomial in s, with bounds of its size and of how far off it is for |s| <= 1, by running error analysis.
+
+    Source: Higham, section 3.3. A coefficient of a product is off by the errors of both and by a rounding a term.
+    """
+
+    def __init__(self, line: Line, error: Any, size: Any = None):
+        self.line, self.error = line, error
+        exact = size is None or len(line.c) <= FEW
+        self.size = sum(map(dr.abs, line.c)) if exact else size
+
+    def __add__(self, other: "Sure") -> "Sure":
+        return self._rounded(self.line + other.line, other)
+
+    def __sub__(self, other: "Sure") -> "Sure":
+        return self._rounded(self.line - other.line, other)
+
+    def _rounded(self, line: Line, other: "Sure") -> "Sure":
+        size = self.size + other.size
+        return Sure(line, dr.fma(roundoff(size), size, self.error + other.error), size)
+
+    def __neg__(self) -> "Sure":
+        return Sure(-self.line, self.error, self.size)
+
+    def __mul__(self, other: "Sure") -> "Sure":
+        line = self.line * (self.line if self is other else other.line)
+        rounds = (1 + min(len(self.line.c), len(other.line.c))) * roundoff(self.size)
+        error = self.size * dr.fma(rounds, other.size, other.error) + self.error * (other.size + other.error)
+        return Sure(line, error, self.size * other.size)
+
+
 class Size:
     """A bound of the sizes of all that is added up to a number: what its rounding is relative to."""
 

@@ -117,14 +117,15 @@ class Along:
 
     def closely(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
         """Bernstein's coefficients on a part of the way and how far off they are, from its structure on that part."""
-        axes = []
-        for x, y in zip(self.way.l, self.way.e):
-            line = Line(dr.fma(middle, y, x), half * y)
-            # The places of the surface are those that its values are taken at: l + s e as it is rounded.
-            axes.append(Sure(line, 2 * roundoff(x) * Sure(line, 0).size))
-        sure = interpret(self.factor.code, tuple(Sure(Line(x), 0) for x in self.slots), tuple(axes))
+        sure = self._sure(Line(dr.fma(middle, y, x), half * y) for x, y in zip(self.way.l, self.way.e))
         rounds = len(sure.line.c) * roundoff(middle)
         return converted(sure.line.c), sure.error + rounds * sure.size
+
+    def _sure(self, axes: Iterable) -> Sure:
+        """The factor where the coordinates are polynomials in s, with how far off it is: places too are rounded."""
+        known = (Sure(line, 0) for line in axes)
+        places = tuple(Sure(x.line, 2 * roundoff(x.size) * x.size) for x in known)
+        return interpret(self.factor.code, tuple(Sure(Line(x), 0) for x in self.slots), places)
 
     def runs_below(self, x: Any, zero: Any) -> Any:
         """Whether the way begins below zero, with the value x; where that is no more than rounding (`zero`), whether it
@@ -145,7 +146,7 @@ class Along:
 
     def off_at(self, s: Any) -> Any:
         """How far off the value by structure is at a point."""
-        return self.off(map(dr.abs, self.way.at(s)))
+        return self._sure(Line(dr.fma(s, y, x)) for x, y in zip(self.way.l, self.way.e)).error
 
     def value(self, s: Any) -> Any:
         """The factor by its structure."""

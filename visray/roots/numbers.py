@@ -63,7 +63,7 @@ class Line:
         return Line(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
 
 
-# Of polynomials of up to so many coefficients the size is added up; of larger ones it is bounded by that of their parts.
+# Of polynomials of up to so many coefficients the size is added up; of others it is bounded by that of their parts.
 FEW = 5
 
 

@@ -54,6 +54,8 @@ Outputs = Annotated[
     list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")
 ]
 INTERRUPTED = 130
+# What a picture says of its roots, where any were searched for.
+PROVEN = ("unresolved", "residual_ulps")
 
 
 def opened(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
@@ -132,8 +134,7 @@ def render_command(
     facts = image.metadata
     stopped = bool(facts["interrupted"])
     if json:
-        keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads")
-        keep = (*keep, "unresolved", "residual_ulps")
+        keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", *PROVEN)
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
         seconds = time.perf_counter() - begun
         put(

@@ -219,10 +219,7 @@ class Polynomial(Primitive):
         d = seen.placed.inverse.vector(ray.d)
         if not cls.closed:
             return super().passage(seen, ray, length, arrives, leaving)
-        t0, t1 = cls._limits(seen, d)
-        begin, end = dr.select(t0 > 0, t0, 0), dr.select(t1 < length, t1, length)
-        there = (t0 <= t1) & (begin < end)
-        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
+        (t0, t1), there, begin, end, chord = cls._part(seen, d, 0, length)
         # Where the ray leaves the surface, or comes to it, rounding may add a crossing.
         most = 2 + sum(f.degree for f in cls.form.factors)
 
@@ -243,20 +240,22 @@ class Polynomial(Primitive):
         return entered & (~last | (t1 < length) | arrives), inside
 
     @classmethod
-    def _limits(cls, seen: Near, d: Any) -> tuple[Any, Any]:
-        """The part of the line in the clip."""
-        d = seen.placed.unit(d)
-        return cls.solid.interval(seen.placed.unit(seen.o), d, dr.squared_norm(d))
+    def _part(cls, seen: Near, d: Any, near: Any, far: Any) -> tuple:
+        """The line's interval in the clip; whether any of it lies between two distances, where that begins and ends,
+        and the interval again: lanes that have none take part with one of their own, so that all in them is finite.
+        """
+        unit = seen.placed.unit(d)
+        t0, t1 = cls.solid.interval(seen.placed.unit(seen.o), unit, dr.squared_norm(unit))
+        begin, end = dr.select(t0 > near, t0, near), dr.select(t1 < far, t1, far)
+        there = (t0 <= t1) & (begin < end)
+        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
+        return (t0, t1), there, begin, end, chord
 
     @classmethod
     def _first(cls, seen: Near, d: Any, near: Any, far: Any, ends: Ends) -> tuple[Any, Any]:
         """The first crossing between the distances near and far, inf if there is none; and how many parts of the way
         are unresolved."""
-        t0, t1 = cls._limits(seen, d)
-        begin, end = dr.select(t0 > near, t0, near), dr.select(t1 < far, t1, far)
-        there = (t0 <= t1) & (begin < end)
-        # Lanes that miss take part in a chord of their own, so that nothing in them is infinite.
-        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
+        (t0, t1), there, begin, end, chord = cls._part(seen, d, near, far)
         starts_in = t0 <= near
         if ends.on_start is not None:
             # Who leaves the surface is in the clip, whatever rounding says.

@@ -27,6 +27,12 @@ def roundings(code: tuple) -> float:
     return max(NOISE, found[-1] / 2)
 
 
+def off(factor: Factor, slots: tuple, reach: Iterable) -> Any:
+    """How far off a factor's values are where no coordinate is larger."""
+    size = interpret(factor.code, [Size(dr.abs(x)) for x in slots], tuple(map(Size, reach))).x
+    return roundings(factor.code) * roundoff(size) * size
+
+
 @dataclass(frozen=True)
 class Way:
     """Parts of chords l + s e, s from -1 to 1 at the distance middle + half s: those from s = first to s = last."""
@@ -75,13 +81,8 @@ class Along:
 
     def noise(self, r: Any) -> Any:
         """How far off its values are for |s| <= r."""
-        return self.off(dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
-
-    def off(self, reach: Iterable) -> Any:
-        """How far off its values are where no coordinate is larger."""
-        sizes = [Size(dr.abs(x)) for x in self.slots]
-        size = interpret(self.factor.code, sizes, tuple(map(Size, reach))).x
-        return roundings(self.factor.code) * roundoff(size) * size
+        reach = (dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
+        return off(self.factor, self.slots, reach)
 
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:

@@ -36,7 +36,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
     """Where the way first crosses the surface of a form, with the values `slots`."""
     courses = [along(f, slots, way) for f in form.factors]
     active = active & (way.first < way.last)
-    at_start, at_end = ([p.value(s) for p in courses] for s in (way.first, way.last))
+    at_start = [p.value(way.first) for p in courses]
     off = [p.off_at(way.first) for p in courses]
     # A way that begins within rounding of a zero begins on the side that it runs to.
     signs = [p.runs_below(x, dr.abs(x) <= o) for x, o, p in zip(at_start, off, courses)]
@@ -46,7 +46,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
         # All of the value there is rounding: that of the point, and its own.
         floors = [dr.select(ends.on_start & n, dr.abs(x) + o, 0) for n, x, o in zip(near, at_start, off)]
     if ends.on_end is not None:
-        off = [p.off_at(way.last) for p in courses]
+        at_end, off = [p.value(way.last) for p in courses], [p.off_at(way.last) for p in courses]
         sizes = [dr.select(ends.on_end & n, dr.abs(x) + o, 0) for n, x, o in zip(_nearest(at_end, off), at_end, off)]
         floors = [dr.maximum(f, size) for f, size in zip(floors, sizes)]
     negative = reduce(operator.xor, signs) ^ (form.sign < 0)

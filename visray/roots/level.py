@@ -6,8 +6,8 @@ from typing import Any
 
 import drjit as dr
 
-from visray.polynomials import Form, interpret
-from visray.roots.along import Along
+from visray.polynomials import Factor, Form, interpret
+from visray.roots.along import off
 from visray.roots.numbers import Slope
 
 # A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
@@ -24,15 +24,15 @@ def sided(form: Form, slots: tuple, q: Any, reach: Any) -> Any:
     """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
     found = []
     for factor in form.factors:
-        one = Along(factor, slots, None, None)
-        slopes = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), _axes(q)).slopes
-        longest = sum(0 if p is None else dr.abs(p) for p in slopes)
-        found.append(longest * reach > one.off(map(dr.abs, q)))
+        longest = sum(0 if p is None else dr.abs(p) for p in _sloped(factor, slots, q).slopes)
+        found.append(longest * reach > off(factor, slots, map(dr.abs, q)))
     return reduce(operator.and_, found)
 
 
-def _axes(q: Any) -> tuple:
-    return tuple(Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
+def _sloped(factor: Factor, slots: tuple, q: Any) -> Slope:
+    """A factor with its slopes at a point."""
+    axes = (Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
+    return interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), tuple(axes))
 
 
 def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
@@ -42,9 +42,9 @@ def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
     """
     found = []
     for factor in form.factors:
-        s = interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), _axes(q))
+        s = _sloped(factor, slots, q)
         g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
-        found.append(_unit(Along(factor, slots, None, None), q, step, s.x, g))
+        found.append(_unit(factor, slots, q, step, s.x, g))
     f, g = found[0]
     others = type(f)(-1 if form.sign < 0 else 1)
     for near, normal in found[1:]:
@@ -54,7 +54,7 @@ def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
     return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
 
 
-def _unit(course: Along, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
     """A function and its gradient, both over the gradient's length. Where that is none, the function is zero if its
     value is only noise, and else nowhere near zero."""
     length = dr.norm(g)
@@ -64,12 +64,12 @@ def _unit(course: Along, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
         p, found = dr.detach(q), []
         for i in range(3):
             sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
-            high, low = (interpret(course.factor.code, dr.detach(course.slots), side) for side in sides)
+            high, low = (interpret(factor.code, dr.detach(slots), side) for side in sides)
             found.append(high - low)
         longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
         # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
         found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
-        far = dr.select(dr.abs(f) <= course.off(map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
+        far = dr.select(dr.abs(f) <= off(factor, slots, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
         return dr.normalize(type(p)(*found)), dr.detach(far)
 
     n = max(dr.width(q), dr.width(f))

@@ -45,8 +45,7 @@ def clipped(things: dict[str, dict], eye: tuple[float, ...], log: Log) -> None:
 
     It holds the camera and all around it up to its distance from the origin, and towards the origin three times as
     far. A larger ball would show no more of most surfaces, but costs accuracy: f is summed from powers of coordinates
-    as large as the ball. The heart of degree 6, multiplied out and seen from 10, has lost a hundredth of its rim in a
-    ball of 40.
+    as large as the ball.
     """
     radius = min(max(2 * hypot(*eye), Ball.radius), FARTHEST)
     for name, thing in things.items():

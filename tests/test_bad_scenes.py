@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,11 @@ from test_paths import BLACK, HALF, WHITE, plain
 from test_render import compiled
 
 import visray as vr
+from visray import exposure
 from visray import film as films
 from visray.cli import main
 from visray.features import RULES, features
 from visray.render import check_numbers, expose, set_up
-
-# The package's own name for it is the function.
-rendering = import_module("visray.render")
 
 GLASS = vr.Material(
     ka=(0.1, 0.1, 0.1), kd=(0.2, 0.3, 0.2), ks=HALF, shininess=20.5, kt=(0.6, 0.8, 0.7), ior=1.5, dmax=2.0
@@ -370,7 +367,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
         camera=vr.Camera(origin=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0)), film=vr.Film(width=21, height=15),
         objects={"far": vr.Sphere(center=(9.0, 9.0, 0.0)), "ball": vr.Sphere()}, settings=vr.Settings(spp=2),
     )  # fmt: skip
-    once = rendering.exposed_once
+    once = exposure.exposed_once
 
     def spoilt(*pixels: tuple[int, int]) -> Callable:
         def exposed(made: Any, *rest: Any) -> Any:
@@ -382,17 +379,17 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
         return exposed
 
-    monkeypatch.setattr(rendering, "exposed_once", spoilt((10, 7)))
+    monkeypatch.setattr(exposure, "exposed_once", spoilt((10, 7)))
     with pytest.raises(vr.UserError) as caught:
         vr.render(scene, progress=False)
     assert str(caught.value).startswith("pixel 10, 7, which shows objects.ball: is not a number;")
-    monkeypatch.setattr(rendering, "exposed_once", spoilt((2, 1)))
+    monkeypatch.setattr(exposure, "exposed_once", spoilt((2, 1)))
     with pytest.raises(vr.UserError, match=r"^pixel 2, 1, which shows nothing: is not"):
         vr.render(scene, progress=False)
-    monkeypatch.setattr(rendering, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
+    monkeypatch.setattr(exposure, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
     with pytest.raises(vr.UserError, match="and 2 pixels more: is not a number;"):
         vr.render(scene, progress=False, layers=("RGB",))
     # With every number sound, nothing is refused.
-    monkeypatch.setattr(rendering, "exposed_once", once)
+    monkeypatch.setattr(exposure, "exposed_once", once)
     made = set_up(scene)
-    check_numbers(made, expose(made)[0])
+    check_numbers(made, np.array(expose(made)[0].mean))

@@ -20,8 +20,7 @@ from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
 from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
-from visray.render import Set, expose, set_up
-from visray.render import _pictures as pictures
+from visray.render import Set, developed, expose, rasters, set_up
 from visray.scene.address import replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
@@ -206,7 +205,7 @@ def exposed(scene: Scene, everything: bool) -> dict[str, np.ndarray]:
     made = set_up(scene, everything=everything)
     film, done = expose(made)
     assert done == scene.settings.spp
-    return pictures(made, film, done, ("RGB", "A", "variance"))
+    return rasters(made, developed(made, film, done)[0], ("RGB", "A", "variance"))
 
 
 def kernel(made: Set) -> dict[str, Any]:

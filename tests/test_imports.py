@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
-errors version
+clock errors version
 llvm
 quantities trees
 ray geometry transforms
@@ -25,7 +25,7 @@ primitives.polynomial primitives
 scene.scene
 scene
 features progress output.files output.exr output.png output.image output
-bvh images
+bvh images rounding
 tables sampling film texturing
 guards
 search
@@ -34,6 +34,8 @@ lighting occlusion
 shading
 paths
 integrator
+exposure
+halves truncation reachable allocation adaptive
 render
 gradients
 study

@@ -581,6 +581,92 @@ def test_numbers_of_a_polynomial_are_data_not_code() -> None:
     assert compiled(lambda: picture(looked_at(replace(thing, expression="(x - a)^4 + y^4 + z^2 - 0.4*b")))) > 0
 
 
+# How far off crossings may be
+
+LOOSE = {
+    "heart": Polynomial(surface="heart"),
+    "barth-decic": Polynomial(surface="barth-decic"),
+    "torus": surface(TORUS, 1.6, transform=(vr.Scale(scale=(1.0, 2.0, 0.5)), vr.Translate(translate=(3.0, 1.0, 2.0)))),
+    "capped": surface("(x^2 + y^2 + z^2 - 1)*(x^4 + y^4 - z^4)", 1.4, (0.1, 0.2, 0.3), ends="capped"),
+    "block": replace(surface(BARTH), clip=Block(min=(-1.0, -0.5, -1.0), max=(0.5, 1.0, 1.5))),
+}
+
+
+@pytest.mark.parametrize("name", LOOSE)
+def test_crossings_are_no_farther_off_than_the_tolerance(name: str) -> None:
+    """20 000 rays: those that hit are the same, and the distances within the tolerance times half the chord, which is
+    at most that of the clip's sphere; the looser the farther off."""
+    thing, rng = LOOSE[name], np.random.default_rng(32)
+    low, high = thing.bounds()
+    reach = 0.5 * float((high - low).max())
+    o, d = rays_at(rng, 20_000, reach)
+    o = o + 0.5 * (low + high)
+    exact, index = Rig(thing).first(o, d)
+    met = np.isfinite(exact)
+    assert met.sum() > 2000
+    farthest = []
+    for tolerance in (1e-3, 1e-6, 1e-9, 1e-12):
+        t, other = Rig(replace(thing, tolerance=tolerance)).first(o, d)
+        assert np.array_equal(index, other)
+        off = np.abs(t - exact)[met]
+        rounding = 64 * U * (np.linalg.norm(o, axis=1) + reach)[met]
+        assert (off <= tolerance * reach + rounding).all()
+        farthest.append(off.max())
+    assert farthest[0] > 1e3 * farthest[2] > 0 and farthest == sorted(farthest, reverse=True)
+
+
+@pytest.mark.filterwarnings("ignore:what is seen is up to")
+def test_without_a_tolerance_there_is_no_code_for_it() -> None:
+    """0 is as if nothing were said: the same kernel, the same picture and residual. Any other is one more kernel, and
+    which it is does not matter. Degrees 1 and 2 have none."""
+    heart, round_ = Polynomial(surface="heart"), polynomial_sphere((0.0, 0.0, 0.0), 1.0)
+    assert replace(heart, tolerance=0.0).kind is heart.kind
+    assert replace(heart, tolerance=1e-3).kind is replace(heart, tolerance=1e-9).kind is not heart.kind
+    assert replace(round_, tolerance=1e-3).kind is round_.kind
+
+    def layers(tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+        scene = looked_at(replace(heart, tolerance=tolerance))
+        image = vr.render(scene, progress=False, layers=("RGB", "residual"))
+        return image["RGB"], image["residual"]
+
+    before = layers(0.0)
+    assert compiled(lambda: layers(0.0)) == 0
+    assert all(np.array_equal(x, y, equal_nan=True) for x, y in zip(before, layers(0.0)))
+    assert compiled(lambda: layers(1e-4)) > 0
+    found = [layers(1e-4)]
+    assert compiled(lambda: found.append(layers(1e-10))) == 0
+    residuals = [np.nanmax(residual) for _, residual in (*found, before)]
+    assert residuals[0] > 100 * residuals[1] > 100 * residuals[2] > 0
+    errors = [np.abs(light - before[0]).mean() for light, _ in found]
+    assert errors[0] > errors[1] and errors[0] < 0.05
+    assert all(np.isfinite(light).all() for light, _ in found)
+
+
+@pytest.mark.parametrize("ends", ["open", "capped"])
+def test_loose_crossings_of_glass_end(ends: str) -> None:
+    """As loose as can be, through reflections, refractions, shadows in colour: all numbers are finite."""
+    glass = vr.Material(kd=(0.1, 0.1, 0.1), kr=(0.3, 0.3, 0.3), kt=(0.7, 0.8, 0.9), ior=1.3, dmax=3.0)
+    for tolerance in (1.0, 1e-3):
+        thing = replace(LOOSE["capped"], ends=ends, tolerance=tolerance)
+        scene = looked_at(thing, materials={"m": glass}, settings=replace(VIEW.settings, depth=6))
+        scene = replace(scene, objects=scene.objects | {"floor": vr.Plane(point=(0.0, -1.5, 0.0))})
+        assert np.isfinite(picture(scene)).all()
+
+
+@pytest.mark.filterwarnings("ignore:creases are in view")
+def test_derivatives_where_crossings_are_loose() -> None:
+    """They are those at the point that is found: as far off as that point is."""
+    near = vr.Camera(origin=(0.1, 0.2, 4.0), target=(0.0, 0.0, 1.0), fov=6.0)
+    dome = surface("x^2 + y^4 + z^2*(1 + x) - k", 4.0, (0.1, 0.2, 0.3), parameters={"k": 3.0})
+    slopes = [
+        vr.derivative(looked_at(replace(dome, tolerance=x), camera=near), "objects.k.parameters.k")
+        for x in (0.0, 1e-3, 1e-9)
+    ]
+    assert np.abs(slopes[0]).max() > 0.01
+    assert 1e-6 < np.abs(slopes[1] - slopes[0]).max() < 1e-2
+    assert np.abs(slopes[2] - slopes[0]).max() < 1e-8
+
+
 # What is felt
 
 

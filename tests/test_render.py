@@ -4,15 +4,14 @@ import json
 import signal
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 import drjit as dr
 import numpy as np
 import pytest
 
+from visray import exposure, integrator
 from visray import film as films
-from visray import integrator
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.film import Film as Exposure
@@ -22,14 +21,11 @@ from visray.lights import PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
-from visray.render import LAYERS, PROOF, expose, exposed_once, render, set_up
+from visray.render import LAYERS, PROOF, PURSUED, expose, exposed_once, render, set_up
 from visray.sampling import Plan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings
 from visray.transforms import Rotate
-
-# The package's own name for it is the function.
-rendering = import_module("visray.render")
 
 BLACK = (0.0, 0.0, 0.0)
 SHOW = Scene(
@@ -159,11 +155,11 @@ def test_one_pass_and_many_make_the_same_picture(precision: str) -> None:
 
 def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = picture(SHOW, spp=24)
-    monkeypatch.setattr(rendering, "first_pass", lambda made: 5 * len(made.order))
-    monkeypatch.setattr(rendering, "PASS_SECONDS", 1e-9)
+    monkeypatch.setattr(exposure, "first_pass", lambda made: 5 * len(made.order))
+    monkeypatch.setattr(exposure, "PASS_SECONDS", 1e-9)
     counts = []
-    once = rendering.exposed_once
-    monkeypatch.setattr(rendering, "exposed_once", lambda *a: counts.append(a[-1]) or once(*a))
+    once = exposure.exposed_once
+    monkeypatch.setattr(exposure, "exposed_once", lambda *a: counts.append(a[-1]) or once(*a))
     parts = picture(SHOW, spp=24)
     assert len(counts) > 3 and sum(counts) == 24
     assert np.abs(whole - parts).max() <= gamma(2 * 24 + 4, "single") * 2 * max(1, whole.max())
@@ -229,8 +225,8 @@ def test_film_joins_moments_as_numpy_does() -> None:
 
 def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt in the second pass: that pass is finished, the next is not begun, and the picture says so."""
-    monkeypatch.setattr(rendering, "first_pass", lambda made: 2 * len(made.order))
-    once, passes = rendering.exposed_once, []
+    monkeypatch.setattr(exposure, "first_pass", lambda made: 2 * len(made.order))
+    once, passes = exposure.exposed_once, []
 
     def interrupted(made, film, settings, done, count):
         passes.append(count)
@@ -238,11 +234,11 @@ def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) 
             signal.raise_signal(signal.SIGINT)
         return once(made, film, settings, done, count)
 
-    monkeypatch.setattr(rendering, "exposed_once", interrupted)
+    monkeypatch.setattr(exposure, "exposed_once", interrupted)
     image = render(SHOW, spp=1000, progress=False, layers=("RGB",))
     assert len(passes) == 2
     assert image.metadata["spp"] == sum(passes) < 1000 and image.metadata["spp_asked"] == 1000
-    monkeypatch.setattr(rendering, "exposed_once", once)
+    monkeypatch.setattr(exposure, "exposed_once", once)
     # The same samples as those of a render that is cut there.
     film, made = in_passes(replace(SHOW, settings=Settings(spp=1000)), passes)
     kept = np.empty((len(made.order), 3))
@@ -255,7 +251,7 @@ def test_second_ctrl_c_ends_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(rendering, "exposed_once", interrupted)
+    monkeypatch.setattr(exposure, "exposed_once", interrupted)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         render(SHOW, progress=False)
@@ -286,7 +282,8 @@ def test_rows_are_in_the_order_of_the_picture() -> None:
 @pytest.mark.parametrize("size", [(1, 1), (3, 1), (1, 2)])
 def test_smallest_pictures(size: tuple[int, int]) -> None:
     image = render(SHOW, size=size, spp=3, progress=False)
-    assert list(image.layers) == [name for name in LAYERS if name not in PROOF]  # no roots are searched for
+    # No roots are searched for, and no error is asked for.
+    assert list(image.layers) == [name for name in LAYERS if name not in PROOF + PURSUED]
     for layer in image.layers.values():
         assert layer.shape[:2] == (size[1], size[0]) and np.isfinite(layer[image["id"] > 0]).all()
     one = render(SHOW, size=size, spp=1, progress=False)

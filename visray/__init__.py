@@ -8,7 +8,8 @@
 A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
 """
 
-# ruff: noqa: E402 - the order matters here
+# ruff: noqa: E402, F401 - the order matters here
+from visray import clock  # isort: skip
 from visray import llvm
 
 llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once

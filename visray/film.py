@@ -42,9 +42,10 @@ class Film:
         dr.eval(film)
         return film
 
-    def plus(self, a: Arrays, m: Moments, before: int, count: int) -> "Film":
-        """The film after a pass of `count` samples that follows `before` samples. Source: Chan, Golub, LeVeque 1979."""
-        n, k = dr.opaque(a.D, before), dr.opaque(a.D, count)
+    def plus(self, a: Arrays, m: Moments, before: Any, count: Any) -> "Film":
+        """The film after a pass of `count` samples that follows `before` samples: numbers, or opaque ones for each
+        pixel. Source: Chan, Golub, LeVeque 1979."""
+        n, k = (dr.opaque(a.D, x) if isinstance(x, int) else a.D(x) for x in (before, count))
         inverse = dr.rcp(k)
         shift = a.W(m.total) * inverse
         delta = a.W(m.reference) + shift - self.mean

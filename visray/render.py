@@ -2,93 +2,39 @@
 
 import json
 import platform
-import time
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from visray import film as films
-from visray import images, integrator, llvm, tables
+from visray import integrator
+from visray.adaptive import Goal, pursued
 from visray.errors import UserError
+from visray.exposure import Set, arrays, expose, exposed_once, first_pass, lanes, set_up  # noqa: F401 - for now
 from visray.features import Features, features
+from visray.halves import LUMINANCE
 from visray.output.image import Image
-from visray.progress import Bar, Patience
-from visray.quantities import BACKENDS, Arrays
-from visray.sampling import Plan
+from visray.progress import Patience
+from visray.reachable import Files
 from visray.scene.load import checked, load
-from visray.scene.scene import Scene, Settings
+from visray.scene.scene import Scene
 from visray.version import __version__
 
-# Passes after the first are fitted to this.
-PASS_SECONDS = 0.5
 # What tells how well the crossings are known that are searched for.
 PROOF = ("unresolved", "residual")
 DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id", *PROOF)
-LAYERS = ("RGB", "A", "variance", *DATA_LAYERS)
-
-
-@dataclass(frozen=True)
-class Set:
-    """A scene set up for rendering: its stage, and the pixels in the order of the lanes."""
-
-    scene: Scene
-    a: Arrays
-    features: Features
-    stage: integrator.Stage
-    order: np.ndarray
-    x: Any
-    y: Any
-
-
-def set_up(
-    scene: Scene,
-    backend: str = "llvm",
-    everything: bool = False,
-    plain: bool = False,
-    wrt: tuple[str, ...] = (),
-    attach: Callable[[tuple[tables.Kinship, ...], tables.Tables], None] | None = None,
-    without: tuple[str, ...] = (),
-) -> Set:
-    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search; `without`
-    names effects that are left out.
-
-    wrt: the addresses that derivatives are taken by; `attach` enables them in the tables, before anything is computed.
-    """
-    a = arrays(backend, scene.settings.precision)
-    width, height = scene.film.width, scene.film.height
-    films.check_size(width, height)
-    kin, on = tables.kinships(scene), features(scene, wrt, everything, without)
-    packed = tables.pack(scene, a)
-    if attach is not None:
-        attach(kin, packed)
-    ready = tables.prepare(packed, kin, (width, height), a, images.pack(a, scene.textures))
-    stage = integrator.stage(ready, kin, scene, on, a, plain)
-    return Set(scene, a, on, stage, *lanes(a, width, height))
-
-
-def arrays(backend: str, precision: str) -> Arrays:
-    """The array types of a backend, or one line that says why it cannot be had."""
-    if backend not in BACKENDS:
-        raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
-    if backend == "llvm":
-        llvm.require()
-    elif not dr.has_backend(getattr(dr.JitBackend, {"cuda": "CUDA", "metal": "Metal"}[backend])):
-        raise UserError(f"backend = {backend!r}: this machine has no such device; use --backend llvm")
-    return Arrays.of(backend, precision)
-
-
-def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
-    """The pixels in the order of the lanes, and their columns and rows."""
-    order = films.tiled(width, height)
-    y, x = np.divmod(order, width)
-    x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
-    dr.eval(x, y)
-    return order, x, y
+# What a picture made to an error, or in a time, has besides.
+PURSUED = ("error", "samples")
+LAYERS = ("RGB", "A", "variance", *PURSUED, *DATA_LAYERS)
+ANYWHERE = Files()
+# Seconds a pixel that a file with all layers takes to be written.
+WRITING = 1e-6
 
 
 def render(
@@ -103,27 +49,49 @@ def render(
     backend: str = "llvm",
     layers: Sequence[str] = LAYERS,
     progress: bool = True,
+    error: float | None = None,
+    time: float | None = None,
+    files: Files = ANYWHERE,
+    begun: float | None = None,
 ) -> Image:
     """The picture of a scene, or of a scene file. Ctrl-C keeps the passes that are done.
 
     spp, size, seed and precision replace what the scene says. layers: which of LAYERS to make; the data layers cost a
     kernel of their own. The metadata say how the picture was made.
+
+    error: instead of spp, samples until the error is no larger, with a chance of 95 %: the root of the mean square over
+    pixels and channels, in linear light, over the picture's mean luminance. time: the best picture in so many seconds,
+    with all that is to be set up and compiled. Of both, what comes first. More samples go where there is more noise,
+    without bias (adaptive.py). files: what the picture is for; an error below their rounding is refused, and there is
+    `time` to write them. begun: from when the time counts (time.perf_counter), else from now.
     """
+    now = perf_counter()
+    goal = Goal.asked(error, time, spp, now if begun is None else begun)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
     scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    if goal:
+        goal = replace(goal, reserve=WRITING * scene.film.width * scene.film.height * len(files.paths))
+        # Strata need the number of samples beforehand.
+        scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
     layers = wanted(layers)
     if threads is not None:
         set_threads(threads)
-    begun = time.perf_counter()
     made = set_up(scene, backend)
     with Patience() as patience:
-        film, done = expose(made, progress, patience)
-        check_numbers(made, film)
-        pictures = _pictures(made, film, done, layers)
-    seconds = time.perf_counter() - begun
+        if goal:
+            # First, as its kernel takes time too.
+            data = _data_layers(made, layers)
+            found = pursued(made, goal, files, progress, patience)
+            colours, done, more = found.layers, 0, found.facts
+        else:
+            film, done = expose(made, progress, patience)
+            colours, more = developed(made, film, done)
+            data = _data_layers(made, layers)
+        check_numbers(made, colours["RGB"])
+    pictures = rasters(made, colours | data, layers)
     proof = _proof(pictures)
     _warn(proof, len(made.order))
-    facts = provenance(made, done, seconds) | proof
+    facts = provenance(made, done, perf_counter() - now) | more | proof
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
 
 
@@ -195,29 +163,9 @@ def set_threads(threads: int) -> None:
     dr.set_thread_count(threads)
 
 
-def expose(made: Set, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
-    """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
-    patience = patience or Patience()
-    settings, n = made.scene.settings, len(made.order)
-    film, done = films.Film.blank(made.a, n), 0
-    passes = -(-settings.spp * n // max(first_pass(made), n))
-    count = -(-settings.spp // passes)
-    with Bar("rendering", settings.spp, progress) as bar:
-        while done < settings.spp and not (done and patience.asked):
-            count = min(count, settings.spp - done)
-            begun = time.perf_counter()
-            film = exposed_once(made, film, settings, done, count)
-            done += count
-            bar.at(done)
-            # The first pass compiles, so it says little about how fast the next will be.
-            if done > count:
-                count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
-    return film, done
-
-
-def check_numbers(made: Set, film: films.Film) -> None:
-    """Refuses a film with a pixel that is not a number, and names the pixel and the object in it."""
-    bad = np.flatnonzero(~np.isfinite(np.array(film.mean)).all(0))
+def check_numbers(made: Set, mean: np.ndarray) -> None:
+    """Refuses a picture with a pixel that is not a number, and names the pixel and the object in it."""
+    bad = np.flatnonzero(~np.isfinite(mean).all(0))
     if not bad.size:
         return
     names = {i + 1: name for i, name in enumerate(made.scene.objects)}
@@ -228,35 +176,28 @@ def check_numbers(made: Set, film: films.Film) -> None:
     raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
 
 
-def first_pass(made: Set) -> int:
-    """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample."""
-    s = made.stage.scenery
-    on, settings = s.features, s.settings
-    rays = sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
-    rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
-    paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
-    trees = any(g.tree is not None for g in s.groups)
-    return 2**25 // ((1 + rays) * (1 + paths) * (8 if trees else 1))
+def developed(made: Set, film: films.Film, done: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Colour, coverage and variance of a film, and what it tells of its error: no more than that of independent
+    samples."""
+    transparent = made.scene.film.transparent
+    found = {"RGB": np.array(film.mean)}
+    found |= {"A": np.array(film.coverage) / done if transparent else np.ones(len(made.order))}
+    if done == 1:
+        return found, {}
+    found["variance"] = np.array(film.squares) / (done - 1)
+    luminance = float((LUMINANCE @ found["RGB"]).mean())
+    if luminance <= 0:
+        return found, {}
+    square = float(found["variance"].mean()) / done
+    return found, {"error_at_most": float(np.sqrt(square) / luminance)}
 
 
-def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:
-    """The film after one more pass."""
-    plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
-    film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
-    dr.eval(film)
-    dr.sync_thread()
-    return film
-
-
-def _pictures(made: Set, film: films.Film, done: int, layers: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The layers asked for, as arrays in the order of rows."""
-    found = {"RGB": film.mean, "A": film.coverage / done if made.scene.film.transparent else film.coverage * 0 + 1}
-    if done > 1:
-        found["variance"] = film.squares / (done - 1)
+def _data_layers(made: Set, layers: tuple[str, ...]) -> dict[str, Any]:
+    """The data layers, if any are asked for."""
     asked = set(layers) & set(DATA_LAYERS)
     if asked - set(PROOF) or (asked and any(k.kind.searched for k in made.stage.scenery.kin)):
-        found |= _data(made)
-    return {name: _raster(made, name, found[name]) for name in LAYERS if name in layers and name in found}
+        return _data(made)
+    return {}
 
 
 def _data(made: Set) -> dict[str, Any]:
@@ -278,6 +219,11 @@ def _data(made: Set) -> dict[str, Any]:
     } | ({} if h.residual is None else {"unresolved": h.unresolved, "residual": h.residual})
 
 
+def rasters(made: Set, found: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The layers asked for, of those in the order of lanes that were found, in the order of rows."""
+    return {name: _raster(made, name, found[name]) for name in LAYERS if name in layers and name in found}
+
+
 def _raster(made: Set, name: str, values: Any) -> np.ndarray:
     """A layer in the order of rows. Shapes: (H, W) or (H, W, channels)."""
     width, height = made.scene.film.width, made.scene.film.height
@@ -285,7 +231,7 @@ def _raster(made: Set, name: str, values: Any) -> np.ndarray:
         values = np.stack([np.array(v) for v in values])
     flat = np.array(values)
     flat = flat.T if flat.ndim == 2 else flat
-    picture = np.empty(flat.shape, np.uint32 if name in ("id", "unresolved") else np.float32)
+    picture = np.empty(flat.shape, np.uint32 if name in ("id", "unresolved", "samples") else np.float32)
     picture[made.order] = flat  # one entry for all pixels where all are alike
     return picture.reshape(height, width, *picture.shape[1:])
 

@@ -54,6 +54,13 @@ class Plan:
             *(dr.opaque(a.U, x) for x in (step, first * step % cells)),
         )
 
+    @staticmethod
+    def each(a: Arrays, seeds: np.ndarray, first: np.ndarray, count: np.ndarray) -> "Plan":
+        """Samples that differ from lane to lane in seed, first and count. No strata: not for "stratified"."""
+        own = (a.put(a.U, x.astype(np.uint32)) for x in (seeds, first, count))
+        one, none = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
+        return Plan(*own, one, dr.opaque(a.F, 1), none, none)
+
 
 def pixel_key(plan: Plan, x: Any, y: Any) -> Any:
     """A 32-bit number for each pixel and seed."""

@@ -33,6 +33,7 @@ CHANNELS = {
     "N": ("N.X", "N.Y", "N.Z"),
     "P": ("P.X", "P.Y", "P.Z"),
     "id": ("id.object",),
+    "samples": ("samples.count",),
     "unresolved": ("proof.unresolved",),
     "residual": ("proof.residual",),
 }

@@ -119,7 +119,7 @@ class Image:
         opaque = bool((alpha == 1).all())
         if not opaque:
             rgb = np.divide(rgb, alpha[..., None], out=np.zeros_like(rgb), where=alpha[..., None] > 0)
-        seen = _curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
+        seen = curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
         if not opaque:
             seen = np.dstack([seen, alpha])
         return np.floor(seen * 255 + 0.5).astype(np.uint8)
@@ -181,7 +181,7 @@ def _real(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
+def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
     """Linear light from 0 to 1 as the fraction of full scale to display: sRGB (IEC 61966-2-1) or light^(1/gamma)."""
     if gamma == "srgb":
         return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

@@ -19,18 +19,19 @@ from visray.primitives.primitive import Primitive, scalars
 from visray.primitives.sphere import globe
 from visray.quantities import Arrays, Name, Real, stacked
 from visray.ray import Ray
-from visray.roots import Ends, Way
+from visray.roots import Crossing, Ends, Way
 from visray.surfaces import CLASSICS
 
 
 @dataclass(frozen=True)
 class Rows:
     """Polynomials of one form as arrays, an entry each: the form's slots, the parameters, the slopes of the slots by
-    each of these, and the clips."""
+    each of these, the tolerances (None: of none of them), and the clips."""
 
     slots: tuple
     parameters: tuple
     slopes: tuple
+    tolerance: Any
     clip: Any
 
     def placed(self, outer: Frame | None) -> "Placed":
@@ -41,7 +42,7 @@ class Rows:
                 # Zero, with the slope that a slot has.
                 slots = tuple(x + k * (p - dr.detach(p)) for x, k in zip(slots, slopes))
         inverse = Similarity(0 * o.x + 1, o).then(outer).inverse()
-        return Placed(inverse, slots, tuple(map(dr.rcp, self.clip.half())))
+        return Placed(inverse, slots, self.tolerance, tuple(map(dr.rcp, self.clip.half())))
 
     def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
         """Centre and radius of a sphere in the world that holds the clip."""
@@ -50,11 +51,12 @@ class Rows:
 
 @dataclass(frozen=True)
 class Placed:
-    """A polynomial in the world: the way into coordinates about the clip's centre, the slots, and 1 over the clip's
-    half extents."""
+    """A polynomial in the world: the way into coordinates about the clip's centre, the slots, the tolerance, and 1
+    over the clip's half extents."""
 
     inverse: Inverse | SimilarityInverse
     slots: tuple
+    tolerance: Any
     scale: tuple
 
     def unit(self, q: Any) -> Any:
@@ -78,6 +80,9 @@ class Polynomial(Primitive):
 
     `ends` says whether the surface is open where it is cut by the clip, or capped: a closed solid of all points of
     the clip where f < 0, as glass should be. Multiple factors count once.
+    `tolerance`: how far off a crossing may be along its ray, as a share of half the ray's chord in the clip: so by no
+    more than so many radii of the clip. 0: to the last digit. Degrees 1 and 2 have formulas, and no tolerance. It is
+    for studies of what accuracy costs: it saves next to nothing.
     uv: as on a globe about the clip's centre.
     """
 
@@ -88,10 +93,11 @@ class Polynomial(Primitive):
     parameters: dict[Name, Real] = field(default_factory=dict)
     clip: Annotated[Ball | Block, Field(discriminator="type")] | None = None
     ends: Literal["open", "capped"] = "open"
+    tolerance: Annotated[Real, Field(ge=0, le=1)] = 0.0
 
     searched = True
     # Those of a kind, whose objects have one form and clips of one kind. Without types: they would be fields.
-    form = solid = None
+    form = solid = loose = None
 
     def __post_init__(self):
         if self.surface in CLASSICS:
@@ -105,7 +111,10 @@ class Polynomial(Primitive):
 
     @property
     def kind(self) -> Any:
-        return _kind(self.built().form, self.closed, type(self.limits()), len(self.parameters))
+        form = self.built().form
+        # That there is a tolerance is structure, as code for it costs time even where it is 0; what it is is data.
+        loose = self.tolerance > 0 and any(f.degree > 2 for f in form.factors)
+        return _kind(form, self.closed, type(self.limits()), len(self.parameters), loose)
 
     def limits(self) -> Clip:
         """The clip, by default the named surface's own, or a ball of radius 5."""
@@ -171,6 +180,7 @@ class Polynomial(Primitive):
             slots=put([b.values for b in built]),
             parameters=put([list(k.values()) for k in known]),
             slopes=tuple(put([s[i] for s in slopes]) for i in range(len(known[0]))),
+            tolerance=a.put(a.D, np.array([x.tolerance for x in things], float)) if things[0].kind.loose else None,
             clip=stacked(a, type(limits[0]), limits),
         )
 
@@ -225,7 +235,7 @@ class Polynomial(Primitive):
 
         def step(at: Any, negative: Any, inside: Any, count: Any, going: Any) -> tuple:
             ends = Ends(count > 0, negative)
-            c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, chord, at, end), going, ends)
+            c = cls._crossing(seen, Way.of(seen.o, d, chord, at, end), going, ends)
             to = dr.select(c.found, c.t, end)
             inside += dr.select(c.negative, to - at, 0)
             return to, c.negative ^ c.found, inside, count + 1, going & c.found & (count < most)
@@ -238,6 +248,11 @@ class Polynomial(Primitive):
         if leaving is not None:
             entered |= leaving
         return entered & (~last | (t1 < length) | arrives), inside
+
+    @classmethod
+    def _crossing(cls, seen: Near, way: Way, active: Any, ends: Ends) -> Crossing:
+        """The first crossing of a way."""
+        return roots.first_crossing(cls.form, seen.placed.slots, way, active, ends, seen.placed.tolerance)
 
     @classmethod
     def _part(cls, seen: Near, d: Any, near: Any, far: Any) -> tuple:
@@ -265,7 +280,7 @@ class Polynomial(Primitive):
                 # A cap is convex: who leaves it outwards does not come back.
                 there &= ~(capped & ~ends.negative)
                 ends = Ends(ends.on_start & ~capped, ends.negative, ends.on_end)
-        c = roots.first_crossing(cls.form, seen.placed.slots, Way.of(seen.o, d, chord, begin, end), there, ends)
+        c = cls._crossing(seen, Way.of(seen.o, d, chord, begin, end), there, ends)
         if not cls.closed:
             return c.t, c.unresolved
         # A solid is entered through its cap, or left through it; but not where the way ends on it.
@@ -315,9 +330,9 @@ DIFFERENCE = 2.0**-13
 
 
 @cache
-def _kind(form: Form, closed: bool, clip: type[Clip], parameters: int) -> type[Polynomial]:
+def _kind(form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type[Polynomial]:
     """The polynomials that share their code."""
-    return type("Polynomial", (Polynomial,), {"form": form, "closed": closed, "solid": clip.solid})
+    return type("Polynomial", (Polynomial,), {"form": form, "closed": closed, "solid": clip.solid, "loose": loose})
 
 
 def _slopes(built: Built, known: dict[str, float], name: str) -> list[float]:

@@ -84,9 +84,9 @@ class Along:
         reach = (dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
         return off(self.factor, self.slots, reach)
 
-    def first(self, sign: Any, floor: Any, active: Any, on_start: Any) -> tuple[Any, Any, Any]:
+    def first(self, sign: Any, floor: Any, active: Any, on_start: Any, tolerance: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
-        how far off all values are by the rounding of the ends."""
+        how far off all values are by the rounding of the ends; tolerance: as in first_crossing."""
         # All is relative to the sizes of what is added up, so that products of values stay within a double's range.
         scale = roundoff(floor) / self.noise(1)
         turn = dr.mulsign(scale, dr.select(sign, type(scale)(-1), 1))
@@ -111,10 +111,11 @@ class Along:
         least = roundoff(floor)
         low, high = dr.maximum(line(part.low), least), dr.minimum(line(part.high), -least)
         if on_start is None:
-            return part.found, refined(f, part, low, high, ends), part.unresolved
+            return part.found, refined(f, part, low, high, ends, None, tolerance), part.unresolved
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
         flat = dr.select(on_start & (part.low == ends[0]), (floor + self.off_at(ends[0])) * scale, 0)
-        return part.found, refined(f, part, dr.select(flat > 0, flat, low), high, ends, flat), part.unresolved
+        low = dr.select(flat > 0, flat, low)
+        return part.found, refined(f, part, low, high, ends, flat, tolerance), part.unresolved
 
     def closely(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
         """Bernstein's coefficients on a part of the way and how far off they are, from its structure on that part."""

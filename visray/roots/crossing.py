@@ -32,8 +32,14 @@ class Ends:
     on_end: Any = None
 
 
-def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends = Ends()) -> Crossing:
-    """Where the way first crosses the surface of a form, with the values `slots`."""
+def first_crossing(
+    form: Form, slots: tuple, way: Way, active: Any, ends: Ends = Ends(), tolerance: Any = None
+) -> Crossing:
+    """Where the way first crosses the surface of a form, with the values `slots`.
+
+    tolerance: how far off s may be, where it is more than rounding; degrees 1 and 2 are not concerned. None: none,
+    and no code for it.
+    """
     courses = [along(f, slots, way) for f in form.factors]
     active = active & (way.first < way.last)
     at_start = [p.value(way.first) for p in courses]
@@ -56,7 +62,7 @@ def first_crossing(form: Form, slots: tuple, way: Way, active: Any, ends: Ends =
         negative = negative ^ wrong
     found, t, unresolved = active & ~active, dr.inf, 0
     for course, sign, floor in zip(courses, signs, floors):
-        there, s, left = course.first(sign, floor, active, ends.on_start)
+        there, s, left = course.first(sign, floor, active, ends.on_start, tolerance)
         there &= way.begun(s)
         distance = dr.select(there, way.distance(s), dr.inf)
         t = distance if len(courses) == 1 else dr.minimum(t, distance)

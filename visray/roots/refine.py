@@ -1,4 +1,4 @@
-"""A root to the last digit."""
+"""A root to the last digit, or to a tolerance."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,12 +13,15 @@ from visray.roots.numbers import roundoff
 WIDENED = 3e-4
 
 
-def refined(f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None) -> Any:
+def refined(
+    f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
+) -> Any:
     """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
     digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
 
     at_low, at_high: what counts as its values there. f is of order 1 or less. bounds: no end is moved beyond these.
     flat: what is no larger in size, and so of no sign, counts as above zero, as long as nothing larger has been found.
+    tolerance: how far off s may be where that is more than its last digit; None: it may not.
     Source: Chandrupatla 1997, with one division.
     """
     ulp = 2 * roundoff(part.low)
@@ -35,6 +38,8 @@ def refined(f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tupl
         a, fa = x, fx
         gap, ba, bc, ca = b - a, fb - fa, fb - fc, fc - fa
         least = 0.5 * ulp * (dr.abs(dr.select(dr.abs(fa) < dr.abs(fb), a, b)) + 0.5)
+        if tolerance is not None:
+            least = dr.maximum(least, 0.5 * tolerance)
         size, far, square = dr.abs(gap), dr.abs(c - b), bc * bc
         good = (ba * ba * far < size * square) & (ca * ca * far < (far - size) * square) & (ca != 0)
         curve = dr.abs(fa * (fc * ca * gap - (c - a) * fb * ba) / (ba * bc * ca))
@@ -42,17 +47,26 @@ def refined(f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tupl
         onwards = dr.maximum(least, dr.minimum(size - least, onwards))
         return a, b, fa, fb, a + dr.copysign(onwards, gap), going & (2 * least < size) & (fx != 0)
 
-    def between(low: Any, high: Any, active: Any) -> tuple:
-        state = high, low, at_high, at_low, 0.5 * (low + high), active
+    def closed_in(*state: Any) -> tuple:
         return dr.while_loop(state, lambda *state: state[-1], step, label="refine")[:4]
 
-    a, b, fa, fb = between(part.low, part.high, part.found)
+    middle = 0.5 * (part.low + part.high)
+    a, b, fa, fb = closed_in(part.high, part.low, at_high, at_low, middle, part.found)
     # At an end f's sign is not that of the polynomial that was isolated: then that end is moved.
     first = part.found & (fa != 0) & (b == part.low)
     last = part.found & (fa != 0) & (b == part.high)
     more = dr.maximum(part.high - part.low, WIDENED)
     low = dr.select(first, dr.maximum(part.low - more, bounds[0]), part.low)
     high = dr.select(last, dr.minimum(part.high + more, bounds[1]), part.high)
-    again = between(low, high, first | last)
+    if tolerance is None:
+        state = high, low, at_high, at_low, 0.5 * (low + high)
+    else:
+        # That end may only not have been looked at yet: it comes next, and the other one stays as near as it came.
+        state = a, dr.select(first, low, high), fa, fb, b
+    again = closed_in(*state, first | last)
     a, b, fa, fb = (dr.select(first | last, new, old) for new, old in zip(again, (a, b, fa, fb)))
-    return dr.select(dr.abs(fa) < dr.abs(fb), a, b)
+    better = dr.abs(fa) < dr.abs(fb)
+    if tolerance is not None:
+        # What is so near to where all begins is said to be beyond, not there: that would not count as met.
+        better = (better | (b == bounds[0])) & (a != bounds[0])
+    return dr.select(better, a, b)

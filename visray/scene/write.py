@@ -87,6 +87,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "parameters": "numbers by name, for those in the expression or instead of those of the known surface",
         "clip": "what part of the surface there is; by default that of the known surface, or a ball of radius 5",
         "ends": "whether the surface is open where the clip cuts it, or the solid where f < 0 is closed there",
+        "tolerance": "how far off crossings may be, from 0 to 1: a share of half a ray's chord in the clip",
     },
     Scale: {"scale": "one factor, or one for each axis; not 0"},
     Rotate: {"rotate": "degrees"},

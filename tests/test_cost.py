@@ -1,0 +1,326 @@
+"""What accuracy costs: a scene's own knobs, pictures by turns, a finer truth, and a report that holds together."""
+
+import csv
+import json
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import pytest
+from rich.console import Console
+
+from visray import load
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.images.reading import linear
+from visray.lights import PointLight, RectangleLight, SphereLight
+from visray.materials import Material
+from visray.primitives import Plane, Polynomial, Sphere
+from visray.progress import Patience
+from visray.render import render
+from visray.scene.address import changed
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
+from visray.study.cost import measuring, study, truth
+from visray.study.cost.floors import output
+from visray.study.cost.knobs import FACTORS, MORE, SAMPLES, default, knobs
+from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
+from visray.study.cost.records import Reference, Report
+from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
+from visray.study.cost.writing import as_csv, as_json, table
+
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
+ALWAYS = ["samples, stratified", "samples, sobol", "samples, independent", "precision", "accelerator"]
+SOFT = Scene(
+    camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),
+    film=Film(width=32, height=24),
+    lights={"window": RectangleLight(position=(2, 4, 2), width=(2, 0, 0), height=(0, 0, 2), samples=2)},
+    objects={"floor": Plane(), "ball": Sphere(center=(0, 0.7, 0), radius=0.7)},
+    settings=Settings(spp=4, seed=11),
+)
+FLAT = replace(SOFT, lights={}, background=(0.5, 0.5, 0.5), settings=Settings(spp=4, shading="albedo"))
+FLAT = replace(
+    FLAT,
+    camera=Camera(origin=(0, 5, 0), target=(0, 0, 0), up=(0, 0, 1)),
+    objects={"floor": Plane(), "unseen": Sphere(center=(0, 9, 0))},
+)
+
+
+@pytest.fixture(autouse=True)
+def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
+        return cost(SOFT, quick=True, progress=False)
+
+
+def names(scene: Scene) -> list[str]:
+    return [k.name for k in knobs(scene)]
+
+
+def addresses(name: str, scene: Scene) -> set[str]:
+    (knob,) = (k for k in knobs(scene) if k.name == name)
+    return {a for c in knob.all for a in c.settings}
+
+
+@pytest.mark.parametrize(
+    ("file", "more"),
+    [
+        ("normals", []),
+        ("penumbra", ["light samples"]),
+        ("nested-glass", ["depth"]),
+        ("heart", ["light samples", "sky rays", "depth", "roots"]),
+        ("ambient-occlusion", ["sky rays", "near rays"]),
+        ("scatter", ["light samples", "scatter rays"]),
+        ("earth", ["texture filter"]),
+        ("everything", ["light samples", "sky rays", "near rays", "scatter rays", "depth", "texture filter"]),
+    ],
+)
+def test_the_knobs_of_a_scene_are_those_of_its_effects(file: str, more: list[str]) -> None:
+    assert sorted(names(load(SCENES / f"{file}.json"))) == sorted([*ALWAYS, *more])
+
+
+def test_a_knob_is_there_where_its_effect_is_on_and_not_else() -> None:
+    assert names(replace(SOFT, lights={"lamp": PointLight(position=(2, 4, 2))})) == ALWAYS
+    assert names(replace(SOFT, objects={})) == ALWAYS[:-1]
+    shiny = {"default": Material(ka=(0.2, 0.2, 0.2), kr=(0.5, 0.5, 0.5))}
+    glow = {"lamp": SphereLight(position=(2, 4, 2), Ia=(0.1, 0.1, 0.1))}
+    all_on = replace(
+        SOFT,
+        materials=shiny | {"matte": Material()},
+        lights=glow,
+        objects=SOFT.objects | {"cup": Polynomial(expression="x^4 + y^4 - z"), "bowl": Plane(material="matte")},
+        settings=Settings(occlusion=Occlusion(sky=3, near=5), scatter=Scatter(rays=2)),
+    )
+    rays = ["light samples", "sky rays", "near rays", "scatter rays", "depth"]
+    assert names(all_on) == [*ALWAYS[:3], *rays, "precision", "roots", "accelerator"]
+    assert addresses("roots", all_on) == {"objects.cup.tolerance"}
+    # A quadric has a formula, and needs no tolerance.
+    round_ = replace(SOFT, objects={"ball": Polynomial(expression="x^2 + y^2 + z^2 - 1")})
+    assert "roots" not in names(round_)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+@pytest.mark.parametrize("file", ["penumbra", "heart", "nested-glass", "everything"])
+def test_the_scene_itself_is_on_every_ladder(file: str, quick: bool) -> None:
+    scene = load(SCENES / f"{file}.json")
+    turned = knobs(scene)
+    base = default(scene, turned)
+    for knob in turned:
+        own = [c for c in knob.choices(quick) if c.own]
+        other_sampler = knob.name.startswith("samples") and knob.name != f"samples, {scene.settings.sampler}"
+        assert len(own) == (0 if other_sampler else 1)
+        values = [c.value for c in knob.choices(quick)]
+        assert len(set(values)) == len(values) >= 2
+        if knob.kind == "sampling":
+            assert values == sorted(values)
+        for c in knob.choices(quick):
+            assert set(c.settings) <= set(base.settings)
+            assert changed(scene, base.settings | c.settings).hash() == c.of(scene).hash()
+            assert (c.of(scene).hash() == scene.hash() and not c.plain) == c.own
+
+
+def test_ladders() -> None:
+    by = {k.name: k for k in knobs(SOFT)}
+    assert [c.value for c in by["samples, independent"].few] == list(SAMPLES[0])
+    own = {*SAMPLES[1], SOFT.settings.spp, MORE * SOFT.settings.spp}
+    assert [c.value for c in by["samples, stratified"].all] == sorted(own)
+    assert [c.value for c in by["light samples"].few] == [1, 2, 4, 8] and len(FACTORS[0]) == 5
+
+
+def test_a_band_is_of_the_median_by_the_sign_test() -> None:
+    assert band([5, 3, 1, 4, 2, 9, 8, 7, 6]) == measuring.Band(5, 2, 8)
+    assert band([3, 1, 2]) == measuring.Band(2, 1, 3)
+    rng = np.random.default_rng(3)
+    caught = [b.low <= 0 <= b.high for b in (band(list(x)) for x in rng.normal(size=(2000, TURNS)))]
+    # 9 values: it misses with a chance of 0.039; in 2000, 113 misses are not once in 10^4 times.
+    assert 2000 - sum(caught) < 113
+
+
+def test_a_picture_is_that_of_a_render_with_its_seed() -> None:
+    studio = Studio(SOFT, list(range(11, 27)), Patience())
+    (taken,) = studio.prepared([default(SOFT, knobs(SOFT))])
+    assert studio.measure([taken]) == len(taken.pictures) == 16 and len(taken.times) == TURNS
+    for i in (0, 1, 15):
+        one = render(replace(SOFT, settings=replace(SOFT.settings, seed=11 + i)), progress=False)["RGB"]
+        assert np.abs(taken.pictures[i] - one).max() < 1e-5
+
+
+def test_seeds_samples_and_rays_are_data() -> None:
+    """Kernels are compiled once: not for other seeds, and not for other numbers of samples."""
+    studio = Studio(SOFT, list(range(16)), Patience())
+    by = {k.name: k for k in knobs(SOFT)}
+    choices = [*by["samples, sobol"].few[:2], *by["samples, stratified"].few[:2], *by["light samples"].few]
+    taken = studio.prepared(choices)
+    assert len(studio.compiled) == 2 and all(t.compile_seconds > 0 for t in taken)
+    smaller, again = studio.fitting(taken, 1e-9)
+    assert max(smaller.scene.film.width, smaller.scene.film.height) == SMALLEST
+    for s, t in ((studio, taken[0]), (studio, taken[-1]), (smaller, again[-1])):
+        made = t.made
+        for seeds in ([5, 6], [7, 8]):
+            _, kernels = measuring.exposed(made, measuring.blank(made, 2), seeds, 0, 2, s.mark)
+            assert {k["hash"] for k in kernels} <= set(studio.compiled)
+            assert all(k["cache_hit"] and not k["backend_time"] for k in kernels)
+
+
+def test_the_report(report: Report) -> None:
+    assert (report.scene, report.scene_hash) == ("a scene made in Python", SOFT.hash())
+    assert (report.width, report.height, report.seeds, report.quick) == (32, 24, LEAST_SEEDS, True)
+    assert not report.noiseless and not report.stopped and report.seconds > 0
+    assert [c.knob for c in report.curves] == names(SOFT)
+    d, curves = report.default, {c.knob: c for c in report.curves}
+    for p in [d, *(p for c in report.curves for p in c.points), *report.joint]:
+        assert p.times.shape == (TURNS,) and p.squares.shape == (LEAST_SEEDS,)
+        assert p.picture.shape == (24, 32, 3) and p.wrong.shape == (24, 32)
+        assert 0 < p.seconds.low <= p.seconds.middle <= p.seconds.high
+        assert set(p.settings) == set(d.settings) and p.operations > 0 and p.compile_seconds > 0
+        assert p.error.rmse.low <= p.error.rmse.middle <= p.error.rmse.high
+    assert d.geometry is not None and d.geometry.rays == 32 * 24
+    # As many as a random number converges: its interval holds 1/2, and stays away from the others.
+    slope = curves["samples, independent"].by_count
+    assert slope.low <= 0.5 <= slope.high and slope.high - slope.low < 0.2
+    assert curves["samples, sobol"].by_count.k > slope.k
+    single, double = curves["precision"].points
+    assert abs(single.error.rmse.middle - double.error.rmse.middle) < 1e-3 * d.error.rmse.middle
+    best = [p.error.rmse.middle for p in report.frontier]
+    assert best == sorted(best, reverse=True)
+    assert {h.knob for h in report.halvings} == {c.knob for c in report.curves if c.kind != "step"}
+    assert 0 < report.floors["8-bit output"] < 0.02 and report.floors.get("single precision", 0) < 1e-5
+    assert report.reference.settings["settings.precision"] == "double"
+    assert 1 <= len(report.joint) <= 4
+    assert report.machine["threads"] == dr.thread_count() and report.machine["date"]
+
+
+def test_the_reference_is_finer_than_what_is_measured(report: Report) -> None:
+    r = report.reference
+    assert r.picture.shape == r.variance.shape == (24, 32, 3)
+    assert r.error == pytest.approx(float(r.variance.mean() ** 0.5) / r.luminance)
+    assert r.error < min(p.error.rmse.middle for c in report.curves for p in c.points)
+    # Independent of what is measured: what all seeds share is no more than the noise of both.
+    assert report.default.error.bias.low <= 3 * r.error
+
+
+def test_writing(report: Report) -> None:
+    found = json.loads(json.dumps(as_json(report), allow_nan=False))
+    assert set(found["default"]["seconds"]) == {"middle", "low", "high"}
+    assert "picture" not in found["default"] and "variance" not in found["reference"]
+    assert [c["knob"] for c in found["curves"]] == names(SOFT)
+    assert len(found["default"]["squares"]) == LEAST_SEEDS
+    rows = list(csv.DictReader(StringIO(as_csv(report))))
+    assert len(rows) == 1 + sum(len(c.points) for c in report.curves) + len(report.joint)
+    assert rows[0]["knob"] == "default" and rows[0]["settings.spp"] == "4"
+    assert rows[0]["lights.window.samples"] == "2" and float(rows[0]["rmse"]) == report.default.error.rmse.middle
+    console = Console(width=150, record=True, file=StringIO())
+    console.print(table(report))
+    text = console.export_text()
+    for word in (*names(SOFT)[:4], "32 x 24", "16 seeds", "8-bit output", "reference"):
+        assert word in text
+
+
+def test_a_scene_without_noise_says_so() -> None:
+    report = cost(FLAT, quick=True, progress=False)
+    assert report.noiseless and any("all seeds" in n for n in report.notes)
+    for c in report.curves:
+        assert all(p.error.deviation.middle < 1e-7 for p in c.points) and c.by_count is None
+    assert report.joint == () and report.reference.error < 1e-7
+    json.dumps(as_json(report), allow_nan=False)
+    table(report)
+
+
+def test_a_black_picture_is_told() -> None:
+    dark = replace(FLAT, background=(0.0, 0.0, 0.0), objects={})
+    report = cost(dark, quick=True, progress=False)
+    assert report.reference.luminance == 1 and any("black" in n for n in report.notes)
+    json.dumps(as_json(report), allow_nan=False)
+
+
+class Impatience(Patience):
+    """Asks to stop at the n-th look."""
+
+    def __init__(self, n: int):
+        super().__init__()
+        self.left = n
+
+    @property
+    def asked(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+    @asked.setter
+    def asked(self, value: bool) -> None:
+        pass
+
+
+def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
+    # All are compiled, and three turns of two seeds measured, and a part of a fourth.
+    monkeypatch.setattr(study, "Patience", lambda: Impatience(4 * choices + 3))
+    report = cost(SOFT, quick=True, progress=False)
+    assert report.stopped and report.seeds == 6 and report.joint == ()
+    assert report.default.times.shape == (3,) and len(report.curves) == len(knobs(SOFT))
+    json.dumps(as_json(report), allow_nan=False)
+    for n in (3, 2 * choices + 1):
+        monkeypatch.setattr(study, "Patience", lambda n=n: Impatience(n))
+        with pytest.raises(KeyboardInterrupt):
+            cost(SOFT, quick=True, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "hint"),
+    [
+        ({"seeds": LEAST_SEEDS - 1}, f"from {LEAST_SEEDS}"),
+        ({"seeds": MOST_SEEDS + 1}, str(MOST_SEEDS)),
+        ({"seeds": 20.0}, "whole number"),
+        ({"threads": 0}, "threads"),
+    ],
+)
+def test_bad_input(options: dict[str, Any], hint: str) -> None:
+    with pytest.raises(UserError, match=hint):
+        cost(SOFT, quick=True, progress=False, **options)
+
+
+def test_bad_scenes() -> None:
+    with pytest.raises(UserError, match="visray Scene"):
+        cost(3, quick=True)
+    with pytest.raises(UserError):
+        cost(SCENES / "no-such-scene.json")
+
+
+def test_pictures_are_reduced() -> None:
+    assert LONGEST == (96, 192)
+    small = reduced(replace(SOFT, film=Film(width=640, height=400)), 96)
+    assert (small.film.width, small.film.height) == (96, 60)
+    assert reduced(SOFT, 96).film == SOFT.film
+
+
+def test_the_depth_of_the_reference_is_deep_enough() -> None:
+    """Between two mirrors light goes on for long."""
+    mirror = {"mirror": Material(kd=(0.1, 0.1, 0.1), kr=(0.9, 0.9, 0.9))}
+    hall = replace(
+        SOFT,
+        materials=mirror,
+        camera=Camera(origin=(0, 0.5, 0), target=(1, 0.6, 0)),
+        objects={
+            "one": Plane(material="mirror", normal=(1, 0, 0), point=(-1, 0, 0)),
+            "other": Plane(material="mirror", normal=(-1, 0, 0), point=(1, 0, 0)),
+        },
+        settings=Settings(spp=4, depth=3),
+    )
+    found = truth.truth(hall, [], 1e-3, (1, 2), 1.0, 2**31, Patience())
+    # 0.9^48 is 0.6 %, of 0.9^96 there are 0.004 %.
+    assert found.reference.settings["settings.depth"] >= 48
+
+
+def test_the_output_floor() -> None:
+    rng = np.random.default_rng(5)
+    exact = linear(rng.integers(0, 256, (8, 8, 3)) / 255)
+    assert output(Reference({}, 0, 0.5, 0, exact, exact * 0)) < 1e-15
+    middle = np.full((4, 4, 3), (linear(np.array(100 / 255)) + linear(np.array(101 / 255))) / 2)
+    half = float(linear(np.array(101 / 255)) - linear(np.array(100 / 255))) / 2
+    assert output(Reference({}, 0, 0.5, 0, middle, middle * 0)) == pytest.approx(half / 0.5, rel=0.05)

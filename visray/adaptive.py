@@ -1,0 +1,232 @@
+"""A picture to a given error, or as good as a given time allows: more samples where there is more noise.
+
+A pilot gives each pixel of both halves (halves.py) equally many samples. By how much it varies around a pixel, the
+pixel's share of all further samples is settled (allocation.py), and one number for the whole picture rises until the
+error is met or the time is spent. So what a pixel's own samples say never decides how many it gets, but for that
+number, which depends on all pixels alike: the picture has no bias.
+
+Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goes on, any first 2^k are stratified.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from visray.allocation import Allocation, around
+from visray.errors import UserError
+from visray.exposure import Set
+from visray.halves import Estimate, Halves
+from visray.progress import Bar, Patience
+from visray.reachable import Files, unavoidable
+
+# The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
+PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
+# Of an estimate that must not be above what is asked for.
+MARGIN = 0.98
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is asked for: an error, seconds from `begun` on (time.perf_counter), or whichever comes first. reserve:
+    seconds that are needed at the end."""
+
+    error: float | None
+    seconds: float | None
+    begun: float
+    reserve: float = 0.0
+
+    @staticmethod
+    def asked(error: float | None, seconds: float | None, spp: int | None, begun: float) -> "Goal | None":
+        """What the arguments of a render ask for; None where they ask for samples."""
+        if error is None and seconds is None:
+            return None
+        for name, value, example in (("error", error, 0.01), ("time", seconds, 10)):
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if value is not None and not (number and isfinite(value) and value > 0):
+                raise UserError(f"{name} = {value!r}: must be a number above 0, such as {example}")
+        if spp is not None:
+            raise UserError(f"spp = {spp}: goes with neither error nor time, which choose it; leave it out")
+        return Goal(error, seconds, begun)
+
+    def left(self) -> float:
+        """Seconds that are left for samples."""
+        return np.inf if self.seconds is None else self.seconds - self.reserve - self.passed()
+
+    def passed(self) -> float:
+        """Seconds that have passed."""
+        return time.perf_counter() - self.begun
+
+    def allowed(self, found: Estimate, bias: float) -> float:
+        """The mean square error that may be left; none where no error is asked for. bias: the square of what samples
+        do not take away."""
+        return 0.0 if self.error is None else float(np.square(self.error * found.luminance)) - bias
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What is to be expected after a pilot: mean samples of a pixel, the error then, and all seconds until then."""
+
+    spp: float
+    error: float
+    seconds: float
+
+    def text(self) -> str:
+        """In a sentence."""
+        return f"forecast: error {self.error:.2g} with {self.spp:.0f} samples per pixel, after {self.seconds:.1f} s"
+
+
+class Pursuit:
+    """Brings a picture to its goal. found: the error that it has reached; bias: the square of what samples do not take
+    away."""
+
+    def __init__(self, made: Set, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
+        self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
+        self.halves = Halves(made)
+        self.bias = 0.0
+
+    def run(self, files: Files) -> None:
+        """All of it; raises UserError for goals that cannot be reached."""
+        halves, goal = self.halves, self.goal
+        halves.compiled()
+        if goal.left() <= 0:
+            took = goal.passed() + goal.reserve
+            raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
+        self._pilot()
+        self.bias = unavoidable(halves, goal.error, files)
+        self.found = halves.estimate()
+        allocation = self._allocation()
+        self._tell(allocation)
+        while not self._reached():
+            targets = allocation.targets(self._number(allocation, 2.0))
+            if not (targets > halves.counts).any():
+                return
+            done = halves.extend(targets, self._going)
+            self.found = halves.estimate()
+            if not done:
+                return
+            allocation.learn(self.found.square, halves.counts)
+
+    def _pilot(self) -> None:
+        """As many samples of each pixel as tell who needs how many more."""
+        halves, count = self.halves, 1
+        halves.extend(np.full_like(halves.counts, count), lambda _: True)
+        while count < LONGEST_PILOT:
+            self.found = halves.estimate()
+            seconds = halves.rate * len(halves.counts) * count
+            # In little time a short pilot is better than none.
+            share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
+            if self._reached() or seconds > share * self.goal.left():
+                return
+            if count >= SHORTEST_PILOT:
+                allocation = self._allocation()
+                _, mean, _ = self._outlook(allocation, np.inf)
+                if 2 * count > PILOT_SHARE * mean:
+                    return
+            count *= 2
+            if not halves.extend(np.full_like(halves.counts, count), self._going):
+                return
+
+    def _allocation(self) -> Allocation:
+        """By the pilot."""
+        halves, film = self.halves, self.halves.made.scene.film
+        order = halves.made.order
+        pictures = np.ones((2, film.height * film.width))
+        if halves.counts.min() > 1:
+            pictures[:, order] = halves.spreads().reshape(2, -1)
+        near = around(*pictures.reshape(2, film.height, film.width))
+        allocation = Allocation.of(np.concatenate([x.ravel()[order] for x in near]), halves.counts)
+        allocation.learn(self.found.square, halves.counts)
+        return allocation
+
+    def _going(self, seconds: float) -> bool:
+        """Whether there is time for so many seconds more."""
+        self.bar.at(int(self.halves.counts.sum()))
+        return not self.patience.asked and seconds <= self.goal.left()
+
+    def _reached(self) -> bool:
+        found = self.found
+        high = np.square(found.high * found.luminance)
+        return bool(found.square == 0 or high <= self.goal.allowed(found, self.bias))
+
+    def _number(self, allocation: Allocation, growth: float) -> int:
+        """The number of the whole picture that meets the goal, or makes so many times the samples there are."""
+        return self._outlook(allocation, growth)[0]
+
+    def _outlook(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
+        """That number, and mean samples of a lane and mean square error that are expected then."""
+        found, lanes = self.found, len(self.halves.counts)
+        now = float(self.halves.counts.mean())
+        room = now + self.goal.left() / (self.halves.rate * lanes)
+        # That much above the estimate lies what the true error may be.
+        high = np.square(found.high / found.error) if found.error else 1.0
+        allowed = MARGIN * self.goal.allowed(found, self.bias) / high
+        last = now, found.square
+
+        def enough(mean: float, square: float) -> bool:
+            nonlocal last
+            good = mean >= min(growth * now, room) or square <= allowed
+            if good:
+                last = mean, square
+            return good
+
+        number = allocation.least(enough)
+        return number, *last
+
+    def _tell(self, allocation: Allocation) -> None:
+        """The forecast."""
+        _, mean, square = self._outlook(allocation, np.inf)
+        lanes, now = len(self.halves.counts), float(self.halves.counts.mean())
+        seconds = self.goal.passed() + self.goal.reserve + (mean - now) * lanes * self.halves.rate
+        error = float(np.sqrt(square + self.bias) / self.found.luminance) if self.found.luminance else 0.0
+        self.bar.total = int(mean * lanes)
+        self.say(Forecast(2 * mean, error, seconds))
+
+
+@dataclass(frozen=True)
+class Pursued:
+    """A picture that was brought to its goal: its layers in the order of lanes, (3, N) or (N), and what it says of
+    itself."""
+
+    layers: dict[str, np.ndarray]
+    facts: dict[str, Any]
+
+
+def pursued(made: Set, goal: Goal, files: Files, progress: bool, patience: Patience) -> Pursued:
+    """The picture that comes nearest to the goal. Ctrl-C keeps what is done."""
+    forecasts: list[Forecast] = []
+
+    def say(forecast: Forecast) -> None:
+        forecasts.append(forecast)
+        if progress:
+            sys.stderr.write(f"visray: {forecast.text()}\n")
+
+    with Bar("rendering", 1, progress) as bar:
+        pursuit = Pursuit(made, goal, patience, bar, say)
+        pursuit.run(files)
+    halves, found, counts = pursuit.halves, pursuit.found, pursuit.halves.counts.reshape(2, -1)
+    scale = 1 / found.luminance if found.luminance > 0 else 1.0
+    # What samples do not take away is in the error, and in both of its ends.
+    total = {
+        name: float(np.hypot(value, scale * np.sqrt(pursuit.bias)))
+        for name, value in (("error", found.error), ("error_low", found.low), ("error_high", found.high))
+    }
+    spp = counts.sum(0)
+    facts = {
+        "sampler": made.scene.settings.sampler,
+        "spp": round(float(spp.mean()), 2),
+        "spp_least": int(spp.min()),
+        "spp_most": int(spp.max()),
+        **total,
+        "depth_error": float(scale * np.sqrt(pursuit.bias)),
+        "forecast_error": forecasts[-1].error,
+        "forecast_spp": round(forecasts[-1].spp, 2),
+        "forecast_seconds": round(forecasts[-1].seconds, 2),
+    }
+    facts |= {} if goal.error is None else {"error_asked": float(goal.error)}
+    facts |= {} if goal.seconds is None else {"time_asked": float(goal.seconds)}
+    return Pursued(halves.layers(), facts)

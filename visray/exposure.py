@@ -1,0 +1,120 @@
+"""A scene set up for rendering, and its film after so many samples."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import film as films
+from visray import images, integrator, llvm, tables
+from visray.errors import UserError
+from visray.features import Features, features
+from visray.progress import Bar, Patience
+from visray.quantities import BACKENDS, Arrays
+from visray.sampling import Plan
+from visray.scene.scene import Scene, Settings
+
+# Passes after the first are fitted to this.
+PASS_SECONDS = 0.5
+
+
+@dataclass(frozen=True)
+class Set:
+    """A scene set up for rendering: its stage, and the pixels in the order of the lanes."""
+
+    scene: Scene
+    a: Arrays
+    features: Features
+    stage: integrator.Stage
+    order: np.ndarray
+    x: Any
+    y: Any
+
+
+def set_up(
+    scene: Scene,
+    backend: str = "llvm",
+    everything: bool = False,
+    plain: bool = False,
+    wrt: tuple[str, ...] = (),
+    attach: Callable[[tuple[tables.Kinship, ...], tables.Tables], None] | None = None,
+    without: tuple[str, ...] = (),
+) -> Set:
+    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search; `without`
+    names effects that are left out.
+
+    wrt: the addresses that derivatives are taken by; `attach` enables them in the tables, before anything is computed.
+    """
+    a = arrays(backend, scene.settings.precision)
+    width, height = scene.film.width, scene.film.height
+    films.check_size(width, height)
+    kin, on = tables.kinships(scene), features(scene, wrt, everything, without)
+    packed = tables.pack(scene, a)
+    if attach is not None:
+        attach(kin, packed)
+    ready = tables.prepare(packed, kin, (width, height), a, images.pack(a, scene.textures))
+    stage = integrator.stage(ready, kin, scene, on, a, plain)
+    return Set(scene, a, on, stage, *lanes(a, width, height))
+
+
+def arrays(backend: str, precision: str) -> Arrays:
+    """The array types of a backend, or one line that says why it cannot be had."""
+    if backend not in BACKENDS:
+        raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
+    if backend == "llvm":
+        llvm.require()
+    elif not dr.has_backend(getattr(dr.JitBackend, {"cuda": "CUDA", "metal": "Metal"}[backend])):
+        raise UserError(f"backend = {backend!r}: this machine has no such device; use --backend llvm")
+    return Arrays.of(backend, precision)
+
+
+def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
+    """The pixels in the order of the lanes, and their columns and rows."""
+    order = films.tiled(width, height)
+    y, x = np.divmod(order, width)
+    x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
+    dr.eval(x, y)
+    return order, x, y
+
+
+def expose(made: Set, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
+    """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
+    patience = patience or Patience()
+    settings, n = made.scene.settings, len(made.order)
+    film, done = films.Film.blank(made.a, n), 0
+    passes = -(-settings.spp * n // max(first_pass(made), n))
+    count = -(-settings.spp // passes)
+    with Bar("rendering", settings.spp, progress) as bar:
+        while done < settings.spp and not (done and patience.asked):
+            count = min(count, settings.spp - done)
+            begun = time.perf_counter()
+            film = exposed_once(made, film, settings, done, count)
+            done += count
+            bar.at(done)
+            # The first pass compiles, so it says little about how fast the next will be.
+            if done > count:
+                count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
+    return film, done
+
+
+def first_pass(made: Set) -> int:
+    """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample."""
+    s = made.stage.scenery
+    on, settings = s.features, s.settings
+    rays = sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
+    rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
+    paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
+    trees = any(g.tree is not None for g in s.groups)
+    return 2**25 // ((1 + rays) * (1 + paths) * (8 if trees else 1))
+
+
+def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:
+    """The film after one more pass."""
+    plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
+    film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
+    dr.eval(film)
+    dr.sync_thread()
+    return film

@@ -1,0 +1,158 @@
+"""Two independent halves of a picture, whose pixels may have any number of samples, and the error that they tell.
+
+The picture is (A + B) / 2. As its halves are independent and none has a bias, (A - B)^2 / 4 is an unbiased estimate of
+its variance, pixel by pixel, whatever the sampler; the mean over all pixels is a good one.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import film as films
+from visray import integrator
+from visray.exposure import PASS_SECONDS, Set
+from visray.film import Film
+from visray.integrator import Stage
+from visray.sampling import Plan
+
+# Rec. 709, as the pictures' primaries.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# Of the normal distribution, for 95 %.
+QUANTILE = 1.959964
+# Samples of a first pass.
+FIRST = 2**20
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The error of a picture: the root of the mean square over pixels and channels, in linear light, over the picture's
+    mean luminance; low and high: with a chance of 95 % the true one lies between them. square: its absolute square."""
+
+    error: float
+    low: float
+    high: float
+    square: float
+    luminance: float
+
+    @staticmethod
+    def of(a: np.ndarray, b: np.ndarray) -> "Estimate":
+        """From the halves' pixels. Shapes: (3, N).
+
+        Truth and estimate of the mean square are sums over pixels of squares x that are alike in distribution and
+        unrelated; so the difference of the sums has at most twice the variance sum(E x^2).
+        """
+        squares = np.square(a - b).mean(0) / 4
+        square, spread = squares.mean(), QUANTILE * np.sqrt(2 * np.square(squares).sum()) / squares.size
+        luminance = float((LUMINANCE @ (a + b)).mean() / 2)
+        scale = 1 / luminance if luminance > 0 else 1.0
+        low, high = np.sqrt(max(square - spread, 0)), np.sqrt(square + spread)
+        return Estimate(*(float(scale * x) for x in (np.sqrt(square), low, high)), float(square), luminance)
+
+
+class Halves:
+    """Both halves: their film, the lanes of A before those of B; `counts`, the samples of each lane."""
+
+    def __init__(self, made: Set):
+        self.made, self.n = made, len(made.order)
+        films.check_size(2 * made.scene.film.width, made.scene.film.height)
+        self.film = Film.blank(made.a, 2 * self.n)
+        self.counts = np.zeros(2 * self.n, np.int64)
+        # Seconds of a sample, once one is known.
+        self.rate: float | None = None
+
+    def compiled(self) -> None:
+        """Makes the kernel, with as few samples as are a kernel's."""
+        few = np.arange(min(2 * self.n, 32))
+        dr.eval(moments(self.made, self.made.stage, few, 0 * few, 0 * few + 1)[0])
+        dr.sync_thread()
+
+    def extend(self, targets: np.ndarray, going: Callable[[float], bool] = lambda seconds: True) -> bool:
+        """Brings the lanes to so many samples, in passes; those that get most come first. `going` is asked before each
+        pass, with the seconds that it will take. Returns whether all were done."""
+        lanes = np.flatnonzero(targets > self.counts)
+        # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
+        lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
+        more = np.cumsum((targets - self.counts)[lanes])
+        done = 0
+        while done < len(lanes):
+            before = more[done - 1] if done else 0
+            room = FIRST if self.rate is None else PASS_SECONDS / self.rate
+            end = max(int(np.searchsorted(more, before + room, "right")), done + 1)
+            samples = int(more[end - 1] - before)
+            if not going(0.0 if self.rate is None else samples * self.rate):
+                return False
+            begun = time.perf_counter()
+            self._pass(lanes[done:end], targets)
+            self.rate = (time.perf_counter() - begun) / samples
+            done = end
+        return True
+
+    def _pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
+        a, before, count = self.made.a, self.counts[lanes], (targets - self.counts)[lanes]
+        found, at = moments(self.made, self.made.stage, lanes, before, count)
+        old = Film(*(dr.gather(type(x), x, at) for x in (self.film.mean, self.film.squares, self.film.coverage)))
+        new = old.plus(a, found, a.put(a.U, before.astype(np.uint32)), a.put(a.U, count.astype(np.uint32)))
+        for whole, part in (
+            (self.film.mean, new.mean),
+            (self.film.squares, new.squares),
+            (self.film.coverage, new.coverage),
+        ):
+            dr.scatter(whole, part, at)
+        dr.eval(self.film)
+        dr.sync_thread()
+        self.counts[lanes] += count
+
+    def means(self) -> tuple[np.ndarray, np.ndarray]:
+        """The halves' pixels. Shapes: (3, N)."""
+        mean = np.array(self.film.mean)
+        return mean[:, : self.n], mean[:, self.n :]
+
+    def estimate(self) -> Estimate:
+        return Estimate.of(*self.means())
+
+    def layers(self) -> dict[str, np.ndarray]:
+        """Colour and coverage of pixels, the variance of samples, the standard error of pixels (from the halves'
+        differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In the order of
+        lanes."""
+        counts, film = self.counts.reshape(2, -1), self.made.scene.film
+        coverage = np.array(self.film.coverage).reshape(2, -1) / counts
+        squares = np.array(self.film.squares).reshape(3, 2, -1)
+        a, b = self.means()
+        found = {"RGB": (a + b) / 2, "samples": counts.sum(0)}
+        found |= {"A": coverage.mean(0) if film.transparent else np.ones(self.n)}
+        if counts.min() > 1:
+            found["variance"] = squares.sum(1) / (counts - 1).sum(0)
+        shape, order = (film.height, film.width), self.made.order
+        picture = np.empty((3, self.n))
+        picture[:, order] = np.square(a - b) / 4
+        near = np.stack([around(x.reshape(shape)).ravel()[order] for x in picture])
+        return found | {"error": np.sqrt(near)}
+
+    def spreads(self) -> np.ndarray:
+        """The variance of a lane's samples, summed over channels. Shapes: (2 N)."""
+        return np.array(self.film.squares).sum(0) / np.maximum(self.counts - 1, 1)
+
+
+def around(x: np.ndarray) -> np.ndarray:
+    """The means over the 3 x 3 pixels about each pixel, of those that there are. Shapes: (H, W)."""
+    ones = np.pad(np.ones(x.shape), 1)
+    x = np.pad(x, 1)
+    for axis in (0, 1):
+        n = x.shape[axis]
+        x, ones = (sum(v.take(range(i, n - 2 + i), axis) for i in range(3)) for v in (x, ones))
+    return x / ones
+
+
+def moments(made: Set, stage: Stage, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any]:
+    """The moments of `count` samples from `first` on, and the lanes as opaque numbers. Each half has a seed of its own,
+    which no picture of another seed below 2^31 shares."""
+    a, n = made.a, len(made.order)
+    at = a.put(a.U, lanes.astype(np.uint32))
+    pixel = a.put(a.U, (lanes % n).astype(np.uint32))
+    seeds = (2 * made.scene.settings.seed + lanes // n) % 2**32
+    x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
+    return integrator.sample(stage, Plan.each(a, seeds, first, count), x, y), at

@@ -1,0 +1,70 @@
+"""Errors that no number of samples gets below: refused, with what would be right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from visray.errors import UserError
+from visray.geometry import gamma as rounded
+from visray.halves import Halves
+from visray.output.image import Gamma
+from visray.rounding import rounding
+from visray.truncation import truncation
+
+# So many roundings a sample's colour has at least, which is the same for all samples of a flat place: light times
+# material, twice, and their sum.
+ROUNDINGS = 4
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where a picture goes: the paths, and the display curve of PNG files."""
+
+    paths: Sequence[str | Path] = ()
+    gamma: Gamma = "srgb"
+    exposure: float = 0.0
+
+
+def unavoidable(halves: Halves, error: float | None, files: Files) -> float:
+    """The mean square that is left out by the scene's depth, where it shows; raises UserError if that, the precision
+    or the rounding of all files is above the error that is asked for. `halves`: a pilot."""
+    found, scene = halves.estimate(), halves.made.scene
+    asked = np.inf if error is None else error * found.luminance
+    settings = scene.settings
+    finest = rounded(ROUNDINGS, settings.precision)
+    if error is not None and error < finest:
+        right = "use double, or ask for more" if settings.precision == "single" else "ask for more"
+        raise UserError(f"error = {error:g}: {settings.precision} precision is off by {finest:.1g}; {right}")
+    if found.luminance > 0 and files.paths:
+        _check_files(halves, error, found.luminance, files)
+    on = halves.made.features
+    if not (on["reflection"] or on["refraction"]):
+        return 0.0
+    depth = settings.depth
+    deeper = (2 * depth + 2, 4 * depth + 4)
+    here, *others = truncation(halves, (depth, *deeper), min(2 * deeper[-1], 1000))
+    if here.low > asked**2:
+        good = [t.depth for t in others if t.high <= asked**2 / 4]
+        left = np.sqrt(here.square) / found.luminance
+        right = f"settings.depth = {good[0]} would do, or ask" if good else "raise settings.depth, or ask"
+        raise UserError(f"error = {error:g}: settings.depth = {depth} alone leaves out {left:.2g}; {right} for more")
+    return here.square if here.low > 0 else 0.0
+
+
+def _check_files(halves: Halves, error: float | None, luminance: float, files: Files) -> None:
+    """Refuses an error that the rounding of every file is above."""
+    if error is None:
+        return
+    a, b = halves.means()
+    # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
+    picture = ((a + b) / 2).T[None]
+    off = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) / luminance for p in files.paths}
+    kind, least = min(off.items(), key=lambda pair: pair[1])
+    if error < least:
+        what, right = {
+            ".png": ("8-bit output as PNG", "write an .exr file, or ask for more"),
+            ".exr": ("half precision of EXR", "ask for more"),
+        }[kind]
+        raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")

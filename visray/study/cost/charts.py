@@ -1,0 +1,412 @@
+"""The figures of a report of costs, and how numbers and settings are written in them.
+
+Only here is matplotlib imported, and none of its global state is used or left behind: each figure is an object, in
+matplotlib's own default style whatever the user's is. Colours are those of Okabe and Ito, which the colour-blind can
+tell apart; each knob has its own marker too.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from io import StringIO
+from math import isfinite, log10
+from typing import Any
+
+import numpy as np
+
+from visray.errors import UserError
+from visray.output.image import Image
+from visray.study.cost.records import Band, Curve, Point, Report, Slope
+
+try:
+    from matplotlib import style
+    from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+    from matplotlib.transforms import Bbox
+except ImportError as error:
+    raise UserError("the figures of a report need matplotlib; install it with: pip install matplotlib") from error
+
+INK, GREY, BLUE, RED = "#222222", "#767676", "#0072B2", "#D55E00"
+COLOURS, MARKERS = (BLUE, RED, "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), "os^DvPX<>"
+HIGHLIGHT = {"color": "#F0E442", "linewidth": 7, "alpha": 0.8, "solid_capstyle": "round"}
+# Names are the user's: a dollar sign in one of them is no formula.
+STYLE = ["default", {"text.parse_math": False, "svg.hashsalt": "visray", "font.size": 10, "axes.axisbelow": True}]
+LONGEST = 256  # pixels of a thumbnail's longer side, at most
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """A number as text; a dash where there is none."""
+    if x is None or not isfinite(x):
+        return "-"
+    return f"{x:,.0f}" if abs(x) >= 10**digits else f"{x:.{digits}g}"
+
+
+def percent(x: float) -> str:
+    return f"{number(100 * x)} %"
+
+
+def written(value: Any) -> str:
+    """A knob's value, or a setting, as text."""
+    if isinstance(value, bool) or value is None:
+        return {True: "on", False: "off", None: "-"}[value]
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {written(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(written, value))
+    return number(value, 6) if is_number(value) else str(value)
+
+
+def changes(point: Point, default: Point) -> dict[str, Any]:
+    """The settings that are not the default's, by address."""
+    before = default.settings
+    return {k: v for k, v in point.settings.items() if k not in before or before[k] != v}
+
+
+def own(point: Point, default: Point) -> bool:
+    """Whether a point is the scene as it is."""
+    return point is default or (point.plain == default.plain and not changes(point, default))
+
+
+def svg(figure: Figure, alt: str) -> str:
+    """The figure as a part of an HTML page, with `alt` for those who do not see it."""
+    buffer = StringIO()
+    with style.context(STYLE):
+        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
+    text = text[text.index("<svg") :]
+    # An id holds for the whole page. Those that begin with a tilde are what a mark says when it is pointed at (_mark).
+    text = re.sub(r'<g id="~([^"]*)">', r"<g><title>\1</title>", text)
+    mine = f"v{hashlib.sha256(text.encode()).hexdigest()[:8]}-"
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{mine}", text)
+    hidden = alt.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+    return text.replace("<svg", f'<svg role="img" aria-label="{hidden}"', 1)
+
+
+def costs(report: Report) -> Figure:
+    """The error against seconds: a curve for each knob, the frontier, the default, the floors, and compile time."""
+    with style.context(STYLE):
+        figure, (axes,) = _figure(9, 6 + 0.12 * len(report.curves))
+        points = [*(p for c in report.curves for p in c.points), *report.joint, *report.frontier, report.default]
+        bottom = _axis(axes, "y", [p.error.rmse for p in points], percent, report.floors.values())
+        _axis(axes, "x", [p.seconds for p in points], number, [report.default.compile_seconds])
+        axes.set(xlabel="seconds for one picture, compiled", ylabel="relative error (RMSE)")
+        keys, seen = [], _Labels(axes)
+        front = sorted((p for p in report.frontier if p.seconds.middle > 0), key=lambda p: p.seconds.middle)
+        if front:
+            # A staircase: between two choices that were measured nothing was.
+            x, y = [p.seconds.middle for p in front], [max(p.error.rmse.middle, bottom) for p in front]
+            axes.plot([*x, axes.get_xlim()[1]], [*y, y[-1]], drawstyle="steps-post", zorder=1, **HIGHLIGHT)
+            keys.append(Line2D([], [], label="frontier: nothing measured is faster and better", **HIGHLIGHT))
+        for i, curve in enumerate(report.curves):
+            keys.append(_curve(axes, i, curve, curve.points, [p.seconds for p in curve.points], curve.by_time, seen))
+            for p in curve.points:
+                _mark(axes, p, bottom, report.default, seen, **_look(i))
+        for p in report.joint:
+            _mark(axes, p, bottom, report.default, seen, color=GREY, marker="x", markersize=6)
+        if report.joint:
+            keys.append(Line2D([], [], color=GREY, marker="x", linestyle="", label="several knobs turned"))
+        star = {"color": INK, "marker": "*", "markersize": 17, "markeredgecolor": "white", "zorder": 6}
+        _mark(axes, report.default, bottom, report.default, seen, **star)
+        keys.append(Line2D([], [], linestyle="", **(star | {"markersize": 13}), label="today's default"))
+        _legend(figure, keys)
+        figure.draw_without_rendering()
+        seen.at("today's default", report.default, bottom, weight="bold", must=True)
+        for name, floor in report.floors.items():
+            _line(axes, seen, "y", floor, f"{name}: {percent(floor)}")
+        compiling = report.default.compile_seconds
+        _line(axes, seen, "x", compiling, f"compiling: {number(compiling)} s")
+        if any(p.error.rmse.middle <= 0 for p in points):
+            _line(axes, seen, "y", bottom, "no error at all")
+        # The ends say most; then every other one, as far as there is room.
+        for p in [*front[:1], *front[-1:], *front[2:-1:2], *front[1:-1:2]]:
+            if not own(p, report.default):
+                seen.at(_turned(p, report.default), p, bottom, size=8)
+        return figure
+
+
+def counts(report: Report) -> Figure | None:
+    """The error against the value of each knob that samples; None where none was turned."""
+    found = [(i, c) for i, c in enumerate(report.curves) if c.kind == "sampling" and len(_numbers(c)) > 1]
+    if not found:
+        return None
+    with style.context(STYLE):
+        figure, (axes,) = _figure(9, 3.8 + 0.12 * len(found))
+        bottom = _axis(axes, "y", [p.error.rmse for _, c in found for p in c.points], percent)
+        _axis(axes, "x", [Band(p.value, p.value, p.value) for _, c in found for p in _numbers(c)], written)
+        keys = []
+        for i, c in found:
+            points = _numbers(c)
+            keys.append(_curve(axes, i, c, points, [Band(p.value, p.value, p.value) for p in points], c.by_count))
+            for p in points:
+                _mark(axes, p, bottom, report.default, x=p.value, **_look(i))
+        axes.set(xlabel="value of the knob: samples, or rays", ylabel="relative error (RMSE)")
+        _legend(figure, keys)
+        return figure
+
+
+def parts(report: Report) -> Figure | None:
+    """Bias and deviation for each knob; None where no knob has two points. Over the depth of paths, where the axis is
+    straight, a bias that falls geometrically is a straight line."""
+    found = [c for c in report.curves if len(c.points) > 1]
+    if not found:
+        return None
+    with style.context(STYLE):
+        rows = -(-len(found) // 3)
+        figure, grid = _figure(9, 0.5 + 2.5 * rows, (rows, min(3, len(found))))
+        errors = [b for c in found for p in c.points for b in (p.error.bias, p.error.deviation)]
+        for axes, curve in zip(grid, found):
+            bottom = _axis(axes, "y", errors, percent)
+            values = [p.value for p in curve.points]
+            numbers = all(map(is_number, values))
+            wide = numbers and max(values) > 1000 * min((v for v in values if v > 0), default=1)
+            x = values if numbers and (min(values) > 0 or not wide) else range(len(values))
+            if x is values and min(values) > 0 and (wide or curve.kind == "sampling"):
+                _axis(axes, "x", [Band(v, v, v) for v in values], written)
+            elif x is not values:
+                axes.set_xticks(x, [_short(written(v), 12) for v in values])
+            else:
+                axes.xaxis.get_major_locator().set_params(integer=True)
+            for name, colour, line, marker in (("bias", RED, "-", "o"), ("deviation", BLUE, "--", "s")):
+                bands = [getattr(p.error, name) for p in curve.points]
+                ends = {"y": [max(b.middle, bottom) for b in bands], "yerr": _reach(bands, bottom)}
+                face = colour if name == "bias" else "white"
+                form = {"color": colour, "marker": marker, "markersize": 5, "markerfacecolor": face, "capsize": 2}
+                axes.errorbar(x, **ends, linestyle=line, linewidth=1.4, elinewidth=1, label=name, **form)
+            axes.set_title(_short(curve.knob, 34), fontsize=9.5)
+            axes.tick_params(labelsize=8.5)
+        for axes in grid[len(found) :]:
+            axes.set_visible(False)
+        figure.supylabel("relative error", fontsize=10)
+        figure.supxlabel("value of the knob", fontsize=10)
+        keys, labels = grid[0].get_legend_handles_labels()
+        named = {"bias": "bias: stays, whatever the seed", "deviation": "deviation: differs from seed to seed"}
+        figure.legend(keys, [named[n] for n in labels], loc="outside upper left", ncols=2, frameon=False)
+        return figure
+
+
+def pictures(report: Report) -> Figure:
+    """The cheapest picture of the frontier, the default's, the best and the reference; below each, where it is off."""
+    r, shown = report.reference, [("today's default", report.default)]
+    front = sorted(report.frontier, key=lambda p: p.seconds.middle)
+    for name, at, ends in (("cheapest", 0, front[:1]), ("best", len(shown) + 1, front[-1:])):
+        shown[at:at] = [(name, p) for p in ends if not own(p, report.default) and p is not shown[0][1]]
+    columns = [
+        (f"{n}\n{number(p.seconds.middle)} s, {percent(p.error.rmse.middle)}", p.picture, p.wrong) for n, p in shown
+    ]
+    noise = np.sqrt(np.maximum(r.variance, 0).mean(2)) / (r.luminance or 1)
+    columns.append((f"reference\n{number(r.seconds)} s, {percent(r.error)}", r.picture, noise))
+    with style.context(STYLE):
+        height, width = r.picture.shape[:2]
+        wide, n = width > 1.8 * height, len(columns)
+        # Wide pictures lie one below the other, each beside its map.
+        size = (9, 0.8 + n * (0.45 + 4.4 * height / width)) if wide else (9, 1.6 + 18 / n * height / width)
+        figure, grid = _figure(*size, (n, 2) if wide else (2, n), bare=True)
+        lights, maps = (grid[0::2], grid[1::2]) if wide else (grid[:n], grid[n:])
+        off = [_smaller(np.nan_to_num(w, posinf=0) ** 2) ** 0.5 for *_, w in columns]
+        positive = np.concatenate([o[o > 0] for o in off])
+        top = float(np.quantile(positive, 0.995)) if positive.size else 1e-2
+        low = float(np.clip(np.quantile(positive, 0.05), top / 1e4, top / 10)) if positive.size else top / 100
+        for axes, beside, (title, light, _), map_ in zip(lights, maps, columns, off):
+            shown_light = Image({"RGB": _smaller(np.nan_to_num(light))}).display()
+            axes.imshow(shown_light, interpolation="none")
+            norm = LogNorm(low, top, clip=True)
+            drawn = beside.imshow(np.maximum(map_, low), norm=norm, cmap="magma", interpolation="none")
+            axes.set_title(title.replace("\n", ": ") if wide else title, fontsize=9)
+            beside.set_title("its own standard error" if axes is lights[-1] else "where it is off", fontsize=9)
+        bar = figure.colorbar(drawn, ax=list(grid), location="bottom", aspect=60, fraction=0.05, extend="both")
+        bar.ax.xaxis.set_major_locator(LogLocator(subs=(1,) if top > 99 * low else (1, 2, 5)))
+        bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: percent(x)))
+        bar.ax.xaxis.set_minor_formatter(NullFormatter())
+        bar.set_label("error of a pixel (RMS over seeds and channels), of the reference's mean luminance", fontsize=9)
+        return figure
+
+
+def _figure(width: float, height: float, shape: tuple[int, int] = (1, 1), bare: bool = False) -> tuple[Figure, Any]:
+    """A figure in inches, and its axes, row by row."""
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)  # it measures text
+    grid = figure.subplots(*shape, squeeze=False).ravel()
+    for axes in grid:
+        if bare:
+            axes.set(xticks=[], yticks=[])
+        else:
+            axes.grid(True, color="#e4e4e4", linewidth=0.8)
+            axes.spines[["top", "right"]].set_visible(False)
+    return figure, grid
+
+
+def _axis(axes: Axes, which: str, bands: Iterable[Band], text: Any, also: Iterable[float] = ()) -> float:
+    """Makes an axis logarithmic, a decade at least, with ticks that can be read; its lower end, where 0 is drawn."""
+    bands = list(bands)
+    middles = [b.middle for b in bands if isfinite(b.middle) and b.middle > 0] or [1e-3]
+    highs = [b.high for b in bands if isfinite(b.high)]
+    # What is close belongs in the picture too; _line says where the rest lies.
+    near = [x for x in also if min(middles) / 5 < x < max(middles) * 30]
+    low, high = min(middles + near) / 1.7, max(middles + near + highs) * 1.7
+    if any(not b.middle > 0 for b in bands):
+        low /= 2
+    if high < 10 * low:
+        low, high = (low * high / 10) ** 0.5, (low * high * 10) ** 0.5
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
+    axis = getattr(axes, f"{which}axis")
+    steps = (1,) if log10(high / low) > 3.5 else (1, 3) if log10(high / low) > 2.2 else (1, 2, 5)
+    axis.set_major_locator(LogLocator(subs=steps, numticks=99))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: text(x)))
+    axis.set_minor_locator(NullLocator())
+    return low
+
+
+def _look(i: int) -> dict[str, Any]:
+    """Colour and marker of the curve of this number."""
+    return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else text[: most - 1] + "…"
+
+
+def _numbers(curve: Curve) -> list[Point]:
+    """The points of a curve whose value is a number that a logarithmic axis takes."""
+    return [p for p in curve.points if is_number(p.value) and p.value > 0]
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and isfinite(value)
+
+
+def _reach(bands: Sequence[Band], bottom: float = 0) -> np.ndarray:
+    """How far bands reach down and up from their middles, as errorbar takes it: never below the axis."""
+    ends = [(max(b.middle, bottom), max(b.low, bottom), max(b.high, bottom)) for b in bands]
+    return np.array([(max(m - low, 0), max(high - m, 0)) for m, low, high in ends]).reshape(-1, 2).T
+
+
+def _curve(
+    axes: Axes, i: int, curve: Curve, points: Sequence[Point], x: list[Band], slope: Slope | None, seen: Any = None
+) -> Line2D:
+    """Draws a curve with its bands, without its marks; its line in the legend."""
+    bottom, look = axes.get_ylim()[0], _look(i)
+    across, up = [b.middle for b in x], [p.error.rmse for p in points]
+    y = [max(b.middle, bottom) for b in up]
+    line = ":" if curve.kind == "step" else "-"
+    form = {"color": look["color"], "linewidth": 1.6, "linestyle": line, "elinewidth": 1, "capsize": 2}
+    axes.errorbar(across, y, xerr=_reach(x), yerr=_reach(up, bottom), **form)
+    if seen:
+        seen.lines.append((across, y))
+    k = f": k = {slope.k:.2f} [{slope.low:.2f}, {slope.high:.2f}]" if slope else ""
+    return Line2D([], [], **look, linestyle=line, label=_short(curve.knob, 40) + k)
+
+
+def _mark(
+    axes: Axes, p: Point, bottom: float, default: Point, seen: Any = None, x: float | None = None, **form: Any
+) -> None:
+    """One point, which says what it is when it is pointed at."""
+    x, y = p.seconds.middle if x is None else x, max(p.error.rmse.middle, bottom)
+    says = f"{p.knob} {written(p.value)}: {number(p.seconds.middle)} s, {percent(p.error.rmse.middle)}"
+    turned = _turned(p, default)
+    says += f" ({turned})" if turned else ""
+    form = {"markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.8} | form
+    if form["marker"] == "x":
+        form["markeredgecolor"], form["markeredgewidth"] = form["color"], 1.5
+    axes.plot([x], [y], linestyle="", clip_on=False, **({"zorder": 4} | form), gid=f"~{says}".replace("\n", ", "))
+    if seen:
+        seen.marks.append((x, y))
+
+
+def _turned(point: Point, default: Point) -> str:
+    """What was turned for a point, a line each, as short as it can be told."""
+    told = {" ".join(k.removeprefix("settings.").split(".")[-2:]): v for k, v in changes(point, default).items()}
+    told = told or ({} if point.knob == "default" else {point.knob: point.value})
+    lines = [_short(f"{k} {written(v)}", 34) for k, v in told.items()]
+    return "\n".join(lines if len(lines) < 4 else [*lines[:2], f"and {len(lines) - 2} more"])
+
+
+def _legend(figure: Figure, keys: list[Line2D]) -> None:
+    labels = [str(k.get_label()) for k in keys]
+    # What begins with an underscore matplotlib keeps out of a legend.
+    labels = [f" {text}" if text.startswith("_") else text for text in labels]
+    columns = 2 if max(map(len, labels)) < 56 else 1
+    figure.legend(keys, labels, loc="outside lower left", ncols=columns, frameon=False, fontsize=9)
+
+
+def _line(axes: Axes, seen: "_Labels", which: str, at: float, text: str) -> None:
+    """A line across the figure, and what it is; an arrow at the edge where it lies beyond."""
+    low, high = getattr(axes, f"get_{which}lim")()
+    if not (isfinite(at) and at > 0):
+        return
+    vertical = which == "x"
+    if low <= at <= high:
+        (axes.axvline if vertical else axes.axhline)(at, color=GREY, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1.5)
+        seen.lines.append(((at, at), axes.get_ylim()) if vertical else (axes.get_xlim(), (at, at)))
+    else:
+        text += (" →" if vertical else " ↑") if at > high else (" ←" if vertical else " ↓")
+        at = high if at > high else low
+    for along in (0.985, 0.015, 0.7, 0.35, 0.5):
+        for side in (4, -4):
+            if vertical:
+                va = "top" if along > 0.9 else "bottom" if along < 0.1 else "center"
+                form = {"rotation": 90, "ha": "left" if side > 0 else "right", "va": va}
+                place, frame, offset = (at, along), ("data", "axes fraction"), (side, 0)
+            else:
+                ha = "right" if along > 0.9 else "left" if along < 0.1 else "center"
+                form = {"ha": ha, "va": "bottom" if side > 0 else "top"}
+                place, frame, offset = (along, at), ("axes fraction", "data"), (0, side)
+            if seen.put(text, place, frame, offset, color="#555555", size=8.5, **form):
+                return
+
+
+class _Labels:
+    """Labels at points, each where it covers neither mark nor line nor label; without room for one it is left out."""
+
+    def __init__(self, axes: Axes):
+        self.axes, self.boxes = axes, []
+        self.marks: list[tuple[float, float]] = []
+        self.lines: list[tuple[Sequence[float], Sequence[float]]] = []
+
+    def at(self, text: str, point: Point, bottom: float, must: bool = False, **form: Any) -> None:
+        """A label near a point: the nearest place that is free, else one that only lines run through."""
+        place = (point.seconds.middle, max(point.error.rmse.middle, bottom))
+        for lines, far in ((True, 12), (True, 20), (False, 12), (False, 20)):
+            for right, up in ((1, 1), (1, -1), (-1, -1), (-1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)):
+                ends = {"ha": ("center", "left", "right")[right], "va": ("center", "bottom", "top")[up]}
+                size = far if 0 in (right, up) else 0.7 * far
+                if self.put(text, place, "data", (size * right, size * up), lines, **ends, **form):
+                    return
+        if must:
+            self.axes.annotate(text, place, (8, 8), textcoords="offset points", **form)
+
+    def put(self, text: str, place: tuple, frame: Any, offset: tuple, lines: bool = True, **form: Any) -> bool:
+        """Writes a label there, if it is free."""
+        made = self.axes.annotate(text, place, offset, frame, "offset points", **({"color": INK, "size": 9} | form))
+        made.set(in_layout=False, zorder=7)
+        box, room = made.get_window_extent(), self.axes.bbox
+        inside = room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
+        if inside and not any(box.overlaps(other) for other in self.boxes) and not self._hit(box, lines):
+            self.boxes.append(box.padded(2))
+            return True
+        made.remove()
+        return False
+
+    def _hit(self, box: Bbox, lines: bool) -> bool:
+        """Whether a mark lies in a box, or a line runs through it."""
+        to = self.axes.transData.transform
+        marks = to(np.array(self.marks))
+        if box.padded(8).count_contains(marks):
+            return True
+        for x, y in self.lines if lines else []:
+            ends = to(np.column_stack([x, y]))
+            steps = np.linspace(0, 1, 40)[:, None, None]
+            if box.padded(2).count_contains((ends[:-1] + steps * (ends[1:] - ends[:-1])).reshape(-1, 2)):
+                return True
+        return False
+
+
+def _smaller(values: np.ndarray) -> np.ndarray:
+    """Means over blocks of pixels, so that the longer side is at most LONGEST; what fills no block is left out."""
+    k = -(-max(values.shape[:2]) // LONGEST)
+    h, w = (max(1, n // k) for n in values.shape[:2])
+    blocks = values[: h * k, : w * k].reshape(h, -1, w, min(k, values.shape[1]), *values.shape[2:])
+    return blocks.mean((1, 3))

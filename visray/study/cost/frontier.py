@@ -1,0 +1,191 @@
+"""What is worth its time: the points that no other beats, and what half of the error costs by one knob alone."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, isfinite, log
+from typing import Any
+
+import numpy as np
+
+from visray.study.cost.records import Band, Curve, Halving, Point
+
+SHARE = 0.5  # of the default's error
+FURTHEST = log(10)  # of seconds, beyond the last point: further than a decade no line is believed
+DRAWS, SEED = 2000, 1
+NORMAL = 1.959964  # standard deviations of a normal number to either end of 95 %
+
+
+@dataclass(frozen=True)
+class Step:
+    """A choice against the default's: the ratios of the error and of the seconds. changes: whether the two errors can
+    be told apart."""
+
+    knob: str
+    value: Any
+    error: Band
+    seconds: Band
+    changes: bool
+
+
+def frontier(points: Iterable[Point]) -> tuple[Point, ...]:
+    """The points of which no other is as fast and as accurate, in the order of seconds. Of equals the first by knob and
+    value is kept; points with a number that is not finite are left out."""
+    found: list[Point] = []
+    for p in sorted(points, key=lambda p: (p.seconds.middle, p.error.rmse.middle, p.knob, str(p.value))):
+        known = isfinite(p.seconds.middle) and isfinite(p.error.rmse.middle)
+        if known and (not found or p.error.rmse.middle < found[-1].error.rmse.middle):
+            found.append(p)
+    return tuple(found)
+
+
+def halvings(curves: Iterable[Curve], default: Point) -> tuple[Halving, ...]:
+    """What half of the default's error costs by each knob of kind "sampling" or "bias", cheapest first.
+
+    Error and seconds are taken as a power law from point to point. Beyond the last one the law of the last two goes on
+    for a decade of seconds, if their error surely falls, and not surely less steeply than before them. Bands: of 2000
+    draws from the bands of the points.
+    """
+    asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points]
+    return ranked([_halving(c, default) for c in asked if default.error.rmse.middle > 0])
+
+
+def steps(curves: Iterable[Curve], default: Point) -> tuple[Step, ...]:
+    """What each choice of the knobs of kind "step" does, in the order of the curves and their points."""
+    found = []
+    for curve in curves:
+        for p in curve.points if curve.kind == "step" else ():
+            if not _same(p, default):
+                error, base = p.error.rmse, default.error.rmse
+                apart = error.low > base.high or error.high < base.low
+                found.append(Step(curve.knob, p.value, _ratio(error, base), _ratio(p.seconds, default.seconds), apart))
+    return tuple(found)
+
+
+def ranked(found: Iterable[Halving]) -> tuple[Halving, ...]:
+    """In the order of factor, with ranks: one ends before the knob whose low end is above the high end of the rank's
+    first. Knobs of a rank are in the order of the alphabet, so that noise in what cannot be told apart moves none."""
+    groups: list[list[Halving]] = []
+    for h in sorted(found, key=lambda h: (h.factor.middle, h.factor.high, h.knob)):
+        if not groups or h.factor.low > groups[-1][0].factor.high:
+            groups.append([])
+        groups[-1].append(h)
+    return tuple(
+        Halving(h.knob, h.factor, h.least, h.value, rank)
+        for rank, group in enumerate(groups, 1)
+        for h in sorted(group, key=lambda h: h.knob)
+    )
+
+
+def _halving(curve: Curve, default: Point) -> Halving:
+    points, base = curve.points, default.error.rmse.middle
+    if points[-1].seconds.middle < points[0].seconds.middle:
+        points = points[::-1]  # of a tolerance less is more: from the cheap end in any case
+    time, error = _logs([p.seconds for p in points], 0), _logs([p.error.rmse for p in points], 0)
+    t0, e0 = (float(_logs([b], 0)[0]) for b in (default.seconds, default.error.rmse))
+    goes_on = _goes_on(points)
+    place, seconds = _reached(time, error, e0 + log(SHARE), goes_on)
+    found = _drawn(points, default, goes_on)
+    # One of the draws itself, as nothing is between a finite one and inf.
+    low, high = np.quantile(found, [0.025, 0.975], method="inverted_cdf")
+    factor = float(np.exp(seconds - t0))
+    return Halving(
+        knob=curve.knob,
+        factor=Band(factor, min(factor, float(low)), max(factor, float(high))),
+        least=min(p.error.rmse.middle for p in points) / base,
+        value=_value(points, place),
+        rank=0,
+    )
+
+
+def _drawn(points: tuple[Point, ...], default: Point, goes_on: bool) -> np.ndarray:
+    """Factors for points and default drawn from their bands; where one of the points is the default, both are one."""
+    rng = np.random.default_rng(SEED)
+    same = next((i for i, p in enumerate(points) if _same(p, default)), len(points))
+    every = (*points, default)[: len(points) + (same == len(points))]
+    n, shape = len(points), (DRAWS, len(every))
+    times = _logs([p.seconds for p in every], rng.standard_normal(shape))
+    errors = _logs([p.error.rmse for p in every], rng.standard_normal(shape))
+    found = [_reached(t[:n], e[:n], e[same] + log(SHARE), goes_on)[1] - t[same] for t, e in zip(times, errors)]
+    return np.exp(found)
+
+
+def _goes_on(points: tuple[Point, ...]) -> bool:
+    """Whether the law of the last two points may go on beyond them: even the nearest ends of their bands fall, and the
+    steepest fall that the bands allow is no less than the flattest before."""
+    if len(points) < 2 or not all(_is_number(p.value) for p in points[-2:]):
+        return False
+
+    def between(a: Point, b: Point) -> tuple[float, float]:
+        gone = log(b.seconds.middle / a.seconds.middle)
+        if gone <= 0 or 0 in (a.error.rmse.low, b.error.rmse.low):
+            return -inf, inf
+        ends = log(a.error.rmse.low / b.error.rmse.high), log(a.error.rmse.high / b.error.rmse.low)
+        return ends[0] / gone, ends[1] / gone
+
+    last = between(*points[-2:])
+    before = between(*points[-3:-1]) if len(points) > 2 else (-inf, inf)
+    return last[0] > 0 and last[1] >= before[0]
+
+
+def _reached(time: np.ndarray, error: np.ndarray, target: float, goes_on: bool) -> tuple[float, float]:
+    """Where along the points the error first comes down to the target, and the log of seconds there; inf if nowhere.
+
+    The place is a number of points, 1.25 a quarter of the way from the second to the third. All in logarithms.
+    """
+    if error[0] <= target:
+        return 0.0, float(time[0])
+    below = np.flatnonzero(error <= target)
+    if len(below):
+        i = int(below[0])
+        # An error of 0 is on no line: it is reached at its point.
+        part = (error[i - 1] - target) / (error[i - 1] - error[i]) if isfinite(error[i]) else 1.0
+        return i - 1 + part, float(time[i - 1] + part * (time[i] - time[i - 1]))
+    if not goes_on or error[-1] >= error[-2] or time[-1] <= time[-2]:
+        return inf, inf
+    part = (error[-1] - target) / (error[-2] - error[-1])
+    seconds = float(part * (time[-1] - time[-2]))
+    return (len(time) - 1 + part, time[-1] + seconds) if seconds <= FURTHEST else (inf, inf)
+
+
+def _value(points: tuple[Point, ...], place: float) -> Any:
+    """The value of a knob at a place among its points, None at inf; a whole number is rounded up."""
+    if not isfinite(place):
+        return None
+    values = [p.value for p in points]
+    if place == int(place) < len(values):
+        return values[int(place)]
+    i = min(int(place), len(values) - 2)
+    a, b = values[i], values[i + 1]
+    if not (_is_number(a) and _is_number(b)):
+        return b
+    part = place - i
+    between = a * (b / a) ** part if min(a, b) > 0 else a + (b - a) * part
+    # The 16 that a power makes 16.000000000000004 is still 16.
+    return int(np.ceil(round(between, 6))) if isinstance(a, int) and isinstance(b, int) else float(between)
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
+def _logs(bands: list[Band], normal: Any) -> np.ndarray:
+    """Logarithms of the middles, moved by so many standard deviations of their bands; -inf for 0."""
+    middle, low, high = (np.array([getattr(b, end) for b in bands]) for end in ("middle", "low", "high"))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # A band that goes down to 0 has no logarithm there; its upper half says how wide it is.
+        half = np.where(low > 0, np.log(high / low) / 2, np.log(high / middle)) / NORMAL
+        return np.log(middle) + np.where(middle > 0, half, 0.0) * normal
+
+
+def _ratio(a: Band, b: Band) -> Band:
+    """Of two independent numbers; high is inf, where b may be 0."""
+    if b.middle <= 0 or a.middle <= 0:
+        return Band(a.middle / b.middle if b.middle else inf, a.low / b.high if b.high else 0.0, inf)
+    middle = a.middle / b.middle
+    half = NORMAL * float(np.hypot(*(np.log(x.high / x.low) / 2 / NORMAL if x.low > 0 else inf for x in (a, b))))
+    return Band(middle, middle * float(np.exp(-half)), middle * float(np.exp(half)))
+
+
+def _same(a: Point, b: Point) -> bool:
+    """Whether it is the default, measured once and put in a curve."""
+    return a is b or (a.settings == b.settings and a.seconds == b.seconds and a.error.rmse == b.error.rmse)

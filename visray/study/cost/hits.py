@@ -1,0 +1,91 @@
+"""What a choice of knobs does to geometry: first hits, and what hides the points that are seen."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import integrator, warp
+from visray.ray import NO_OBJECT, Ray, unit
+from visray.render import Set
+from visray.scenery import Scenery, Site, site
+from visray.search import End, Watch, blocked, closest
+from visray.study.answers import rows
+from visray.study.cost.records import Geometry
+
+
+@dataclass(frozen=True)
+class View:
+    """What rays from the camera hit first, as shaded and on the host.
+
+    index: of the object among `names`, -1 for none; t: distance, inf for none; n: outward unit normal.
+    Shapes: (N), (N), (N, 3).
+    """
+
+    scenery: Scenery
+    site: Site
+    names: tuple[str, ...]
+    index: np.ndarray
+    t: np.ndarray
+    n: np.ndarray
+
+
+def geometry(made: Set, truth: Set, seed: int = 0) -> Geometry:
+    """First hits along the rays through the truth's pixel centres in double, and whether what is seen is hidden.
+
+    Both are the same scene with other knobs; objects are told by their names, as knobs may change their order. From
+    where both see the same object, a random ray is sent over the hemisphere above it (cosine distributed about the
+    truth's normal, on the viewer's side): the same direction from either's own point, as the integrator lets it leave.
+    Those that run below the surface as one of them sees it are left out: neither would have drawn them.
+    """
+    a = truth.a
+    ray = integrator.camera_ray(truth.stage, a.F(truth.x) + 0.5, a.F(truth.y) + 0.5).exact()
+    right, found = _view(truth, ray), _view(made, ray)
+    place = {name: i for i, name in enumerate(right.names)}
+    index = np.array([place[name] for name in found.names] + [-1])[found.index]
+    same = (index == right.index) & (index >= 0)
+    t, n = right.t[same], right.n[same]
+    steps, angles = np.abs(found.t[same] - t) / np.spacing(t), _angles(found.n[same], n)
+
+    u, v = np.random.default_rng(seed).uniform(size=(2, len(same)))
+    normal = dr.select(right.site.hit.valid, a.W(right.site.n), a.W(0, 0, 1))
+    d = unit(warp.cosine(normal, a.D(u), a.D(v)), a.W)
+    active = a.B(same) & (dr.dot(a.W(right.site.n), d) > 0) & (dr.dot(a.W(found.site.n), d) > 0)
+    dr.eval(d, active)
+    hidden, open_ = _hidden(found, d, active), ~_hidden(right, d, active)
+    return Geometry(
+        rays=len(same),
+        lost=int(((right.index >= 0) & (index < 0)).sum()),
+        added=int(((right.index < 0) & (index >= 0)).sum()),
+        other=int(((right.index >= 0) & (index >= 0) & ~same).sum()),
+        ulps=float(steps.max(initial=0)),
+        angle=float(angles.max(initial=0)),
+        leaving=int(np.array(active).sum()),
+        self_shadows=int((hidden & open_).sum()),
+    )
+
+
+def _view(made: Set, ray: Ray) -> View:
+    """What the rays from the camera hit first."""
+    s = made.stage.scenery
+    here = site(s, ray, closest(made.stage.watch, ray, s.plain))
+    dr.eval(here.hit, here.surface, here.n, here.within)
+    index = np.array(here.hit.index).astype(np.int64)
+    index[index == NO_OBJECT] = -1
+    names = tuple(name for k in s.kin for name in k.names)
+    return View(s, here, names, index, np.array(here.hit.t), rows(here.surface.n))
+
+
+def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Between vectors, from 0 to pi radians: by sine and cosine, as either alone loses small or large ones. Shapes:
+    (N, 3) to (N)."""
+    return np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), (n * m).sum(1))
+
+
+def _hidden(view: View, d: Any, active: Any) -> np.ndarray:
+    """Whether rays from what is seen meet anything, of those that are active."""
+    s, here = view.scenery, view.site
+    watch = Watch(s.a, s.kin, s.groups, here.surface.p, shared=False)
+    ray = here.leaving(d, dr.dot(s.a.W(here.n), d), s.a.D(0))
+    return np.array(blocked(watch, ray, End(dr.full(s.a.D, dr.inf, dr.width(d))), active, s.plain))

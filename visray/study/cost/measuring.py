@@ -1,0 +1,210 @@
+"""Pictures of many seeds, for each choice of the knobs, and how long their kernels run.
+
+A pass makes the pictures of several seeds side by side, so that tracing it in Python is paid for once. The seconds of a
+picture are those that the pass's kernels run, as Dr.Jit times them, over how many pictures it makes: without tracing,
+which each pass of a render does once, whatever its size. They are what repeats best.
+
+All choices are measured by turns: noise of the machine hits all of them alike, and Ctrl-C keeps the turns that are
+complete. Seeds, samples and rays are data, so that choices share kernels. Each kernel holds a number that none has held
+before (`mark`, as in study/ablation.py): so it is compiled in this study, once, whatever Dr.Jit has kept.
+"""
+
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import comb
+from statistics import median
+
+import drjit as dr
+import numpy as np
+
+from visray import integrator
+from visray.errors import UserError
+from visray.exposure import Set, arrays, set_up
+from visray.film import Film
+from visray.progress import Bar, Patience
+from visray.render import adjusted
+from visray.sampling import Plan
+from visray.scene.scene import Scene
+from visray.study.cost.knobs import Choice
+from visray.study.cost.records import Band
+
+# Pixels of the longer side, quick and full, and of the smallest picture that is still one.
+LONGEST, SMALLEST = (96, 192), 32
+# Of 9 timings, the second and the last but one are as far apart as the sign test asks: one may be an accident. And so
+# many seeds an error with a spread needs at least.
+TURNS, FEWEST_SEEDS = 9, 4
+# Samples per pixel of the pass that a kernel is compiled with: so few say how long many will take.
+TRIAL = 4
+# Kernels that run shorter than this are over before other work on the machine gets its share, and look faster than they
+# are: so the same pictures are made several times side by side, in up to so many lanes.
+BRIEFEST, MOST_LANES = 0.02, 2**18
+# The chance that a band of seconds misses the true median is at most this.
+CHANCE = 0.05
+
+
+@dataclass
+class Taken:
+    """What is measured of a choice: kernel seconds of a picture, an entry a turn, and the pictures of all seeds, linear
+    light. Shapes: times (R), pictures (S, H, W, 3), single precision."""
+
+    choice: Choice
+    made: Set
+    compile_seconds: float
+    operations: int
+    expected: float
+    times: list[float] = field(default_factory=list)
+    parts: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def pictures(self) -> np.ndarray:
+        return np.concatenate(self.parts)
+
+    @property
+    def seconds(self) -> Band:
+        return band(self.times)
+
+
+def band(values: Sequence[float]) -> Band:
+    """The median, and two of the values between which the true one lies, by the sign test; the first and the last
+    where they are too few for that."""
+    n, ordered = len(values), sorted(values)
+    beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
+    k = max((k for k, chance in enumerate(beyond) if 2 * chance <= CHANCE), default=0)
+    return Band(median(values), ordered[k], ordered[-1 - k])
+
+
+def reduced(scene: Scene, longest: int) -> Scene:
+    """The scene with the longer side of its film at most so many pixels."""
+    w, h = scene.film.width, scene.film.height
+    scale = min(1, longest / max(w, h))
+    return adjusted(scene, size=(max(1, round(w * scale)), max(1, round(h * scale))))
+
+
+def blank(made: Set, pictures: int) -> Film:
+    """An unexposed film for several pictures side by side."""
+    return Film.blank(made.a, pictures * len(made.order))
+
+
+def exposed(made: Set, film: Film, seeds: Sequence[int], done: int, count: int, mark: int) -> tuple[Film, list[dict]]:
+    """The film of several pictures, a seed each, after one more pass of `count` samples; and what Dr.Jit says of the
+    kernels."""
+    a, n, spp = made.a, len(made.order), made.scene.settings.spp
+    x, y = (a.put(a.U, np.tile(np.array(v), len(seeds))) for v in (made.x, made.y))
+    numbers = a.put(a.U, np.repeat(np.array(seeds, np.uint32), n))
+    dr.eval(x, y, numbers)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        # Moves a column far outside of the film to the first: nothing.
+        x = dr.select(x == a.U(mark), 0, x)
+        plan = replace(Plan.of(a, 0, spp, done, count), seed=numbers)
+        film = film.plus(a, integrator.sample(made.stage, plan, x, y), done, count)
+        dr.eval(film)
+        dr.sync_thread()
+        return film, dr.kernel_history([dr.KernelType.JIT])
+
+
+def developed(made: Set, film: Film, pictures: int, kind: type = np.float32) -> np.ndarray:
+    """The first pictures of a film, first row on top. Shape: (pictures, H, W, 3)."""
+    n = len(made.order)
+    flat = np.array(film.mean)[:, : pictures * n].reshape(3, pictures, n)
+    shown = np.empty((pictures, n, 3), kind)
+    shown[:, made.order] = flat.transpose(1, 2, 0)
+    if not np.isfinite(shown).all():
+        raise UserError("a pixel is not a number: render the picture, which says where")
+    return shown.reshape(pictures, made.scene.film.height, made.scene.film.width, 3)
+
+
+def ran(kernels: list[dict]) -> float:
+    """How many seconds kernels ran."""
+    return sum(k["execution_time"] for k in kernels) / 1e3
+
+
+@dataclass
+class Studio:
+    """Where choices are measured: a scene, its seeds, and the kernels that are compiled so far, by their hash."""
+
+    scene: Scene
+    seeds: Sequence[int]
+    patience: Patience
+    progress: bool = False
+    mark: int = field(default_factory=lambda: 2**31 + secrets.randbelow(2**31))
+    compiled: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def per_turn(self) -> int:
+        """How many pictures are made in one turn: of as many seeds, or one fewer and one of them again."""
+        return -(-len(self.seeds) // TURNS)
+
+    def prepared(self, choices: Sequence[Choice]) -> list[Taken]:
+        """All choices, set up and compiled; after Ctrl-C fewer."""
+        found: list[Taken] = []
+        with Bar("compiling", len(choices), self.progress) as bar:
+            if not self.compiled:
+                self._awake()
+            for choice in choices:
+                if self.patience.asked:
+                    break
+                found.append(self._prepared(choice))
+                bar.at(len(found))
+        return found
+
+    def _prepared(self, choice: Choice) -> Taken:
+        made = set_up(choice.of(self.scene), plain=choice.plain)
+        spp, n = made.scene.settings.spp, self.per_turn
+        count = min(TRIAL, spp)
+        _, kernels = exposed(made, blank(made, n), self.seeds[:n], 0, count, self.mark)
+        k = max(kernels, key=lambda k: k["operation_count"])
+        # A kernel that is there already took as long as it did then.
+        seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
+        return Taken(choice, made, seconds, k["operation_count"], ran(kernels) / n * spp / count)
+
+    def _awake(self) -> None:
+        """Compiles something small: what LLVM takes to start is no kernel's."""
+        a = arrays("llvm", "single")
+        dr.eval(dr.opaque(a.U, 1, 16) + a.U(self.mark))
+
+    def fitting(self, taken: list[Taken], budget: float) -> tuple["Studio", list[Taken]]:
+        """This one, or where its pictures would take longer than `budget` seconds, one with smaller ones; and the
+        choices for it."""
+        needed = sum(t.expected for t in taken) * self.per_turn * TURNS
+        film = self.scene.film
+        longest = max(film.width, film.height)
+        smaller = max(SMALLEST, int(longest * (budget / needed) ** 0.5)) if needed > budget else longest
+        if smaller >= longest:
+            return self, taken
+        studio = replace(self, scene=reduced(self.scene, smaller))
+        return studio, [studio.again(t) for t in taken]
+
+    def again(self, taken: Taken) -> Taken:
+        """A choice that is compiled, for pictures of this studio's size."""
+        made = set_up(taken.choice.of(self.scene), plain=taken.choice.plain)
+        share = len(made.order) / len(taken.made.order)
+        return replace(taken, made=made, expected=taken.expected * share)
+
+    def measure(self, taken: list[Taken]) -> int:
+        """Measures all by turns; how many seeds there are then of each: after Ctrl-C those of the complete turns."""
+        finished, done = 0, 0
+        with Bar("measuring", TURNS * len(taken), self.progress) as bar:
+            for number, seeds in enumerate(np.array_split(self.seeds, TURNS)):
+                # Each turn in an order of its own, so that none always comes after the same one.
+                order, turn = np.random.default_rng(number).permutation(len(taken)), {}
+                for i in order:
+                    if self.patience.asked:
+                        return finished
+                    turn[i] = self._once(taken[i], seeds)
+                    done += 1
+                    bar.at(done)
+                for i, (seconds, pictures) in turn.items():
+                    taken[i].times.append(seconds)
+                    taken[i].parts.append(pictures)
+                finished += len(seeds)
+        return finished
+
+    def _once(self, taken: Taken, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
+        """Seconds of a picture, and the pictures."""
+        made, n = taken.made, self.per_turn
+        copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(made.order))))
+        many = np.resize(seeds, n * copies)
+        film, kernels = exposed(made, blank(made, len(many)), many, 0, made.scene.settings.spp, self.mark)
+        return ran(kernels) / len(many), developed(made, film, len(seeds))

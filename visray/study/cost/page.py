@@ -1,0 +1,311 @@
+"""The page of a report of costs: one HTML file that opens without a network, and the part of it that a notebook shows.
+
+It takes matplotlib (visray.study.cost.charts): import this module where a page is asked for, and not before.
+"""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from math import isfinite
+from typing import Any
+
+from visray.study.cost import charts
+from visray.study.cost.charts import changes, is_number, number, own, percent, written
+from visray.study.cost.records import Band, Halving, Point, Report
+
+CSS = """
+:root { color-scheme: light dark; --ink: #1d2127; --soft: #5c6570; --paper: #fff; --line: #dfe3e8; --mark: #fff3b8;
+  --today: #dcebfa }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e6e8eb; --soft: #a2abb5; --paper: #16191d; --line: #363c44; --mark: #4d430f;
+    --today: #17324d }
+}
+body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2.5rem auto 5rem;
+  max-width: 960px; padding: 0 1.2rem; overflow-wrap: anywhere }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 } h2 { font-size: 1.25rem; margin: 3rem 0 .6rem }
+.soft, figcaption, caption { color: var(--soft); font-size: .9rem } .lead { font-size: 1.1rem }
+.warn { border-left: 4px solid #D55E00; padding: .3rem 1rem }
+figure { margin: 1.5rem 0 } figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px }
+.scroll { overflow: auto; max-height: 85vh }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal }
+caption { text-align: left; padding-bottom: .4rem } thead th { position: sticky; top: 0; background: var(--paper) }
+th, td { text-align: left; vertical-align: top; padding: .3rem .5rem; border-bottom: 1px solid var(--line) }
+tbody th { position: sticky; left: 0; background: var(--paper) }
+th { font-weight: 600 } .n { white-space: nowrap } .turned { font-weight: 600; background: var(--mark) }
+tbody tr.today > * { background: var(--today) }
+th button { font: inherit; color: inherit; background: none; border: 0; padding: 0; text-align: left; cursor: pointer }
+th[aria-sort=ascending] button::after { content: " ↑" } th[aria-sort=descending] button::after { content: " ↓" }
+dt { font-weight: 600 } dd { margin: 0 0 .6rem }
+"""
+# Columns are sorted by the number of a cell where it has one, else by its text; what has none goes last.
+SORT = """
+for (const table of document.querySelectorAll("table.sortable")) {
+  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
+  const key = (row, i) => { const c = row.cells[i], k = c.dataset.key; return k === undefined ? c.innerText : +k; };
+  const order = (a, b) => typeof a === typeof b ? (a > b) - (a < b) : typeof a === "number" ? -1 : 1;
+  heads.forEach((head, i) => {
+    const button = document.createElement("button");
+    button.append(...head.childNodes);
+    head.append(button);
+    button.onclick = () => {
+      const sign = head.ariaSort === "ascending" ? -1 : 1;
+      heads.forEach(h => h.removeAttribute("aria-sort"));
+      head.setAttribute("aria-sort", sign > 0 ? "ascending" : "descending");
+      body.append(...[...body.rows].sort((a, b) => sign * order(key(a, i), key(b, i))));
+    };
+  });
+}
+"""
+PARTS = "Bias and deviation, relative, in percent, against the value of each knob. On the lower edge they are 0."
+BLUE = "Blue: today's default. joint: several knobs turned."
+CLASS = ' class="today"'
+MAIN = """Relative error against seconds, both logarithmic: one curve for each knob, all others as in the scene. Bars:
+bands of 95 %. The yellow steps are the frontier; the star is the scene as it is. k is the exponent of error ~
+seconds^-k with its interval of 95 %. Dashed: errors that more samples do not get below, and the seconds that compiling
+takes once. Point at a mark to read its settings."""
+BANDS = """Between the two numbers in brackets the true one lies with a chance of 95 %. rmse: the root mean square over
+pixels and channels of the difference from the reference, in linear light, divided by the reference's mean luminance;
+rmse² = bias² + deviation². Bias stays whatever the seed, deviation is noise. MRSE: mean of (x - r)² / (r + 0.01)².
+FLIP: mean of that measure of visible differences, 0 to 1, of the pictures as displayed, at 67 pixels per degree."""
+
+
+def page(report: Report) -> str:
+    """The report as an HTML page."""
+    r, date = report, report.machine.get("date", "")
+    title = f"What accuracy costs: {r.scene}"
+    facts = [f"{r.width} x {r.height} pixels", f"{r.seeds} seeds", f"{date}", "quick study" if r.quick else ""]
+    parts = [
+        f'<h1>{escape(title)}</h1><p class="soft">{escape(" · ".join(filter(None, facts)))}</p>',
+        *(f'<p class="warn">{escape(text)}</p>' for text in _warnings(r)),
+        f'<p class="lead">{escape(_lead(r))}</p>',
+        _figure(charts.costs(r), MAIN),
+        _halvings(r),
+        _frontier(r),
+        "<h2>What it looks like</h2>",
+        _figure(
+            charts.pictures(r), "Pictures as displayed (sRGB), and the error of each pixel in percent, on one scale."
+        ),
+        "<h2>Error by knob</h2>",
+        _figure(
+            charts.counts(r), "Relative error against the number of samples or rays: k is that of error ~ number^-k."
+        ),
+        _figure(charts.parts(r), PARTS),
+        _points(r),
+        _measured(r),
+    ]
+    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+    body = f"<body><main>{''.join(parts)}</main><script>{SORT}</script></body>"
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{CSS}</style></head>{body}</html>\n'
+
+
+def display(report: Report) -> str:
+    """The main figure and what the next halving costs, for a notebook."""
+    wide = '<div style="max-width: 900px">'
+    return f"{wide}{_figure(charts.costs(report), MAIN)}{_halvings(report)}</div>"
+
+
+def _figure(figure: Any, caption: str) -> str:
+    """A figure with its caption; nothing where there is none."""
+    if figure is None:
+        return ""
+    return f"<figure>{charts.svg(figure, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _band(b: Band, write: Any = number) -> str:
+    return f"{write(b.middle)} [{write(b.low)}, {write(b.high)}]"
+
+
+def _cell(text: Any, key: float | None = None, turned: bool = False, head: bool = False) -> str:
+    """A cell of a table; key: the number that it is sorted by."""
+    text = str(text)
+    # What is short stays on one line; settings may be long.
+    kinds = " ".join(["n"] * (len(text) < 26) + ["turned"] * turned)
+    marks = (f' class="{kinds}"' if kinds else "") + (
+        f' data-key="{key:.9g}"' if key is not None and isfinite(key) else ""
+    )
+    return f'<th scope="row"{marks}>{escape(text)}</th>' if head else f"<td{marks}>{escape(text)}</td>"
+
+
+def _table(caption: str, heads: Iterable[str], rows: Iterable[tuple[Sequence[str], bool]], kind: str = "") -> str:
+    """A table; its rows are of cells, and today's default or not."""
+    top = "".join(f'<th scope="col">{escape(h)}</th>' for h in heads)
+    body = "".join(f"<tr{CLASS if today else ''}>{''.join(cells)}</tr>" for cells, today in rows)
+    named = f'<table class="{kind}"><caption>{escape(caption)}</caption>'
+    # What scrolls must be reached by keyboard too.
+    return f'<div class="scroll" tabindex="0">{named}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _warnings(r: Report) -> list[str]:
+    """What a reader must know before all else."""
+    found = []
+    if r.noiseless:
+        found.append(
+            "There is no noise: all seeds give the same picture, so there is nothing to buy with samples. "
+            "What is off is off in the same way every time."
+        )
+    if r.stopped:
+        few, ranked = [c.knob for c in r.curves if len(c.points) < 2], {h.knob for h in r.halvings}
+        missing = [f"more than one value of {', '.join(few)}"] if few else []
+        missing += [f"half of the error by {c.knob}" for c in r.curves if c.kind != "step" and c.knob not in ranked]
+        missing += [] if r.curves else ["all knobs"]
+        missing += [] if r.joint else ["points where several knobs are turned"]
+        found.append("The study was stopped before its end. Missing: " + ("; ".join(missing) or "later points") + ".")
+    if r.quick:
+        found.append("This was the quick study: its bands are wider than those of the full one.")
+    return found
+
+
+def _lead(r: Report) -> str:
+    """The report in two sentences."""
+    d, best = r.default, min(r.halvings, key=lambda h: h.rank, default=None)
+    error = _band(d.error.rmse, percent) if d.error.rmse.middle > 0 else "nothing that could be measured"
+    text = f"Today's default takes {_band(d.seconds)} s and is off by {error}. "
+    if best and isfinite(best.factor.middle):
+        text += f"Half of that error costs least with {_halved(best, r)}"
+        equals = [h.knob for h in r.halvings if h.rank == best.rank and h is not best]
+        text += f" Measurement cannot tell that from: {'; '.join(equals)}." if equals else ""
+    elif best:
+        text += "No knob alone halves that error."
+    return text
+
+
+def _start(h: Halving, r: Report) -> Any:
+    """The default's value of a knob; None where its curve does not say."""
+    points = [p for c in r.curves if c.knob == h.knob for p in c.points]
+    return next((p.value for p in points if own(p, r.default)), r.default.settings.get(h.knob))
+
+
+def _halved(h: Halving, r: Report) -> str:
+    """What half of the error costs by a knob, as a sentence."""
+    if not isfinite(h.factor.middle):
+        return f"alone no less than {percent(h.least)} of today's error."
+    start, text = _start(h, r), f"{h.knob} at {written(h.value)}"
+    if is_number(start) and is_number(h.value) and h.value > start > 0:
+        text = f"{number(h.value / start)} times the {h.knob} ({written(start)} → {written(h.value)})"
+    elif start is not None:
+        text += f" (today {written(start)})"
+    return f"{text}: {number(h.factor.middle)} times the time."
+
+
+def _halvings(r: Report) -> str:
+    """What half of the default's error costs, knob by knob."""
+    head = "<h2>What the next halving of the error costs, and by which knob</h2>"
+    if not r.halvings:
+        why = "There is no error to halve." if not r.default.error.rmse.middle > 0 else "It was not measured."
+        return f"{head}<p>{why}</p>"
+    rows, ranks = [], [h.rank for h in r.halvings]
+    for h in sorted(r.halvings, key=lambda h: h.rank):
+        rank = f"{h.rank} =" if ranks.count(h.rank) > 1 else str(h.rank)
+        low, high = number(h.factor.low), number(h.factor.high)
+        spread = f"{low} to {high}" if isfinite(h.factor.high) else f"at least {low}" if isfinite(h.factor.low) else "-"
+        cells = [
+            _cell(rank, head=True),
+            _cell(h.knob),
+            _cell(_halved(h, r)),
+            _cell(spread),
+            _cell(percent(h.least)),
+        ]
+        rows.append((cells, False))
+    names = ("rank", "knob", "half of the error", "times the time, 95 %", "least error by it, of today's")
+    note = "Cheapest first; time as a multiple of the default's. Knobs with the same rank (=) cannot be told apart."
+    return head + _table(note, names, rows)
+
+
+def _distance(r: Report) -> str:
+    """How far the default is from the frontier, as a sentence."""
+    d = r.default
+    better = [
+        p for p in r.frontier if p.error.rmse.middle <= d.error.rmse.middle and p.seconds.middle < d.seconds.middle
+    ]
+    if not r.frontier:
+        return "There is no frontier yet: too little was measured."
+    if not better:
+        return "Today's default is on the frontier: nothing that was measured is both faster and more accurate."
+    p = min(better, key=lambda p: p.seconds.middle)
+    by = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, d).items()) or f"{p.knob} {written(p.value)}"
+    text = f"The same error could be had in {number(p.seconds.middle / d.seconds.middle, 2)} of the time by {by}."
+    unsure = p.seconds.high >= d.seconds.low or p.error.rmse.high > d.error.rmse.high
+    return text + (" The bands of the two overlap: it may be chance." if unsure else "")
+
+
+def _frontier(r: Report) -> str:
+    """The frontier with the settings of each of its points, and the default among them."""
+    d, on = r.default, any(own(p, r.default) for p in r.frontier)
+    shown = sorted([*(p for p in r.frontier if not own(p, d)), d], key=lambda p: p.seconds.middle)
+    each = [d.settings | p.settings for p in shown]
+    names = list(dict.fromkeys(k for settings in each for k in settings))
+    vary = [k for k in names if any(s.get(k) != each[0].get(k) for s in each)]
+    rows = []
+    for p, settings in zip(shown, each):
+        turned, error, base = changes(p, d), p.error.rmse.middle, d.error.rmse.middle
+        name = p.knob if p is not d else "today's default" if on else "today's default, not on it"
+        name += f" {written(p.value)}" if p.plain else ""
+        texts = number(p.seconds.middle), number(p.seconds.middle / d.seconds.middle), percent(error)
+        cells = [_cell(name, head=True), *(_cell(t) for t in (*texts, number(error / base if base > 0 else None)))]
+        rows.append(([*cells, *(_cell(written(settings.get(k)), turned=k in turned) for k in vary)], p is d))
+    heads = ("point", "time, s", "times the default's", "error", "times the default's", *vary)
+    note = f"In the order of seconds; error: relative RMSE. Yellow: settings that are not the default's. {BLUE}"
+    rest = ", ".join(f"{k} = {written(d.settings[k])}" for k in names if k not in vary and k in d.settings)
+    rest = f'<p class="soft">The same everywhere: {escape(rest)}.</p>' if rest else ""
+    return f"<h2>The frontier</h2><p>{escape(_distance(r))}</p>{_table(note, heads, rows)}{rest}"
+
+
+def _points(r: Report) -> str:
+    """All that was measured, one row for each point."""
+    every: list[Point] = []
+    for p in (r.default, *(p for c in r.curves for p in c.points), *r.joint, *r.frontier):
+        if not any(p is other for other in every):
+            every.append(p)
+    heads = [
+        "knob",
+        "value",
+        "time, s",
+        "compile, s",
+        "operations",
+        "rmse, %",
+        "bias, %",
+        "deviation, %",
+        "MRSE",
+        "FLIP",
+    ]
+    geometry = any(p.geometry for p in every)
+    if geometry:
+        heads += ["first hits lost", "added", "other object", "of rays", "distance, ulps", "normal, rad"]
+        heads += ["self-shadows", "of leaving rays"]
+    rows = []
+    for p in every:
+        turned = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, r.default).items())
+        value = turned if p.knob == "joint" and turned else written(p.value)
+        e = p.error
+        cells = [_cell(p.knob, head=True), _cell(value, p.value if is_number(p.value) else None)]
+        cells += [_cell(_band(p.seconds), p.seconds.middle), _cell(number(p.compile_seconds), p.compile_seconds)]
+        cells += [_cell(f"{p.operations:,}", p.operations)]
+        cells += [_cell(_band(b, lambda x: number(100 * x)), b.middle) for b in (e.rmse, e.bias, e.deviation)]
+        cells += [_cell(number(x), x) for x in (e.mrse, e.flip)]
+        if geometry:
+            g = p.geometry
+            found = (g.lost, g.added, g.other, g.rays, g.ulps, g.angle, g.self_shadows, g.leaving) if g else (None,) * 8
+            cells += [_cell(f"{x:,}" if isinstance(x, int) else number(x), x) for x in found]
+        rows.append((cells, own(p, r.default)))
+    note = f"Press the head of a column to sort by it. In brackets: bands of 95 %. {BLUE}"
+    return f"<h2>All points</h2>{_table(note, heads, rows, 'sortable')}"
+
+
+def _measured(r: Report) -> str:
+    """How it was measured, and what else a reader must know."""
+    t = r.reference
+    truth = ", ".join(f"{k} = {written(v)}" for k, v in t.settings.items())
+    bands = (
+        f"{r.seeds} seeds for each error." if not r.noiseless else "There is no noise, so one seed is as good as all."
+    )
+    facts = {
+        "Scene": f"{r.scene}, {r.width} x {r.height} pixels; SHA-256 {r.scene_hash}",
+        "Reference": f"{truth}; its own standard error is {percent(t.error)} (relative); it took {number(t.seconds)} s",
+        "Errors": f"{bands} {BANDS}",
+        "Time": "Seconds of the kernel once compiled; compiling comes on top of it, once. "
+        f"Each time was measured {len(r.default.times)} times. The study took {number(r.seconds / 60, 2)} minutes.",
+        "Floors": "; ".join(f"{name}: {percent(x)}" for name, x in r.floors.items()) or "none",
+    } | {k: written(v) for k, v in r.machine.items()}
+    told = "".join(f"<dt>{escape(str(k))}</dt><dd>{escape(v)}</dd>" for k, v in facts.items())
+    notes = "".join(f"<li>{escape(n)}</li>" for n in r.notes)
+    notes = f"<h2>Notes</h2><ul>{notes}</ul>" if notes else ""
+    return f"{notes}<h2>How it was measured</h2><dl>{told}</dl>"

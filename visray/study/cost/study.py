@@ -1,0 +1,225 @@
+"""What accuracy costs for a scene: all that is measured of it, together."""
+
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import date
+from math import log
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.errors import UserError
+from visray.progress import Patience
+from visray.render import explain, set_threads
+from visray.scene.load import checked, load
+from visray.scene.scene import Scene
+from visray.study.cost.errors import flip, judged
+from visray.study.cost.floors import floors
+from visray.study.cost.frontier import NORMAL, frontier, halvings
+from visray.study.cost.hits import geometry
+from visray.study.cost.knobs import Choice, Knob, default, knobs
+from visray.study.cost.measuring import FEWEST_SEEDS, LONGEST, Studio, Taken, reduced
+from visray.study.cost.model import Model
+from visray.study.cost.records import Band, Curve, Point, Report
+from visray.study.cost.slopes import slope
+from visray.study.cost.truth import Truth, luminance, truth
+from visray.version import __version__
+
+LEAST_SEEDS, MOST_SEEDS = 16, 4096
+# Quick and full: seconds that the kernels of all choices may run, those of the reference, and of the joint points.
+BUDGETS = (16.0, 10.0, 8.0), (150.0, 90.0, 50.0)
+# How many points of several knobs.
+JOINT = 4, 8
+# After Ctrl-C, what is measured is still to be judged: by a reference that is made in so many seconds.
+HURRIED = 2.0
+# Seeds of the reference lie so far from those that are measured.
+APART = 2**31
+# What these knobs turn may change what is hit; the others only how often it is looked.
+OF_HITS = ("default", "precision", "roots", "accelerator")
+FIXED = {
+    "scatter": "settings.scatter.depth, {0.scatter.depth}, says which light there is: held fixed",
+    "near occlusion": "settings.occlusion.distance, {0.occlusion.distance:g}, says which light there is: held fixed",
+}
+
+
+def cost(
+    scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
+    progress: bool = True, threads: int | None = None,
+) -> Report:  # fmt: skip
+    """What accuracy costs for a scene, or a scene file, by its own knobs.
+
+    quick: fewer positions of each knob, on smaller pictures. seeds: of each choice, from 16 to 4096. Ctrl-C keeps what
+    is measured, where that is enough for errors with a spread, and raises KeyboardInterrupt where not.
+    """
+    begun = time.perf_counter()
+    name = str(scene) if isinstance(scene, (str, Path)) else "a scene made in Python"
+    scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
+    if not isinstance(seeds, int) or isinstance(seeds, bool) or not LEAST_SEEDS <= seeds <= MOST_SEEDS:
+        raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
+    if threads is not None:
+        set_threads(threads)
+    # Before anything is measured: its library may be missing.
+    flip(np.zeros((8, 8, 3)), np.zeros((8, 8, 3)))
+    with Patience() as patience:
+        report = _studied(scene, quick, seeds, progress, patience)
+    return replace(report, scene=name, seconds=time.perf_counter() - begun)
+
+
+def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience) -> Report:
+    small = reduced(scene, LONGEST[not quick])
+    turned, budgets = knobs(small), BUDGETS[not quick]
+    first, own = scene.settings.seed, default(small, turned)
+    studio = Studio(small, [(first + i) % 2**32 for i in range(count)], patience, progress)
+    others = [c for k in turned for c in k.choices(quick) if not c.own]
+    studio, taken = _measured(studio, [own, *others], budgets[0])
+    stopped, small = patience.asked, studio.scene
+    zero = [address for k in turned if k.name == "roots" for address in k.all[0].settings]
+    seeds = tuple((first + APART + i) % 2**32 for i in range(2))
+    seconds = HURRIED if stopped else budgets[1]
+    true = truth(small, zero, min(map(_noise, taken)), seeds, seconds, studio.mark, patience, progress)
+    points = [_point(t, own, true) for t in taken]
+    same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
+    curves = tuple(_curve(k, points, quick, not same) for k in turned)
+    joint = () if stopped or same else _joint(studio, points[0], curves, taken[0], true, quick)
+    best = frontier([*points, *joint])
+    return Report(
+        scene="",
+        scene_hash=scene.hash(),
+        width=small.film.width,
+        height=small.film.height,
+        seeds=len(points[0].squares),
+        quick=quick,
+        default=points[0],
+        curves=curves,
+        joint=joint,
+        frontier=best,
+        halvings=halvings(curves, points[0]),
+        floors=floors(taken, true.reference),
+        reference=true.reference,
+        noiseless=same,
+        stopped=patience.asked,
+        seconds=0.0,
+        machine=machine(),
+        notes=(*_notes(small, points[0], (*points, *joint), best, same), *true.notes),
+    )
+
+
+def _measured(studio: Studio, choices: Sequence[Choice], budget: float) -> tuple[Studio, list[Taken]]:
+    """All choices, measured on pictures of a size that fits the budget; the studio that they were made in."""
+    studio, taken = studio.fitting(studio.prepared(choices), budget)
+    if len(taken) < len(choices) or studio.measure(taken) < FEWEST_SEEDS:
+        raise KeyboardInterrupt
+    return studio, taken
+
+
+def _joint(
+    studio: Studio, base: Point, curves: tuple[Curve, ...], own: Taken, true: Truth, quick: bool
+) -> tuple[Point, ...]:
+    """Points where several knobs are turned, as a model of the curves suggests; none after Ctrl-C.
+
+    The default is measured again by turns with them, and tells how much faster or slower the machine is now.
+    """
+    # They go up by equal factors: together they take about twice as long as the longest.
+    longest = BUDGETS[not quick][2] / len(studio.seeds) / 2
+    ladder = Model.of(base, curves).ladder(JOINT[not quick], longest)
+    choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
+    taken = studio.prepared([replace(own.choice, knob="again"), *choices])
+    if studio.patience.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
+        return ()
+    pace = own.seconds.middle / taken[0].seconds.middle
+    for t in taken:
+        t.times = [pace * seconds for seconds in t.times]
+    return tuple(_point(t, own.choice, true) for t in taken[1:])
+
+
+def _noise(taken: Taken) -> float:
+    """The standard deviation between seeds, relative to the mean; 0 for a black picture."""
+    pictures = taken.pictures
+    mean = luminance(pictures.mean(0))
+    return float(pictures.var(0, ddof=1, dtype=float).mean() ** 0.5) / mean if mean > 0 else 0.0
+
+
+def _point(taken: Taken, own: Choice, true: Truth) -> Point:
+    """A choice, judged."""
+    choice, r, pictures = taken.choice, true.reference, taken.pictures
+    error, squares, wrong = judged(pictures, r.picture, r.variance, r.luminance)
+    return Point(
+        knob=choice.knob,
+        value=choice.value,
+        settings=own.settings | choice.settings,
+        seconds=taken.seconds,
+        compile_seconds=taken.compile_seconds,
+        operations=taken.operations,
+        error=error,
+        times=np.array(taken.times),
+        squares=squares,
+        picture=pictures[0],
+        wrong=wrong,
+        geometry=geometry(taken.made, true.made, 0) if choice.knob in OF_HITS else None,
+        plain=choice.plain,
+    )
+
+
+def _curve(knob: Knob, points: list[Point], quick: bool, noisy: bool) -> Curve:
+    """The points of a knob; where it is as the scene has it, the default. Slopes are those of noise."""
+    found = {p.value: p for p in points if p.knob == knob.name}
+    row = tuple(
+        replace(points[0], knob=knob.name, value=c.value) if c.own else found[c.value] for c in knob.choices(quick)
+    )
+    by_time = by_count = None
+    if knob.kind == "sampling" and noisy:
+        times, squares = [p.seconds for p in row], [p.squares for p in row]
+        spread = [log(t.high / t.low) / 2 / NORMAL for t in times]
+        by_time = slope([t.middle for t in times], squares, spread)
+        by_count = slope([p.value for p in row], squares)
+    return Curve(knob.name, knob.kind, row, by_time, by_count)
+
+
+def _notes(
+    scene: Scene, base: Point, points: tuple[Point, ...], best: tuple[Point, ...], noiseless: bool
+) -> tuple[str, ...]:
+    """What a reader must know, a sentence each."""
+    on, film = explain(scene), scene.film
+    beaten = [
+        p for p in points if _surely_less(p.seconds, base.seconds) and _surely_less(p.error.rmse, base.error.rmse)
+    ]
+    there = "is on the frontier"
+    if beaten:
+        p = min(beaten, key=lambda p: p.seconds.middle)
+        there = f"is not on the frontier: {p.knob} {p.value} is both faster and more accurate"
+    elif not any(p is base for p in best):
+        there = "is on the frontier, as far as can be told: what is past it lies within the bands"
+    size = f"on pictures of {film.width} x {film.height} pixels"
+    found = [
+        f"seconds are those that compiled kernels run, {size}, without tracing them in Python",
+        f"the scene as it is {there}",
+    ]
+    found += [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]
+    if noiseless:
+        found.append("all seeds give the same picture: there is no noise that samples could lessen")
+    return tuple(found)
+
+
+def _surely_less(a: Band, b: Band) -> bool:
+    return a.high < b.low
+
+
+def machine() -> dict[str, Any]:
+    """Date, processor, threads and versions."""
+    name, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    if info.exists():
+        lines = info.read_text().splitlines()
+        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
+    return {
+        "date": date.today().isoformat(),
+        "cpu": name,
+        "threads": dr.thread_count(),
+        "python": platform.python_version(),
+        "visray": __version__,
+        "drjit": dr.__version__,
+        "llvm": ".".join(map(str, dr.detail.llvm_version())),
+    }

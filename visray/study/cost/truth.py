@@ -1,0 +1,132 @@
+"""What counts as truth: in double, deep, with roots to the last digit, and so many samples that little noise is left.
+
+Two halves with seeds of their own are doubled by turns; by what they differ, the noise of their mean is known.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from visray.exposure import PASS_SECONDS, Set, set_up
+from visray.geometry import UNIT_ROUNDOFF
+from visray.progress import Bar, Patience
+from visray.render import explain
+from visray.scene.address import changed
+from visray.scene.scene import Scene
+from visray.study.cost.knobs import DEEPEST, DEPTH, PRECISION, SAMPLER, SPP
+from visray.study.cost.measuring import blank, developed, exposed
+from visray.study.cost.records import Reference
+
+# Rec. 709.
+WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+# How much less noise the truth has than the best point that is measured against it.
+FINER = 10
+# Samples of each half to begin with, and for a look at how deep is deep enough.
+FIRST, LOOK = 16, 4
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The reference, the set that made it, and what a reader must know of it."""
+
+    reference: Reference
+    made: Set
+    notes: tuple[str, ...]
+
+
+def luminance(picture: np.ndarray) -> float:
+    """The mean luminance of a picture in linear Rec. 709. Shape: (H, W, 3)."""
+    return float((picture.astype(float) @ WEIGHTS).mean())
+
+
+def truth(
+    scene: Scene, zero: Sequence[str], best: float, seeds: tuple[int, int], budget: float, mark: int,
+    patience: Patience, progress: bool = False,
+) -> Truth:  # fmt: skip
+    """The truth of a scene, with noise of at most a tenth of `best` or as little as `budget` seconds give.
+
+    zero: the addresses of tolerances; best: the least deviation of what is measured, relative. After Ctrl-C it is as
+    good as it is then, with FIRST samples in each half at least.
+    """
+    begun = time.perf_counter()
+    settings: dict[str, Any] = {PRECISION: "double", SAMPLER: "sobol"} | dict.fromkeys(zero, 0.0)
+    deep = changed(scene, settings)
+    on = explain(scene)
+    notes: list[str] = []
+    target = max(best / FINER, UNIT_ROUNDOFF["single"])
+    if on["reflection"] or on["refraction"]:
+        settings[DEPTH], left = _deep_enough(deep, seeds, target, mark, patience)
+        deep = changed(scene, settings)
+        if left > target:
+            notes.append(f"depth {settings[DEPTH]} of the reference still leaves out {left:.1g} of the light")
+    made = set_up(deep)
+    halves, count = _halves(made, seeds, target, budget, mark, patience, progress)
+    picture, variance = halves.mean(0), ((halves[0] - halves[1]) / 2) ** 2
+    mean = luminance(picture)
+    if mean <= 0:
+        mean = 1.0
+        notes.append("the reference is black: errors are absolute")
+    error = float(variance.mean() ** 0.5) / mean
+    if error > target:
+        share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
+        notes.append(f"the reference's own error is {error:.1g}, {share}: no more samples fitted into the time")
+    settings[SPP] = 2 * count
+    found = Reference(settings, error, mean, time.perf_counter() - begun, picture, variance)
+    return Truth(found, made, tuple(notes))
+
+
+def _deep_enough(
+    scene: Scene, seeds: tuple[int, int], target: float, mark: int, patience: Patience
+) -> tuple[int, float]:
+    """A depth such that twice as much changes the picture by less than `target`, and by how much it does.
+
+    Beyond what both follow, their pictures have the same paths: what they differ by is light, not noise.
+    """
+    depth = min(max(2 * scene.settings.depth, 2), DEEPEST)
+    before, left = _look(scene, depth, seeds, mark), 0.0
+    while depth < DEEPEST:
+        deeper = min(2 * depth, DEEPEST)
+        after = _look(scene, deeper, seeds, mark)
+        left = float(((after - before) ** 2).mean() ** 0.5) / (luminance(after.mean(0)) or 1.0)
+        if left <= target or patience.asked:
+            break
+        depth, before = deeper, after
+    return depth, left
+
+
+def _look(scene: Scene, depth: int, seeds: Sequence[int], mark: int) -> np.ndarray:
+    """Pictures of a few samples. Shape: (seeds, H, W, 3)."""
+    made = set_up(changed(scene, {DEPTH: depth, SPP: LOOK}))
+    film, _ = exposed(made, blank(made, len(seeds)), seeds, 0, LOOK, mark)
+    return developed(made, film, len(seeds), np.float64)
+
+
+def _halves(
+    made: Set, seeds: tuple[int, int], target: float, budget: float, mark: int, patience: Patience, progress: bool
+) -> tuple[np.ndarray, int]:
+    """Both halves, and the samples of each: a power of two, as Sobol's sequence wants it."""
+    film, done, step, begun = blank(made, 2), 0, FIRST, time.perf_counter()
+    pictures = None
+    with Bar("reference", round(budget), progress) as bar:
+        while True:
+            goal, started = max(2 * done, FIRST), time.perf_counter()
+            while done < goal:
+                if pictures is not None and patience.asked:
+                    return pictures, goal // 2
+                before = time.perf_counter()
+                step = min(step, goal - done)
+                film, _ = exposed(made, film, seeds, done, step, mark)
+                done += step
+                now = time.perf_counter()
+                bar.at(min(round(now - begun), round(budget) - 1))
+                # Longer steps are traced less often; but Ctrl-C waits for them.
+                step *= 2 if now - before < PASS_SECONDS else 1
+            pictures = developed(made, film, 2, np.float64)
+            noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))
+            enough = noise <= target * (luminance(pictures.mean(0)) or 1.0)
+            # The next doubling takes twice as long as the last one.
+            if enough or patience.asked or 2 * (now - started) > budget - (now - begun):
+                return pictures, done

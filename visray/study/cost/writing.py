@@ -1,0 +1,106 @@
+"""A report of costs as JSON, as CSV, and for the terminal."""
+
+import csv
+from io import StringIO
+from math import isfinite
+from typing import Any
+
+from rich.table import Table
+
+from visray.study.cost.records import Band, Curve, Halving, Point, Report
+
+PICTURES = ("picture", "variance", "wrong")
+
+
+def as_json(report: Report) -> dict[str, Any]:
+    """The report as json.dumps takes it, without pictures; null for what is infinite."""
+    return _plain(report)
+
+
+def as_csv(report: Report) -> str:
+    """A row for each point, with all settings as columns; the default first. Seconds and relative errors."""
+    points = [report.default, *(p for c in report.curves for p in c.points), *report.joint]
+    best = [_key(p) for p in report.frontier]
+    addresses = list(dict.fromkeys(a for p in points for a in p.settings))
+    measured = ["seconds", "rmse", "bias", "deviation"]
+    ends = [name + end for name in measured for end in ("", "_low", "_high")]
+    text = StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    single = ["mrse", "flip", "compile_seconds", "operations", "frontier", "plain"]
+    out.writerow(["knob", "value", *ends, *single, *addresses])
+    for p in points:
+        e = p.error
+        bands = [x for b in (p.seconds, e.rmse, e.bias, e.deviation) for x in (b.middle, b.low, b.high)]
+        facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(_key(p) in best), int(p.plain)]
+        out.writerow([p.knob, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
+    return text.getvalue()
+
+
+def table(report: Report) -> Table:
+    """The report for the terminal: a row a knob, those that halve the error at the least cost first."""
+    d = report.default
+    title = (
+        f"error {_percent(d.error.rmse)} in {_milliseconds(d.seconds)} ms: "
+        f"{report.width} x {report.height} pixels, {report.seeds} seeds"
+    )
+    rows = Table(title=title, caption=_caption(report))
+    rows.add_column("knob")
+    for name in ("half the error", "at", "least error", "slope by time", "by count"):
+        rows.add_column(name, justify="right", no_wrap=True)
+    curves = {c.knob: c for c in report.curves}
+    for h in report.halvings:
+        rows.add_row(f"{h.rank}. {h.knob}", *_halving(h), *_slopes(curves[h.knob]))
+    rows.add_section()
+    for c in report.curves:
+        for p in c.points if c.kind == "step" else ():
+            if _key(p) != _key(d):
+                factor = p.seconds.middle / d.seconds.middle
+                rows.add_row(f"{c.knob}: {p.value}", f"x {factor:.2f} time", "", _percent(p.error.rmse), "", "")
+    return rows
+
+
+def _plain(x: Any) -> Any:
+    """As JSON has it."""
+    if isinstance(x, float):
+        return x if isfinite(x) else None
+    if isinstance(x, (list, tuple)):
+        return [_plain(v) for v in x]
+    if isinstance(x, dict):
+        return {k: _plain(v) for k, v in x.items()}
+    if hasattr(x, "tolist"):
+        return _plain(x.tolist())
+    if hasattr(x, "__dataclass_fields__"):
+        return {name: _plain(getattr(x, name)) for name in x.__dataclass_fields__ if name not in PICTURES}
+    return x
+
+
+def _key(p: Point) -> tuple:
+    """What tells choices apart, whichever knob they are of."""
+    return tuple(map(repr, p.settings.items())), p.plain
+
+
+def _halving(h: Halving) -> tuple[str, str, str]:
+    if not isfinite(h.factor.middle):
+        return "cannot", "", f"x {h.least:.2f}"
+    ends = f"{h.factor.low:.2f} to {h.factor.high:.2f}"
+    return f"x {h.factor.middle:.2f} time ({ends})", str(h.value), f"x {h.least:.2f}"
+
+
+def _slopes(c: Curve) -> tuple[str, str]:
+    return tuple("" if s is None else f"{s.k:.2f} ± {(s.high - s.low) / 2:.2f}" for s in (c.by_time, c.by_count))
+
+
+def _percent(b: Band) -> str:
+    return f"{100 * b.middle:.3g} %"
+
+
+def _milliseconds(b: Band) -> str:
+    return f"{1e3 * b.middle:.3g}"
+
+
+def _caption(report: Report) -> str:
+    """What a reader of the columns must know."""
+    lines = [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
+    lines.append(f"reference: off by {100 * report.reference.error:.2g} %, {report.reference.seconds:.1f} s")
+    lines += report.notes
+    return "\n".join(lines + (["stopped: measured so far"] if report.stopped else []))

@@ -26,6 +26,8 @@ from visray.reachable import Files, unavoidable
 
 # The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
+# So many times the samples that there are, before the error is looked at again.
+GROWTH = 4
 # Of an estimate that must not be above what is asked for.
 MARGIN = 0.98
 
@@ -102,7 +104,7 @@ class Pursuit:
         allocation = self._allocation()
         self._tell(allocation)
         while not self._reached():
-            targets = allocation.targets(self._number(allocation, 2.0))
+            targets = allocation.targets(self._number(allocation, GROWTH))
             if not (targets > halves.counts).any():
                 return
             done = halves.extend(targets, self._going)
@@ -113,7 +115,8 @@ class Pursuit:
 
     def _pilot(self) -> None:
         """As many samples of each pixel as tell who needs how many more."""
-        halves, count = self.halves, 1
+        # Where time is short, with as little as can be; longer passes take less time a sample.
+        halves, count = self.halves, SHORTEST_PILOT if self.goal.seconds is None else 1
         halves.extend(np.full_like(halves.counts, count), lambda _: True)
         while count < LONGEST_PILOT:
             self.found = halves.estimate()
@@ -122,12 +125,14 @@ class Pursuit:
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
             if self._reached() or seconds > share * self.goal.left():
                 return
+            longest = 2 * count
             if count >= SHORTEST_PILOT:
-                allocation = self._allocation()
-                _, mean, _ = self._outlook(allocation, np.inf)
-                if 2 * count > PILOT_SHARE * mean:
-                    return
-            count *= 2
+                _, mean, _ = self._outlook(self._allocation(), np.inf)
+                longest = min(PILOT_SHARE * mean, LONGEST_PILOT)
+            if longest < 2 * count:
+                return
+            while 2 * count <= longest:
+                count *= 2
             if not halves.extend(np.full_like(halves.counts, count), self._going):
                 return
 

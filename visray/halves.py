@@ -46,11 +46,15 @@ class Estimate:
         unrelated; so the difference of the sums has at most twice the variance sum(E x^2).
         """
         squares = np.square(a - b).mean(0) / 4
-        square, spread = squares.mean(), QUANTILE * np.sqrt(2 * np.square(squares).sum()) / squares.size
-        luminance = float((LUMINANCE @ (a + b)).mean() / 2)
-        scale = 1 / luminance if luminance > 0 else 1.0
+        return Estimate.told(squares.size, squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2)
+
+    @staticmethod
+    def told(n: int, squares: float, fourths: float, luminance: float) -> "Estimate":
+        """From sums over n pixels: of x, of x^2, of luminance."""
+        square, spread = squares / n, QUANTILE * np.sqrt(2 * fourths) / n
+        scale = n / luminance if luminance > 0 else 1.0
         low, high = np.sqrt(max(square - spread, 0)), np.sqrt(square + spread)
-        return Estimate(*(float(scale * x) for x in (np.sqrt(square), low, high)), float(square), luminance)
+        return Estimate(*(float(scale * x) for x in (np.sqrt(square), low, high)), float(square), float(luminance / n))
 
 
 class Halves:
@@ -92,15 +96,12 @@ class Halves:
         return True
 
     def _pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
-        a, before, count = self.made.a, self.counts[lanes], (targets - self.counts)[lanes]
-        found, at = moments(self.made, self.made.stage, lanes, before, count)
-        old = Film(*(dr.gather(type(x), x, at) for x in (self.film.mean, self.film.squares, self.film.coverage)))
-        new = old.plus(a, found, a.put(a.U, before.astype(np.uint32)), a.put(a.U, count.astype(np.uint32)))
-        for whole, part in (
-            (self.film.mean, new.mean),
-            (self.film.squares, new.squares),
-            (self.film.coverage, new.coverage),
-        ):
+        a, before = self.made.a, self.counts[lanes]
+        count = targets[lanes] - before
+        found, at, plan = moments(self.made, self.made.stage, lanes, before, count)
+        old = Film(*(dr.gather(type(x), x, at) for x in _parts(self.film)))
+        new = old.plus(a, found, plan.first, plan.count)
+        for whole, part in zip(_parts(self.film), _parts(new)):
             dr.scatter(whole, part, at)
         dr.eval(self.film)
         dr.sync_thread()
@@ -112,7 +113,14 @@ class Halves:
         return mean[:, : self.n], mean[:, self.n :]
 
     def estimate(self) -> Estimate:
-        return Estimate.of(*self.means())
+        """The error of the picture. Source: as Estimate.of, but summed where the pixels are."""
+        a, lanes = self.made.a, dr.arange(self.made.a.U, self.n)
+        left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
+        squares = dr.squared_norm(left - right) / 12
+        light = dr.dot(a.W(*LUMINANCE.tolist()), left + right) / 2
+        sums = dr.sum(squares), dr.sum(dr.square(squares)), dr.sum(light)
+        dr.eval(sums)
+        return Estimate.told(self.n, *(float(x[0]) for x in sums))
 
     def layers(self) -> dict[str, np.ndarray]:
         """Colour and coverage of pixels, the variance of samples, the standard error of pixels (from the halves'
@@ -147,12 +155,19 @@ def around(x: np.ndarray) -> np.ndarray:
     return x / ones
 
 
-def moments(made: Set, stage: Stage, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any]:
-    """The moments of `count` samples from `first` on, and the lanes as opaque numbers. Each half has a seed of its own,
-    which no picture of another seed below 2^31 shares."""
+def _parts(film: Film) -> tuple:
+    return film.mean, film.squares, film.coverage
+
+
+def moments(made: Set, stage: Stage, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
+    """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan. Each half has a seed
+    of its own, which no picture of another seed below 2^31 shares."""
     a, n = made.a, len(made.order)
     at = a.put(a.U, lanes.astype(np.uint32))
-    pixel = a.put(a.U, (lanes % n).astype(np.uint32))
-    seeds = (2 * made.scene.settings.seed + lanes // n) % 2**32
+    second = at >= dr.opaque(a.U, n)
+    pixel = dr.select(second, at - dr.opaque(a.U, n), at)
+    seed = 2 * made.scene.settings.seed % 2**32
+    seeds = dr.select(second, dr.opaque(a.U, seed + 1), dr.opaque(a.U, seed))
     x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
-    return integrator.sample(stage, Plan.each(a, seeds, first, count), x, y), at
+    plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
+    return integrator.sample(stage, plan, x, y), at, plan

@@ -55,11 +55,10 @@ class Plan:
         )
 
     @staticmethod
-    def each(a: Arrays, seeds: np.ndarray, first: np.ndarray, count: np.ndarray) -> "Plan":
+    def each(a: Arrays, seeds: Any, first: Any, count: Any) -> "Plan":
         """Samples that differ from lane to lane in seed, first and count. No strata: not for "stratified"."""
-        own = (a.put(a.U, x.astype(np.uint32)) for x in (seeds, first, count))
         one, none = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
-        return Plan(*own, one, dr.opaque(a.F, 1), none, none)
+        return Plan(seeds, first, count, one, dr.opaque(a.F, 1), none, none)
 
 
 def pixel_key(plan: Plan, x: Any, y: Any) -> Any:

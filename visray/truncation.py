@@ -48,5 +48,5 @@ def _means(halves: Halves, lanes: np.ndarray, count: np.ndarray, depth: int) -> 
     made = halves.made
     kept = made.stage.scenery
     stage = replace(made.stage, scenery=replace(kept, levels=(dr.opaque(made.a.U, depth), kept.levels[1])))
-    found, _ = moments(made, stage, lanes, 0 * count, count)
+    found, *_ = moments(made, stage, lanes, 0 * count, count)
     return np.array(found.reference, float) + np.array(found.total, float) / count

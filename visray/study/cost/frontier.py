@@ -42,8 +42,8 @@ def halvings(curves: Iterable[Curve], default: Point) -> tuple[Halving, ...]:
     """What half of the default's error costs by each knob of kind "sampling" or "bias", cheapest first.
 
     Error and seconds are taken as a power law from point to point. Beyond the last one the law of the last two goes on
-    for a decade of seconds, if their error surely falls, and not surely less steeply than before them. Bands: of 2000
-    draws from the bands of the points.
+    for a decade of seconds, if their error surely falls, and not surely less steeply than before them, and else for one
+    more step such as theirs. Bands: of 2000 draws from the bands of the points.
     """
     asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points]
     return ranked([_halving(c, default) for c in asked if default.error.rmse.middle > 0])
@@ -66,7 +66,7 @@ def ranked(found: Iterable[Halving]) -> tuple[Halving, ...]:
     first. Knobs of a rank are in the order of the alphabet, so that noise in what cannot be told apart moves none."""
     groups: list[list[Halving]] = []
     for h in sorted(found, key=lambda h: (h.factor.middle, h.factor.high, h.knob)):
-        if not groups or h.factor.low > groups[-1][0].factor.high:
+        if not groups or h.factor.low > groups[-1][0].factor.high or _cannot(h) > _cannot(groups[-1][0]):
             groups.append([])
         groups[-1].append(h)
     return tuple(
@@ -74,6 +74,11 @@ def ranked(found: Iterable[Halving]) -> tuple[Halving, ...]:
         for rank, group in enumerate(groups, 1)
         for h in sorted(group, key=lambda h: h.knob)
     )
+
+
+def _cannot(h: Halving) -> bool:
+    """Whether the knob alone surely does not get there."""
+    return not isfinite(h.factor.low)
 
 
 def _halving(curve: Curve, default: Point) -> Halving:
@@ -140,11 +145,13 @@ def _reached(time: np.ndarray, error: np.ndarray, target: float, goes_on: bool) 
         # An error of 0 is on no line: it is reached at its point.
         part = (error[i - 1] - target) / (error[i - 1] - error[i]) if isfinite(error[i]) else 1.0
         return i - 1 + part, float(time[i - 1] + part * (time[i] - time[i - 1]))
-    if not goes_on or error[-1] >= error[-2] or time[-1] <= time[-2]:
+    if len(error) < 2 or error[-1] >= error[-2] or time[-1] <= time[-2]:
         return inf, inf
     part = (error[-1] - target) / (error[-2] - error[-1])
     seconds = float(part * (time[-1] - time[-2]))
-    return (len(time) - 1 + part, time[-1] + seconds) if seconds <= FURTHEST else (inf, inf)
+    # A step that is no longer than the last one is believed in any case.
+    near = part <= 1 or (goes_on and seconds <= FURTHEST)
+    return (len(time) - 1 + part, time[-1] + seconds) if near else (inf, inf)
 
 
 def _value(points: tuple[Point, ...], place: float) -> Any:

@@ -74,7 +74,9 @@ def _view(made: Set, ray: Ray) -> View:
     index = np.array(here.hit.index).astype(np.int64)
     index[index == NO_OBJECT] = -1
     names = tuple(name for k in s.kin for name in k.names)
-    return View(s, here, names, index, np.array(here.hit.t), rows(here.surface.n))
+    # One normal may be that of all rays.
+    n = np.broadcast_to(rows(here.surface.n), (len(index), 3))
+    return View(s, here, names, index, np.array(here.hit.t), n)
 
 
 def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:

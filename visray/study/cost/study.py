@@ -1,15 +1,11 @@
 """What accuracy costs for a scene: all that is measured of it, together."""
 
-import platform
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import date
 from math import log
 from pathlib import Path
-from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from visray.errors import UserError
@@ -24,20 +20,23 @@ from visray.study.cost.hits import geometry
 from visray.study.cost.knobs import Choice, Knob, default, knobs
 from visray.study.cost.measuring import FEWEST_SEEDS, LONGEST, Studio, Taken, reduced
 from visray.study.cost.model import Model
-from visray.study.cost.records import Band, Curve, Point, Report
+from visray.study.cost.records import Band, Curve, Point
 from visray.study.cost.slopes import slope
+from visray.study.cost.studied import Study
 from visray.study.cost.truth import Truth, luminance, truth
-from visray.version import __version__
+from visray.study.machine import machine
 
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
 # Quick and full: seconds that the kernels of all choices may run, those of the reference, and of the joint points.
-BUDGETS = (16.0, 10.0, 8.0), (150.0, 90.0, 50.0)
+BUDGETS = (16.0, 10.0, 6.0), (120.0, 75.0, 40.0)
 # How many points of several knobs.
 JOINT = 4, 8
 # After Ctrl-C, what is measured is still to be judged: by a reference that is made in so many seconds.
 HURRIED = 2.0
 # Seeds of the reference lie so far from those that are measured.
 APART = 2**31
+# What these do is shown, but nobody should save there.
+KEPT = ("roots", "accelerator", "texture filter")
 # What these knobs turn may change what is hit; the others only how often it is looked.
 OF_HITS = ("default", "precision", "roots", "accelerator")
 FIXED = {
@@ -49,7 +48,7 @@ FIXED = {
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
     progress: bool = True, threads: int | None = None,
-) -> Report:  # fmt: skip
+) -> Study:  # fmt: skip
     """What accuracy costs for a scene, or a scene file, by its own knobs.
 
     quick: fewer positions of each knob, on smaller pictures. seeds: of each choice, from 16 to 4096. Ctrl-C keeps what
@@ -69,7 +68,7 @@ def cost(
     return replace(report, scene=name, seconds=time.perf_counter() - begun)
 
 
-def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience) -> Report:
+def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience) -> Study:
     small = reduced(scene, LONGEST[not quick])
     turned, budgets = knobs(small), BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
@@ -86,7 +85,7 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Pa
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
     joint = () if stopped or same else _joint(studio, points[0], curves, taken[0], true, quick)
     best = frontier([*points, *joint])
-    return Report(
+    return Study(
         scene="",
         scene_hash=scene.hash(),
         width=small.film.width,
@@ -123,9 +122,10 @@ def _joint(
 
     The default is measured again by turns with them, and tells how much faster or slower the machine is now.
     """
-    # They go up by equal factors: together they take about twice as long as the longest.
-    longest = BUDGETS[not quick][2] / len(studio.seeds) / 2
-    ladder = Model.of(base, curves).ladder(JOINT[not quick], longest)
+    # They go up by equal factors: together they take less than three times as long as the longest.
+    longest = BUDGETS[not quick][2] / len(studio.seeds) / 3
+    model = Model.of(base, tuple(c for c in curves if c.knob not in KEPT))
+    ladder = model.ladder(JOINT[not quick], longest)
     choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
     taken = studio.prepared([replace(own.choice, knob="again"), *choices])
     if studio.patience.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
@@ -206,20 +206,3 @@ def _notes(
 
 def _surely_less(a: Band, b: Band) -> bool:
     return a.high < b.low
-
-
-def machine() -> dict[str, Any]:
-    """Date, processor, threads and versions."""
-    name, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
-    if info.exists():
-        lines = info.read_text().splitlines()
-        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
-    return {
-        "date": date.today().isoformat(),
-        "cpu": name,
-        "threads": dr.thread_count(),
-        "python": platform.python_version(),
-        "visray": __version__,
-        "drjit": dr.__version__,
-        "llvm": ".".join(map(str, dr.detail.llvm_version())),
-    }

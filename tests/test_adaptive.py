@@ -1,0 +1,845 @@
+"""Pictures to an error or in a time: the error is true, the goal is met, no pixel has a bias, the impossible is refused.
+
+Chances of a false alarm are about 1e-6 in each test; seeds are fixed.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import pytest
+
+from visray import adaptive, allocation, halves, integrator
+from visray.adaptive import Goal, Pursuit
+from visray.allocation import MOST, STEPS, Allocation
+from visray.camera import Camera
+from visray.cli import main
+from visray.errors import UserError
+from visray.exposure import Set, set_up
+from visray.film import Film as Exposure
+from visray.geometry import gamma as rounded
+from visray.halves import LUMINANCE, QUANTILE, Estimate, Halves
+from visray.lights import PointLight, RectangleLight
+from visray.materials import Material
+from visray.output.image import Image
+from visray.primitives import Cylinder, Plane, Rectangle, Sphere
+from visray.progress import Bar, Patience
+from visray.reachable import ROUNDINGS, Files
+from visray.render import render
+from visray.rounding import rounding
+from visray.sampling import Plan
+from visray.scene.load import load
+from visray.scene.scene import Film, Scene, Settings
+from visray.truncation import truncation
+
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
+# Edges, a thin rod, and a penumbra from one light sample a point.
+EDGES = Scene(
+    camera=Camera(origin=(0, 2, 8), target=(0, 0.6, 0), fov=35.0),
+    film=Film(width=40, height=30),
+    background=(0.05, 0.06, 0.1),
+    ambient=(0.1, 0.1, 0.1),
+    materials={"grey": Material(kd=(0.6, 0.6, 0.6)), "red": Material(kd=(0.8, 0.2, 0.1))},
+    lights={"panel": RectangleLight(position=(-2, 4, 2), width=(1.5, 0, 0), height=(0, 0, 1.5), samples=1)},
+    objects={
+        "floor": Plane(material="grey"),
+        "ball": Sphere(center=(-0.6, 0.8, 0), radius=0.8, material="red"),
+        "rod": Cylinder(center=(1.2, 0.8, 0.5), radius=0.06, height=1.6, material="grey"),
+    },
+    settings=Settings(sampler="sobol"),
+)
+# Nothing in it differs from sample to sample.
+FLAT = Scene(film=Film(width=40, height=30), background=(0.1, 0.7, 1 / 3))
+SMALL = Film(width=24, height=18)
+# What normal numbers exceed with a chance of 1e-6, to both sides and to one.
+BOTH_SIDES, ONE_SIDE = 4.9, 4.76
+
+
+def pursued(scene: Scene, **more: Any) -> Image:
+    return render(scene, progress=False, **{"layers": ("RGB", "A", "variance", "error", "samples")} | more)
+
+
+def with_settings(scene: Scene, **settings: Any) -> Scene:
+    return replace(scene, settings=replace(scene.settings, **settings))
+
+
+def seeded(made: Set, seed: int) -> Set:
+    """The same set-up with another seed."""
+    return replace(made, scene=with_settings(made.scene, seed=seed))
+
+
+def silent(_: object) -> None:
+    """Takes a forecast and says nothing."""
+
+
+def pursuit(made: Set, error: float | None = None, seconds: float | None = None, patience: Any = None) -> Pursuit:
+    goal = Goal(error, seconds, time.perf_counter())
+    found = Pursuit(made, goal, patience or Patience(), Bar("", 1, False), silent)
+    found.run(Files())
+    return found
+
+
+def compiled(work: Callable[[], object]) -> int:
+    """How many kernels are compiled, or read from the disk, for a piece of work."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        work()
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert kernels
+    return sum(not k["cache_hit"] or bool(k["cache_disk"]) for k in kernels)
+
+
+# The estimate of the error
+
+
+PIXELS, TRIALS = 1200, 2000
+
+
+def even(rng: np.random.Generator) -> np.ndarray:
+    """Alike from pixel to pixel, and from channel to channel: a grey picture."""
+    return np.broadcast_to(0.1 * rng.normal(size=(2, 1, PIXELS)), (2, 3, PIXELS))
+
+
+def uneven(rng: np.random.Generator) -> np.ndarray:
+    """Standard deviations from 1e-3 to 1."""
+    return np.geomspace(1e-3, 1, PIXELS) * rng.normal(size=(2, 3, PIXELS))
+
+
+def shrunk(rng: np.random.Generator) -> np.ndarray:
+    """One half has ten times the variance of the other."""
+    return np.array([[[1.0]], [[sqrt(10)]]]) * rng.normal(size=(2, 3, PIXELS))
+
+
+def heavy(rng: np.random.Generator) -> np.ndarray:
+    """Student's distribution with 9 degrees of freedom, and variances as those of a few bright edges."""
+    return np.where(np.arange(PIXELS) % 20 == 0, 1, 0.05) * rng.standard_t(9, size=(2, 1, PIXELS)) * np.ones((1, 3, 1))
+
+
+def rare(rng: np.random.Generator) -> np.ndarray:
+    """A twentieth of the pixels differ from black, as by a highlight: lopsided."""
+    return ((rng.random((2, 1, PIXELS)) < 0.05) - 0.05) * np.ones((1, 3, 1))
+
+
+@pytest.mark.parametrize("noise", [even, uneven, shrunk, heavy, rare])
+def test_the_estimate_is_unbiased_and_its_interval_holds_the_truth(noise: Callable) -> None:
+    """For 95 % at least, over 2000 pictures; a share below 0.927 has a chance of 1e-6 if it is 0.95."""
+    rng = np.random.default_rng(0)
+    true = rng.uniform(0.2, 1, (3, PIXELS))
+    off, inside = [], 0
+    for _ in range(TRIALS):
+        a, b = true + noise(rng)
+        found = Estimate.of(a, b)
+        square = np.square((a + b) / 2 - true).mean()
+        off.append(found.square - square)
+        luminance = (LUMINANCE @ (a + b)).mean() / 2
+        assert found.luminance == pytest.approx(luminance) and found.error == pytest.approx(
+            sqrt(found.square) / luminance
+        )
+        inside += found.low <= sqrt(square) / luminance <= found.high
+    assert abs(np.mean(off)) <= BOTH_SIDES * np.std(off) / sqrt(TRIALS)
+    assert inside / TRIALS >= 0.95 - ONE_SIDE * sqrt(0.95 * 0.05 / TRIALS)
+
+
+def test_the_interval_is_not_too_wide() -> None:
+    """Of few pixels that matter and tails that are heavy it holds the truth in no more than 99.9 %; where squares are
+    nearly alike, its bound of the variance is at most three times too large."""
+    rng, wide = np.random.default_rng(1), []
+    for _ in range(TRIALS):
+        a, b = even(rng)
+        found = Estimate.of(a + 1, b + 1)
+        wide.append((found.square - np.square((a + b) / 2).mean(), np.square(found.high * found.luminance)))
+    off, high = np.array(wide).T
+    spread = (high - 0.1**2 / 2).mean() / QUANTILE
+    assert 1 <= spread / off.std() <= sqrt(3)
+
+
+def test_a_picture_without_light_has_an_absolute_error() -> None:
+    found = Estimate.of(np.zeros((3, 8)), np.zeros((3, 8)))
+    assert (found.error, found.low, found.high, found.luminance) == (0, 0, 0, 0)
+
+
+# The allocation
+
+
+def slow_around(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """As allocation.around, pixel by pixel: binomial weights, both halves, without the own value of the half."""
+    weights = np.outer([1, 4, 6, 4, 1], [1, 4, 6, 4, 1]) / 256
+    height, width = a.shape
+    found = np.zeros((2, height, width))
+    for half in (0, 1):
+        for y in range(height):
+            for x in range(width):
+                total = mass = 0.0
+                for v in range(max(y - 2, 0), min(y + 3, height)):
+                    for u in range(max(x - 2, 0), min(x + 3, width)):
+                        for other in (0, 1):
+                            if (other, v, u) != (half, y, x):
+                                w = weights[v - y + 2, u - x + 2]
+                                total, mass = total + w * (a, b)[other][v, u], mass + w
+                found[half, y, x] = total / mass
+    return found
+
+
+@pytest.mark.parametrize("shape", [(7, 9), (1, 6), (6, 1), (2, 3), (1, 1), (3, 2), (5, 5)])
+def test_weights_around_a_pixel_are_the_means_of_all_others(shape: tuple[int, int]) -> None:
+    a, b = np.random.default_rng(0).lognormal(0, 2, (2, *shape))
+    np.testing.assert_allclose(allocation.around(a, b), slow_around(a, b), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(7, 9), (1, 6)])
+def test_a_lane_s_own_value_does_not_count(shape: tuple[int, int]) -> None:
+    """In whole numbers, which no sum rounds: bit for bit. The other half's and the neighbours' weights do change."""
+    rng = np.random.default_rng(1)
+    pair = rng.integers(0, 100, (2, *shape)).astype(float)
+    before = allocation.around(*pair)
+    for half, y, x in [(0, 0, 0), (1, 0, shape[1] - 1), (0, shape[0] // 2, shape[1] // 2)]:
+        other = pair.copy()
+        other[half, y, x] += 4096
+        after = allocation.around(*other)
+        assert after[half][y, x] == before[half][y, x]
+        assert after[1 - half][y, x] > before[1 - half][y, x]
+        beside = max(x - 1, 0) if x else 1
+        assert all(after[h][y, beside] > before[h][y, beside] for h in (0, 1))
+
+
+def test_means_of_3_by_3_pixels_at_borders() -> None:
+    for shape in [(4, 5), (1, 5), (5, 1), (1, 1)]:
+        x = np.random.default_rng(0).random(shape)
+        wide = np.pad(x, 1, constant_values=np.nan)
+        slow = [[np.nanmean(wide[i : i + 3, j : j + 3]) for j in range(shape[1])] for i in range(shape[0])]
+        np.testing.assert_allclose(halves.around(x), slow, rtol=1e-12)
+
+
+def lanes(seed: int, n: int = 500) -> tuple[np.ndarray, np.ndarray]:
+    """Variances over ten decades, some zero, and samples that lanes have."""
+    rng = np.random.default_rng(seed)
+    variances = 10 ** rng.uniform(-10, 0, n)
+    variances[rng.random(n) < 0.1] = 0
+    return variances, 2 ** rng.integers(2, 6, n)
+
+
+def slow_targets(variances: np.ndarray, counts: np.ndarray, number: int) -> np.ndarray:
+    """Lane by lane: the power of two that is nearest to weight * 2^(number / STEPS), in logarithms."""
+    found = []
+    for variance, count in zip(variances.tolist(), counts.tolist()):
+        wanted = 1
+        if variance > 0:
+            step = round(STEPS * np.log2(variance) / 2)
+            wanted = 2 ** int(np.clip(np.floor((step + number) / STEPS + 0.5), 0, MOST))
+        found.append(max(wanted, count))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_targets_are_powers_of_two_that_never_fall(seed: int) -> None:
+    variances, counts = lanes(seed)
+    found = Allocation.of(variances, counts)
+    before = counts
+    for number in range(-40, 400, 3):
+        targets = found.targets(number)
+        assert np.array_equal(targets, slow_targets(variances, counts, number))
+        assert (targets >= before).all() and (targets & (targets - 1) == 0).all()
+        # Where nothing varies around a lane, more samples tell nothing.
+        assert np.array_equal(targets[variances == 0], counts[variances == 0])
+        before = targets
+    assert before.max() == 2**MOST
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_least_number_is_the_least(seed: int) -> None:
+    """And what it is told of samples and error is the mean over lanes."""
+    variances, counts = lanes(seed)
+    found = Allocation.of(variances, counts)
+    found.learn(1e-3, counts)
+    weights = np.where(variances > 0, 2 ** (np.rint(STEPS / 2 * np.log2(np.maximum(variances, 1e-300))) / STEPS), 0)
+    scale = 1e-3 / np.mean(weights**2 * counts**-found.power)
+
+    def expected(number: int) -> tuple[float, float]:
+        targets = slow_targets(variances, counts, number)
+        return float(targets.mean()), float(scale * np.mean(weights**2 * targets**-found.power))
+
+    for limit in (9e-4, 1e-4, 1e-5):
+        told: dict[tuple[float, float], bool] = {}
+
+        def enough(mean: float, square: float, limit: float = limit, told: dict = told) -> bool:
+            return told.setdefault((mean, square), square <= limit)
+
+        number = found.least(enough)
+        slow = next(n for n in range(-320, 464) if expected(n)[1] <= limit)
+        assert expected(number) == expected(slow) and found.targets(number).tolist() == found.targets(slow).tolist()
+        for mean, square in told:
+            assert any(
+                (mean, square) == (pytest.approx(m), pytest.approx(s)) for m, s in map(expected, range(-320, 464))
+            )
+    # By samples: the first number that has as many on average.
+    number = found.least(lambda mean, _: mean >= 100)
+    assert expected(number)[0] >= 100 > expected(number - 1)[0]
+    # What cannot be had is answered with the most samples of all.
+    assert (found.targets(found.least(lambda *_: False))[variances > 0] == 2**MOST).all()
+
+
+@pytest.mark.parametrize("power", [1.0, 1.25, 1.5])
+def test_the_power_is_learned(power: float) -> None:
+    """Of squares that fall as they do, to a step of the table; what it then expects is right to a few percent."""
+    variances, counts = lanes(3)
+    weights = np.where(variances > 0, variances, 0)
+    square = lambda n: float(np.mean(weights * n.astype(float) ** -power))  # noqa: E731
+    found = Allocation.of(variances, counts)
+    found.learn(square(counts), counts)
+    targets = found.targets(40)
+    found.learn(square(targets), targets)
+    assert found.power == pytest.approx(power, abs=0.03)
+    more = found.targets(56)
+    heard = []
+    found.least(lambda mean, expected: heard.append((mean, expected)) or mean >= more.mean())
+    mean, expected = min(heard, key=lambda pair: abs(pair[0] - more.mean()))
+    assert mean == more.mean() and expected == pytest.approx(square(more), rel=0.05)
+
+
+# The halves
+
+
+def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[Halves, np.ndarray], bool]:
+    """Extends by one pass of so many samples at most, as if there were time for no more."""
+    monkeypatch.setattr(halves, "FIRST", samples)
+
+    def extend(h: Halves, targets: np.ndarray) -> bool:
+        h.rate, asked = None, []
+        return h.extend(targets, lambda _: asked.append(0) or len(asked) == 1)
+
+    return extend
+
+
+def some_counts(h: Halves) -> np.ndarray:
+    return 2 ** np.random.default_rng(0).integers(0, 6, 2 * h.n)
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+def test_passes_in_any_order_make_the_same_film(sampler: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one pass; in passes that are broken off; and lanes in steps and in another order. Up to the rounding of sums,
+    each in the precision of shading."""
+    made = set_up(with_settings(replace(EDGES, film=SMALL), sampler=sampler))
+    whole = Halves(made)
+    targets = some_counts(whole)
+    assert whole.extend(targets) and np.array_equal(whole.counts, targets)
+    broken, stepped = Halves(made), Halves(made)
+    step = one_pass(monkeypatch, 700)
+    passes = 0
+    while not step(broken, targets):
+        passes += 1
+        # Lanes are done or not begun.
+        assert np.isin(broken.counts, np.unique(targets)).sum() + (broken.counts == 0).sum() == 2 * whole.n
+    assert passes > 10
+    rng = np.random.default_rng(1)
+    while (stepped.counts < targets).any():
+        stepped.extend(np.minimum(targets, stepped.counts + rng.integers(0, 9, 2 * whole.n)))
+    largest = float(np.abs(np.array(whole.film.mean)).max() + np.sqrt(np.array(whole.film.squares)).max())
+    bound = rounded(2 * int(targets.max()) + 4, "single") * largest
+    for other in (broken, stepped):
+        assert np.array_equal(other.counts, targets)
+        assert np.abs(np.array(other.film.mean) - np.array(whole.film.mean)).max() <= bound
+        assert np.abs(np.array(other.film.squares) - np.array(whole.film.squares)).max() <= bound * largest * 64
+        assert np.array_equal(np.array(other.film.coverage), np.array(whole.film.coverage))
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "independent"])
+def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
+    """Half A those of seed 2 s, half B those of 2 s + 1, the first so many of each lane."""
+    made = set_up(with_settings(replace(EDGES, film=SMALL), sampler=sampler, seed=77))
+    h = Halves(made)
+    targets = some_counts(h)
+    h.extend(targets)
+    means, squares = np.array(h.film.mean), np.array(h.film.squares)
+    for half in (0, 1):
+        for count in np.unique(targets):
+            plan = Plan.of(made.a, 2 * 77 + half, 64, 0, int(count))
+            film = Exposure.blank(made.a, h.n)
+            film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), 0, int(count))
+            here = half * h.n + np.flatnonzero(targets[half * h.n :][: h.n] == count)
+            for own, uniform in ((means, film.mean), (squares, film.squares)):
+                whole = np.array(uniform)
+                bound = rounded(4 * int(count) + 8, "single") * max(np.abs(whole).max(), 1)
+                assert np.abs(own[:, here] - whole[:, here - half * h.n]).max() <= bound
+
+
+def test_no_count_seed_or_subset_compiles() -> None:
+    """But for a pass of one lane alone, which Dr.Jit makes another kernel for."""
+    made = set_up(replace(EDGES, film=SMALL))
+    Halves(made).compiled()
+    Halves(made).extend(np.full(2 * len(made.order), 2))
+
+    def others() -> None:
+        for seed in (3, 2**31 - 1):
+            h = Halves(seeded(made, seed))
+            rng = np.random.default_rng(seed)
+            for share in (1.0, 0.5, 0.02):
+                h.extend(h.counts + rng.integers(1, 40, 2 * h.n) * (rng.random(2 * h.n) < share))
+
+    assert compiled(others) == 0
+
+
+def test_the_first_kernel_is_the_only_one() -> None:
+    """After it, time tells how long samples take, and nothing else."""
+    scene = replace(EDGES, film=Film(width=23, height=17), objects=EDGES.objects | {"more": Sphere(radius=0.1)})
+    h = Halves(set_up(scene))
+    assert compiled(h.compiled) >= 1
+    assert compiled(lambda: h.extend(np.full(2 * h.n, 2))) <= 1  # what a film is blanked with, or merged by
+    assert compiled(lambda: h.extend(some_counts(h) + 2)) == 0
+
+
+def test_a_second_picture_compiles_nothing() -> None:
+    pursued(EDGES, error=0.03)
+    assert compiled(lambda: pursued(EDGES, error=0.03)) == 0
+    assert compiled(lambda: pursued(EDGES, error=0.02, seed=5, size=(33, 21))) == 0
+
+
+# No bias
+
+
+@dataclass(frozen=True)
+class Bias:
+    """How far means of pictures are from the truth: the sum over pixels of squares in standard errors, what is expected
+    of it, and its standard deviation."""
+
+    found: float
+    expected: float
+    deviation: float
+
+    @staticmethod
+    def of(pictures: list[np.ndarray], true: np.ndarray, off: np.ndarray) -> "Bias":
+        """Of luminances, by their own spread, which is known from n - 1 others: Student's t, whose square has the mean
+        v / (v - 2). true, off: the truth, and the variance that it has. Shapes: (N)."""
+        v = len(pictures) - 1
+        variance = np.var(pictures, axis=0, ddof=1) / len(pictures) + off
+        # Where nothing varies, samples are all alike.
+        noisy = variance > 1e-14
+        error = np.mean(pictures, axis=0) - true
+        assert np.abs(error[~noisy]).max(initial=0) <= 1e-5
+        k = int(noisy.sum())
+        single = 2 * v**2 * (v - 1) / ((v - 2) ** 2 * (v - 4))
+        return Bias(float((error[noisy] ** 2 / variance[noisy]).sum()), k * v / (v - 2), sqrt(k * single))
+
+    def seen(self) -> bool:
+        """Whether it is no chance. Pixels that are hit rarely are lopsided, so that the sum spreads more than that of
+        normal numbers: 6 deviations."""
+        return self.found > self.expected + 6 * self.deviation
+
+
+def luminance(h: Halves) -> np.ndarray:
+    return LUMINANCE @ np.mean(h.means(), axis=0)
+
+
+def naive(made: Set, tolerance: float) -> Halves:
+    """A picture by the rule that must not be: each pixel has its samples doubled until its own halves agree."""
+    h = Halves(made)
+    busy = np.ones(h.n, bool)
+    for count in (4, 8, 16, 32, 64):
+        h.extend(np.where(np.tile(busy, 2), count, h.counts))
+        a, b = h.means()
+        busy &= np.abs(a - b).max(0) > tolerance
+    return h
+
+
+def test_no_pixel_has_a_bias() -> None:
+    """The mean of many pictures whose pixels have from 4 to 64 samples in a half is the converged one; by a rule that
+    lets each pixel stop when its own samples agree it is not, and fewer pictures show that."""
+    scene = replace(EDGES, film=SMALL)
+    made = set_up(scene)
+    uniform = [
+        render(scene, spp=8192, seed=10**6 + i, layers=("RGB",), progress=False)["RGB"] @ LUMINANCE for i in range(6)
+    ]
+    true = np.mean(uniform, axis=0).ravel()[made.order]
+    off = (np.var(uniform, axis=0, ddof=1) / len(uniform)).ravel()[made.order]
+    found = [pursuit(seeded(made, 1 + i), error=0.02).halves for i in range(120)]
+    counts = np.array([h.counts for h in found])
+    assert counts.min() <= 4 and counts.max() >= 32 and len(np.unique(counts[0])) >= 3
+    assert not Bias.of([luminance(h) for h in found], true, off).seen()
+    wrong = [luminance(naive(seeded(made, 1 + i), 0.05)) for i in range(30)]
+    assert Bias.of(wrong, true, off).seen()
+
+
+# The goal is met
+
+
+@pytest.mark.parametrize("error", [0.1, 0.03, 0.01, 0.003])
+def test_an_error_is_met(error: float) -> None:
+    """Of the interval, its upper end; and near enough that the samples are not wasted: not by far below. The layers
+    tell the same as the metadata."""
+    image = pursued(EDGES, error=error)
+    facts, samples = image.metadata, image["samples"]
+    assert 0 <= facts["error_low"] <= facts["error"] <= facts["error_high"] <= error == facts["error_asked"]
+    assert facts["error_high"] >= error / 3
+    assert samples.dtype == np.uint32 and samples.shape == (30, 40)
+    assert facts["spp"] == pytest.approx(samples.mean(), abs=0.005)
+    assert (facts["spp_least"], facts["spp_most"]) == (samples.min(), samples.max())
+    assert facts["sampler"] == "sobol" and facts["depth_error"] == 0 and facts["interrupted"] == 0
+    assert "time_asked" not in facts and facts["forecast_spp"] > 0 and facts["forecast_seconds"] > 0
+    # Where a pixel and its neighbours vary, both layers say so; more samples go where there is more noise.
+    assert (image["error"][(image["error"] > 0) | (image["variance"] > 1e-6)] > 0).mean() > 0.9
+    assert np.isfinite(image["error"]).all() and (image["error"] >= 0).all()
+    mean = np.sqrt(np.square(image["error"]).mean()) / (image["RGB"] @ LUMINANCE).mean()
+    # Means over 3 x 3 pixels weigh borders a little differently.
+    assert mean == pytest.approx(facts["error"], rel=0.3)
+
+
+def test_more_samples_go_where_there_is_more_noise() -> None:
+    image = pursued(EDGES, error=0.003)
+    noisy = image["variance"].sum(-1) > np.quantile(image["variance"].sum(-1), 0.9)
+    assert image["samples"][noisy].mean() > 4 * image["samples"][~noisy].mean()
+
+
+def test_the_error_is_true() -> None:
+    """Against a converged picture: within the interval, made as wide as a chance of 1e-6 is."""
+    true = render(EDGES, spp=16384, seed=99, layers=("RGB",), progress=False)["RGB"].astype(float)
+    for error, seed in [(0.1, 0), (0.03, 1), (0.01, 2)]:
+        image = pursued(EDGES, error=error, seed=seed)
+        facts = image.metadata
+        off = np.sqrt(np.square(image["RGB"] - true).mean()) / (true @ LUMINANCE).mean()
+        square, high = facts["error"] ** 2, facts["error_high"] ** 2
+        assert abs(off**2 - square) <= BOTH_SIDES / QUANTILE * (high - square)
+
+
+def test_a_file_keeps_error_samples_and_facts(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    image = render(EDGES, error=0.02, progress=False)
+    image.write(path)
+    back = Image.read(path)
+    for name in ("error", "samples", "variance"):
+        assert back[name].dtype == image[name].dtype
+        assert np.array_equal(back[name], image[name])
+    for name in (
+        "error",
+        "error_low",
+        "error_high",
+        "error_asked",
+        "spp",
+        "spp_least",
+        "forecast_error",
+        "depth_error",
+    ):
+        assert back.metadata[name] == pytest.approx(image.metadata[name], rel=1e-6), name
+    assert back.metadata["sampler"] == "sobol"
+
+
+def test_samplers_are_kept_but_for_strata() -> None:
+    """Strata need the number of samples beforehand."""
+    for asked, used in [("independent", "independent"), ("sobol", "sobol"), ("stratified", "sobol")]:
+        image = pursued(with_settings(EDGES, sampler=asked), error=0.05)
+        assert image.metadata["sampler"] == used and image.metadata["error_high"] <= 0.05
+
+
+def test_coverage_of_a_transparent_film() -> None:
+    """A white ball that shines by itself before nothing: each channel is the coverage."""
+    scene = Scene(
+        film=Film(width=40, height=30, transparent=True),
+        camera=Camera(origin=(0, 0, 6), target=(0, 0, 0), fov=40.0),
+        ambient=(1.0, 1.0, 1.0),
+        materials={"white": Material(ka=(1.0, 1.0, 1.0), kd=(0.0, 0.0, 0.0))},
+        objects={"ball": Sphere(material="white")},
+    )
+    image = pursued(scene, error=0.01)
+    assert 0 < image["A"].mean() < 1 and image["A"].min() == 0 and image["A"].max() == 1
+    assert ((image["A"] > 0) & (image["A"] < 1)).any()
+    np.testing.assert_allclose(image["RGB"], np.repeat(image["A"][..., None], 3, 2), rtol=0, atol=1e-6)
+    # All is true: the share of the film that the ball covers.
+    sine = 1 / 6
+    radius = sine / sqrt(1 - sine**2) / np.tan(np.radians(20)) * 15
+    assert image["A"].sum() == pytest.approx(np.pi * radius**2, rel=5 * 0.01)
+
+
+def test_without_noise_the_pilot_is_all() -> None:
+    image = pursued(FLAT, error=0.01)
+    facts = image.metadata
+    assert facts["error"] == facts["error_low"] == facts["error_high"] == 0
+    assert facts["spp_most"] <= 2 * adaptive.SHORTEST_PILOT and not image["error"].any()
+    assert np.array_equal(np.unique(image["RGB"].reshape(-1, 3), axis=0), np.float32([[0.1, 0.7, 1 / 3]]))
+    # Nor does a time go on for nothing.
+    assert pursued(FLAT, time=60).metadata["spp_most"] <= 2 * adaptive.LONGEST_PILOT
+
+
+def test_a_black_picture_ends() -> None:
+    facts = pursued(replace(FLAT, background=(0.0, 0.0, 0.0)), error=0.01).metadata
+    assert facts["error"] == 0
+
+
+def test_a_time_ends_with_a_whole_picture() -> None:
+    image = pursued(EDGES, time=1.5)
+    facts = image.metadata
+    assert image["samples"].min() >= 2 and facts["time_asked"] == 1.5 and "error_asked" not in facts
+    assert 0 < facts["error"] < 1 and np.isfinite(image["RGB"]).all()
+
+
+def test_of_error_and_time_what_comes_first() -> None:
+    loose = pursued(EDGES, error=0.1, time=60).metadata
+    assert loose["error_high"] <= 0.1 and loose["spp"] < 100
+    hurried = pursued(EDGES, error=1e-5, time=1.0).metadata
+    assert hurried["error_high"] > 1e-5 and hurried["spp"] >= 2
+
+
+@dataclass
+class Asked:
+    """Patience that ends after so many questions."""
+
+    questions: int
+
+    @property
+    def asked(self) -> bool:
+        self.questions -= 1
+        return self.questions < 0
+
+
+@pytest.mark.parametrize("questions", [0, 1, 2, 3, 5])
+def test_interrupted_a_picture_is_kept(questions: int) -> None:
+    """At any pass: with at least one sample of each lane, and with the error that it has."""
+    made = set_up(EDGES)
+    found = pursuit(made, error=0.002, patience=Asked(questions))
+    h = found.halves
+    assert h.counts.min() >= 1 and h.counts.max() <= 2**MOST
+    layers = h.layers()
+    assert np.isfinite(layers["RGB"]).all() and np.isfinite(layers["error"]).all()
+    assert found.found == h.estimate() and found.found.error > 0.002
+
+
+def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Asks(Patience):
+        def __init__(self) -> None:
+            super().__init__()
+            self.asked = True
+
+    monkeypatch.setattr("visray.render.Patience", Asks)
+    image = pursued(EDGES, error=0.002)
+    assert image.metadata["interrupted"] == 1 and image.metadata["spp_least"] >= 2
+    assert image.metadata["error"] > 0.002
+
+
+# What is refused
+
+
+NO_NUMBERS = [0, 0.0, -1, -1e-3, float("nan"), float("inf"), True, False, "0.01", [0.01], (), 1j]
+
+
+@pytest.mark.parametrize("name", ["error", "time"])
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=repr)
+def test_what_is_no_number_above_0_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(UserError, match=rf"^{name} = .*must be a number above 0"):
+        pursued(EDGES, **{name: value})
+
+
+@pytest.mark.parametrize("goal", [{"error": 0.1}, {"time": 1.0}, {"error": 0.1, "time": 1.0}])
+def test_samples_go_with_no_goal(goal: dict) -> None:
+    with pytest.raises(UserError, match="^spp = 4: goes with neither error nor time"):
+        pursued(EDGES, spp=4, **goal)
+
+
+def test_too_little_time_is_refused() -> None:
+    with pytest.raises(UserError, match=r"^time = 1e-06: loading and compiling alone take .*; give more"):
+        pursued(EDGES, time=1e-6)
+
+
+@pytest.mark.parametrize(("precision", "right"), [("single", "use double"), ("double", "ask for more")])
+def test_errors_below_rounding_are_refused(precision: str, right: str) -> None:
+    error = rounded(ROUNDINGS, precision) / 2
+    with pytest.raises(UserError, match=rf"^error = .*{precision} precision is off by .*; {right}"):
+        pursued(with_settings(EDGES, precision=precision), error=error)
+
+
+# Depth
+
+
+def hall(depth: int, width: int = 48, height: int = 32) -> Scene:
+    """Two mirrors that face each other."""
+    scene = with_settings(load(SCENES / "mirror-hall.json"), depth=depth)
+    return replace(scene, film=Film(width=width, height=height))
+
+
+def test_a_depth_that_leaves_out_too_much_is_refused_with_one_that_does() -> None:
+    with pytest.raises(UserError, match=r"^error = 0\.04: settings\.depth = 2 alone leaves out 0\.\d+; ") as refused:
+        pursued(hall(2), error=0.04)
+    found = str(refused.value)
+    assert "settings.depth = " in found.split(";")[1] and "would do" in found, found
+    depth = int(found.split(";")[1].split(" = ")[1].split()[0])
+    assert depth > 2
+    facts = pursued(hall(depth), error=0.04).metadata
+    assert facts["error_high"] <= 0.04 and facts["depth_error"] < 0.02
+
+
+def test_without_a_depth_that_is_known_to_do_a_higher_one_is_asked_for() -> None:
+    with pytest.raises(UserError, match=r"settings\.depth = 0 alone leaves out .*; raise settings.depth, or ask"):
+        pursued(hall(0), error=0.02)
+
+
+def test_what_depth_leaves_out_is_in_the_error() -> None:
+    """Too little to be refused, but seen: in the error and both its ends."""
+    facts = pursued(hall(6), error=0.2).metadata
+    assert 0 < facts["depth_error"] <= facts["error_low"] <= facts["error"] <= facts["error_high"] <= 0.2
+    # A time has no error that could be refused.
+    facts = pursued(hall(2), time=2).metadata
+    assert facts["depth_error"] > 0.02 and facts["error_low"] >= facts["depth_error"]
+
+
+def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
+    """Of equal seeds, so that nearly all of their noise is the same; the interval is made as wide as 1e-6."""
+    made = set_up(with_settings(hall(2), sampler="sobol"))
+    h = Halves(made)
+    h.extend(np.full(2 * h.n, 16))
+    depths, deep = (1, 2, 4), 16
+    pictures = {
+        depth: [
+            render(hall(depth), spp=256, seed=s, layers=("RGB",), progress=False)["RGB"].astype(float) for s in (8, 9)
+        ]
+        for depth in (*depths, deep)
+    }
+    for found in truncation(h, depths, deep):
+        one, two = (pictures[deep][i] - pictures[found.depth][i] for i in (0, 1))
+        true = float((one * two).mean())
+        slack = BOTH_SIDES / QUANTILE * (found.high - found.square) + BOTH_SIDES * float(np.std(one - two) ** 2)
+        assert found.low < found.square < found.high and true > 0
+        assert abs(found.square - true) <= slack
+        assert slack < true
+
+
+def test_without_mirrors_nothing_is_left_out() -> None:
+    made = set_up(EDGES)
+    h = Halves(made)
+    h.extend(np.full(2 * h.n, 2))
+    assert [(t.square, t.low, t.high) for t in truncation(h, (0, 3), 8)] == [(0, 0, 0)] * 2
+    assert pursued(with_settings(EDGES, depth=0), error=0.05).metadata["depth_error"] == 0
+
+
+# Rounding of files
+
+
+def screen(light: float, gamma: Any) -> float:
+    """The number from 0 to 1 that a screen is sent, by the definition."""
+    if gamma != "srgb":
+        return light ** (1 / gamma)
+    return 12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
+
+
+def light_of(sent: float, gamma: Any) -> float:
+    if gamma != "srgb":
+        return sent**gamma
+    return sent / 12.92 if sent <= 0.04045 else ((sent + 0.055) / 1.055) ** 2.4
+
+
+@pytest.mark.parametrize("gamma", ["srgb", 2.2, 2, 1.0])
+@pytest.mark.parametrize("exposure", [0.0, 1.5, -2.0])
+def test_what_eight_bits_round_off(gamma: Any, exposure: float) -> None:
+    """Number by number; light beyond what a screen shows is not the file's fault."""
+    rgb = np.random.default_rng(0).lognormal(-1.5, 1.5, (6, 5, 3))
+    rgb[0, 0] = 0, 1, 30
+    total = 0.0
+    for x in rgb.ravel().tolist():
+        light = min(x * 2**exposure, 1)
+        total += ((light_of(int(screen(light, gamma) * 255 + 0.5) / 255, gamma) - light) / 2**exposure) ** 2
+    # The two sides of sRGB's curves do not quite meet.
+    assert rounding(rgb, "a.PNG", gamma, exposure) == pytest.approx(sqrt(total / rgb.size), rel=1e-6)
+
+
+def test_what_half_precision_rounds_off() -> None:
+    """Normal halves are within 2^-11 of the number, and off by a third of that square on average, more or less."""
+    rgb = np.random.default_rng(0).uniform(1, 2, (50, 60, 3))
+    expected = 2.0**-10 / sqrt(12)
+    assert rounding(rgb, "a.exr") == pytest.approx(expected, rel=0.05)
+    assert rounding(rgb.astype(np.float16).astype(float), "a.exr") == 0
+    assert rounding(rgb, "a.exr", "srgb", 3.0) == rounding(rgb, "a.exr")
+
+
+def test_a_png_file_alone_is_refused_and_an_exr_beside_it_helps() -> None:
+    with pytest.raises(
+        UserError, match=r"^error = 0\.001: 8-bit output as PNG alone is off by 0\.00\d+; write an \.exr"
+    ):
+        pursued(EDGES, error=0.001, files=Files(["x.png"]))
+    assert pursued(EDGES, error=0.004, files=Files(["x.png", "x.exr"])).metadata["error_high"] <= 0.004
+    loose = pursued(EDGES, error=0.05, files=Files(["x.png"])).metadata
+    assert loose["error_high"] <= 0.05
+
+
+def test_half_precision_is_refused() -> None:
+    with pytest.raises(UserError, match=r"^error = 1e-05: half precision of EXR alone is off by .*; ask for more"):
+        pursued(EDGES, error=1e-5, files=Files(["x.png", "x.exr"]))
+
+
+def test_exposure_and_gamma_of_the_file_count() -> None:
+    """Dark by five stops, eight bits tell less: what full exposure would do is refused."""
+    pursued(EDGES, error=0.02, files=Files(["x.png"]))
+    with pytest.raises(UserError, match="8-bit output as PNG alone is off"):
+        pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -5.0))
+
+
+# The command line
+
+
+def said(capsys: pytest.CaptureFixture, *tokens: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command."""
+    code = main(list(tokens))
+    return code, *capsys.readouterr()
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> str:
+    from visray.scene.load import dump
+
+    path = tmp_path / "edges.json"
+    path.write_text(dump(EDGES))
+    return str(path)
+
+
+def test_a_command_to_an_error(scene_file: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    out = str(tmp_path / "a.exr")
+    code, text, _ = said(capsys, "render", scene_file, "-o", out, "--error", "0.03", "--json")
+    facts = json.loads(text)
+    assert code == 0 and facts["error_high"] <= 0.03 == facts["error_asked"] and not facts["stopped"]
+    assert facts["spp_least"] <= facts["spp"] <= facts["spp_most"] and facts["sampler"] == "sobol"
+    assert Image.read(out)["samples"].sum() == pytest.approx(facts["spp"] * 1200, abs=6)
+    code, text, err = said(capsys, "render", scene_file, "-o", out, "--error", "0.03")
+    assert code == 0 and "error 0.0" in text and "spp (" in text and "forecast: error" in err
+
+
+def test_a_command_in_a_time(scene_file: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The time counts from the start of the process, which is the tests' own here."""
+    out = str(tmp_path / "a.exr")
+    code, _, err = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3", "--quiet")
+    assert code != 0 and "time = 0.001: loading and compiling alone take" in err
+    assert not Path(out).exists()
+
+
+@pytest.mark.parametrize(
+    ("tokens", "why"),
+    [
+        (("--error", "0"), "error = 0"),
+        (("--time", "-3"), "time = -3"),
+        (("--error", "nan"), "error = nan"),
+        (("--error", "0.1", "--spp", "4"), "goes with neither"),
+        (("--error", "1e-4"), "8-bit output as PNG"),
+    ],
+)
+def test_a_command_refuses(
+    scene_file: str, tmp_path: Path, capsys: pytest.CaptureFixture, tokens: tuple[str, ...], why: str
+) -> None:
+    out = tmp_path / "a.png"
+    code, _, err = said(capsys, "render", scene_file, "-o", str(out), *tokens, "--quiet")
+    assert code != 0 and why in err and len(err.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+# Twins that are never off
+
+
+def test_facing_walls_that_reflect_nothing_leave_nothing_out() -> None:
+    """A mirror before nothing: no reflection is followed by another, whatever the depth."""
+    scene = Scene(
+        film=SMALL,
+        camera=Camera(origin=(0, 1, 4), target=(0, 1, 0), fov=40.0),
+        materials={"mirror": Material(ka=(0.0, 0.0, 0.0), kd=(0.0, 0.0, 0.0), kr=(0.9, 0.9, 0.9))},
+        lights={"key": PointLight(position=(0, 5, 5))},
+        objects={"mirror": Rectangle(center=(0, 1, 0), width=(1, 0, 0), height=(0, 1, 0), material="mirror")},
+        settings=Settings(depth=1),
+    )
+    assert pursued(scene, error=0.05).metadata["depth_error"] == 0

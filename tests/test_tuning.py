@@ -1,0 +1,219 @@
+"""Knobs for an error or for a time: the picture keeps to the error, the choice is the model's best, no more is turned.
+
+What must not depend on the machine is proved in a world that is made up, where renders take what the model says.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.lights import RectangleLight
+from visray.primitives import Plane, Sphere
+from visray.progress import Patience
+from visray.render import render
+from visray.scene.address import changed
+from visray.scene.load import load
+from visray.scene.scene import Film, Scene, Settings
+from visray.study.cost import study, tuning
+from visray.study.cost.records import Band, Report
+from visray.study.cost.study import cost
+from visray.study.cost.truth import luminance
+from visray.study.cost.tuning import GAIN, LATE, Goal, Measured, Tuned, as_scene, tune
+
+SOFT = Scene(
+    camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),
+    film=Film(width=48, height=36),
+    lights={"window": RectangleLight(position=(2, 4, 2), width=(2, 0, 0), height=(0, 0, 2), samples=4)},
+    objects={"floor": Plane(), "ball": Sphere(center=(0, 0.7, 0), radius=0.7)},
+    settings=Settings(spp=16, seed=5),
+)
+# One colour all over: albedo of a plane that fills the picture.
+FLAT = replace(
+    SOFT,
+    camera=Camera(origin=(0, 5, 0), target=(0, 0, 0), up=(0, 0, 1)),
+    lights={},
+    objects={"floor": Plane()},
+    settings=Settings(spp=4, shading="albedo"),
+)
+HURRY = (6.0, 2.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study, "BUDGETS", (HURRY, HURRY))
+        return cost(SOFT, quick=True, progress=False)
+
+
+@pytest.fixture
+def known(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The costs of SOFT are measured once."""
+    monkeypatch.setattr(tuning, "cost", lambda *_, **__: report)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    fine = changed(SOFT, {"settings.sampler": "sobol", "settings.precision": "double", "settings.seed": 999})
+    return render(fine, spp=4096, layers=("RGB",), progress=False)["RGB"].astype(float)
+
+
+def off(scene: Scene, truth: np.ndarray) -> float:
+    """The relative root mean square error of four pictures with other seeds."""
+    squares = [
+        ((render(scene, seed=seed, layers=("RGB",), progress=False)["RGB"] - truth) ** 2).mean()
+        for seed in (71, 72, 73, 74)
+    ]
+    return sqrt(np.mean(squares)) / luminance(truth)
+
+
+def made_up(
+    report: Report, monkeypatch: pytest.MonkeyPatch, scale: float = 7.0, wrong: Callable[[dict], float] = lambda s: 1.0
+) -> Callable[..., Any]:
+    """A world where a render takes `scale` times what the model says, and a bit for itself, and the variance is `wrong`
+    of what the model says and its factor there. Returns what makes a choice in it."""
+
+    def measured(self: Any, settings: dict) -> Measured:
+        seconds = 0.01 + scale * self.model.seconds(settings)
+        noise = 0.6 * wrong(settings) * self.model.error(settings) ** 2
+        return Measured(settings, Band(seconds, seconds, seconds), Band(*[sqrt(noise)] * 3), noise)
+
+    monkeypatch.setattr(tuning._Tuning, "_measured", measured)
+    return lambda error=None, time=None: tuning._Tuning(SOFT, Goal(error, time), report, Patience(), False).run()
+
+
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        ({}, "nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10"),
+        ({"error": 0.1, "time": 2}, "error = 0.1 and time = 2: only one can be asked for; leave the other out"),
+        ({"error": -1}, "error = -1: must be a number above 0, such as 0.01"),
+        ({"error": 0.0}, "error = 0.0: must be a number above 0, such as 0.01"),
+        ({"error": float("nan")}, "error = nan: must be a number above 0, such as 0.01"),
+        ({"error": True}, "error = True: must be a number above 0, such as 0.01"),
+        ({"time": "2"}, "time = '2': must be a number above 0, such as 10"),
+        ({"time": float("inf")}, "time = inf: must be a number above 0, such as 10"),
+    ],
+)
+def test_what_cannot_be_asked_for(asked: dict[str, Any], text: str) -> None:
+    with pytest.raises(UserError) as error:
+        tune(SOFT, progress=False, **asked)
+    assert error.value.lines == (text,)
+
+
+@pytest.mark.parametrize("error", [0.05, 0.01])
+def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: float) -> None:
+    found = tune(SOFT, error=error, progress=False)
+    assert found.met and found.error.high <= error
+    true = off(found.scene, truth)
+    # Four pictures of 1728 pixels with an edge tell it to about a tenth.
+    assert error / 4 < true < 1.1 * error
+    assert found.error.middle == pytest.approx(true, rel=0.25)
+
+
+def test_before_is_the_scene_as_it_is(known: None, truth: np.ndarray) -> None:
+    found = tune(SOFT, error=0.02, progress=False)
+    assert found.before.error.middle == pytest.approx(off(SOFT, truth), rel=0.25)
+
+
+def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path: Path) -> None:
+    found = tune(SOFT, error=0.004, progress=False)
+    assert found.changed and set(found.changed) <= {"settings.spp", "settings.sampler", "lights.window.samples"}
+    assert set(found.settings) == {
+        *found.changed,
+        "settings.spp",
+        "settings.sampler",
+        "lights.window.samples",
+        "settings.precision",
+    }
+    path = tmp_path / "tuned.json"
+    path.write_text(as_scene(found, tmp_path))
+    again = load(path)
+    assert again == found.scene == changed(SOFT, found.changed)
+    assert changed(again, {a: found.before.settings[a] for a in found.changed}) == SOFT
+
+
+def test_it_can_be_told(known: None) -> None:
+    found = tune(SOFT, error=0.004, progress=False)
+    told = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    assert told["asked"] == {"error": 0.004} and told["met"] and told["changed"] == found.changed
+    assert told["measured"]["error"]["middle"] == found.error.middle
+    assert len(found.reasons) >= 1 and all("->" in text for text in found.reasons)
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115 - the console keeps it
+    console.print(found.table())
+    text = console.export_text()
+    assert "as asked" in text and "settings.spp" in text and "%" in text
+
+
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        ({"error": 1e-9}, "error = 1e-09: the best of the settings measured makes"),
+        ({"time": 1e-7}, "time = 1e-07: the fastest of the settings measured takes"),
+    ],
+)
+def test_what_is_out_of_reach(known: None, asked: dict[str, float], text: str) -> None:
+    with pytest.raises(UserError, match=f"^{text}"):
+        tune(SOFT, progress=False, **asked)
+
+
+def test_more_time_is_less_error(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    choose = made_up(report, monkeypatch)
+    before = choose(time=1e9).before.seconds.middle
+    found: list[Tuned] = [choose(time=before * x) for x in (0.3, 1, 3, 10)]
+    assert all(t.met for t in found)
+    errors = [t.error.middle for t in found]
+    assert errors == sorted(errors, reverse=True) and errors[-1] < errors[0] / 2
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 2])
+def test_the_choice_is_the_best_of_the_model(report: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
+    choose = made_up(report, monkeypatch)
+    before = choose(error=1.0).before
+    for found, price in (
+        (choose(time=share * before.seconds.middle), lambda t, e: e),
+        (choose(error=before.error.middle / sqrt(share)), lambda t, e: t),
+    ):
+        tuner = tuning._Tuning(SOFT, found.goal, report, Patience(), False)
+        kept = tuner._kept(tuner.model).choices
+        every = [(0.01 + 7 * c.seconds, sqrt(0.6) * c.error) for c in kept]
+        allowed = [(t, e) for t, e in every if (t <= found.goal.time if found.goal.time else e <= found.goal.error)]
+        best = min(price(t, e) for t, e in allowed)
+        assert found.met and price(found.seconds.middle, found.error.middle) <= best / GAIN
+
+
+def test_where_the_model_is_wrong_what_is_measured_counts(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = report.default.settings["lights.window.samples"]
+    choose = made_up(report, monkeypatch, wrong=lambda s: 5.0 if s["lights.window.samples"] < own else 1.0)
+    before = choose(error=1.0).before
+    found = choose(error=2 * before.error.middle)
+    assert found.met and found.error.high <= 2 * before.error.middle
+    slow = choose(time=before.seconds.middle / 4)
+    assert slow.met and slow.seconds.middle <= LATE * before.seconds.middle / 4
+
+
+def test_a_scene_that_is_good_already_stays(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    choose = made_up(report, monkeypatch)
+    first = choose(error=0.02)
+    scene = first.scene
+    assert first.changed
+    monkeypatch.setattr(tuning._Tuning, "own", property(lambda self: first.settings))
+    again = tuning._Tuning(scene, Goal(0.02, None), report, Patience(), False).run()
+    assert again.changed == {} and again.scene == scene
+    assert again.reasons == ("the scene's own settings: none that were measured are clearly better",)
+
+
+def test_without_noise_one_sample_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "BUDGETS", (HURRY, HURRY))
+    found = tune(FLAT, error=0.001, progress=False)
+    assert found.met and found.settings["settings.spp"] in (1, FLAT.settings.spp)
+    assert set(found.changed) <= {"settings.spp"} and found.error.high < 1e-6
+    assert any("no noise" in text and "one sample does" in text for text in found.reasons)

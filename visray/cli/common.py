@@ -1,0 +1,80 @@
+"""What all commands share: the application, options, scenes from the command line, reports."""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter, Token
+
+from visray.errors import UserError
+from visray.output.files import check_writable, replacing
+from visray.render import adjusted
+from visray.scene import load as loading
+from visray.scene.address import changed, parse_assignment
+from visray.scene.scene import Scene
+from visray.version import __version__
+
+app = App(
+    name="visray",
+    help="A ray tracer that shows what accuracy costs, stays stable in hard cases, and simulates only what is needed.",
+    version=__version__,
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative=()),
+)
+
+
+def whole(_: type, tokens: Sequence[Token]) -> int:
+    """A whole number; cyclopts by itself would round 1.5."""
+    return int(tokens[0].value)
+
+
+Whole = Annotated[int, Parameter(converter=whole)]
+Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
+Compat = Annotated[bool, Parameter(help="Light, occlude and weight a scene of the original as the original did.")]
+Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
+Settings = Annotated[
+    list[str], Parameter(name="--set", help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0].")
+]
+Outputs = Annotated[
+    list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")
+]
+# The exit code of what Ctrl-C has stopped.
+INTERRUPTED = 130
+
+
+def opened(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
+    """The scene of a file, with the values that the command line sets."""
+    made = adjusted(loading.load(scene, setup, compat), **settings)
+    return changed(made, dict(map(parse_assignment, assignments))) if assignments else made
+
+
+def sized(text: str | None) -> tuple[int, int] | None:
+    """Width and height from a text such as 640x480."""
+    if text is None:
+        return None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isdecimal() and int(p) > 0 for p in parts):
+        raise UserError(f"--size = {text!r}: must be WIDTHxHEIGHT in whole pixels greater than 0, such as 640x480")
+    return int(parts[0]), int(parts[1])
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """The words of a text that are separated by commas."""
+    return tuple(word for part in text.split(",") if (word := part.strip()))
+
+
+def written(text: str, path: Path | None) -> None:
+    """Puts text into a file, or onto the terminal."""
+    if path is None:
+        sys.stdout.write(text)
+        return
+    check_writable(path)
+    with replacing(path) as aside:
+        Path(aside).write_text(text, encoding="utf-8")
+
+
+def put(report: Any) -> None:
+    """Prints a report as JSON."""
+    sys.stdout.write(json.dumps(report, indent=2, ensure_ascii=False) + "\n")

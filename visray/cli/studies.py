@@ -1,0 +1,227 @@
+"""The commands that report: explain, check, cost, tune, stability, surfaces, doctor."""
+
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from visray.cli.common import (
+    INTERRUPTED,
+    Compat,
+    Json,
+    Settings,
+    Setup,
+    Whole,
+    app,
+    listed,
+    opened,
+    put,
+    written,
+)  # fmt: skip
+from visray.errors import UserError
+from visray.output.files import check_writable
+from visray.output.image import check_destination
+from visray.render import explain as explain_scene
+from visray.render import render, set_threads
+from visray.scene.scene import Scene
+from visray.study import ablation
+from visray.surfaces import CLASSICS
+
+
+@app.command
+def explain(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    set: Settings = [],  # noqa: B006
+    cost: Annotated[bool, Parameter(help="Measure what each effect costs, on a small picture.")] = False,
+    spp: Annotated[Whole | None, Parameter(help="With --cost: samples per pixel of that picture.")] = None,
+    runs: Annotated[Whole, Parameter(help="With --cost: how often each picture is made.")] = ablation.RUNS,
+    json: Json = False,
+) -> int:
+    """List what is simulated for a scene, what is not, and why; and with --cost, at what cost."""
+    made = opened(scene, setup, compat, set)
+    # Before anything is printed: what is asked of it may be wrong.
+    measured = ablation.cost(made, spp, runs, progress=not json) if cost else None
+    if measured and json:
+        put(measured.as_json())
+        return 0
+    found = explain_scene(made).listed
+    if json:
+        put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
+        return 0
+    table = Table("effect", "", "why")
+    for f in found:
+        table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
+    Console().print(table)
+    if measured:
+        Console().print(measured.table())
+    return 0
+
+
+@app.command
+def check(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    set: Settings = [],  # noqa: B006
+    output: Annotated[
+        Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
+    ] = None,
+    rays: Annotated[Whole, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
+    seed: Annotated[Whole, Parameter(help="Of the random rays.")] = 0,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    json: Json = False,
+) -> int:
+    """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
+    from visray.study import crosscheck  # Mitsuba takes a while to load, and no other command needs it
+
+    if output is not None:
+        check_destination(output)
+    if threads is not None:
+        set_threads(threads)
+    report = crosscheck.check(opened(scene, setup, compat, set), rays=rays, seed=seed)
+    if output is not None:
+        report.difference.write(output)
+    put(report.as_json()) if json else Console().print(report.table())
+    return 0 if report.passed else 1
+
+
+@app.command
+def cost(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    set: Settings = [],  # noqa: B006
+    output: Annotated[
+        Path | None,
+        Parameter(name=("--output", "-o"), help="Write the report: an .html page that opens offline, .json or .csv."),
+    ] = None,
+    quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
+    seeds: Annotated[Whole, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
+    json: Json = False,
+) -> int:
+    """Measure what accuracy costs: the error and the time of every knob of a scene. Ctrl-C keeps what is measured."""
+    # The study takes a while to load, and few commands need it.
+    from visray.study.cost.studied import check_report
+    from visray.study.cost.study import cost as study
+    from visray.study.cost.writing import table
+
+    if csv and json:
+        raise UserError("--csv and --json: print one report; leave one out")
+    if output is not None:
+        check_report(output)
+        check_writable(output)
+    made = opened(scene, setup, compat, set)
+    report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
+    report = replace(report, scene=scene.stem)
+    if output is not None:
+        report.write(output)
+    if json:
+        put(report.as_json())
+    elif csv:
+        written(report.as_csv(), None)
+    else:
+        Console().print(table(report))
+        sys.stdout.write("".join(f"{line}\n" for line in report.notes))
+    return INTERRUPTED if report.stopped else 0
+
+
+@app.command
+def tune(
+    scene: Path,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    set: Settings = [],  # noqa: B006
+    error: Annotated[float | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
+    time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
+    full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    output: Annotated[
+        Path | None, Parameter(name=("--output", "-o"), help="Write the scene with these knobs to a .json file.")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Choose the knobs of a scene for an error or a time, and say why."""
+    from visray.study.cost.tuning import dumped, tune
+
+    if output is not None:
+        check_writable(output)
+    made = opened(scene, setup, compat, set)
+    found = tune(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
+    if output is not None:
+        written(dumped(found, output.parent), output)
+    put(found.as_json()) if json else Console().print(found.table())
+    return 0
+
+
+@app.command
+def stability(
+    *,
+    surfaces: Annotated[Path | None, Parameter(help="A JSON file of surfaces; else the known ones.")] = None,
+    rays: Annotated[Whole | None, Parameter(help="Of each set.")] = None,
+    sets: Annotated[str, Parameter(help="Separated by commas; else all.")] = "",
+    only: Annotated[str, Parameter(help="Names of surfaces, separated by commas.")] = "",
+    seed: Annotated[Whole, Parameter(help="Of the rays.")] = 0,
+    json: Json = False,
+) -> int:
+    """Compare polynomial surfaces with exact arithmetic: lost, false and wrong roots. Exit code 1 if there are any.
+
+    It needs python-flint: pip install 'visray[test]'.
+    """
+    from visray.study import stability as study  # NumPy twins of the kernels, which no other command needs
+
+    chosen = listed(sets) or study.SETS
+    report = study.run(surfaces, study.RAYS if rays is None else rays, chosen, listed(only), seed, progress=not json)
+    put(report.as_json()) if json else Console().print(report.table())
+    return INTERRUPTED if report.stopped else 0 if report.passed else 1
+
+
+@app.command
+def surfaces(*, json: Json = False) -> int:
+    """List the known polynomial surfaces, which a scene has by name: parameters, and the radius of the clip.
+
+    With --json also how each is written, where that is from, and its singular points.
+    """
+    if json:
+        put({name: asdict(c) for name, c in CLASSICS.items()})
+        return 0
+    table = Table("surface", "", "parameters", "clip")
+    for name, c in CLASSICS.items():
+        given = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
+        table.add_row(name, c.title, given, f"{c.radius:g}")
+    Console().print(table)
+    return 0
+
+
+@app.command
+def doctor(*, json: Json = False) -> int:
+    """Say what visray found on this machine, and whether a picture comes out."""
+    from visray.study import doctor as examination  # it loads Mitsuba
+
+    report = examination.examine(_probe)
+    put(report) if json else Console().print(examination.table(report))
+    return 0 if report["verdict"] == examination.GOOD else 1
+
+
+def _probe() -> Any:
+    """A small picture of a small scene, as a NumPy array."""
+    from visray.lights import PointLight
+    from visray.primitives import Sphere
+
+    probe = Scene(objects={"ball": Sphere(radius=1.5)}, lights={"key": PointLight(position=(3.0, 4.0, 5.0))})
+    return render(probe, size=(32, 32), spp=4, layers=("RGB",), progress=False)["RGB"]

@@ -1,0 +1,27 @@
+"""Where figures come from: date, processor, versions."""
+
+import platform
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+
+from visray.version import __version__
+
+
+def machine() -> dict[str, Any]:
+    """Date, processor, threads and versions."""
+    name, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    if info.exists():
+        lines = info.read_text().splitlines()
+        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
+    return {
+        "date": date.today().isoformat(),
+        "cpu": name,
+        "threads": dr.thread_count(),
+        "python": platform.python_version(),
+        "visray": __version__,
+        "drjit": dr.__version__,
+        "llvm": ".".join(map(str, dr.detail.llvm_version())),
+    }

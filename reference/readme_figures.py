@@ -177,7 +177,70 @@ def stability() -> str:
     return "\n".join(lines)
 
 
+def estimates() -> str:
+    """Whether pictures have the errors that they say."""
+    report = loaded("error_estimates")
+    s = report["summary"]
+    lines = [
+        f"Is it true? {s['pictures']} pictures of {len({r['scene'] for r in report['estimates']})} scenes, with errors from "
+        f"{100 * min(r['asked'] for r in report['estimates']):g} to {100 * max(r['asked'] for r in report['estimates']):g} % asked for, "
+        "against references of at least 100 times the samples:",
+        f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval, {100 * s['met']:.0f} % are no larger than asked, "
+        f"and true over estimated error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f}.",
+    ]
+    lines += ["", f"{where(report)} Run `python reference/error_estimates.py`."]
+    return "\n".join(lines)
+
+
+def adaptive() -> str:
+    """What --error saves."""
+    report = loaded("bench_adaptive")
+    lines = [
+        "What it saves: `--error` against equally many samples everywhere, at equal true error, by turns in one run; with the",
+        "scene's own sampler, as `--spp` has it, and with Sobol points for both (time ratios; the picture's colour alone, compiled):",
+        "",
+        "| scene | true error | `--error`: spp, s | `--spp`: spp, s | ratio | Sobol everywhere: spp, s | ratio |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for r in report["rows"]:
+        own = next(iter(r["uniform"].values()))
+        both = r["uniform"]["sobol"]
+        lines.append(
+            f"| {r['scene']}, {r['width']} x {r['height']} | {100 * r['error_true']:.2g} % | {r['spp']:.0f}, {r['seconds']:.2f} "
+            f"| {own['spp']:.0f}, {own['seconds']:.2f} | {own['ratio']:.1f} | {both['spp']:.0f}, {both['seconds']:.2f} | {both['ratio']:.1f} |"
+        )
+    lines += ["", f"{where(report)} Run `python reference/bench_adaptive.py`."]
+    return "\n".join(lines)
+
+
+def cost() -> str:
+    """What accuracy costs for three scenes."""
+    report = loaded("cost_of_accuracy")
+    lines = [
+        "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, the scene as it is](docs/cost.png)",
+        "",
+        "| scene | error, ms as it is | half of the error costs, times the time (95 %) | k of error ~ samples^-k: independent, stratified, Sobol |",
+        "|---|---|---|---|",
+    ]
+    for r in report["scenes"].values():
+        halves = [
+            f"{h['knob']} {h['factor']:.2g} ({h['low']:.2g} to {'?' if h['high'] is None else format(h['high'], '.2g')})"
+            for h in r["halvings"]
+            if h["factor"] is not None
+        ]
+        cannot = [h["knob"] for h in r["halvings"] if h["factor"] is None]
+        text = ", ".join(halves) + (f"; alone cannot: {', '.join(cannot)}" if cannot else "")
+        slopes = [r["by_count"][f"samples, {name}"] for name in ("independent", "stratified", "sobol")]
+        shown = ", ".join(f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in slopes)
+        lines.append(f"| {r['title']} | {100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f} | {text} | {shown} |")
+    lines += ["", f"{where(report)} Run `python reference/cost_of_accuracy.py`."]
+    return "\n".join(lines)
+
+
 TABLES = {
+    "estimates": estimates,
+    "adaptive": adaptive,
+    "cost": cost,
     "speed": speed,
     "effects": effects,
     "check": check,

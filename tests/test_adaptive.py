@@ -1,9 +1,10 @@
-"""Pictures to an error or in a time: the error is true, the goal is met, no pixel has a bias, the impossible is refused.
+"""Pictures to an error or in a time: the error is true, the goal met, no pixel has a bias, what cannot be is refused.
 
 Chances of a false alarm are about 1e-6 in each test; seeds are fixed.
 """
 
 import json
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ import pytest
 
 from visray import adaptive, allocation, halves, integrator
 from visray.adaptive import Goal, Pursuit
-from visray.allocation import MOST, STEPS, Allocation
+from visray.allocation import LOWEST, MOST, STEPS, Allocation
 from visray.camera import Camera
 from visray.cli import main
 from visray.errors import UserError
@@ -57,6 +58,8 @@ EDGES = Scene(
 # Nothing in it differs from sample to sample.
 FLAT = Scene(film=Film(width=40, height=30), background=(0.1, 0.7, 1 / 3))
 SMALL = Film(width=24, height=18)
+# Operations of a kernel that takes no samples, at most.
+SMALL_KERNEL = 200
 # What normal numbers exceed with a chance of 1e-6, to both sides and to one.
 BOTH_SIDES, ONE_SIDE = 4.9, 4.76
 
@@ -258,28 +261,29 @@ def test_the_least_number_is_the_least(seed: int) -> None:
     found = Allocation.of(variances, counts)
     found.learn(1e-3, counts)
     weights = np.where(variances > 0, 2 ** (np.rint(STEPS / 2 * np.log2(np.maximum(variances, 1e-300))) / STEPS), 0)
-    scale = 1e-3 / np.mean(weights**2 * counts**-found.power)
+    scale = 1e-3 / np.mean(weights**2 * counts.astype(float) ** -found.power)
 
-    def expected(number: int) -> tuple[float, float]:
-        targets = slow_targets(variances, counts, number)
-        return float(targets.mean()), float(scale * np.mean(weights**2 * targets**-found.power))
-
+    numbers = range(-STEPS * LOWEST, STEPS * (LOWEST + MOST) + 1)
+    targets = {n: slow_targets(variances, counts, n) for n in numbers}
+    expected = {
+        n: (k.mean(), scale * np.mean(weights**2 * k.astype(float) ** -found.power)) for n, k in targets.items()
+    }
     for limit in (9e-4, 1e-4, 1e-5):
-        told: dict[tuple[float, float], bool] = {}
+        told: list[tuple[float, float]] = []
 
-        def enough(mean: float, square: float, limit: float = limit, told: dict = told) -> bool:
-            return told.setdefault((mean, square), square <= limit)
+        def enough(mean: float, square: float, limit: float = limit, told: list = told) -> bool:
+            told.append((mean, square))
+            return square <= limit
 
         number = found.least(enough)
-        slow = next(n for n in range(-320, 464) if expected(n)[1] <= limit)
-        assert expected(number) == expected(slow) and found.targets(number).tolist() == found.targets(slow).tolist()
-        for mean, square in told:
-            assert any(
-                (mean, square) == (pytest.approx(m), pytest.approx(s)) for m, s in map(expected, range(-320, 464))
-            )
+        slow = next(n for n in numbers if expected[n][1] <= limit)
+        assert np.array_equal(targets[number], targets[slow])
+        every = np.array(list(expected.values()))
+        for pair in told:
+            assert np.isclose(every, pair, rtol=1e-9, atol=0).all(1).any()
     # By samples: the first number that has as many on average.
     number = found.least(lambda mean, _: mean >= 100)
-    assert expected(number)[0] >= 100 > expected(number - 1)[0]
+    assert expected[number][0] >= 100 > expected[number - 1][0]
     # What cannot be had is answered with the most samples of all.
     assert (found.targets(found.least(lambda *_: False))[variances > 0] == 2**MOST).all()
 
@@ -300,6 +304,32 @@ def test_the_power_is_learned(power: float) -> None:
     found.least(lambda mean, expected: heard.append((mean, expected)) or mean >= more.mean())
     mean, expected = min(heard, key=lambda pair: abs(pair[0] - more.mean()))
     assert mean == more.mean() and expected == pytest.approx(square(more), rel=0.05)
+
+
+@pytest.mark.parametrize(("chance", "lone", "least"), [(0.5, False, 0.98), (0.1, False, 0.97), (0.1, True, 0.85)])
+def test_lanes_that_look_at_the_other_half_hardly_change_the_estimate(chance: float, lone: bool, least: float) -> None:
+    """Of samples that are 1 with a chance and else 0, after a pilot of 4. Where a half's pilot found something, the
+    other half's lane gets more samples; so both are low together, and the square is told too small: by a tenth where
+    pixels are lopsided and lone. The picture itself has no bias."""
+    rng, shape, pilot = np.random.default_rng(0), (18, 24), 4
+    chances = np.full(shape, chance)
+    if lone:
+        chances[:] = 0
+        chances[2::6, 2::6] = chance
+    told, true, off = [], [], []
+    for _ in range(1000):
+        hits = rng.binomial(pilot, np.stack([chances] * 2))
+        variances = hits / pilot * (1 - hits / pilot) * pilot / (pilot - 1)
+        around = allocation.around(*variances)
+        counts = Allocation.of(np.concatenate([x.ravel() for x in around]), np.full(2 * chances.size, pilot))
+        counts = counts.targets(48).reshape(2, *shape)
+        a, b = (hits + rng.binomial(counts - pilot, chances)) / counts
+        told.append((np.square(a - b) / 4).mean())
+        true.append(np.square((a + b) / 2 - chances).mean())
+        off.append(((a + b) / 2 - chances).mean())
+    assert abs(np.mean(off)) <= BOTH_SIDES * np.std(off) / sqrt(len(off))
+    ratio, error = np.mean(told) / np.mean(true), np.std(np.subtract(told, true)) / sqrt(len(told)) / np.mean(true)
+    assert least <= ratio <= 1 + BOTH_SIDES * error
 
 
 # The halves
@@ -368,8 +398,18 @@ def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
                 assert np.abs(own[:, here] - whole[:, here - half * h.n]).max() <= bound
 
 
+def samplers_compiled(work: Callable[[], object]) -> list[int]:
+    """The operations of the kernels that take samples and are compiled, or read from the disk, for a piece of work; the
+    small ones that merge and read films have fewer."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        work()
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    made = [k["operation_count"] for k in kernels if not k["cache_hit"] or k["cache_disk"]]
+    return [n for n in made if n > SMALL_KERNEL]
+
+
 def test_no_count_seed_or_subset_compiles() -> None:
-    """But for a pass of one lane alone, which Dr.Jit makes another kernel for."""
     made = set_up(replace(EDGES, film=SMALL))
     Halves(made).compiled()
     Halves(made).extend(np.full(2 * len(made.order), 2))
@@ -384,19 +424,37 @@ def test_no_count_seed_or_subset_compiles() -> None:
     assert compiled(others) == 0
 
 
-def test_the_first_kernel_is_the_only_one() -> None:
-    """After it, time tells how long samples take, and nothing else."""
-    scene = replace(EDGES, film=Film(width=23, height=17), objects=EDGES.objects | {"more": Sphere(radius=0.1)})
-    h = Halves(set_up(scene))
-    assert compiled(h.compiled) >= 1
-    assert compiled(lambda: h.extend(np.full(2 * h.n, 2))) <= 1  # what a film is blanked with, or merged by
-    assert compiled(lambda: h.extend(some_counts(h) + 2)) == 0
+def test_a_lane_alone_compiles_nothing() -> None:
+    """Dr.Jit makes another kernel for arrays of one entry; a pass may have one lane left."""
+    made = set_up(replace(EDGES, film=SMALL, objects=EDGES.objects | {"more": Sphere(radius=0.1)}))
+    h = Halves(made)
+    h.compiled()
+    h.extend(np.full(2 * h.n, 2))
+    assert samplers_compiled(lambda: h.extend(np.where(np.arange(2 * h.n) == 5, 16, 2))) == []
+
+
+def test_the_kernel_that_is_made_first_is_that_of_passes() -> None:
+    """After it, seconds tell how long samples take, and nothing else."""
+    more = {"more": Sphere(radius=0.1), "yet more": Rectangle()}
+    h = Halves(set_up(replace(EDGES, film=SMALL, objects=EDGES.objects | more)))
+    assert len(samplers_compiled(h.compiled)) >= 1
+    assert samplers_compiled(lambda: h.extend(np.full(2 * h.n, 2))) == []
+    assert samplers_compiled(lambda: h.extend(some_counts(h) + 2)) == []
+
+
+def test_what_depth_leaves_out_compiles_nothing() -> None:
+    """Nor does the number of pixels, or a depth."""
+    for size in ((31, 21), (23, 17)):
+        h = Halves(set_up(with_settings(hall(3, *size), sampler="sobol")))
+        h.compiled()
+        h.extend(np.full(2 * h.n, 2))
+        assert samplers_compiled(lambda h=h: truncation(h, (3, 7, 9), 20)) == []
 
 
 def test_a_second_picture_compiles_nothing() -> None:
     pursued(EDGES, error=0.03)
     assert compiled(lambda: pursued(EDGES, error=0.03)) == 0
-    assert compiled(lambda: pursued(EDGES, error=0.02, seed=5, size=(33, 21))) == 0
+    assert compiled(lambda: pursued(EDGES, error=0.01, seed=5)) == 0
 
 
 # No bias
@@ -456,7 +514,7 @@ def test_no_pixel_has_a_bias() -> None:
     ]
     true = np.mean(uniform, axis=0).ravel()[made.order]
     off = (np.var(uniform, axis=0, ddof=1) / len(uniform)).ravel()[made.order]
-    found = [pursuit(seeded(made, 1 + i), error=0.02).halves for i in range(120)]
+    found = [pursuit(seeded(made, 1 + i), error=0.02).halves for i in range(300)]
     counts = np.array([h.counts for h in found])
     assert counts.min() <= 4 and counts.max() >= 32 and len(np.unique(counts[0])) >= 3
     assert not Bias.of([luminance(h) for h in found], true, off).seen()
@@ -491,7 +549,7 @@ def test_an_error_is_met(error: float) -> None:
 def test_more_samples_go_where_there_is_more_noise() -> None:
     image = pursued(EDGES, error=0.003)
     noisy = image["variance"].sum(-1) > np.quantile(image["variance"].sum(-1), 0.9)
-    assert image["samples"][noisy].mean() > 4 * image["samples"][~noisy].mean()
+    assert image["samples"][noisy].mean() > 3 * image["samples"][~noisy].mean()
 
 
 def test_the_error_is_true() -> None:
@@ -598,24 +656,26 @@ class Asked:
 def test_interrupted_a_picture_is_kept(questions: int) -> None:
     """At any pass: with at least one sample of each lane, and with the error that it has."""
     made = set_up(EDGES)
-    found = pursuit(made, error=0.002, patience=Asked(questions))
+    found = pursuit(made, error=2e-4, patience=Asked(questions))
     h = found.halves
     assert h.counts.min() >= 1 and h.counts.max() <= 2**MOST
     layers = h.layers()
     assert np.isfinite(layers["RGB"]).all() and np.isfinite(layers["error"]).all()
-    assert found.found == h.estimate() and found.found.error > 0.002
+    assert found.found == h.estimate() and found.found.error > 2e-4
 
 
 def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Asks(Patience):
-        def __init__(self) -> None:
-            super().__init__()
-            self.asked = True
+    """Ctrl-C in the first pass: that one is finished, and no other begun."""
+    whole = Halves._pass
 
-    monkeypatch.setattr("visray.render.Patience", Asks)
+    def interrupted(h: Halves, *more: Any) -> None:
+        whole(h, *more)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Halves, "_pass", interrupted)
     image = pursued(EDGES, error=0.002)
-    assert image.metadata["interrupted"] == 1 and image.metadata["spp_least"] >= 2
-    assert image.metadata["error"] > 0.002
+    assert image.metadata["interrupted"] == 1 and image.metadata["error"] > 0.002
+    assert 2 <= image.metadata["spp_least"] == image.metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
 
 
 # What is refused
@@ -633,7 +693,7 @@ def test_what_is_no_number_above_0_is_refused(name: str, value: Any) -> None:
 
 @pytest.mark.parametrize("goal", [{"error": 0.1}, {"time": 1.0}, {"error": 0.1, "time": 1.0}])
 def test_samples_go_with_no_goal(goal: dict) -> None:
-    with pytest.raises(UserError, match="^spp = 4: goes with neither error nor time"):
+    with pytest.raises(UserError, match=r"^spp = 4: goes with neither error nor time"):
         pursued(EDGES, spp=4, **goal)
 
 
@@ -670,8 +730,8 @@ def test_a_depth_that_leaves_out_too_much_is_refused_with_one_that_does() -> Non
 
 
 def test_without_a_depth_that_is_known_to_do_a_higher_one_is_asked_for() -> None:
-    with pytest.raises(UserError, match=r"settings\.depth = 0 alone leaves out .*; raise settings.depth, or ask"):
-        pursued(hall(0), error=0.02)
+    with pytest.raises(UserError, match=r"settings\.depth = 1 alone leaves out .*; raise settings.depth, or ask"):
+        pursued(hall(1), error=0.005)
 
 
 def test_what_depth_leaves_out_is_in_the_error() -> None:
@@ -685,23 +745,23 @@ def test_what_depth_leaves_out_is_in_the_error() -> None:
 
 def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
     """Of equal seeds, so that nearly all of their noise is the same; the interval is made as wide as 1e-6."""
-    made = set_up(with_settings(hall(2), sampler="sobol"))
+    size = 192, 128
+    made = set_up(with_settings(hall(2, *size), sampler="sobol"))
     h = Halves(made)
     h.extend(np.full(2 * h.n, 16))
     depths, deep = (1, 2, 4), 16
-    pictures = {
-        depth: [
-            render(hall(depth), spp=256, seed=s, layers=("RGB",), progress=False)["RGB"].astype(float) for s in (8, 9)
-        ]
-        for depth in (*depths, deep)
-    }
+
+    def converged(depth: int, seed: int) -> np.ndarray:
+        return render(hall(depth, *size), spp=64, seed=seed, layers=("RGB",), progress=False)["RGB"].astype(float)
+
+    pictures = {depth: [converged(depth, seed) for seed in (8, 9)] for depth in (*depths, deep)}
     for found in truncation(h, depths, deep):
-        one, two = (pictures[deep][i] - pictures[found.depth][i] for i in (0, 1))
-        true = float((one * two).mean())
-        slack = BOTH_SIDES / QUANTILE * (found.high - found.square) + BOTH_SIDES * float(np.std(one - two) ** 2)
-        assert found.low < found.square < found.high and true > 0
-        assert abs(found.square - true) <= slack
-        assert slack < true
+        one, two = (last - here for last, here in zip(pictures[deep], pictures[found.depth]))
+        # No bias, as the seeds differ; what is looked at there are all pixels, here a random part of them.
+        true, off = (one * two).mean(), np.square(one - two).mean() / sqrt(one.size)
+        slack = BOTH_SIDES / QUANTILE * (found.high - found.square) + BOTH_SIDES * off
+        assert found.low < found.square < found.high
+        assert abs(found.square - true) <= slack < true
 
 
 def test_without_mirrors_nothing_is_left_out() -> None:
@@ -752,9 +812,7 @@ def test_what_half_precision_rounds_off() -> None:
 
 
 def test_a_png_file_alone_is_refused_and_an_exr_beside_it_helps() -> None:
-    with pytest.raises(
-        UserError, match=r"^error = 0\.001: 8-bit output as PNG alone is off by 0\.00\d+; write an \.exr"
-    ):
+    with pytest.raises(UserError, match=r"^error = 0\.001: 8-bit output as PNG alone is off by 0\.\d+; write an"):
         pursued(EDGES, error=0.001, files=Files(["x.png"]))
     assert pursued(EDGES, error=0.004, files=Files(["x.png", "x.exr"])).metadata["error_high"] <= 0.004
     loose = pursued(EDGES, error=0.05, files=Files(["x.png"])).metadata
@@ -767,10 +825,10 @@ def test_half_precision_is_refused() -> None:
 
 
 def test_exposure_and_gamma_of_the_file_count() -> None:
-    """Dark by five stops, eight bits tell less: what full exposure would do is refused."""
+    """Dark by eight stops, eight bits tell less: what full exposure would do is refused."""
     pursued(EDGES, error=0.02, files=Files(["x.png"]))
     with pytest.raises(UserError, match="8-bit output as PNG alone is off"):
-        pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -5.0))
+        pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -8.0))
 
 
 # The command line

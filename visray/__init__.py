@@ -27,6 +27,8 @@ from visray.render import explain, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.study.cost.study import cost
+from visray.study.cost.tuning import tune
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
@@ -35,6 +37,6 @@ __all__ = [
     "Ball", "Block", "Box", "Camera", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk", "DiskLight",
     "EdgeWarning", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix", "Occlusion", "Plane",
     "PointLight", "Polynomial", "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter", "Scene", "Settings",
-    "Sphere", "SphereLight", "SpotLight", "Translate", "Triangle", "UserError", "__version__", "derivative",
-    "difference", "dump", "explain", "gradient", "load", "render", "replaced", "surfaces", "value",
+    "Sphere", "SphereLight", "SpotLight", "Translate", "Triangle", "UserError", "__version__", "cost", "derivative",
+    "difference", "dump", "explain", "gradient", "load", "render", "replaced", "surfaces", "tune", "value",
 ]  # fmt: skip

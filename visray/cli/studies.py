@@ -1,6 +1,5 @@
 """The commands that report: explain, check, cost, tune, stability, surfaces, doctor."""
 
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,7 +104,7 @@ def cost(
     set: Settings = [],  # noqa: B006
     output: Annotated[
         Path | None,
-        Parameter(name=("--output", "-o"), help="Write the report: an .html page that opens offline, .json or .csv."),
+        Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
     ] = None,
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
     seeds: Annotated[Whole, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
@@ -135,7 +134,6 @@ def cost(
         written(report.as_csv(), None)
     else:
         Console().print(table(report))
-        sys.stdout.write("".join(f"{line}\n" for line in report.notes))
     return INTERRUPTED if report.stopped else 0
 
 
@@ -157,14 +155,15 @@ def tune(
     json: Json = False,
 ) -> int:
     """Choose the knobs of a scene for an error or a time, and say why."""
-    from visray.study.cost.tuning import dumped, tune
+    from visray.study.cost.tuning import as_scene
+    from visray.study.cost.tuning import tune as study
 
     if output is not None:
         check_writable(output)
     made = opened(scene, setup, compat, set)
-    found = tune(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
+    found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     if output is not None:
-        written(dumped(found, output.parent), output)
+        written(as_scene(found, output.parent), output)
     put(found.as_json()) if json else Console().print(found.table())
     return 0
 

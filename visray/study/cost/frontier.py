@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, isfinite, log
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from visray.study.cost.records import Band, Curve, Halving, Point
 
 SHARE = 0.5  # of the default's error
+NEAR = 0.25  # of the last step between points: so far it goes on in any case
 FURTHEST = log(10)  # of seconds, beyond the last point: further than a decade no line is believed
 DRAWS, SEED = 2000, 1
 NORMAL = 1.959964  # standard deviations of a normal number to either end of 95 %
@@ -38,12 +40,26 @@ def frontier(points: Iterable[Point]) -> tuple[Point, ...]:
     return tuple(found)
 
 
+def overtaken(points: Iterable[Point], default: Point) -> tuple[float, Point, Point] | None:
+    """The share of the default's seconds in which the others have its error, on the line of logarithms between the two
+    points of their frontier that are next to it, and these two; None where there are no such two."""
+    line = frontier(p for p in points if not _same(p, default))
+    error = default.error.rmse.middle
+    for a, b in pairwise(line):
+        high, low = a.error.rmse.middle, b.error.rmse.middle
+        if high >= error > low > 0:
+            part = log(high / error) / log(high / low)
+            seconds = a.seconds.middle * (b.seconds.middle / a.seconds.middle) ** part
+            return seconds / default.seconds.middle, a, b
+    return None
+
+
 def halvings(curves: Iterable[Curve], default: Point) -> tuple[Halving, ...]:
     """What half of the default's error costs by each knob of kind "sampling" or "bias", cheapest first.
 
     Error and seconds are taken as a power law from point to point. Beyond the last one the law of the last two goes on
-    for a decade of seconds, if their error surely falls, and not surely less steeply than before them, and else for one
-    more step such as theirs. Bands: of 2000 draws from the bands of the points.
+    for a decade of seconds, if their error surely falls, and not surely less steeply than before them, and else for a
+    quarter of their step. Bands: of 2000 draws from the bands of the points.
     """
     asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points]
     return ranked([_halving(c, default) for c in asked if default.error.rmse.middle > 0])
@@ -149,8 +165,7 @@ def _reached(time: np.ndarray, error: np.ndarray, target: float, goes_on: bool) 
         return inf, inf
     part = (error[-1] - target) / (error[-2] - error[-1])
     seconds = float(part * (time[-1] - time[-2]))
-    # A step that is no longer than the last one is believed in any case.
-    near = part <= 1 or (goes_on and seconds <= FURTHEST)
+    near = part <= NEAR or (goes_on and seconds <= FURTHEST)
     return (len(time) - 1 + part, time[-1] + seconds) if near else (inf, inf)
 
 

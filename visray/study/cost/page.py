@@ -10,6 +10,7 @@ from typing import Any
 
 from visray.study.cost import charts
 from visray.study.cost.charts import changes, is_number, number, own, percent, written
+from visray.study.cost.frontier import overtaken
 from visray.study.cost.records import Band, Halving, Point, Report
 
 CSS = """
@@ -219,7 +220,13 @@ def _distance(r: Report) -> str:
     if not r.frontier:
         return "There is no frontier yet: too little was measured."
     if not better:
-        return "Today's default is on the frontier: nothing that was measured is both faster and more accurate."
+        text = "Nothing that was measured is both faster and more accurate than today's default"
+        beside = overtaken(r.frontier, d)
+        if beside is None or beside[0] >= 1:
+            return f"{text}: it is on the frontier."
+        return (
+            f"{text}; but on the line between its neighbours here its error takes {number(beside[0], 2)} of its time."
+        )
     p = min(better, key=lambda p: p.seconds.middle)
     by = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, d).items()) or f"{p.knob} {written(p.value)}"
     text = f"The same error could be had in {number(p.seconds.middle / d.seconds.middle, 2)} of the time by {by}."

@@ -56,7 +56,7 @@ class Point:
 
     knob: which one was turned for it, or "default", or "joint" where several were; value: to what. settings: by
     address, as vr.replaced takes them. seconds: of one picture, compiled; times: of each. squares: of each seed, the
-    squared relative error. picture: of the first seed, linear; wrong: root mean square over seeds and channels, relative.
+    squared relative error. picture: of the first seed, linear; wrong: root mean square over seeds and channels.
     Shapes: times (R), squares (S), picture (H, W, 3), wrong (H, W).
     """
 

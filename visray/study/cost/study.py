@@ -15,12 +15,12 @@ from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.study.cost.errors import flip, judged
 from visray.study.cost.floors import floors
-from visray.study.cost.frontier import NORMAL, frontier, halvings
+from visray.study.cost.frontier import NORMAL, frontier, halvings, overtaken
 from visray.study.cost.hits import geometry
 from visray.study.cost.knobs import Choice, Knob, default, knobs
 from visray.study.cost.measuring import FEWEST_SEEDS, LONGEST, Studio, Taken, reduced
 from visray.study.cost.model import Model
-from visray.study.cost.records import Band, Curve, Point
+from visray.study.cost.records import Curve, Point
 from visray.study.cost.slopes import slope
 from visray.study.cost.studied import Study
 from visray.study.cost.truth import Truth, luminance, truth
@@ -103,7 +103,7 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Pa
         stopped=patience.asked,
         seconds=0.0,
         machine=machine(),
-        notes=(*_notes(small, points[0], (*points, *joint), best, same), *true.notes),
+        notes=(*_notes(small, points[0], (*points, *joint), same), *true.notes),
     )
 
 
@@ -179,30 +179,26 @@ def _curve(knob: Knob, points: list[Point], quick: bool, noisy: bool) -> Curve:
     return Curve(knob.name, knob.kind, row, by_time, by_count)
 
 
-def _notes(
-    scene: Scene, base: Point, points: tuple[Point, ...], best: tuple[Point, ...], noiseless: bool
-) -> tuple[str, ...]:
+def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool) -> tuple[str, ...]:
     """What a reader must know, a sentence each."""
     on, film = explain(scene), scene.film
-    beaten = [
-        p for p in points if _surely_less(p.seconds, base.seconds) and _surely_less(p.error.rmse, base.error.rmse)
-    ]
-    there = "is on the frontier"
-    if beaten:
-        p = min(beaten, key=lambda p: p.seconds.middle)
-        there = f"is not on the frontier: {p.knob} {p.value} is both faster and more accurate"
-    elif not any(p is base for p in best):
-        there = "is on the frontier, as far as can be told: what is past it lies within the bands"
+    there = "nothing that was measured is both faster and more accurate than the scene as it is"
+    if (found := overtaken(points, base)) is not None and found[0] < 1:
+        share, *ends = found
+        between = " and ".join(_named(p, base) for p in ends)
+        there = f"the error of the scene as it is could be had in {share:.2g} of its time, between {between}"
     size = f"on pictures of {film.width} x {film.height} pixels"
-    found = [
+    lines = [
         f"seconds are those that compiled kernels run, {size}, without tracing them in Python",
-        f"the scene as it is {there}",
+        there,
     ]
-    found += [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]
+    lines += [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]
     if noiseless:
-        found.append("all seeds give the same picture: there is no noise that samples could lessen")
-    return tuple(found)
+        lines.append("all seeds give the same picture: there is no noise that samples could lessen")
+    return tuple(lines)
 
 
-def _surely_less(a: Band, b: Band) -> bool:
-    return a.high < b.low
+def _named(p: Point, base: Point) -> str:
+    """What a point has that the default has not."""
+    other = {a.removeprefix("settings."): v for a, v in p.settings.items() if v != base.settings[a]}
+    return "(" + ", ".join(f"{a} {v}" for a, v in other.items()) + ")"

@@ -33,7 +33,7 @@ from visray.render import adjusted, check_numbers
 from visray.scene.address import changed, value
 from visray.scene.load import checked, dump, load
 from visray.scene.scene import Scene
-from visray.study.cost.fitting import Laws, Way
+from visray.study.cost.fitting import Laws, Sampler, Way
 from visray.study.cost.knobs import DEEPEST, DEPTH, MOST_SAMPLES, PRECISION, SAMPLER, SPP
 from visray.study.cost.laws import Through, nonnegative
 from visray.study.cost.measuring import SMALLEST, TURNS, band, reduced
@@ -221,7 +221,7 @@ class _Tuning:
         """What the model chooses now, of samples and sampler alone where they do it; raises UserError where there is
         nothing to choose."""
         goal, latest, whole = self.goal, self.tried[-1], self._scaled()
-        models = [self._kept(whole, counts=False)] * alone + [self._kept(whole), whole]
+        models = [self._kept(whole, alone=True)] * alone + [self._kept(whole), whole]
         if goal.time is not None:
             settings = next((s for m in models[:-1] if (s := m.best(goal.time))), None)
             if settings is None:
@@ -286,30 +286,26 @@ class _Tuning:
             curves = [c for c in curves if c.kind != "sampling" or c.knob == f"samples, {self.own[SAMPLER]}"]
         return Model.of(self.report.default, tuple(curves))
 
-    def _kept(self, model: Model, counts: bool = True) -> Model:
-        """The model with no other precision than the scene's, and with no other counts."""
+    def _kept(self, model: Model, alone: bool = False) -> Model:
+        """The model with no other precision than the scene's; alone: where samples and sampler alone are turned."""
         own, laws = self.own, model.laws
-        stays = (PRECISION,) if counts else (PRECISION, DEPTH)
-        ways = (
-            tuple(w for w in row if all(w.settings.get(a, own[a]) == own[a] for a in stays if a in own))
-            for row in laws.ways
+        ways = tuple(
+            tuple(w for w in row if w.settings.get(PRECISION, own[PRECISION]) == own[PRECISION]) for row in laws.ways
         )
-        only = (
-            laws.counts
-            if counts
-            else tuple(replace(c, values=({a: own[a] for a in c.addresses},)) for c in laws.counts)
-        )
-        return Model(model.default, replace(laws, ways=tuple(ways), counts=only))
+        if not alone:
+            return Model(model.default, replace(laws, ways=ways))
+        counts = tuple(replace(c, values=({a: own[a] for a in c.addresses},)) for c in laws.counts)
+        # Of each knob the scene's own value comes first.
+        return Model(model.default, replace(laws, ways=tuple(row[:1] for row in ways), counts=counts))
 
     @cached_property
     def _groups(self) -> dict[str, tuple[str, ...]]:
         """The addresses that are turned together, by the name of their knob."""
-        laws, found = self.model.laws, {"samples per pixel": (SPP,), "sampler": (SAMPLER,)}
-        laws_of = [c.addresses for c in laws.counts] + [tuple(row[0].settings) for row in laws.ways]
-        names = {
-            a: c.knob for c in self.report.curves for p in c.points for a in p.settings if p.settings[a] != self.own[a]
-        }
-        return found | {names[addresses[0]]: addresses for addresses in laws_of}
+        laws, own, names = self.model.laws, self.own, {}
+        for c in self.report.curves:
+            names |= {a: c.knob for p in c.points for a in p.settings if p.settings[a] != own[a]}
+        turned = [*(c.addresses for c in laws.counts), *(tuple(row[0].settings) for row in laws.ways)]
+        return {"samples per pixel": (SPP,), "sampler": (SAMPLER,)} | {names[t[0]]: t for t in turned}
 
     def _at(self, settings: Settings, address: str) -> Any:
         return settings[address] if address in settings else value(self.scene, address)
@@ -344,21 +340,26 @@ class _Tuning:
         return self._rest + self._cut[self._at(settings, DEPTH)] + single
 
     def _scaled(self) -> Model:
-        """The model at the scene's own size; of the latest that was measured it says just that."""
-        model, latest, known = self.model, self.tried[-1], (*self.tried, self.fastest)
+        """The model at the scene's own size; of the latest that was measured with a sampler it says just that."""
+        model, known = self.model, (*self.tried, self.fastest)
         laws, here = model.laws, self._bias(self.own)
         seconds = np.array([m.seconds.middle for m in known])
         rows = np.array([[1, model.seconds(m.settings)] for m in known]) / seconds[:, None]
-        a, b = nonnegative(rows, np.ones(len(rows)))
-        now = latest.seconds.middle / (a + b * model.seconds(latest.settings))
-        a, b = float(a * now), float(b * now)
+        a, b = nonnegative(rows, np.ones(len(rows))).tolist()
         clean = Model(model.default, replace(laws, bias=0.0, ways=_biased(laws, lambda w: 0.0)))
-        noise = clean.error(latest.settings) ** 2
-        c = latest.noise / noise if latest.noise and noise else 1.0
-        samplers = {name: replace(s, noise=Through(s.noise.x, c * s.noise.y)) for name, s in laws.samplers.items()}
+        samplers, fixed = {}, a + b * laws.fixed
+        for name, s in laws.samplers.items():
+            # Of a sampler that was not measured yet, as of the latest.
+            m = next((m for m in reversed(self.tried) if m.settings[SAMPLER] == name), self.tried[-1])
+            guessed, took = a + b * model.seconds(m.settings), m.seconds.middle
+            slower = (took - fixed) / (guessed - fixed) if took > fixed < guessed else took / guessed
+            noise = clean.error(m.settings) ** 2
+            c = m.noise / noise if m.noise and noise else 1.0
+            samplers[name] = Sampler(Through(s.noise.x, c * s.noise.y), slower * s.time)
+        c = samplers[self.own[SAMPLER]].noise.y[0] / (laws.samplers[self.own[SAMPLER]].noise.y[0] or 1.0)
         counts = tuple(replace(n, cost=b * n.cost, noise=replace(n.noise, u=c * n.noise.u)) for n in laws.counts)
         ways = _biased(laws, lambda w: self._bias(self.own | w.settings) - here)
-        return Model(model.default, Laws(a + b * laws.fixed, b * laws.base, here, samplers, counts, ways))
+        return Model(model.default, Laws(fixed, b * laws.base, here, samplers, counts, ways))
 
     def _changes(self, settings: Settings) -> Settings:
         return {a: v for a, v in settings.items() if v != self.own[a]}

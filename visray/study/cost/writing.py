@@ -44,18 +44,19 @@ def table(report: Report) -> Table:
         f"{report.width} x {report.height} pixels, {report.seeds} seeds"
     )
     rows = Table(title=title, caption=_caption(report))
-    rows.add_column("knob")
-    for name in ("half the error", "at", "least error", "slope by time", "by count"):
-        rows.add_column(name, justify="right", no_wrap=True)
+    rows.add_column("knob", min_width=len("1. samples, independent"))
+    for name in ("half the error", "least error", "slope by time"):
+        rows.add_column(name, justify="right")
     curves = {c.knob: c for c in report.curves}
     for h in report.halvings:
-        rows.add_row(f"{h.rank}. {h.knob}", *_halving(h), *_slopes(curves[h.knob]))
+        rows.add_row(f"{h.rank}. {h.knob}", *_halving(h), _slope(curves[h.knob]))
     rows.add_section()
     for c in report.curves:
         for p in c.points if c.kind == "step" else ():
             if _key(p) != _key(d):
                 factor = p.seconds.middle / d.seconds.middle
-                rows.add_row(f"{c.knob}: {p.value}", f"x {factor:.2f} time", "", _percent(p.error.rmse), "", "")
+                share = p.error.rmse.middle / (d.error.rmse.middle or 1.0)
+                rows.add_row(f"{c.knob}: {p.value}", f"in all x {factor:.2f}", f"x {share:.2f}", "")
     return rows
 
 
@@ -79,15 +80,15 @@ def _key(p: Point) -> tuple:
     return tuple(map(repr, p.settings.items())), p.plain
 
 
-def _halving(h: Halving) -> tuple[str, str, str]:
+def _halving(h: Halving) -> tuple[str, str]:
     if not isfinite(h.factor.middle):
-        return "cannot", "", f"x {h.least:.2f}"
-    ends = f"{h.factor.low:.2f} to {h.factor.high:.2f}"
-    return f"x {h.factor.middle:.2f} time ({ends})", str(h.value), f"x {h.least:.2f}"
+        return "cannot", f"x {h.least:.2f}"
+    return f"time x {h.factor.middle:.2g} ({h.factor.low:.2g} to {h.factor.high:.2g})", f"x {h.least:.2f}"
 
 
-def _slopes(c: Curve) -> tuple[str, str]:
-    return tuple("" if s is None else f"{s.k:.2f} ± {(s.high - s.low) / 2:.2f}" for s in (c.by_time, c.by_count))
+def _slope(c: Curve) -> str:
+    s = c.by_time
+    return "" if s is None else f"{s.k:.2f} ± {(s.high - s.low) / 2:.2f}"
 
 
 def _percent(b: Band) -> str:

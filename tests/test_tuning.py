@@ -26,7 +26,7 @@ from visray.scene.address import changed
 from visray.scene.load import load
 from visray.scene.scene import Film, Scene, Settings
 from visray.study.cost import study, tuning
-from visray.study.cost.records import Band, Curve, Report
+from visray.study.cost.records import Band, Curve, Point, Report
 from visray.study.cost.study import cost
 from visray.study.cost.truth import luminance
 from visray.study.cost.tuning import GAIN, LATE, WORTH, Goal, Measured, Tuned, as_scene, tune
@@ -91,6 +91,25 @@ def off(scene: Scene, truth: np.ndarray) -> float:
     """The relative root mean square error of four pictures with other seeds."""
     squares = [((picture(scene, seed=seed) - truth) ** 2).mean() for seed in (71, 72, 73, 74)]
     return sqrt(np.mean(squares)) / luminance(truth)
+
+
+@pytest.fixture(scope="module")
+def smooth(report: Report) -> Report:
+    """The report with laws instead of measurements: what is proved by it does not depend on the machine."""
+
+    def point(p: Point) -> Point:
+        s = report.default.settings | p.settings
+        spp, lights, sampler = s["settings.spp"], s["lights.window.samples"], s["settings.sampler"]
+        seconds = 1e-4 * spp * (1 + 0.3 * lights) * (1.2 if sampler == "sobol" else 1.0)
+        seconds *= 1.3 if s["settings.precision"] == "double" else 1.0
+        power = {"stratified": 1.3, "sobol": 1.5, "independent": 1.0}[sampler]
+        error = sqrt(0.01 * spp**-power + 0.02 / spp / lights)
+        band = Band(error, 0.99 * error, 1.01 * error)
+        error = replace(p.error, rmse=band, bias=Band(0.0, 0.0, 1e-4), deviation=band)
+        return replace(p, seconds=Band(seconds, seconds, seconds), error=error)
+
+    curves = tuple(replace(c, points=tuple(map(point, c.points))) for c in report.curves)
+    return replace(report, default=point(report.default), curves=curves, floors={})
 
 
 def made_up(
@@ -184,8 +203,8 @@ def test_what_is_out_of_reach(known: None, asked: dict[str, float], text: str) -
         tune(SOFT, progress=False, **asked)
 
 
-def test_more_time_is_less_error(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    choose = made_up(report, monkeypatch)
+def test_more_time_is_less_error(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    choose = made_up(smooth, monkeypatch)
     before = choose(time=1e9).before.seconds.middle
     found: list[Tuned] = [choose(time=before * x) for x in (0.3, 1, 3, 10)]
     assert all(t.met for t in found)
@@ -194,14 +213,14 @@ def test_more_time_is_less_error(report: Report, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 2])
-def test_the_choice_is_the_best_of_the_model(report: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
-    choose = made_up(report, monkeypatch)
+def test_the_choice_is_the_best_of_the_model(smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
+    choose = made_up(smooth, monkeypatch)
     before = choose(error=1.0).before
     for found, price in (
         (choose(time=share * before.seconds.middle), lambda t, e: e),
         (choose(error=before.error.middle / sqrt(share)), lambda t, e: t),
     ):
-        tuner = tuning._Tuning(SOFT, found.goal, report, Patience(), False)
+        tuner = tuning._Tuning(SOFT, found.goal, smooth, Patience(), False)
         kept = tuner._kept(tuner.model).choices
         own = tuner.model.seconds(tuner.own)
         every = [(ONCE + c.seconds / own, sqrt(PART) * c.error) for c in kept]
@@ -212,9 +231,9 @@ def test_the_choice_is_the_best_of_the_model(report: Report, monkeypatch: pytest
         assert found.met and price(found.seconds.middle, found.error.middle) <= near * best
 
 
-def test_where_the_model_is_wrong_what_is_measured_counts(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = report.default.settings["lights.window.samples"]
-    choose = made_up(report, monkeypatch, wrong=lambda s: 5.0 if s["lights.window.samples"] < own else 1.0)
+def test_where_the_model_is_wrong_what_is_measured_counts(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = smooth.default.settings["lights.window.samples"]
+    choose = made_up(smooth, monkeypatch, wrong=lambda s: 5.0 if s["lights.window.samples"] < own else 1.0)
     before = choose(error=1.0).before
     found = choose(error=2 * before.error.middle)
     assert found.met and found.error.high <= 2 * before.error.middle
@@ -222,25 +241,25 @@ def test_where_the_model_is_wrong_what_is_measured_counts(report: Report, monkey
     assert slow.met and slow.seconds.middle <= LATE * before.seconds.middle / 4
 
 
-def test_where_nothing_is_better_the_scene_stays(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    choose = made_up(report, monkeypatch, wrong=lambda s: 1.0 if s == report.default.settings else 1e3)
+def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    choose = made_up(smooth, monkeypatch, wrong=lambda s: 1.0 if s == smooth.default.settings else 1e3)
     found = choose(error=0.02)
     assert found.met and found.changed == {} and found.scene == SOFT
     assert found.reasons == ("the scene's own settings: none that were measured are clearly better",)
 
 
-def test_a_miss_is_told(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Whatever is measured, the next has half as much variance again.
-    more = (1.5**k for k in count())
-    choose = made_up(report, monkeypatch, wrong=lambda s: next(more))
-    error = sqrt(PART) * report.default.error.rmse.middle / 1.25
+def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Whatever is measured, the next has twice the variance.
+    more = (2.0**k for k in count())
+    choose = made_up(smooth, monkeypatch, wrong=lambda s: next(more))
+    error = sqrt(PART) * smooth.default.error.rmse.middle / 1.25
     found = choose(error=error)
     assert not found.met and found.error.high > error
     assert found.reasons[-1] == "no settings were found that do it: these come nearest"
 
 
-def test_double_precision_only_where_the_error_wants_it(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
-    rough = replace(report, floors={"single precision": 0.008})
+def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    rough = replace(smooth, floors={"single precision": 0.008})
     choose = made_up(rough, monkeypatch)
     assert "settings.precision" not in choose(error=0.02).changed
     assert "settings.precision" not in choose(time=100.0).changed

@@ -1,74 +1,35 @@
-"""The figures of a report of costs, and how numbers and settings are written in them.
+"""The figures of a report of costs.
 
-Only here is matplotlib imported, and none of its global state is used or left behind: each figure is an object, in
-matplotlib's own default style whatever the user's is. Colours are those of Okabe and Ito, which the colour-blind can
-tell apart; each knob has its own marker too.
+Only here and in drawing.py is matplotlib imported, and none of its global state is used or left behind: each figure is
+an object, in matplotlib's own default style whatever the user's is. Colours are those of Okabe and Ito, which the
+colour-blind can tell apart; each knob has its own marker too.
 """
 
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from io import StringIO
-from math import isfinite, log10
 from typing import Any
 
 import numpy as np
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from visray.errors import UserError
 from visray.output.image import Image
+from visray.study.cost.drawing import GREY, INK, Labels, across, blank, legend, logarithmic, reach
 from visray.study.cost.records import Band, Curve, Point, Report, Slope
+from visray.study.cost.wording import changes, is_number, number, own, percent, written
 
-try:
-    from matplotlib import style
-    from matplotlib.axes import Axes
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
-    from matplotlib.transforms import Bbox
-except ImportError as error:
-    raise UserError("the figures of a report need matplotlib; install it with: pip install matplotlib") from error
-
-INK, GREY, BLUE, RED = "#222222", "#767676", "#0072B2", "#D55E00"
+BLUE, RED = "#0072B2", "#D55E00"
 COLOURS, MARKERS = (BLUE, RED, "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), "os^DvPX<>"
 HIGHLIGHT = {"color": "#F0E442", "linewidth": 7, "alpha": 0.8, "solid_capstyle": "round"}
 # Names are the user's: a dollar sign in one of them is no formula.
 STYLE = ["default", {"text.parse_math": False, "svg.hashsalt": "visray", "font.size": 10, "axes.axisbelow": True}]
 LONGEST = 256  # pixels of a thumbnail's longer side, at most
-
-
-def number(x: float | None, digits: int = 3) -> str:
-    """A number as text; a dash where there is none."""
-    if x is None or not isfinite(x):
-        return "-"
-    return f"{x:,.0f}" if abs(x) >= 10**digits else f"{x:.{digits}g}"
-
-
-def percent(x: float) -> str:
-    return f"{number(100 * x)} %"
-
-
-def written(value: Any) -> str:
-    """A knob's value, or a setting, as text."""
-    if isinstance(value, bool) or value is None:
-        return {True: "on", False: "off", None: "-"}[value]
-    if isinstance(value, dict):
-        return ", ".join(f"{k} {written(v)}" for k, v in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(map(written, value))
-    return number(value, 6) if is_number(value) else str(value)
-
-
-def changes(point: Point, default: Point) -> dict[str, Any]:
-    """The settings that are not the default's, by address."""
-    before = default.settings
-    return {k: v for k, v in point.settings.items() if k not in before or before[k] != v}
-
-
-def own(point: Point, default: Point) -> bool:
-    """Whether a point is the scene as it is."""
-    return point is default or (point.plain == default.plain and not changes(point, default))
 
 
 def svg(figure: Figure, alt: str) -> str:
@@ -89,12 +50,12 @@ def svg(figure: Figure, alt: str) -> str:
 def costs(report: Report) -> Figure:
     """The error against seconds: a curve for each knob, the frontier, the default, the floors, and compile time."""
     with style.context(STYLE):
-        figure, (axes,) = _figure(9, 6 + 0.12 * len(report.curves))
+        figure, (axes,) = blank(9, 6 + 0.12 * len(report.curves))
         points = [*(p for c in report.curves for p in c.points), *report.joint, *report.frontier, report.default]
-        bottom = _axis(axes, "y", [p.error.rmse for p in points], percent, report.floors.values())
-        _axis(axes, "x", [p.seconds for p in points], number, [report.default.compile_seconds])
+        bottom = logarithmic(axes, "y", [p.error.rmse for p in points], percent, report.floors.values())
+        logarithmic(axes, "x", [p.seconds for p in points], number, [report.default.compile_seconds])
         axes.set(xlabel="seconds for one picture, compiled", ylabel="relative error (RMSE)")
-        keys, seen = [], _Labels(axes)
+        keys, seen = [], Labels(axes)
         front = sorted((p for p in report.frontier if p.seconds.middle > 0), key=lambda p: p.seconds.middle)
         if front:
             # A staircase: between two choices that were measured nothing was.
@@ -112,15 +73,15 @@ def costs(report: Report) -> Figure:
         star = {"color": INK, "marker": "*", "markersize": 17, "markeredgecolor": "white", "zorder": 6}
         _mark(axes, report.default, bottom, report.default, seen, **star)
         keys.append(Line2D([], [], linestyle="", **(star | {"markersize": 13}), label="today's default"))
-        _legend(figure, keys)
+        legend(figure, keys)
         figure.draw_without_rendering()
         seen.at("today's default", report.default, bottom, weight="bold", must=True)
         for name, floor in report.floors.items():
-            _line(axes, seen, "y", floor, f"{name}: {percent(floor)}")
+            across(axes, seen, "y", floor, f"{name}: {percent(floor)}")
         compiling = report.default.compile_seconds
-        _line(axes, seen, "x", compiling, f"compiling: {number(compiling)} s")
+        across(axes, seen, "x", compiling, f"compiling: {number(compiling)} s")
         if any(p.error.rmse.middle <= 0 for p in points):
-            _line(axes, seen, "y", bottom, "no error at all")
+            across(axes, seen, "y", bottom, "no error at all")
         # The ends say most; then every other one, as far as there is room.
         for p in [*front[:1], *front[-1:], *front[2:-1:2], *front[1:-1:2]]:
             if not own(p, report.default):
@@ -134,9 +95,9 @@ def counts(report: Report) -> Figure | None:
     if not found:
         return None
     with style.context(STYLE):
-        figure, (axes,) = _figure(9, 3.8 + 0.12 * len(found))
-        bottom = _axis(axes, "y", [p.error.rmse for _, c in found for p in c.points], percent)
-        _axis(axes, "x", [Band(p.value, p.value, p.value) for _, c in found for p in _numbers(c)], written)
+        figure, (axes,) = blank(9, 3.8 + 0.12 * len(found))
+        bottom = logarithmic(axes, "y", [p.error.rmse for _, c in found for p in c.points], percent)
+        logarithmic(axes, "x", [Band(p.value, p.value, p.value) for _, c in found for p in _numbers(c)], written)
         keys = []
         for i, c in found:
             points = _numbers(c)
@@ -144,7 +105,7 @@ def counts(report: Report) -> Figure | None:
             for p in points:
                 _mark(axes, p, bottom, report.default, x=p.value, **_look(i))
         axes.set(xlabel="value of the knob: samples, or rays", ylabel="relative error (RMSE)")
-        _legend(figure, keys)
+        legend(figure, keys)
         return figure
 
 
@@ -156,23 +117,23 @@ def parts(report: Report) -> Figure | None:
         return None
     with style.context(STYLE):
         rows = -(-len(found) // 3)
-        figure, grid = _figure(9, 0.5 + 2.5 * rows, (rows, min(3, len(found))))
+        figure, grid = blank(9, 0.5 + 2.5 * rows, (rows, min(3, len(found))))
         errors = [b for c in found for p in c.points for b in (p.error.bias, p.error.deviation)]
         for axes, curve in zip(grid, found):
-            bottom = _axis(axes, "y", errors, percent)
+            bottom = logarithmic(axes, "y", errors, percent)
             values = [p.value for p in curve.points]
             numbers = all(map(is_number, values))
             wide = numbers and max(values) > 1000 * min((v for v in values if v > 0), default=1)
             x = values if numbers and (min(values) > 0 or not wide) else range(len(values))
             if x is values and min(values) > 0 and (wide or curve.kind == "sampling"):
-                _axis(axes, "x", [Band(v, v, v) for v in values], written)
+                logarithmic(axes, "x", [Band(v, v, v) for v in values], written)
             elif x is not values:
                 axes.set_xticks(x, [_short(written(v), 12) for v in values])
             else:
                 axes.xaxis.get_major_locator().set_params(integer=True)
             for name, colour, line, marker in (("bias", RED, "-", "o"), ("deviation", BLUE, "--", "s")):
                 bands = [getattr(p.error, name) for p in curve.points]
-                ends = {"y": [max(b.middle, bottom) for b in bands], "yerr": _reach(bands, bottom)}
+                ends = {"y": [max(b.middle, bottom) for b in bands], "yerr": reach(bands, bottom)}
                 face = colour if name == "bias" else "white"
                 form = {"color": colour, "marker": marker, "markersize": 5, "markerfacecolor": face, "capsize": 2}
                 axes.errorbar(x, **ends, linestyle=line, linewidth=1.4, elinewidth=1, label=name, **form)
@@ -204,7 +165,7 @@ def pictures(report: Report) -> Figure:
         wide, n = width > 1.8 * height, len(columns)
         # Wide pictures lie one below the other, each beside its map.
         size = (9, 0.8 + n * (0.45 + 4.4 * height / width)) if wide else (9, 1.6 + 18 / n * height / width)
-        figure, grid = _figure(*size, (n, 2) if wide else (2, n), bare=True)
+        figure, grid = blank(*size, (n, 2) if wide else (2, n), bare=True)
         lights, maps = (grid[0::2], grid[1::2]) if wide else (grid[:n], grid[n:])
         off = [_smaller(np.nan_to_num(w, posinf=0) ** 2) ** 0.5 for *_, w in columns]
         positive = np.concatenate([o[o > 0] for o in off])
@@ -225,41 +186,6 @@ def pictures(report: Report) -> Figure:
         return figure
 
 
-def _figure(width: float, height: float, shape: tuple[int, int] = (1, 1), bare: bool = False) -> tuple[Figure, Any]:
-    """A figure in inches, and its axes, row by row."""
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)  # it measures text
-    grid = figure.subplots(*shape, squeeze=False).ravel()
-    for axes in grid:
-        if bare:
-            axes.set(xticks=[], yticks=[])
-        else:
-            axes.grid(True, color="#e4e4e4", linewidth=0.8)
-            axes.spines[["top", "right"]].set_visible(False)
-    return figure, grid
-
-
-def _axis(axes: Axes, which: str, bands: Iterable[Band], text: Any, also: Iterable[float] = ()) -> float:
-    """Makes an axis logarithmic, a decade at least, with ticks that can be read; its lower end, where 0 is drawn."""
-    bands = list(bands)
-    middles = [b.middle for b in bands if isfinite(b.middle) and b.middle > 0] or [1e-3]
-    highs = [b.high for b in bands if isfinite(b.high)]
-    # What is close belongs in the picture too; _line says where the rest lies.
-    near = [x for x in also if min(middles) / 5 < x < max(middles) * 30]
-    low, high = min(middles + near) / 1.7, max(middles + near + highs) * 1.7
-    if any(not b.middle > 0 for b in bands):
-        low /= 2
-    if high < 10 * low:
-        low, high = (low * high / 10) ** 0.5, (low * high * 10) ** 0.5
-    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
-    axis = getattr(axes, f"{which}axis")
-    steps = (1,) if log10(high / low) > 3.5 else (1, 3) if log10(high / low) > 2.2 else (1, 2, 5)
-    axis.set_major_locator(LogLocator(subs=steps, numticks=99))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: text(x)))
-    axis.set_minor_locator(NullLocator())
-    return low
-
-
 def _look(i: int) -> dict[str, Any]:
     """Colour and marker of the curve of this number."""
     return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
@@ -274,28 +200,18 @@ def _numbers(curve: Curve) -> list[Point]:
     return [p for p in curve.points if is_number(p.value) and p.value > 0]
 
 
-def is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and isfinite(value)
-
-
-def _reach(bands: Sequence[Band], bottom: float = 0) -> np.ndarray:
-    """How far bands reach down and up from their middles, as errorbar takes it: never below the axis."""
-    ends = [(max(b.middle, bottom), max(b.low, bottom), max(b.high, bottom)) for b in bands]
-    return np.array([(max(m - low, 0), max(high - m, 0)) for m, low, high in ends]).reshape(-1, 2).T
-
-
 def _curve(
     axes: Axes, i: int, curve: Curve, points: Sequence[Point], x: list[Band], slope: Slope | None, seen: Any = None
 ) -> Line2D:
     """Draws a curve with its bands, without its marks; its line in the legend."""
     bottom, look = axes.get_ylim()[0], _look(i)
-    across, up = [b.middle for b in x], [p.error.rmse for p in points]
+    along, up = [b.middle for b in x], [p.error.rmse for p in points]
     y = [max(b.middle, bottom) for b in up]
     line = ":" if curve.kind == "step" else "-"
     form = {"color": look["color"], "linewidth": 1.6, "linestyle": line, "elinewidth": 1, "capsize": 2}
-    axes.errorbar(across, y, xerr=_reach(x), yerr=_reach(up, bottom), **form)
+    axes.errorbar(along, y, xerr=reach(x), yerr=reach(up, bottom), **form)
     if seen:
-        seen.lines.append((across, y))
+        seen.lines.append((along, y))
     k = f": k = {slope.k:.2f} [{slope.low:.2f}, {slope.high:.2f}]" if slope else ""
     return Line2D([], [], **look, linestyle=line, label=_short(curve.knob, 40) + k)
 
@@ -322,86 +238,6 @@ def _turned(point: Point, default: Point) -> str:
     told = told or ({} if point.knob == "default" else {point.knob: point.value})
     lines = [_short(f"{k} {written(v)}", 34) for k, v in told.items()]
     return "\n".join(lines if len(lines) < 4 else [*lines[:2], f"and {len(lines) - 2} more"])
-
-
-def _legend(figure: Figure, keys: list[Line2D]) -> None:
-    labels = [str(k.get_label()) for k in keys]
-    # What begins with an underscore matplotlib keeps out of a legend.
-    labels = [f" {text}" if text.startswith("_") else text for text in labels]
-    columns = 2 if max(map(len, labels)) < 56 else 1
-    figure.legend(keys, labels, loc="outside lower left", ncols=columns, frameon=False, fontsize=9)
-
-
-def _line(axes: Axes, seen: "_Labels", which: str, at: float, text: str) -> None:
-    """A line across the figure, and what it is; an arrow at the edge where it lies beyond."""
-    low, high = getattr(axes, f"get_{which}lim")()
-    if not (isfinite(at) and at > 0):
-        return
-    vertical = which == "x"
-    if low <= at <= high:
-        (axes.axvline if vertical else axes.axhline)(at, color=GREY, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1.5)
-        seen.lines.append(((at, at), axes.get_ylim()) if vertical else (axes.get_xlim(), (at, at)))
-    else:
-        text += (" →" if vertical else " ↑") if at > high else (" ←" if vertical else " ↓")
-        at = high if at > high else low
-    for along in (0.985, 0.015, 0.7, 0.35, 0.5):
-        for side in (4, -4):
-            if vertical:
-                va = "top" if along > 0.9 else "bottom" if along < 0.1 else "center"
-                form = {"rotation": 90, "ha": "left" if side > 0 else "right", "va": va}
-                place, frame, offset = (at, along), ("data", "axes fraction"), (side, 0)
-            else:
-                ha = "right" if along > 0.9 else "left" if along < 0.1 else "center"
-                form = {"ha": ha, "va": "bottom" if side > 0 else "top"}
-                place, frame, offset = (along, at), ("axes fraction", "data"), (0, side)
-            if seen.put(text, place, frame, offset, color="#555555", size=8.5, **form):
-                return
-
-
-class _Labels:
-    """Labels at points, each where it covers neither mark nor line nor label; without room for one it is left out."""
-
-    def __init__(self, axes: Axes):
-        self.axes, self.boxes = axes, []
-        self.marks: list[tuple[float, float]] = []
-        self.lines: list[tuple[Sequence[float], Sequence[float]]] = []
-
-    def at(self, text: str, point: Point, bottom: float, must: bool = False, **form: Any) -> None:
-        """A label near a point: the nearest place that is free, else one that only lines run through."""
-        place = (point.seconds.middle, max(point.error.rmse.middle, bottom))
-        for lines, far in ((True, 12), (True, 20), (False, 12), (False, 20)):
-            for right, up in ((1, 1), (1, -1), (-1, -1), (-1, 1), (0, 1), (0, -1), (1, 0), (-1, 0)):
-                ends = {"ha": ("center", "left", "right")[right], "va": ("center", "bottom", "top")[up]}
-                size = far if 0 in (right, up) else 0.7 * far
-                if self.put(text, place, "data", (size * right, size * up), lines, **ends, **form):
-                    return
-        if must:
-            self.axes.annotate(text, place, (8, 8), textcoords="offset points", **form)
-
-    def put(self, text: str, place: tuple, frame: Any, offset: tuple, lines: bool = True, **form: Any) -> bool:
-        """Writes a label there, if it is free."""
-        made = self.axes.annotate(text, place, offset, frame, "offset points", **({"color": INK, "size": 9} | form))
-        made.set(in_layout=False, zorder=7)
-        box, room = made.get_window_extent(), self.axes.bbox
-        inside = room.x0 <= box.x0 and box.x1 <= room.x1 and room.y0 <= box.y0 and box.y1 <= room.y1
-        if inside and not any(box.overlaps(other) for other in self.boxes) and not self._hit(box, lines):
-            self.boxes.append(box.padded(2))
-            return True
-        made.remove()
-        return False
-
-    def _hit(self, box: Bbox, lines: bool) -> bool:
-        """Whether a mark lies in a box, or a line runs through it."""
-        to = self.axes.transData.transform
-        marks = to(np.array(self.marks))
-        if box.padded(8).count_contains(marks):
-            return True
-        for x, y in self.lines if lines else []:
-            ends = to(np.column_stack([x, y]))
-            steps = np.linspace(0, 1, 40)[:, None, None]
-            if box.padded(2).count_contains((ends[:-1] + steps * (ends[1:] - ends[:-1])).reshape(-1, 2)):
-                return True
-        return False
 
 
 def _smaller(values: np.ndarray) -> np.ndarray:

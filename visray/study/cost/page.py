@@ -9,9 +9,9 @@ from math import isfinite
 from typing import Any
 
 from visray.study.cost import charts
-from visray.study.cost.charts import changes, is_number, number, own, percent, written
 from visray.study.cost.frontier import overtaken
 from visray.study.cost.records import Band, Halving, Point, Report
+from visray.study.cost.wording import changes, is_number, number, own, percent, written
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1d2127; --soft: #5c6570; --paper: #fff; --line: #dfe3e8; --mark: #fff3b8;

@@ -272,7 +272,7 @@ def test_the_halving_is_told_in_sentences(pages: dict[str, str]) -> None:
 
 def test_the_default_is_told_against_the_frontier() -> None:
     r = study()
-    assert "Today's default is on the frontier" in told(r)
+    assert "Nothing that was measured is both faster and more accurate than today's default" in told(r)
     better = point("depth", 5, 0.208, 0.001, 0.004, settings={"settings.depth": 5})
     beaten = replace(r, frontier=(r.joint[0], better))
     assert "The same error could be had in 0.4 of the time by settings.depth = 5." in told(beaten)

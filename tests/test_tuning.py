@@ -29,7 +29,8 @@ from visray.study.cost import study, tuning
 from visray.study.cost.records import Band, Curve, Point, Report
 from visray.study.cost.study import cost
 from visray.study.cost.truth import luminance
-from visray.study.cost.tuning import GAIN, LATE, WORTH, Goal, Measured, Tuned, as_scene, tune
+from visray.study.cost.tuned import LATE, Goal, Measured, Tuned, as_scene
+from visray.study.cost.tuning import GAIN, WORTH, tune
 
 SOFT = Scene(
     camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),

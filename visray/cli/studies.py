@@ -155,7 +155,7 @@ def tune(
     json: Json = False,
 ) -> int:
     """Choose the knobs of a scene for an error or a time, and say why."""
-    from visray.study.cost.tuning import as_scene
+    from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study
 
     if output is not None:
@@ -164,8 +164,12 @@ def tune(
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     if output is not None:
         written(as_scene(found, output.parent), output)
-    put(found.as_json()) if json else Console().print(found.table())
-    return 0
+    if json:
+        put(found.as_json())
+    else:
+        Console().print(found.table())
+        sys.stdout.write("".join(f"{line}\n" for line in found.reasons))
+    return 0 if found.met else 1
 
 
 @app.command

@@ -5,7 +5,7 @@ sampler, and of every other choice, as it was measured against the default.
 
 Squared error = bias + noise. The noise of a sampler is D(spp), a power law from point to point; in it each counting
 knob has a part u (n / n0)^-p, fitted to its curve, that falls as 1 / spp, because the samples of a pixel draw their
-lots apart from each other. Where the parts would be more than D, they are all of it. Other choices multiply the noise,
+lots apart from each other; with Sobol points they do not, and it keeps its share. Where the parts would be more than D, they are all of it. Other choices multiply the noise,
 and add to the bias, as they did on their own: what two of them do together is not known, which is why what the model
 proposes has to be measured.
 """
@@ -123,10 +123,20 @@ class Model:
         return self.laws.fixed + spp * factor * (self.laws.base + costs)
 
     def _error(self, law: Through, spp: float, way: Way, parts: Any) -> Any:
-        noise, whole = law.at(spp), sum(c.noise.u for c in self.laws.counts)
-        falling = min(whole * self.default.settings[SPP] / spp, noise)
+        noise, whole, own = law.at(spp), sum(c.noise.u for c in self.laws.counts), self.default.settings
+        # Where the scene's own points are Sobol's, the lots of a pixel's samples are one sequence: their part falls
+        # with the rest.
+        one = own.get(SAMPLER) == "sobol"
+        falling = noise * whole / self._whole if one and self._whole > 0 else whole * own[SPP] / spp
+        falling = min(falling, noise)
         noise = noise - falling + falling * (parts / whole if whole > 0 else np.ones_like(parts))
         return np.sqrt(max(self.laws.bias + way.bias, 0) + way.noise * noise)
+
+    @cached_property
+    def _whole(self) -> float:
+        """The noise of the scene as it is."""
+        own = self.default.settings
+        return float(self.laws.samplers[own.get(SAMPLER)].noise.at(own[SPP]))
 
     def _way(self, settings: Settings) -> Way:
         """The values of the other knobs together. Domain: of each what was measured, else a ValueError."""

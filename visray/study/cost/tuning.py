@@ -14,15 +14,14 @@ the error that is asked for does not want another.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import isfinite, isqrt, sqrt
+from math import isqrt, sqrt
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NoReturn
 
 import numpy as np
-from rich.table import Table
 
 from visray.errors import UserError
 from visray.exposure import expose, exposed_once, set_up
@@ -31,7 +30,7 @@ from visray.halves import Estimate, Halves
 from visray.progress import Patience
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed, value
-from visray.scene.load import checked, dump, load
+from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.study.cost.fitting import Laws, Sampler, Way
 from visray.study.cost.knobs import DEEPEST, DEPTH, MOST_SAMPLES, PRECISION, SAMPLER, SPP
@@ -40,12 +39,13 @@ from visray.study.cost.measuring import SMALLEST, TURNS, band, reduced
 from visray.study.cost.model import Choice, Model
 from visray.study.cost.records import Band, Report
 from visray.study.cost.study import cost
+from visray.study.cost.tuned import Goal, Measured, Settings, Tuned
 from visray.truncation import truncation
 
 # Times that the model is asked, of samples and sampler and then of all knobs, and corrected by what its choice came to.
 ROUNDS = 3
-# A time may be exceeded by so much; and what gains less is no gain, but the machine's noise.
-LATE, GAIN = 1.1, 0.9
+# What gains less is no gain, but the machine's noise.
+GAIN = 0.9
 # What another value of a knob gains less than, the scene's own value keeps its place.
 WORTH = 1.03
 # Renders are repeated, up to TURNS, until they took so many seconds together.
@@ -54,109 +54,6 @@ ENOUGH = 1.0
 PILOT = 4
 # Knobs that stay as the scene has them.
 KEPT = ("roots", "accelerator", "texture filter")
-
-Settings = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What is asked for: an error, or seconds of one render; the other is None."""
-
-    error: float | None
-    time: float | None
-
-    @staticmethod
-    def asked(error: float | None, time: float | None) -> "Goal":
-        for name, given, example in (("error", error, 0.01), ("time", time, 10)):
-            number = isinstance(given, int | float) and not isinstance(given, bool)
-            if given is not None and not (number and isfinite(given) and given > 0):
-                raise UserError(f"{name} = {given!r}: must be a number above 0, such as {example}")
-        if error is not None and time is not None:
-            raise UserError(f"error = {error:g} and time = {time:g}: only one can be asked for; leave the other out")
-        if error is None and time is None:
-            raise UserError("nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10")
-        return Goal(error, time)
-
-    def met(self, found: "Measured") -> bool:
-        if self.error is not None:
-            return found.error.high <= self.error
-        return found.seconds.middle <= LATE * self.time
-
-    def missed(self, found: "Measured") -> float:
-        """By what factor at most."""
-        return found.seconds.middle / self.time if self.error is None else found.error.high / self.error
-
-    def price(self, found: Any) -> float:
-        """What is to be small: the seconds where an error is asked for, the error where a time is."""
-        x = found.error if self.error is None else found.seconds
-        return x.middle if isinstance(x, Band) else x
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Renders at the scene's own size. seconds: of one, its kernels compiled, the scene set up; error: relative, bias
-    included; noise: the squared part of it that differs from seed to seed."""
-
-    settings: Settings
-    seconds: Band
-    error: Band
-    noise: float
-
-
-@dataclass(frozen=True)
-class Tuned:
-    """The knobs of a scene, chosen.
-
-    settings: of all knobs, by address; changed: those that differ from the scene's. error and seconds: measured with
-    them at the scene's own size, predicted_*: by the model before that; before: the same of the scene as it is. met:
-    whether the goal is reached. reasons: a sentence for each knob that is changed; variance is squared noise. scene:
-    with these settings.
-    """
-
-    goal: Goal
-    settings: Settings
-    changed: Settings
-    predicted_error: float
-    predicted_seconds: float
-    error: Band
-    seconds: Band
-    before: Measured
-    met: bool
-    reasons: tuple[str, ...]
-    scene: Scene = field(repr=False)
-    report: Report = field(repr=False)
-
-    def as_json(self) -> dict[str, Any]:
-        """All of it as json.dumps takes it; of the report only its notes, and the machine."""
-        found = {
-            "asked": {k: v for k, v in asdict(self.goal).items() if v is not None},
-            "met": self.met,
-            "settings": self.settings,
-            "changed": self.changed,
-            "predicted": {"error": self.predicted_error, "seconds": self.predicted_seconds},
-            "measured": {"error": asdict(self.error), "seconds": asdict(self.seconds)},
-            "before": {"error": asdict(self.before.error), "seconds": asdict(self.before.seconds)},
-        }
-        told = {"reasons": list(self.reasons), "notes": list(self.report.notes), "machine": self.report.machine}
-        return found | told | {"scene_hash": self.scene.hash()}
-
-    def table(self) -> Table:
-        """What changes, for the terminal, and why."""
-        film = self.scene.film
-        title = f"{film.width} x {film.height} pixels: " + ("as asked" if self.met else "not quite as asked")
-        rows = Table(title=title, caption="\n".join(self.reasons), caption_justify="left")
-        rows.add_column("")
-        for name in ("the scene", "tuned"):
-            rows.add_column(name, justify="right", no_wrap=True)
-        for address, new in self.settings.items():
-            # What stays needs no look.
-            text = f"[bold]{new}[/]" if address in self.changed else f"[dim]{new}[/]"
-            rows.add_row(address, str(self.before.settings[address]), text)
-        rows.add_section()
-        for name, unit, factor in (("error", "%", 100), ("seconds", "s", 1)):
-            bands = getattr(self.before, name), getattr(self, name)
-            rows.add_row(name, *(f"{factor * b.middle:.3g} {unit}" for b in bands))
-        return rows
 
 
 def tune(
@@ -177,11 +74,6 @@ def tune(
         raise KeyboardInterrupt
     with Patience() as patience:
         return _Tuning(scene, goal, report, patience, progress).run()
-
-
-def as_scene(tuned: Tuned, folder: Path | None = None) -> str:
-    """The tuned scene as the text of a JSON file, in which files of textures are relative to its folder."""
-    return dump(tuned.scene, folder)
 
 
 @dataclass

@@ -1,5 +1,6 @@
 """The commands that report: explain, check, cost, tune, stability, surfaces, doctor."""
 
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any

@@ -5,9 +5,9 @@ sampler, and of every other choice, as it was measured against the default.
 
 Squared error = bias + noise. The noise of a sampler is D(spp), a power law from point to point; in it each counting
 knob has a part u (n / n0)^-p, fitted to its curve, that falls as 1 / spp, because the samples of a pixel draw their
-lots apart from each other; with Sobol points they do not, and it keeps its share. Where the parts would be more than D, they are all of it. Other choices multiply the noise,
-and add to the bias, as they did on their own: what two of them do together is not known, which is why what the model
-proposes has to be measured.
+lots apart from each other; with Sobol points they do not, and it keeps its share. Where the parts would be more than D,
+they are all of it. Other choices multiply the noise, and add to the bias, as they did on their own: what two of them do
+together is not known, which is why what the model proposes has to be measured.
 """
 
 from dataclasses import dataclass

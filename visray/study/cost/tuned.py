@@ -1,6 +1,6 @@
 """What a tuner is asked for, what it measured, and what it found."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
 from typing import Any

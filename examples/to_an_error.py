@@ -1,0 +1,18 @@
+"""How many samples does a picture need? As many as its error says, and most of them where there is noise."""
+
+from pathlib import Path
+
+import visray as vr
+
+scene = vr.load(Path(__file__).parent.parent / "scenes" / "penumbra.json")
+pictures = []
+for error in (0.02, 0.005, 0.002):
+    image = vr.render(scene, size=(180, 112), error=error, seed=len(pictures), progress=False)
+    facts, samples = image.metadata, image["samples"]
+    print(f"asked {error}, got {facts['error']:.4f} ({facts['error_low']:.4f} to {facts['error_high']:.4f}):", end=" ")
+    print(f"{facts['spp']} samples per pixel, from {samples.min()} to {samples.max()}")
+    pictures.append(image["RGB"].astype(float))
+# The last one, of other samples, stands in for the truth.
+luminance = (pictures[-1] @ (0.2126, 0.7152, 0.0722)).mean()
+off = ((pictures[0] - pictures[-1]) ** 2).mean() ** 0.5 / luminance
+print(f"the first one is {off:.4f} off the last")

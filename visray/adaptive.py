@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,8 @@ from visray.reachable import Files, unavoidable
 
 # The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
-# So many times the samples that there are, before the error is looked at again.
-GROWTH = 4
+# The error is looked at again when there are twice the samples, or four times, where that takes no more seconds.
+SHORT = 0.5
 # Of an estimate that must not be above what is asked for.
 MARGIN = 0.98
 
@@ -49,7 +48,7 @@ class Goal:
             return None
         for name, value, example in (("error", error, 0.01), ("time", seconds, 10)):
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if value is not None and not (number and isfinite(value) and value > 0):
+            if value is not None and not (number and 0 < value < np.finfo(float).max):
                 raise UserError(f"{name} = {value!r}: must be a number above 0, such as {example}")
         if spp is not None:
             raise UserError(f"spp = {spp}: goes with neither error nor time, which choose it; leave it out")
@@ -66,7 +65,10 @@ class Goal:
     def allowed(self, found: Estimate, bias: float) -> float:
         """The mean square error that may be left; none where no error is asked for. bias: the square of what samples
         do not take away."""
-        return 0.0 if self.error is None else float(np.square(self.error * found.luminance)) - bias
+        if self.error is None:
+            return 0.0
+        off = float(self.error) * found.luminance
+        return off * off - bias
 
 
 @dataclass(frozen=True)
@@ -99,19 +101,21 @@ class Pursuit:
             took = goal.passed() + goal.reserve
             raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
         self._pilot()
-        self.bias = unavoidable(halves, goal.error, files)
+        self.bias = unavoidable(halves, goal.error, files, goal.left())
         self.found = halves.estimate()
         allocation = self._allocation()
         self._tell(allocation)
         while not self._reached():
-            targets = allocation.targets(self._number(allocation, GROWTH))
+            # Long rounds are many samples too many, where the error falls faster than was expected.
+            short = 3 * halves.counts.sum() * halves.rate < SHORT
+            targets = np.tile(allocation.targets(self._outlook(allocation, 4 if short else 2)[0]), 2)
             if not (targets > halves.counts).any():
                 return
             done = halves.extend(targets, self._going)
             self.found = halves.estimate()
             if not done:
                 return
-            allocation.learn(self.found.square, halves.counts)
+            allocation.learn(self.found.square, halves.counts[: halves.n])
 
     def _pilot(self) -> None:
         """As many samples of each pixel as tell who needs how many more."""
@@ -140,12 +144,12 @@ class Pursuit:
         """By the pilot."""
         halves, film = self.halves, self.halves.made.scene.film
         order = halves.made.order
-        pictures = np.ones((2, film.height * film.width))
+        picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
-            pictures[:, order] = halves.spreads().reshape(2, -1)
-        near = around(*pictures.reshape(2, film.height, film.width))
-        allocation = Allocation.of(np.concatenate([x.ravel()[order] for x in near]), halves.counts)
-        allocation.learn(self.found.square, halves.counts)
+            picture[order] = halves.spreads().reshape(2, -1).sum(0)
+        near = around(picture.reshape(film.height, film.width)).ravel()[order]
+        allocation = Allocation.of(near, halves.counts[: halves.n])
+        allocation.learn(self.found.square, halves.counts[: halves.n])
         return allocation
 
     def _going(self, seconds: float) -> bool:
@@ -158,12 +162,9 @@ class Pursuit:
         high = np.square(found.high * found.luminance)
         return bool(found.square == 0 or high <= self.goal.allowed(found, self.bias))
 
-    def _number(self, allocation: Allocation, growth: float) -> int:
-        """The number of the whole picture that meets the goal, or makes so many times the samples there are."""
-        return self._outlook(allocation, growth)[0]
-
     def _outlook(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
-        """That number, and mean samples of a lane and mean square error that are expected then."""
+        """The number of the whole picture that meets the goal, or makes so many times the samples there are; mean
+        samples of a lane and mean square error that are expected then."""
         found, lanes = self.found, len(self.halves.counts)
         now = float(self.halves.counts.mean())
         room = now + self.goal.left() / (self.halves.rate * lanes)

@@ -1,11 +1,10 @@
 """Who gets how many samples: the more a pixel varies, the more of them.
 
-The square of a lane's error (a lane is a pixel of one half of the picture, halves.py) is taken to be
-scale * weight^2 * samples^-power. Its weight is the root of the variance that samples around it have, without its own:
-what decides how often a pixel is sampled must not know what its own samples say. A pixel that stops when its own
-samples agree stops where it has missed something, and its mean is biased.
+The square of a pixel's error is taken to be scale * weight^2 * samples^-power. Its weight is the root of the variance
+that samples around it have, without its own: what decides how often a pixel is sampled must not know what its own
+samples say. A pixel that stops when its own samples agree stops where it has missed something, and its mean is biased.
 
-Lanes are counted by classes of equal weight and equal samples, so that choices cost nothing.
+Pixels are counted by classes of equal weight and equal samples, so that choices cost nothing.
 """
 
 from collections.abc import Callable
@@ -15,21 +14,20 @@ import numpy as np
 
 # Weights are told apart by an eighth of a factor of 2, from 2^-LOWEST to 2^LOWEST.
 STEPS, LOWEST = 8, 40
-# Samples of a lane: at most 2^MOST, as they run one after the other.
+# Samples of a pixel in each half: at most 2^MOST, as they run one after the other.
 MOST = 18
-# error^2 ~ samples^-power: 1 for independent samples, more for stratified ones; where nothing is known yet.
-POWER, LEAST_POWER, GREATEST_POWER = 1.2, 1.0, 1.6
+# error^2 ~ samples^-power: 1 for independent samples, more for stratified ones. Where nothing is known yet it is taken
+# to be steep: another look at the error takes less time than samples that were not needed.
+POWER, LEAST_POWER, GREATEST_POWER = 1.5, 1.0, 1.8
 # A window of 5 x 5 pixels, along each side. A small thing that a pixel's few samples have missed has been hit nearby.
 KERNEL = np.array([1, 4, 6, 4, 1]) / 16
 OWN = KERNEL[2] ** 2
 
 
-def around(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means of both halves' variances around each pixel: for half A without A's own, for half B without B's own.
-    Shapes: (H, W)."""
-    mass = _blurred(np.ones(a.shape))
-    total = _blurred(a + b)
-    return tuple(np.maximum(total - OWN * x, 0) / (2 * mass - OWN) for x in (a, b))
+def around(variances: np.ndarray) -> np.ndarray:
+    """The mean of the variances around each pixel, without its own; 1 for a pixel alone. Shapes: (H, W)."""
+    total, mass = (_blurred(x) - OWN * x for x in (variances, np.ones(variances.shape)))
+    return np.divide(np.maximum(total, 0), mass, out=np.ones(mass.shape), where=mass > 0)
 
 
 def _blurred(x: np.ndarray) -> np.ndarray:
@@ -42,8 +40,8 @@ def _blurred(x: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Allocation:
-    """The samples of lanes. steps: of a lane's weight, in eighths of a factor of 2; levels: the logarithm to base 2 of
-    the samples that it has. Shapes: (N)."""
+    """The samples of pixels, in each half. steps: of a pixel's weight, in eighths of a factor of 2; levels: logarithms
+    to base 2 of the samples that there are. Shapes: (N)."""
 
     steps: np.ndarray
     levels: np.ndarray
@@ -52,7 +50,7 @@ class Allocation:
 
     @staticmethod
     def of(variances: np.ndarray, counts: np.ndarray) -> "Allocation":
-        """By the variances around lanes."""
+        """By the variances around pixels."""
         with np.errstate(divide="ignore"):
             steps = np.rint(STEPS / 2 * np.log2(variances))
         return Allocation(np.clip(steps, -STEPS * LOWEST, STEPS * LOWEST).astype(np.int32), _levels(counts))
@@ -62,29 +60,28 @@ class Allocation:
         before, levels = self._classes(self.levels), _levels(counts)
         now, known = self._classes(levels), self.scale * self._sum(self._classes(self.levels), self.power)
         if 0 < square < known:
-            powers = np.linspace(LEAST_POWER, GREATEST_POWER, 25)
+            powers = np.linspace(LEAST_POWER, GREATEST_POWER, 33)
             gains = [self._sum(before, p) / self._sum(now, p) for p in powers]
             self.power = float(powers[np.argmin(np.abs(np.log(gains) - np.log(known / square)))])
         total = self._sum(now, self.power)
         self.scale, self.levels = (square / total if total > 0 else 0.0), levels
 
     def targets(self, number: int) -> np.ndarray:
-        """The samples of each lane for the number of the whole picture, in eighths of a factor of 2; never fewer than
+        """The samples of each pixel for the number of the whole picture, in eighths of a factor of 2; never fewer than
         there are."""
         return 2 ** self._wanted(self.steps, self.levels, number).astype(np.int64)
 
     def least(self, enough: Callable[[float, float], bool]) -> int:
-        """The least number for which enough(mean samples of a lane, mean square error expected then) holds, or the one
-        that gives all lanes the most."""
-        steps, levels, lanes = now = self._classes(self.levels)
+        """The least number for which enough(mean samples of a pixel, mean square error expected then) holds, or the one
+        that gives all pixels the most."""
+        steps, levels, pixels = self._classes(self.levels)
         low, high = -STEPS * LOWEST, STEPS * (LOWEST + MOST)
         while low < high:
             middle = (low + high) // 2
             wanted = self._wanted(steps, levels, middle)
-            mean = float((lanes * 2.0**wanted).sum() / lanes.sum())
-            good = enough(mean, self.scale * self._sum((steps, wanted, lanes), self.power))
+            mean = float((pixels * 2.0**wanted).sum() / pixels.sum())
+            good = enough(mean, self.scale * self._sum((steps, wanted, pixels), self.power))
             low, high = (low, middle) if good else (middle + 1, high)
-        del now
         return low
 
     def _wanted(self, steps: np.ndarray, levels: np.ndarray, number: int) -> np.ndarray:
@@ -93,16 +90,16 @@ class Allocation:
         return np.maximum(np.where(steps > -STEPS * LOWEST, wanted, 0), levels)
 
     def _classes(self, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lanes by their steps and levels: these two, and how many lanes are alike."""
-        lanes = np.bincount((self.steps + STEPS * LOWEST) * (MOST + 1) + levels)
-        found = np.flatnonzero(lanes)
-        return found // (MOST + 1) - STEPS * LOWEST, found % (MOST + 1), lanes[found]
+        """Pixels by their steps and levels: these two, and how many are alike."""
+        pixels = np.bincount((self.steps + STEPS * LOWEST) * (MOST + 1) + levels)
+        found = np.flatnonzero(pixels)
+        return found // (MOST + 1) - STEPS * LOWEST, found % (MOST + 1), pixels[found]
 
     @staticmethod
     def _sum(classes: tuple[np.ndarray, np.ndarray, np.ndarray], power: float) -> float:
         """The mean of weight^2 samples^-power."""
-        steps, levels, lanes = classes
-        return float((lanes * 2.0 ** (2 * steps / STEPS - power * levels)).sum() / lanes.sum())
+        steps, levels, pixels = classes
+        return float((pixels * 2.0 ** (2 * steps / STEPS - power * levels)).sum() / pixels.sum())
 
 
 def _levels(counts: np.ndarray) -> np.ndarray:

@@ -16,7 +16,6 @@ from visray import film as films
 from visray import integrator
 from visray.exposure import PASS_SECONDS, Set
 from visray.film import Film
-from visray.integrator import Stage
 from visray.sampling import Plan
 
 # Rec. 709, as the pictures' primaries.
@@ -69,10 +68,9 @@ class Halves:
         self.rate: float | None = None
 
     def compiled(self) -> None:
-        """Makes the kernel, with as few samples as are a kernel's."""
+        """Makes the kernel of a pass, with a few samples that are thrown away."""
         few = np.arange(min(2 * self.n, 32))
-        dr.eval(moments(self.made, self.made.stage, few, 0 * few, 0 * few + 1)[0])
-        dr.sync_thread()
+        Halves(self.made).take(few, np.ones(2 * self.n, np.int64))
 
     def extend(self, targets: np.ndarray, going: Callable[[float], bool] = lambda seconds: True) -> bool:
         """Brings the lanes to so many samples, in passes; those that get most come first. `going` is asked before each
@@ -90,22 +88,40 @@ class Halves:
             if not going(0.0 if self.rate is None else samples * self.rate):
                 return False
             begun = time.perf_counter()
-            self._pass(lanes[done:end], targets)
-            self.rate = (time.perf_counter() - begun) / samples
+            self.take(lanes[done:end], targets)
+            rate = (time.perf_counter() - begun) / samples
+            # Passes differ, so the next is expected to be like the last ones.
+            self.rate = rate if self.rate is None else (self.rate + rate) / 2
             done = end
         return True
 
-    def _pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
+    def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:
+        """Brings some lanes to so many samples, in one pass."""
+        # Of one lane the kernel would be another.
+        lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
         a, before = self.made.a, self.counts[lanes]
         count = targets[lanes] - before
-        found, at, plan = moments(self.made, self.made.stage, lanes, before, count)
+        found, at, plan = self._moments(lanes, before, count)
         old = Film(*(dr.gather(type(x), x, at) for x in _parts(self.film)))
         new = old.plus(a, found, plan.first, plan.count)
         for whole, part in zip(_parts(self.film), _parts(new)):
             dr.scatter(whole, part, at)
         dr.eval(self.film)
         dr.sync_thread()
-        self.counts[lanes] += count
+        self.counts[lanes] = targets[lanes]
+
+    def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
+        """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan. Each half has a
+        seed of its own, which no picture of another seed below 2^31 shares."""
+        made, a, n = self.made, self.made.a, self.n
+        at = a.put(a.U, lanes.astype(np.uint32))
+        second = at >= dr.opaque(a.U, n)
+        pixel = dr.select(second, at - dr.opaque(a.U, n), at)
+        seed = 2 * made.scene.settings.seed % 2**32
+        seeds = dr.select(second, dr.opaque(a.U, seed + 1), dr.opaque(a.U, seed))
+        x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
+        plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
+        return integrator.sample(made.stage, plan, x, y), at, plan
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
         """The halves' pixels. Shapes: (3, N)."""
@@ -157,17 +173,3 @@ def around(x: np.ndarray) -> np.ndarray:
 
 def _parts(film: Film) -> tuple:
     return film.mean, film.squares, film.coverage
-
-
-def moments(made: Set, stage: Stage, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
-    """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan. Each half has a seed
-    of its own, which no picture of another seed below 2^31 shares."""
-    a, n = made.a, len(made.order)
-    at = a.put(a.U, lanes.astype(np.uint32))
-    second = at >= dr.opaque(a.U, n)
-    pixel = dr.select(second, at - dr.opaque(a.U, n), at)
-    seed = 2 * made.scene.settings.seed % 2**32
-    seeds = dr.select(second, dr.opaque(a.U, seed + 1), dr.opaque(a.U, seed))
-    x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
-    plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-    return integrator.sample(stage, plan, x, y), at, plan

@@ -13,6 +13,10 @@ from visray.output.image import Gamma
 from visray.rounding import rounding
 from visray.truncation import truncation
 
+# No scene is deeper.
+DEEPEST = 1000
+# Of the seconds that are left, for what depth leaves out.
+SHARE = 0.05
 # So many roundings a sample's colour has at least, which is the same for all samples of a flat place: light times
 # material, twice, and their sum.
 ROUNDINGS = 4
@@ -27,9 +31,9 @@ class Files:
     exposure: float = 0.0
 
 
-def unavoidable(halves: Halves, error: float | None, files: Files) -> float:
+def unavoidable(halves: Halves, error: float | None, files: Files, seconds: float = np.inf) -> float:
     """The mean square that is left out by the scene's depth, where it shows; raises UserError if that, the precision
-    or the rounding of all files is above the error that is asked for. `halves`: a pilot."""
+    or the rounding of all files is above the error that is asked for. `halves`: a pilot; seconds: that are left."""
     found, scene = halves.estimate(), halves.made.scene
     asked = np.inf if error is None else error * found.luminance
     settings = scene.settings
@@ -43,8 +47,9 @@ def unavoidable(halves: Halves, error: float | None, files: Files) -> float:
     if not (on["reflection"] or on["refraction"]):
         return 0.0
     depth = settings.depth
-    deeper = (2 * depth + 2, 4 * depth + 4)
-    here, *others = truncation(halves, (depth, *deeper), min(2 * deeper[-1], 1000))
+    # What would do is of interest only where something is asked for.
+    deeper = (2 * depth + 2, 4 * depth + 4) if error is not None else ()
+    here, *others = truncation(halves, (depth, *deeper), min(8 * depth + 8, DEEPEST), SHARE * seconds)
     if here.low > asked**2:
         good = [t.depth for t in others if t.high <= asked**2 / 4]
         left = np.sqrt(here.square) / found.luminance

@@ -19,7 +19,7 @@ from visray.errors import UserError
 from visray.exposure import Set, arrays, expose, exposed_once, first_pass, lanes, set_up  # noqa: F401 - for now
 from visray.features import Features, features
 from visray.halves import LUMINANCE
-from visray.output.image import Image
+from visray.output.image import Image, check_destination
 from visray.progress import Patience
 from visray.reachable import Files
 from visray.scene.load import checked, load
@@ -67,6 +67,8 @@ def render(
     """
     now = perf_counter()
     goal = Goal.asked(error, time, spp, now if begun is None else begun)
+    for path in files.paths:
+        check_destination(path, files.gamma, files.exposure)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
     scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
     if goal:
@@ -88,11 +90,18 @@ def render(
             colours, more = developed(made, film, done)
             data = _data_layers(made, layers)
         check_numbers(made, colours["RGB"])
+    if goal and not (goal.seconds or patience.asked) and more["error_high"] > error:
+        text = f"the error asked for, {error:g}, is not reached with {more['spp_most']} samples of a pixel"
+        warnings.warn(text, GoalWarning, stacklevel=2)
     pictures = rasters(made, colours | data, layers)
     proof = _proof(pictures)
     _warn(proof, len(made.order))
     facts = provenance(made, done, perf_counter() - now) | more | proof
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
+
+
+class GoalWarning(UserWarning):
+    """A picture has more error than was asked for."""
 
 
 class RootWarning(UserWarning):

@@ -5,6 +5,7 @@ import os
 import numpy as np
 
 from visray.images.reading import linear
+from visray.output.exr import LARGEST_HALF
 from visray.output.image import Gamma, curve
 
 
@@ -18,5 +19,7 @@ def rounding(rgb: np.ndarray, path: str | os.PathLike[str], gamma: Gamma = "srgb
         shown = linear(bits / 255) if gamma == "srgb" else (bits / 255) ** float(gamma)
         off = (shown - light) / 2.0**exposure
     else:
-        off = rgb.astype(np.float16).astype(float) - rgb
+        # Light beyond the range of half is no matter of rounding.
+        light = np.clip(rgb, -LARGEST_HALF, LARGEST_HALF)
+        off = light.astype(np.float16).astype(float) - light
     return float(np.sqrt(np.square(off).mean()))

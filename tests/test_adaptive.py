@@ -137,7 +137,7 @@ def test_the_estimate_is_unbiased_and_its_interval_holds_the_truth(noise: Callab
     off, inside = [], 0
     for _ in range(TRIALS):
         a, b = true + noise(rng)
-        found = Estimate.of(a, b)
+        found = Estimate.of(a, b, 10**6)
         square = np.square((a + b) / 2 - true).mean()
         off.append(found.square - square)
         luminance = (LUMINANCE @ (a + b)).mean() / 2
@@ -155,7 +155,7 @@ def test_the_interval_is_not_too_wide() -> None:
     rng, wide = np.random.default_rng(1), []
     for _ in range(TRIALS):
         a, b = even(rng)
-        found = Estimate.of(a + 1, b + 1)
+        found = Estimate.of(a + 1, b + 1, 10**6)
         wide.append((found.square - np.square((a + b) / 2).mean(), np.square(found.high * found.luminance)))
     off, high = np.array(wide).T
     spread = (high - 0.1**2 / 2).mean() / QUANTILE
@@ -163,7 +163,7 @@ def test_the_interval_is_not_too_wide() -> None:
 
 
 def test_a_picture_without_light_has_an_absolute_error() -> None:
-    found = Estimate.of(np.zeros((3, 8)), np.zeros((3, 8)))
+    found = Estimate.of(np.zeros((3, 8)), np.zeros((3, 8)), 8)
     assert (found.error, found.low, found.high, found.luminance) == (0, 0, 0, 0)
 
 
@@ -212,7 +212,7 @@ def test_means_of_3_by_3_pixels_at_borders() -> None:
         x = np.random.default_rng(0).random(shape)
         wide = np.pad(x, 1, constant_values=np.nan)
         slow = [[np.nanmean(wide[i : i + 3, j : j + 3]) for j in range(shape[1])] for i in range(shape[0])]
-        np.testing.assert_allclose(halves.around(x), slow, rtol=1e-12)
+        np.testing.assert_allclose(halves.smoothed(x), slow, rtol=1e-12)
 
 
 def lanes(seed: int, n: int = 500) -> tuple[np.ndarray, np.ndarray]:
@@ -224,7 +224,8 @@ def lanes(seed: int, n: int = 500) -> tuple[np.ndarray, np.ndarray]:
 
 
 def slow_targets(variances: np.ndarray, counts: np.ndarray, number: int) -> np.ndarray:
-    """Lane by lane: the power of two that is nearest to weight * 2^(number / STEPS), in logarithms."""
+    """Pixel by pixel: the power of two that is nearest to weight * 2^(number / STEPS), in logarithms; no less than an
+    eighth of their mean, rounded down to a power of two."""
     found = []
     for variance, count in zip(variances.tolist(), counts.tolist()):
         wanted = 1
@@ -232,7 +233,7 @@ def slow_targets(variances: np.ndarray, counts: np.ndarray, number: int) -> np.n
             step = round(STEPS * np.log2(variance) / 2)
             wanted = 2 ** int(np.clip(np.floor((step + number) / STEPS + 0.5), 0, MOST))
         found.append(max(wanted, count))
-    return np.array(found)
+    return np.maximum(found, int(2 ** (np.floor(np.log2(np.mean(found))) - 3)))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -244,8 +245,8 @@ def test_targets_are_powers_of_two_that_never_fall(seed: int) -> None:
         targets = found.targets(number)
         assert np.array_equal(targets, slow_targets(variances, counts, number))
         assert (targets >= before).all() and (targets & (targets - 1) == 0).all()
-        # Where nothing varies around a lane, more samples tell nothing.
-        assert np.array_equal(targets[variances == 0], counts[variances == 0])
+        # Where nothing varies around a pixel, something may yet be in it.
+        assert targets.min() >= targets.mean() / 32
         before = targets
     assert before.max() == 2**MOST
 
@@ -332,7 +333,7 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
 
 def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[Halves, np.ndarray], bool]:
     """Extends by one pass of so many samples at most, as if there were time for no more."""
-    monkeypatch.setattr(halves, "FIRST", samples)
+    monkeypatch.setattr(halves, "first_pass", lambda made: samples)
 
     def extend(h: Halves, targets: np.ndarray) -> bool:
         h.rate, asked = None, []
@@ -375,7 +376,7 @@ def test_passes_in_any_order_make_the_same_film(sampler: str, monkeypatch: pytes
 
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
-    """Half A those of seed 2 s, half B those of 2 s + 1, the first so many of each lane."""
+    """Each half those of its own seed, the first so many of each lane."""
     made = set_up(with_settings(replace(EDGES, film=SMALL), sampler=sampler, seed=77))
     h = Halves(made)
     targets = some_counts(h)
@@ -383,7 +384,7 @@ def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
     means, squares = np.array(h.film.mean), np.array(h.film.squares)
     for half in (0, 1):
         for count in np.unique(targets):
-            plan = Plan.of(made.a, 2 * 77 + half, 64, 0, int(count))
+            plan = Plan.of(made.a, halves.seed_of(77, half), 64, 0, int(count))
             film = Exposure.blank(made.a, h.n)
             film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), 0, int(count))
             here = half * h.n + np.flatnonzero(targets[half * h.n :][: h.n] == count)

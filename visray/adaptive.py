@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from visray.exposure import Set
 from visray.halves import Estimate, Halves
 from visray.progress import Bar, Patience
 from visray.reachable import Files, unavoidable
+from visray.truncation import Truncation
 
 # The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
@@ -47,9 +49,7 @@ class Goal:
         if error is None and seconds is None:
             return None
         for name, value, example in (("error", error, 0.01), ("time", seconds, 10)):
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if value is not None and not (number and 0 < value < np.finfo(float).max):
-                raise UserError(f"{name} = {value!r}: must be a number above 0, such as {example}")
+            check_target(name, value, example)
         if spp is not None:
             raise UserError(f"spp = {spp}: goes with neither error nor time, which choose it; leave it out")
         return Goal(error, seconds, begun)
@@ -64,11 +64,18 @@ class Goal:
 
     def allowed(self, found: Estimate, bias: float) -> float:
         """The mean square error that may be left; none where no error is asked for. bias: the square of what samples
-        do not take away."""
+        do not take away, as large as it may be."""
         if self.error is None:
             return 0.0
         off = float(self.error) * found.luminance
         return off * off - bias
+
+
+def check_target(name: str, value: Any, example: float) -> None:
+    """Returns if a value is None or a finite number above 0, else raises a UserError."""
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if value is not None and not (number and 0 < value < np.finfo(float).max):
+        raise UserError(f"{name} = {value!r}: must be a number above 0, such as {example}")
 
 
 @dataclass(frozen=True)
@@ -85,13 +92,12 @@ class Forecast:
 
 
 class Pursuit:
-    """Brings a picture to its goal. found: the error that it has reached; bias: the square of what samples do not take
-    away."""
+    """Brings a picture to its goal. found: the error that it has reached; left_out: what samples do not take away."""
 
     def __init__(self, made: Set, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
         self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
         self.halves = Halves(made)
-        self.bias = 0.0
+        self.left_out = Truncation(made.scene.settings.depth, 0.0, 0.0, 0.0)
 
     def run(self, files: Files) -> None:
         """All of it; raises UserError for goals that cannot be reached."""
@@ -101,8 +107,9 @@ class Pursuit:
             took = goal.passed() + goal.reserve
             raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
         self._pilot()
-        self.bias = unavoidable(halves, goal.error, files, goal.left())
         self.found = halves.estimate()
+        if not self.patience.asked:
+            self.left_out = unavoidable(halves, goal.error, files, goal.left())
         allocation = self._allocation()
         self._tell(allocation)
         while not self._reached():
@@ -119,9 +126,13 @@ class Pursuit:
 
     def _pilot(self) -> None:
         """As many samples of each pixel as tell who needs how many more."""
-        # Where time is short, with as little as can be; longer passes take less time a sample.
-        halves, count = self.halves, SHORTEST_PILOT if self.goal.seconds is None else 1
-        halves.extend(np.full_like(halves.counts, count), lambda _: True)
+        halves, count = self.halves, 1
+        # Whatever happens, each pixel has that.
+        halves.extend(np.full_like(halves.counts, count))
+        if self.goal.seconds is None:
+            count = SHORTEST_PILOT
+            if not halves.extend(np.full_like(halves.counts, count), self._going):
+                return
         while count < LONGEST_PILOT:
             self.found = halves.estimate()
             seconds = halves.rate * len(halves.counts) * count
@@ -160,7 +171,7 @@ class Pursuit:
     def _reached(self) -> bool:
         found = self.found
         high = np.square(found.high * found.luminance)
-        return bool(found.square == 0 or high <= self.goal.allowed(found, self.bias))
+        return bool(high <= self.goal.allowed(found, max(self.left_out.high, 0.0)))
 
     def _outlook(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
         """The number of the whole picture that meets the goal, or makes so many times the samples there are; mean
@@ -170,14 +181,13 @@ class Pursuit:
         room = now + self.goal.left() / (self.halves.rate * lanes)
         # That much above the estimate lies what the true error may be.
         high = np.square(found.high / found.error) if found.error else 1.0
-        allowed = MARGIN * self.goal.allowed(found, self.bias) / high
+        allowed = MARGIN * self.goal.allowed(found, max(self.left_out.high, 0.0)) / high
         last = now, found.square
 
         def enough(mean: float, square: float) -> bool:
             nonlocal last
             good = mean >= min(growth * now, room) or square <= allowed
-            if good:
-                last = mean, square
+            last = (mean, square) if good else last
             return good
 
         number = allocation.least(enough)
@@ -188,7 +198,8 @@ class Pursuit:
         _, mean, square = self._outlook(allocation, np.inf)
         lanes, now = len(self.halves.counts), float(self.halves.counts.mean())
         seconds = self.goal.passed() + self.goal.reserve + (mean - now) * lanes * self.halves.rate
-        error = float(np.sqrt(square + self.bias) / self.found.luminance) if self.found.luminance else 0.0
+        total = square + max(self.left_out.square, 0.0)
+        error = float(np.sqrt(total) / self.found.luminance) if self.found.luminance else 0.0
         self.bar.total = int(mean * lanes)
         self.say(Forecast(2 * mean, error, seconds))
 
@@ -217,10 +228,10 @@ def pursued(made: Set, goal: Goal, files: Files, progress: bool, patience: Patie
     halves, found, counts = pursuit.halves, pursuit.found, pursuit.halves.counts.reshape(2, -1)
     scale = 1 / found.luminance if found.luminance > 0 else 1.0
     # What samples do not take away is in the error, and in both of its ends.
-    total = {
-        name: float(np.hypot(value, scale * np.sqrt(pursuit.bias)))
-        for name, value in (("error", found.error), ("error_low", found.low), ("error_high", found.high))
-    }
+    left = pursuit.left_out
+    off, least, most = (scale * np.sqrt(max(x, 0.0)) for x in (left.square, left.low, left.high))
+    ends = (("error", found.error, off), ("error_low", found.low, least), ("error_high", found.high, most))
+    total = {name: float(np.hypot(noise, bias)) for name, noise, bias in ends}
     spp = counts.sum(0)
     facts = {
         "sampler": made.scene.settings.sampler,
@@ -228,7 +239,7 @@ def pursued(made: Set, goal: Goal, files: Files, progress: bool, patience: Patie
         "spp_least": int(spp.min()),
         "spp_most": int(spp.max()),
         **total,
-        "depth_error": float(scale * np.sqrt(pursuit.bias)),
+        "depth_error": float(off),
         "forecast_error": forecasts[-1].error,
         "forecast_spp": round(forecasts[-1].spp, 2),
         "forecast_seconds": round(forecasts[-1].seconds, 2),

@@ -19,6 +19,8 @@ MOST = 18
 # error^2 ~ samples^-power: 1 for independent samples, more for stratified ones. Where nothing is known yet it is taken
 # to be steep: another look at the error takes less time than samples that were not needed.
 POWER, LEAST_POWER, GREATEST_POWER = 1.5, 1.0, 1.8
+# No pixel has less than 2^-FLOOR of the mean samples.
+FLOOR = 3
 # A window of 5 x 5 pixels, along each side. A small thing that a pixel's few samples have missed has been hit nearby.
 KERNEL = np.array([1, 4, 6, 4, 1]) / 16
 OWN = KERNEL[2] ** 2
@@ -58,7 +60,7 @@ class Allocation:
     def learn(self, square: float, counts: np.ndarray) -> None:
         """Takes in that the mean square error is `square` with so many samples."""
         before, levels = self._classes(self.levels), _levels(counts)
-        now, known = self._classes(levels), self.scale * self._sum(self._classes(self.levels), self.power)
+        now, known = self._classes(levels), self.scale * self._sum(before, self.power)
         if 0 < square < known:
             powers = np.linspace(LEAST_POWER, GREATEST_POWER, 33)
             gains = [self._sum(before, p) / self._sum(now, p) for p in powers]
@@ -69,25 +71,31 @@ class Allocation:
     def targets(self, number: int) -> np.ndarray:
         """The samples of each pixel for the number of the whole picture, in eighths of a factor of 2; never fewer than
         there are."""
-        return 2 ** self._wanted(self.steps, self.levels, number).astype(np.int64)
+        floor = self._floor(self._classes(self.levels), number)
+        return 2 ** np.maximum(self._wanted(self.steps, self.levels, number), floor).astype(np.int64)
 
     def least(self, enough: Callable[[float, float], bool]) -> int:
         """The least number for which enough(mean samples of a pixel, mean square error expected then) holds, or the one
         that gives all pixels the most."""
-        steps, levels, pixels = self._classes(self.levels)
+        steps, levels, pixels = classes = self._classes(self.levels)
         low, high = -STEPS * LOWEST, STEPS * (LOWEST + MOST)
         while low < high:
             middle = (low + high) // 2
-            wanted = self._wanted(steps, levels, middle)
-            mean = float((pixels * 2.0**wanted).sum() / pixels.sum())
-            good = enough(mean, self.scale * self._sum((steps, wanted, pixels), self.power))
+            wanted = np.maximum(self._wanted(steps, levels, middle), self._floor(classes, middle))
+            good = enough(_mean(wanted, pixels), self.scale * self._sum((steps, wanted, pixels), self.power))
             low, high = (low, middle) if good else (middle + 1, high)
         return low
 
     def _wanted(self, steps: np.ndarray, levels: np.ndarray, number: int) -> np.ndarray:
-        """Levels for the number of the whole picture."""
+        """Levels for the number of the whole picture, by weight alone."""
         wanted = np.clip((steps + number + STEPS // 2) // STEPS, 0, MOST)
         return np.maximum(np.where(steps > -STEPS * LOWEST, wanted, 0), levels)
+
+    def _floor(self, classes: tuple[np.ndarray, np.ndarray, np.ndarray], number: int) -> int:
+        """The level that no pixel stays below, an eighth of the mean: what nothing tells of around a pixel may be in
+        it."""
+        steps, levels, pixels = classes
+        return int(np.log2(_mean(self._wanted(steps, levels, number), pixels))) - FLOOR
 
     def _classes(self, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Pixels by their steps and levels: these two, and how many are alike."""
@@ -100,6 +108,11 @@ class Allocation:
         """The mean of weight^2 samples^-power."""
         steps, levels, pixels = classes
         return float((pixels * 2.0 ** (2 * steps / STEPS - power * levels)).sum() / pixels.sum())
+
+
+def _mean(levels: np.ndarray, pixels: np.ndarray) -> float:
+    """The mean samples of so many pixels of each level."""
+    return float((pixels * 2.0**levels).sum() / pixels.sum())
 
 
 def _levels(counts: np.ndarray) -> np.ndarray:

@@ -70,9 +70,9 @@ def tiled(width: int, height: int, side: int = 4) -> np.ndarray:
     return order[order >= 0]
 
 
-def check_size(width: int, height: int) -> None:
-    """Refuses a film that does not fit into memory, with the estimate."""
-    need, free = width * height * BYTES_PER_PIXEL, available_memory()
+def check_size(width: int, height: int, films: int = 1) -> None:
+    """Refuses a film that does not fit into memory so many times, with the estimate."""
+    need, free = films * width * height * BYTES_PER_PIXEL, available_memory()
     if free is not None and need > free:
         raise UserError(
             f"film = {width} x {height}: needs about {need / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free; "

@@ -1,7 +1,8 @@
-"""Two independent halves of a picture, whose pixels may have any number of samples, and the error that they tell.
+"""Two halves of a picture with samples of their own, any number of them in each pixel, and the error that they tell.
 
-The picture is (A + B) / 2. As its halves are independent and none has a bias, (A - B)^2 / 4 is an unbiased estimate of
-its variance, pixel by pixel, whatever the sampler; the mean over all pixels is a good one.
+The picture is (A + B) / 2. A pixel's halves are independent, as long as what decides how many samples it has does not
+know them (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of its variance, whatever the sampler; the mean
+over all pixels is a good one.
 """
 
 import time
@@ -14,7 +15,7 @@ import numpy as np
 
 from visray import film as films
 from visray import integrator
-from visray.exposure import PASS_SECONDS, Set
+from visray.exposure import PASS_SECONDS, Set, first_pass
 from visray.film import Film
 from visray.sampling import Plan
 
@@ -22,8 +23,10 @@ from visray.sampling import Plan
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 # Of the normal distribution, for 95 %.
 QUANTILE = 1.959964
-# Samples of a first pass.
-FIRST = 2**20
+# Nothing seen in n tries: the chance is less than so much over n, with 95 %.
+UNSEEN = 3.0
+# Samples of a lane that are summed in single precision, before they are added in double.
+LONGEST = 2**12
 
 
 @dataclass(frozen=True)
@@ -38,22 +41,27 @@ class Estimate:
     luminance: float
 
     @staticmethod
-    def of(a: np.ndarray, b: np.ndarray) -> "Estimate":
-        """From the halves' pixels. Shapes: (3, N).
-
-        Truth and estimate of the mean square are sums over pixels of squares x that are alike in distribution and
-        unrelated; so the difference of the sums has at most twice the variance sum(E x^2).
-        """
+    def of(a: np.ndarray, b: np.ndarray, samples: int) -> "Estimate":
+        """From the halves' pixels, of so many samples together. Shapes: (3, N)."""
         squares = np.square(a - b).mean(0) / 4
-        return Estimate.told(squares.size, squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2)
+        sums = squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2
+        return Estimate.told(squares.size, *map(float, sums), samples)
 
     @staticmethod
-    def told(n: int, squares: float, fourths: float, luminance: float) -> "Estimate":
-        """From sums over n pixels: of x, of x^2, of luminance."""
-        square, spread = squares / n, QUANTILE * np.sqrt(2 * fourths) / n
-        scale = n / luminance if luminance > 0 else 1.0
-        low, high = np.sqrt(max(square - spread, 0)), np.sqrt(square + spread)
-        return Estimate(*(float(scale * x) for x in (np.sqrt(square), low, high)), float(square), float(luminance / n))
+    def told(n: int, squares: float, fourths: float, luminance: float, samples: int) -> "Estimate":
+        """From sums over n pixels: of x = (a - b)^2 / 4, of x^2, of luminance; and the least samples of a pixel.
+
+        With a and b as they are off the truth, ((a + b)^2 - (a - b)^2) / 4 = a b is what the truth is above the other
+        in a pixel, and its mean square is at most twice that of x. Where few pixels have most of the error, neither is
+        known well, nor how well: so the interval is one of factors. High: also what is the mean of no pixel yet, as
+        bright as the picture, that would have been missed by all samples with a chance of 5 %.
+        """
+        square, light = squares / n, luminance / n
+        factor = np.exp(QUANTILE * np.sqrt(2 * fourths) / squares) if squares > 0 else 1.0
+        unseen = UNSEEN * light**2 / (samples**2 * n)
+        scale = 1 / light if light > 0 else 1.0
+        ends = np.sqrt([square, square / factor, square * factor + unseen])
+        return Estimate(*(scale * ends).tolist(), square, light)
 
 
 class Halves:
@@ -61,7 +69,7 @@ class Halves:
 
     def __init__(self, made: Set):
         self.made, self.n = made, len(made.order)
-        films.check_size(2 * made.scene.film.width, made.scene.film.height)
+        films.check_size(made.scene.film.width, made.scene.film.height, 2)
         self.film = Film.blank(made.a, 2 * self.n)
         self.counts = np.zeros(2 * self.n, np.int64)
         # Seconds of a sample, once one is known.
@@ -75,6 +83,13 @@ class Halves:
     def extend(self, targets: np.ndarray, going: Callable[[float], bool] = lambda seconds: True) -> bool:
         """Brings the lanes to so many samples, in passes; those that get most come first. `going` is asked before each
         pass, with the seconds that it will take. Returns whether all were done."""
+        while (targets > self.counts).any():
+            if not self._extend(np.minimum(targets, self.counts + LONGEST), going):
+                return False
+        return True
+
+    def _extend(self, targets: np.ndarray, going: Callable[[float], bool]) -> bool:
+        """As extend, each lane by no more than fits into a pass."""
         lanes = np.flatnonzero(targets > self.counts)
         # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
@@ -82,7 +97,7 @@ class Halves:
         done = 0
         while done < len(lanes):
             before = more[done - 1] if done else 0
-            room = FIRST if self.rate is None else PASS_SECONDS / self.rate
+            room = first_pass(self.made) if self.rate is None else PASS_SECONDS / self.rate
             end = max(int(np.searchsorted(more, before + room, "right")), done + 1)
             samples = int(more[end - 1] - before)
             if not going(0.0 if self.rate is None else samples * self.rate):
@@ -90,8 +105,9 @@ class Halves:
             begun = time.perf_counter()
             self.take(lanes[done:end], targets)
             rate = (time.perf_counter() - begun) / samples
-            # Passes differ, so the next is expected to be like the last ones.
-            self.rate = rate if self.rate is None else (self.rate + rate) / 2
+            # What takes a small pass long is not its samples.
+            if self.rate is None or 4 * samples > room:
+                self.rate = rate
             done = end
         return True
 
@@ -111,14 +127,13 @@ class Halves:
         self.counts[lanes] = targets[lanes]
 
     def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
-        """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan. Each half has a
-        seed of its own, which no picture of another seed below 2^31 shares."""
+        """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan."""
         made, a, n = self.made, self.made.a, self.n
         at = a.put(a.U, lanes.astype(np.uint32))
         second = at >= dr.opaque(a.U, n)
         pixel = dr.select(second, at - dr.opaque(a.U, n), at)
-        seed = 2 * made.scene.settings.seed % 2**32
-        seeds = dr.select(second, dr.opaque(a.U, seed + 1), dr.opaque(a.U, seed))
+        one, other = (dr.opaque(a.U, seed_of(made.scene.settings.seed, half)) for half in (0, 1))
+        seeds = dr.select(second, other, one)
         x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
         plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
         return integrator.sample(made.stage, plan, x, y), at, plan
@@ -136,7 +151,7 @@ class Halves:
         light = dr.dot(a.W(*LUMINANCE.tolist()), left + right) / 2
         sums = dr.sum(squares), dr.sum(dr.square(squares)), dr.sum(light)
         dr.eval(sums)
-        return Estimate.told(self.n, *(float(x[0]) for x in sums))
+        return Estimate.told(self.n, *(float(x[0]) for x in sums), 2 * int(self.counts.min()))
 
     def layers(self) -> dict[str, np.ndarray]:
         """Colour and coverage of pixels, the variance of samples, the standard error of pixels (from the halves'
@@ -153,7 +168,7 @@ class Halves:
         shape, order = (film.height, film.width), self.made.order
         picture = np.empty((3, self.n))
         picture[:, order] = np.square(a - b) / 4
-        near = np.stack([around(x.reshape(shape)).ravel()[order] for x in picture])
+        near = np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture])
         return found | {"error": np.sqrt(near)}
 
     def spreads(self) -> np.ndarray:
@@ -161,7 +176,12 @@ class Halves:
         return np.array(self.film.squares).sum(0) / np.maximum(self.counts - 1, 1)
 
 
-def around(x: np.ndarray) -> np.ndarray:
+def seed_of(seed: int, half: int) -> int:
+    """The seed of a half: far from the small ones that pictures have."""
+    return ((2 * seed + half) * 0x9E3779B1 + 0x85EBCA6B) % 2**32
+
+
+def smoothed(x: np.ndarray) -> np.ndarray:
     """The means over the 3 x 3 pixels about each pixel, of those that there are. Shapes: (H, W)."""
     ones = np.pad(np.ones(x.shape), 1)
     x = np.pad(x, 1)

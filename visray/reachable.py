@@ -11,7 +11,7 @@ from visray.geometry import gamma as rounded
 from visray.halves import Halves
 from visray.output.image import Gamma
 from visray.rounding import rounding
-from visray.truncation import truncation
+from visray.truncation import Truncation, truncation
 
 # No scene is deeper.
 DEEPEST = 1000
@@ -31,37 +31,38 @@ class Files:
     exposure: float = 0.0
 
 
-def unavoidable(halves: Halves, error: float | None, files: Files, seconds: float = np.inf) -> float:
-    """The mean square that is left out by the scene's depth, where it shows; raises UserError if that, the precision
-    or the rounding of all files is above the error that is asked for. `halves`: a pilot; seconds: that are left."""
+def unavoidable(halves: Halves, error: float | None, files: Files, seconds: float = np.inf) -> Truncation:
+    """What the scene's depth leaves out; raises UserError if that, the precision or the rounding of all files may be
+    above the error that is asked for. `halves`: a pilot; seconds: that are left."""
     found, scene = halves.estimate(), halves.made.scene
-    asked = np.inf if error is None else error * found.luminance
-    settings = scene.settings
+    settings, on = scene.settings, halves.made.features
+    asked = np.inf if error is None else float(error) * found.luminance
     finest = rounded(ROUNDINGS, settings.precision)
     if error is not None and error < finest:
         right = "use double, or ask for more" if settings.precision == "single" else "ask for more"
         raise UserError(f"error = {error:g}: {settings.precision} precision is off by {finest:.1g}; {right}")
-    if found.luminance > 0 and files.paths:
+    if error is not None and found.luminance > 0 and files.paths:
         _check_files(halves, error, found.luminance, files)
-    on = halves.made.features
-    if not (on["reflection"] or on["refraction"]):
-        return 0.0
     depth = settings.depth
+    if not (on["reflection"] or on["refraction"]):
+        return Truncation(depth, 0.0, 0.0, 0.0)
     # What would do is of interest only where something is asked for.
-    deeper = (2 * depth + 2, 4 * depth + 4) if error is not None else ()
-    here, *others = truncation(halves, (depth, *deeper), min(8 * depth + 8, DEEPEST), SHARE * seconds)
-    if here.low > asked**2:
+    deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)} if error is not None else ())
+    deep = min(8 * depth + 8, 2 * DEEPEST)
+    here, *others = truncation(halves, (depth, *deeper), deep, SHARE * seconds)
+    if here.low <= asked**2 / 2 < here.high and seconds == np.inf:
+        # Some of the pixels do not tell.
+        here, *others = truncation(halves, (depth, *deeper), deep, pixels=halves.n)
+    if here.high > asked**2:
         good = [t.depth for t in others if t.high <= asked**2 / 4]
-        left = np.sqrt(here.square) / found.luminance
+        left = np.sqrt(max(here.square, 0)) / found.luminance
         right = f"settings.depth = {good[0]} would do, or ask" if good else "raise settings.depth, or ask"
         raise UserError(f"error = {error:g}: settings.depth = {depth} alone leaves out {left:.2g}; {right} for more")
-    return here.square if here.low > 0 else 0.0
+    return here
 
 
-def _check_files(halves: Halves, error: float | None, luminance: float, files: Files) -> None:
+def _check_files(halves: Halves, error: float, luminance: float, files: Files) -> None:
     """Refuses an error that the rounding of every file is above."""
-    if error is None:
-        return
     a, b = halves.means()
     # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
     picture = ((a + b) / 2).T[None]

@@ -27,7 +27,7 @@ def mix(x: Any) -> Any:
 
 @dataclass(frozen=True)
 class Plan:
-    """The samples of one pass, as opaque numbers of one entry.
+    """The samples of one pass, as opaque numbers of one entry, or of one for each lane.
 
     seed; first and count: which samples this pass takes; cells: the pixel's k x k strata; side: k; step and start: the
     order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted.
@@ -56,7 +56,7 @@ class Plan:
 
     @staticmethod
     def each(a: Arrays, seeds: Any, first: Any, count: Any) -> "Plan":
-        """Samples that differ from lane to lane in seed, first and count. No strata: not for "stratified"."""
+        """Samples that differ from lane to lane in seed, first and count, for samplers without strata."""
         one, none = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
         return Plan(seeds, first, count, one, dr.opaque(a.F, 1), none, none)
 

@@ -273,7 +273,7 @@ class _Tuning:
                 pictures.append(np.array(film.mean))
                 check_numbers(made, pictures[-1])
         # Of the mean of both the variance is half of each one's.
-        pair = Estimate.of(*pictures)
+        pair = Estimate.of(*pictures, 2 * chosen.settings.spp)
         squares, bias = (2 * np.square([pair.error, pair.low, pair.high])).tolist(), self._bias(settings)
         return Measured(settings, band(times), Band(*(sqrt(s + bias) for s in squares)), squares[0])
 

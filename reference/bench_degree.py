@@ -26,11 +26,12 @@ from machine import machine
 
 from visray import roots
 from visray.camera import Camera
+from visray.exposure import expose, set_up
 from visray.integrator import camera_ray
 from visray.lights import PointLight
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
-from visray.render import adjusted, expose, set_up
+from visray.render import adjusted
 from visray.scene.scene import Film, Scene
 from visray.search import closest
 

@@ -26,7 +26,7 @@ import mitsuba as mi
 import numpy as np
 from machine import machine
 
-from visray.render import expose, set_up
+from visray.exposure import expose, set_up
 
 SIZE, RUNS, THREADS = 512, 7, 2
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0

@@ -41,8 +41,8 @@ from bench_mitsuba import vary
 from machine import machine
 from PIL import Image
 
+from visray.exposure import expose, set_up
 from visray.integrator import camera_ray
-from visray.render import expose, set_up
 from visray.search import closest
 
 SIZE, LARGE, SMALL, RUNS, THREADS, SAMPLES = 512, 2048, 64, 5, 2, (1, 4, 16)

@@ -29,7 +29,7 @@ from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, vary
 from machine import machine
 from PIL import Image
 
-from visray.render import Set, expose, set_up
+from visray.exposure import Set, expose, set_up
 from visray.study.ablation import Picture
 
 HERE = Path(__file__).resolve().parent
@@ -42,7 +42,7 @@ CHILD = """
 import json, statistics, time, visray
 import drjit as dr
 from bench_mitsuba import THREADS, ours, ring, seconds, vary
-from visray.render import expose, set_up
+from visray.exposure import expose, set_up
 dr.set_thread_count(THREADS)
 made = set_up(ours(ring(), 16))
 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):

@@ -139,18 +139,18 @@ class Stopwatch:
     """Seconds of the passes of a picture while it is entered."""
 
     def __enter__(self) -> list[float]:
-        self.kept, found = Halves._pass, []
+        self.kept, found = Halves.take, []
 
         def timed(halves: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
             begun = time.perf_counter()
             self.kept(halves, lanes, targets)
             found.append(time.perf_counter() - begun)
 
-        Halves._pass = timed
+        Halves.take = timed
         return found
 
     def __exit__(self, *_: object) -> None:
-        Halves._pass = self.kept
+        Halves.take = self.kept
 
 
 def times(name: str) -> list[dict]:

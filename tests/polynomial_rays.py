@@ -11,10 +11,10 @@ import flint
 import numpy as np
 from samples import array
 
+from visray.exposure import set_up
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.ray import NO_OBJECT, Ray
-from visray.render import set_up
 from visray.scene.scene import Scene, Settings
 from visray.scenery import feel
 from visray.search import End, Watch, blocked, closest

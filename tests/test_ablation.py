@@ -13,8 +13,8 @@ from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations
 
 from visray.cli import main
 from visray.errors import UserError
+from visray.exposure import expose, set_up
 from visray.features import RULES, features
-from visray.render import expose, set_up
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study import ablation

@@ -16,8 +16,9 @@ import visray as vr
 from visray import exposure
 from visray import film as films
 from visray.cli import main
+from visray.exposure import expose, set_up
 from visray.features import RULES, features
-from visray.render import check_numbers, expose, set_up
+from visray.render import check_numbers
 
 GLASS = vr.Material(
     ka=(0.1, 0.1, 0.1), kd=(0.2, 0.3, 0.2), ks=HALF, shininess=20.5, kt=(0.6, 0.8, 0.7), ior=1.5, dmax=2.0

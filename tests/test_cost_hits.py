@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import visray as vr
+from visray.exposure import Set, set_up
 from visray.primitives.clips import Ball
-from visray.render import Set, set_up
 from visray.study.cost.hits import geometry
 from visray.study.cost.records import Geometry
 

@@ -12,10 +12,10 @@ from test_render import SHOW
 
 from visray import integrator
 from visray.camera import Camera
+from visray.exposure import expose, set_up
 from visray.features import features
 from visray.geometry import gamma
 from visray.primitives import Plane, Sphere
-from visray.render import expose, set_up
 from visray.scene.scene import Film, Scene, Settings
 
 CAMERA = Camera(origin=(0.5, 2.0, 6.0), target=(0.0, 0.5, -1.0), up=(0.1, 1.0, 0.0), fov=40.0, aperture=0.8, focus=5.0)

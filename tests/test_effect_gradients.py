@@ -17,8 +17,8 @@ from test_gradients import ROUNDING, parts
 from test_paths import SIGMAS, plain
 
 import visray as vr
+from visray.exposure import expose, set_up
 from visray.geometry import gamma
-from visray.render import expose, set_up
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 SKY = vr.Gradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))

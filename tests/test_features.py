@@ -13,6 +13,7 @@ from PIL import Image as Pillow
 
 from visray import integrator, lighting, occlusion, paths, shading, texturing, warp
 from visray.camera import Camera
+from visray.exposure import Set, expose, set_up
 from visray.features import RULES, features
 from visray.gradients import gradient
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
@@ -20,7 +21,7 @@ from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
 from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
-from visray.render import Set, developed, expose, rasters, set_up
+from visray.render import developed, rasters
 from visray.scene.address import replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings

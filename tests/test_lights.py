@@ -13,11 +13,11 @@ from test_shading import BLACK, DARK, PRECISIONS, seen
 
 from visray import scenery
 from visray.errors import UserError
+from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import KINDS, DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
-from visray.render import set_up
 from visray.scene.check import checked
 from visray.scene.scene import Scene, Settings
 from visray.transforms import Rotate, Translate

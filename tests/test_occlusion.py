@@ -11,11 +11,11 @@ from test_sampling import SIGMA
 from test_shading import BLACK, PRECISIONS, along, seen
 from test_shadows import SOLIDS, alone, looks, triple
 
+from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
-from visray.render import set_up
 from visray.scene.scene import Occlusion, Scene, Settings
 
 SAMPLERS = ("stratified", "sobol", "independent")

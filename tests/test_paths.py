@@ -10,12 +10,13 @@ from samples import SAMPLES, array
 
 from visray import integrator, paths
 from visray.camera import Camera
+from visray.exposure import Set, set_up
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.ray import Ray
-from visray.render import Set, render, set_up
+from visray.render import render
 from visray.scene.scene import Film, Gradient, Scatter, Scene, Settings
 from visray.scenery import site
 from visray.search import Watch, closest

@@ -14,6 +14,7 @@ from visray import exposure, integrator
 from visray import film as films
 from visray.camera import Camera
 from visray.errors import UserError
+from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film as Exposure
 from visray.film import Moments, check_size, tiled
 from visray.geometry import UNIT_ROUNDOFF, gamma
@@ -21,7 +22,7 @@ from visray.lights import PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
-from visray.render import LAYERS, PROOF, PURSUED, expose, exposed_once, render, set_up
+from visray.render import LAYERS, PROOF, PURSUED, render
 from visray.sampling import Plan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings

@@ -11,13 +11,13 @@ from samples import array, norm, real
 
 from visray import integrator
 from visray.camera import Camera
+from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.primitives import Box, Disk, Plane, Rectangle, Sphere
 from visray.quantities import Arrays
 from visray.ray import Ray
-from visray.render import Set, set_up
 from visray.scene.scene import Film, Gradient, Scene, Settings
 from visray.search import Watch
 from visray.shading import power

@@ -23,13 +23,14 @@ from test_shading import BLACK, DARK, PRECISIONS, along, seen
 
 from visray import tables
 from visray.camera import Camera
+from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.flat import Flat
 from visray.primitives.solid import Solid
-from visray.render import render, set_up
+from visray.render import render
 from visray.scene.scene import Film, Scene, Settings
 from visray.transforms import Matrix, Rotate, Translate
 

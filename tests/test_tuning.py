@@ -134,12 +134,12 @@ def made_up(
     [
         ({}, "nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10"),
         ({"error": 0.1, "time": 2}, "error = 0.1 and time = 2: only one can be asked for; leave the other out"),
-        ({"error": -1}, "error = -1: must be a number above 0, such as 0.01"),
-        ({"error": 0.0}, "error = 0.0: must be a number above 0, such as 0.01"),
-        ({"error": float("nan")}, "error = nan: must be a number above 0, such as 0.01"),
-        ({"error": True}, "error = True: must be a number above 0, such as 0.01"),
-        ({"time": "2"}, "time = '2': must be a number above 0, such as 10"),
-        ({"time": float("inf")}, "time = inf: must be a number above 0, such as 10"),
+        ({"error": -1}, "error = -1: must be a finite number above 0, such as 0.01"),
+        ({"error": 0.0}, "error = 0.0: must be a finite number above 0, such as 0.01"),
+        ({"error": float("nan")}, "error = nan: must be a finite number above 0, such as 0.01"),
+        ({"error": True}, "error = True: must be a finite number above 0, such as 0.01"),
+        ({"time": "2"}, "time = '2': must be a finite number above 0, such as 10"),
+        ({"time": float("inf")}, "time = inf: must be a finite number above 0, such as 10"),
     ],
 )
 def test_what_cannot_be_asked_for(asked: dict[str, Any], text: str) -> None:

@@ -75,7 +75,7 @@ def check_target(name: str, value: Any, example: float) -> None:
     """Returns if a value is None or a finite number above 0, else raises a UserError."""
     number = isinstance(value, Real) and not isinstance(value, bool)
     if value is not None and not (number and 0 < value < np.finfo(float).max):
-        raise UserError(f"{name} = {value!r}: must be a number above 0, such as {example}")
+        raise UserError(f"{name} = {value!r}: must be a finite number above 0, such as {example}")
 
 
 @dataclass(frozen=True)

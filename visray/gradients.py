@@ -15,13 +15,14 @@ import numpy as np
 
 from visray import integrator, tables
 from visray.errors import UserError
+from visray.exposure import expose, set_up
 from visray.film import Moments
 from visray.images import Atlas
 from visray.lighting import Beam, beam
 from visray.primitives.flat import Flat
 from visray.primitives.sphere import Sphere
 from visray.quantities import quantities
-from visray.render import adjusted, expose, set_up
+from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene import address as addresses
 from visray.scene.scene import Gradient, Scene

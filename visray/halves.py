@@ -41,14 +41,14 @@ class Estimate:
     luminance: float
 
     @staticmethod
-    def of(a: np.ndarray, b: np.ndarray, samples: int) -> "Estimate":
-        """From the halves' pixels, of so many samples together. Shapes: (3, N)."""
+    def of(a: np.ndarray, b: np.ndarray, samples: float = np.inf) -> "Estimate":
+        """From the halves' pixels, of so many samples together if that is to count. Shapes: (3, N)."""
         squares = np.square(a - b).mean(0) / 4
         sums = squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2
         return Estimate.told(squares.size, *map(float, sums), samples)
 
     @staticmethod
-    def told(n: int, squares: float, fourths: float, luminance: float, samples: int) -> "Estimate":
+    def told(n: int, squares: float, fourths: float, luminance: float, samples: float) -> "Estimate":
         """From sums over n pixels: of x = (a - b)^2 / 4, of x^2, of luminance; and the least samples of a pixel.
 
         With a and b as they are off the truth, ((a + b)^2 - (a - b)^2) / 4 = a b is what the truth is above the other

@@ -17,6 +17,7 @@ from visray.truncation import Truncation, truncation
 DEEPEST = 1000
 # Of the seconds that are left, for what depth leaves out.
 SHARE = 0.05
+LARGER = "ask for a larger error"
 # So many roundings a sample's colour has at least, which is the same for all samples of a flat place: light times
 # material, twice, and their sum.
 ROUNDINGS = 4
@@ -39,7 +40,7 @@ def unavoidable(halves: Halves, error: float | None, files: Files, seconds: floa
     asked = np.inf if error is None else float(error) * found.luminance
     finest = rounded(ROUNDINGS, settings.precision)
     if error is not None and error < finest:
-        right = "use double, or ask for more" if settings.precision == "single" else "ask for more"
+        right = f"{LARGER}, or use double" if settings.precision == "single" else LARGER
         raise UserError(f"error = {error:g}: {settings.precision} precision is off by {finest:.1g}; {right}")
     if error is not None and found.luminance > 0 and files.paths:
         _check_files(halves, error, found.luminance, files)
@@ -56,8 +57,10 @@ def unavoidable(halves: Halves, error: float | None, files: Files, seconds: floa
     if here.high > asked**2:
         good = [t.depth for t in others if t.high <= asked**2 / 4]
         left = np.sqrt(max(here.square, 0)) / found.luminance
-        right = f"settings.depth = {good[0]} would do, or ask" if good else "raise settings.depth, or ask"
-        raise UserError(f"error = {error:g}: settings.depth = {depth} alone leaves out {left:.2g}; {right} for more")
+        right = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
+        raise UserError(
+            f"error = {error:g}: settings.depth = {depth} alone leaves out {left:.2g}; {right}, or {LARGER}"
+        )
     return here
 
 
@@ -70,7 +73,7 @@ def _check_files(halves: Halves, error: float, luminance: float, files: Files) -
     kind, least = min(off.items(), key=lambda pair: pair[1])
     if error < least:
         what, right = {
-            ".png": ("8-bit output as PNG", "write an .exr file, or ask for more"),
-            ".exr": ("half precision of EXR", "ask for more"),
+            ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
+            ".exr": ("half precision of EXR", LARGER),
         }[kind]
         raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")

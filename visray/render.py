@@ -16,7 +16,7 @@ from visray import film as films
 from visray import integrator
 from visray.adaptive import Goal, pursued
 from visray.errors import UserError
-from visray.exposure import Set, arrays, expose, exposed_once, first_pass, lanes, set_up  # noqa: F401 - for now
+from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
 from visray.halves import LUMINANCE
 from visray.output.image import Image, check_destination
@@ -67,10 +67,13 @@ def render(
     """
     now = perf_counter()
     goal = Goal.asked(error, time, spp, now if begun is None else begun)
+    if goal is None and (lone := set(layers) & set(PURSUED)) and tuple(layers) != LAYERS:
+        raise UserError(f"layers = {', '.join(sorted(lone))}: only a picture to an error or in a time has that")
     for path in files.paths:
         check_destination(path, files.gamma, files.exposure)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
     scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    named = scene.hash()
     if goal:
         goal = replace(goal, reserve=WRITING * scene.film.width * scene.film.height * len(files.paths))
         # Strata need the number of samples beforehand.
@@ -95,8 +98,10 @@ def render(
         warnings.warn(text, GoalWarning, stacklevel=2)
     pictures = rasters(made, colours | data, layers)
     proof = _proof(pictures)
-    _warn(proof, len(made.order))
-    facts = provenance(made, done, perf_counter() - now) | more | proof
+    _warn(proof, made)
+    facts = provenance(made, done, perf_counter() - now) | more | proof | {"scene_hash": named}
+    if goal:
+        del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
 
 
@@ -116,13 +121,15 @@ LARGEST_RESIDUAL = 1e9
 UNRESOLVED = 1e-3
 
 
-def _warn(proof: dict[str, Any], pixels: int) -> None:
+def _warn(proof: dict[str, Any], made: Set) -> None:
     """Tells what a certificate cannot certify."""
+    pixels = len(made.order)
     advice = "a tighter clip helps, or f written in products and powers"
     if proof.get("unresolved", 0) > UNRESOLVED * pixels:
         text = f"{proof['unresolved']} parts of rays could not be told from rounding; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
-    if proof.get("residual_ulps", 0) > LARGEST_RESIDUAL:
+    loose = any(getattr(thing, "tolerance", 0) for thing in made.scene.objects.values())
+    if proof.get("residual_ulps", 0) > LARGEST_RESIDUAL and not loose:
         text = f"what is seen is up to {proof['residual_ulps']:.2g} ulp off its surface; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
 
@@ -251,6 +258,7 @@ def provenance(made: Set, done: int, seconds: float) -> dict[str, Any]:
     return {
         "scene_hash": made.scene.hash(),
         "seed": s.seed,
+        "sampler": s.sampler,
         "spp": done,
         "spp_asked": s.spp,
         "precision": s.precision,

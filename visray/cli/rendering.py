@@ -2,6 +2,7 @@
 
 import sys
 import warnings
+from math import inf
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any, Literal
@@ -41,12 +42,20 @@ def _samples(facts: dict[str, Any]) -> str:
     """How many samples a picture has, and what is known of its error."""
     stopped = ", stopped" if facts["interrupted"] else ""
     if "error" not in facts:
-        known = f", error at most {facts['error_at_most']:.2g}" if "error_at_most" in facts else ""
+        gain = "" if facts["sampler"] == "independent" else f" if {facts['sampler']} samples were independent"
+        known = f", error {facts['error_at_most']:.2g}{gain}" if "error_at_most" in facts else ""
         return f"{facts['spp']} spp" + (f" of {facts['spp_asked']}" if stopped else "") + stopped + known
     low, high = (f"{facts[f'error_{end}']:.3g}" for end in ("low", "high"))
     depth = f", {facts['depth_error']:.2g} of it by depth" if facts["depth_error"] > 0.01 * facts["error"] else ""
-    spp = f"{facts['spp']:.4g} spp ({facts['spp_least']} to {facts['spp_most']}){stopped}"
-    return f"{spp}, error {facts['error']:.3g} ({low} to {high}{depth})"
+    above = "" if _met(facts) else f", above the {facts['error_asked']:g} asked"
+    mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
+    spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"
+    return f"{spp}, error {facts['error']:.3g} (95 %: {low} to {high}{depth}){above}"
+
+
+def _met(facts: dict[str, Any]) -> bool:
+    """Whether a picture has no more error than was asked for, if anything was."""
+    return facts.get("error_high", 0.0) <= facts.get("error_asked", inf)
 
 
 def gamma_of(text: str) -> Any:
@@ -129,4 +138,4 @@ def render_command(
             seen = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
             line += f"; roots: {facts['unresolved']} unresolved, {seen}"
         sys.stdout.write(line + "\n")
-    return INTERRUPTED if stopped else 0
+    return INTERRUPTED if stopped else 0 if _met(facts) or time is not None else 1

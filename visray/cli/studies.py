@@ -135,7 +135,13 @@ def cost(
         written(report.as_csv(), None)
     else:
         Console().print(table(report))
+        _say_written(output)
     return INTERRUPTED if report.stopped else 0
+
+
+def _say_written(path: Path | None) -> None:
+    if path is not None:
+        sys.stdout.write(f"{path}: written\n")
 
 
 @app.command
@@ -159,6 +165,8 @@ def tune(
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study
 
+    if output is not None and output.suffix.lower() != ".json":
+        raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
     made = opened(scene, setup, compat, set)
@@ -169,7 +177,7 @@ def tune(
         put(found.as_json())
     else:
         Console().print(found.table())
-        sys.stdout.write("".join(f"{line}\n" for line in found.reasons))
+        _say_written(output)
     return 0 if found.met else 1
 
 

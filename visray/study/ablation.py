@@ -26,12 +26,13 @@ import drjit as dr
 from rich.table import Table
 
 from visray.errors import UserError
+from visray.exposure import Set, exposed_once, set_up
 from visray.features import Feature
 from visray.film import Film
 from visray.lights import PointLight
 from visray.lights.light import Light
 from visray.progress import Bar, Patience
-from visray.render import Set, adjusted, explain, exposed_once, set_up
+from visray.render import adjusted, explain
 from visray.scene.scene import Scene
 
 LONGEST = 256  # pixels of the longer side

@@ -10,8 +10,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
+from visray.exposure import Set, set_up
 from visray.ray import NO_OBJECT, Hit, Ray, Surface, unit
-from visray.render import Set, set_up
 from visray.scene.scene import Scene
 from visray.scenery import feel
 from visray.search import Watch, closest

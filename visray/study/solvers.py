@@ -9,12 +9,12 @@ import drjit as dr
 import numpy as np
 
 from visray.errors import UserError
+from visray.exposure import set_up
 from visray.geometry import facing
 from visray.polynomials import Wrong
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.ray import Ray
-from visray.render import set_up
 from visray.scene.scene import Scene, Settings
 from visray.scenery import feel
 from visray.search import End, Watch, blocked, closest

@@ -16,7 +16,6 @@ from math import atan, cos, pi, sin, sqrt
 
 import numpy as np
 
-from visray.errors import UserError
 from visray.output.image import curve
 from visray.study.cost.records import Band, Error
 
@@ -151,10 +150,8 @@ def judged(
 def flip(picture: np.ndarray, reference: np.ndarray, density: float = DENSITY) -> float:
     """How unlike the two look by turns, 0 to 1: mean FLIP of pictures in linear light, displayed in sRGB. density:
     pixels per degree. Shapes: (H, W, 3). Source: Andersson et al. 2020, NVIDIA's own library."""
-    try:
-        import flip_evaluator
-    except ImportError:
-        raise UserError("flip-evaluator is not installed; run: pip install flip-evaluator") from None
+    import flip_evaluator  # it takes a while to load
+
     shown = (curve(np.clip(x, 0, 1).astype(np.float64), "srgb").astype(np.float32) for x in (reference, picture))
     return float(flip_evaluator.evaluate(*shown, "LDR", True, False, True, {"ppd": density})[1])
 

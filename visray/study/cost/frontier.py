@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from visray.halves import QUANTILE
 from visray.study.cost.records import Band, Curve, Halving, Point
 
 SHARE = 0.5  # of the default's error
 NEAR = 0.25  # of the last step between points: so far it goes on in any case
 FURTHEST = log(10)  # of seconds, beyond the last point: further than a decade no line is believed
 DRAWS, SEED = 2000, 1
-NORMAL = 1.959964  # standard deviations of a normal number to either end of 95 %
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def _logs(bands: list[Band], normal: Any) -> np.ndarray:
     middle, low, high = (np.array([getattr(b, end) for b in bands]) for end in ("middle", "low", "high"))
     with np.errstate(divide="ignore", invalid="ignore"):
         # A band that goes down to 0 has no logarithm there; its upper half says how wide it is.
-        half = np.where(low > 0, np.log(high / low) / 2, np.log(high / middle)) / NORMAL
+        half = np.where(low > 0, np.log(high / low) / 2, np.log(high / middle)) / QUANTILE
         return np.log(middle) + np.where(middle > 0, half, 0.0) * normal
 
 
@@ -204,7 +204,7 @@ def _ratio(a: Band, b: Band) -> Band:
     if b.middle <= 0 or a.middle <= 0:
         return Band(a.middle / b.middle if b.middle else inf, a.low / b.high if b.high else 0.0, inf)
     middle = a.middle / b.middle
-    half = NORMAL * float(np.hypot(*(np.log(x.high / x.low) / 2 / NORMAL if x.low > 0 else inf for x in (a, b))))
+    half = QUANTILE * float(np.hypot(*(np.log(x.high / x.low) / 2 / QUANTILE if x.low > 0 else inf for x in (a, b))))
     return Band(middle, middle * float(np.exp(-half)), middle * float(np.exp(half)))
 
 

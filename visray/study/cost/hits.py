@@ -7,8 +7,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator, warp
+from visray.exposure import Set
 from visray.ray import NO_OBJECT, Ray, unit
-from visray.render import Set
 from visray.scenery import Scenery, Site, site
 from visray.search import End, Watch, blocked, closest
 from visray.study.answers import rows

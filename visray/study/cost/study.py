@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from visray.errors import UserError
+from visray.halves import QUANTILE
 from visray.progress import Patience
 from visray.render import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
-from visray.study.cost.errors import flip, judged
+from visray.study.cost.errors import judged
 from visray.study.cost.floors import floors
-from visray.study.cost.frontier import NORMAL, frontier, halvings, overtaken
+from visray.study.cost.frontier import frontier, halvings, overtaken
 from visray.study.cost.hits import geometry
 from visray.study.cost.knobs import Choice, Knob, default, knobs
 from visray.study.cost.measuring import FEWEST_SEEDS, LONGEST, Studio, Taken, reduced
@@ -28,7 +29,7 @@ from visray.study.machine import machine
 
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
 # Quick and full: seconds that the kernels of all choices may run, those of the reference, and of the joint points.
-BUDGETS = (16.0, 10.0, 6.0), (120.0, 75.0, 40.0)
+BUDGETS = (16.0, 30.0, 8.0), (120.0, 150.0, 50.0)
 # How many points of several knobs.
 JOINT = 4, 8
 # After Ctrl-C, what is measured is still to be judged: by a reference that is made in so many seconds.
@@ -61,8 +62,6 @@ def cost(
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:
         set_threads(threads)
-    # Before anything is measured: its library may be missing.
-    flip(np.zeros((8, 8, 3)), np.zeros((8, 8, 3)))
     with Patience() as patience:
         report = _studied(scene, quick, seeds, progress, patience)
     return replace(report, scene=name, seconds=time.perf_counter() - begun)
@@ -173,7 +172,7 @@ def _curve(knob: Knob, points: list[Point], quick: bool, noisy: bool) -> Curve:
     by_time = by_count = None
     if knob.kind == "sampling" and noisy:
         times, squares = [p.seconds for p in row], [p.squares for p in row]
-        spread = [log(t.high / t.low) / 2 / NORMAL for t in times]
+        spread = [log(t.high / t.low) / 2 / QUANTILE for t in times]
         by_time = slope([t.middle for t in times], squares, spread)
         by_count = slope([p.value for p in row], squares)
     return Curve(knob.name, knob.kind, row, by_time, by_count)

@@ -12,6 +12,7 @@ import numpy as np
 
 from visray.exposure import PASS_SECONDS, Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
+from visray.halves import LUMINANCE
 from visray.progress import Bar, Patience
 from visray.render import explain
 from visray.scene.address import changed
@@ -20,8 +21,6 @@ from visray.study.cost.knobs import DEEPEST, DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import blank, developed, exposed
 from visray.study.cost.records import Reference
 
-# Rec. 709.
-WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 # How much less noise the truth has than the best point that is measured against it.
 FINER = 10
 # Samples of each half to begin with, and for a look at how deep is deep enough.
@@ -39,7 +38,7 @@ class Truth:
 
 def luminance(picture: np.ndarray) -> float:
     """The mean luminance of a picture in linear Rec. 709. Shape: (H, W, 3)."""
-    return float((picture.astype(float) @ WEIGHTS).mean())
+    return float((picture.astype(float) @ LUMINANCE).mean())
 
 
 def truth(
@@ -72,7 +71,7 @@ def truth(
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
-        notes.append(f"the reference's own error is {error:.1g}, {share}: no more samples fitted into the time")
+        notes.append(f"the reference's own error is {error:.1g}, {share}: that is what its seconds allowed")
     settings[SPP] = 2 * count
     found = Reference(settings, error, mean, time.perf_counter() - begun, picture, variance)
     return Truth(found, made, tuple(notes))

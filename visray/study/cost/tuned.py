@@ -1,12 +1,12 @@
 """What a tuner is asked for, what it measured, and what it found."""
 
 from dataclasses import asdict, dataclass, field
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
+from visray.adaptive import check_target
 from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
@@ -28,9 +28,7 @@ class Goal:
     @staticmethod
     def asked(error: float | None, time: float | None) -> "Goal":
         for name, given, example in (("error", error, 0.01), ("time", time, 10)):
-            number = isinstance(given, int | float) and not isinstance(given, bool)
-            if given is not None and not (number and isfinite(given) and given > 0):
-                raise UserError(f"{name} = {given!r}: must be a number above 0, such as {example}")
+            check_target(name, given, example)
         if error is not None and time is not None:
             raise UserError(f"error = {error:g} and time = {time:g}: only one can be asked for; leave the other out")
         if error is None and time is None:

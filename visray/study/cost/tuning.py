@@ -273,7 +273,7 @@ class _Tuning:
                 pictures.append(np.array(film.mean))
                 check_numbers(made, pictures[-1])
         # Of the mean of both the variance is half of each one's.
-        pair = Estimate.of(*pictures, 2 * chosen.settings.spp)
+        pair = Estimate.of(*pictures)
         squares, bias = (2 * np.square([pair.error, pair.low, pair.high])).tolist(), self._bias(settings)
         return Measured(settings, band(times), Band(*(sqrt(s + bias) for s in squares)), squares[0])
 
@@ -292,9 +292,16 @@ class _Tuning:
         """Why the knobs are turned, a sentence each."""
         laws, new = model.laws, found.settings
         noise = model.error(self.own) ** 2 - self._bias(self.own)
+        both = {a: new[a] for a in (SPP, SAMPLER)}
+        if any(self.own[a] != both[a] for a in both) and not self.report.noiseless:
+            turned = self.own | both
+            less = (model.error(turned) ** 2 - self._bias(turned)) / noise if noise > 0 else 1.0
+            time = model.seconds(turned) / model.seconds(self.own)
+            told = [f"{s[SPP]} {s[SAMPLER]}" for s in (self.own, new)]
+            yield f"samples {told[0]} -> {told[1]}: variance x {less:.2g}, time x {time:.2g}"
         for name, addresses in self._groups.items():
             old, now = ([s[a] for a in addresses] for s in (self.own, new))
-            if old == now:
+            if old == now or (set(addresses) <= {SPP, SAMPLER} and not self.report.noiseless):
                 continue
             count = next((c for c in laws.counts if c.addresses == addresses), None)
             turned = self.own | {a: new[a] for a in addresses}
@@ -305,9 +312,6 @@ class _Tuning:
                 yield f"{name} {sum(old)} -> {sum(now)}: they are {cost:.0%} of the time and {part:.0%} of the variance"
             elif addresses == (SPP,) and self.report.noiseless:
                 yield f"{name} {old[0]} -> {now[0]}: the picture has no noise, one sample does; time x {time:.2g}"
-            elif set(addresses) <= {SPP, SAMPLER}:
-                less = (model.error(turned) ** 2 - self._bias(turned)) / noise if noise > 0 else 1.0
-                yield f"{name} {old[0]} -> {now[0]}: variance x {less:.2g}, time x {time:.2g}"
             else:
                 left = f"{sqrt(self._bias(turned)):.2g} is left whatever the samples"
                 yield f"{name} {old[0]} -> {now[0]}: {left}, time x {time:.2g}"

@@ -44,8 +44,8 @@ def table(report: Report) -> Table:
         f"{report.width} x {report.height} pixels, {report.seeds} seeds"
     )
     rows = Table(title=title, caption=_caption(report))
-    rows.add_column("knob", min_width=len("1. samples, independent"))
-    for name in ("half the error", "least error", "slope by time"):
+    rows.add_column("knob", min_width=len("1. samples, independent"), no_wrap=True)
+    for name in ("time for half", "least error", "slope"):
         rows.add_column(name, justify="right")
     curves = {c.knob: c for c in report.curves}
     for h in report.halvings:
@@ -56,7 +56,7 @@ def table(report: Report) -> Table:
             if _key(p) != _key(d):
                 factor = p.seconds.middle / d.seconds.middle
                 share = p.error.rmse.middle / (d.error.rmse.middle or 1.0)
-                rows.add_row(f"{c.knob}: {p.value}", f"in all x {factor:.2f}", f"x {share:.2f}", "")
+                rows.add_row(f"{c.knob}: {p.value}", f"(x {factor:.2f})", f"x {share:.2f}", "")
     return rows
 
 
@@ -83,7 +83,7 @@ def _key(p: Point) -> tuple:
 def _halving(h: Halving) -> tuple[str, str]:
     if not isfinite(h.factor.middle):
         return "cannot", f"x {h.least:.2f}"
-    return f"time x {h.factor.middle:.2g} ({h.factor.low:.2g} to {h.factor.high:.2g})", f"x {h.least:.2f}"
+    return f"x {h.factor.middle:.2g} ({h.factor.low:.2g} to {h.factor.high:.2g})", f"x {h.least:.2f}"
 
 
 def _slope(c: Curve) -> str:
@@ -101,7 +101,9 @@ def _milliseconds(b: Band) -> str:
 
 def _caption(report: Report) -> str:
     """What a reader of the columns must know."""
-    lines = [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
+    lines = ["time for half of the error by one knob, as a share of today's (95 %); knobs of equal number are even"]
+    lines += ["least error: by that knob alone, as a share of today's; slope: k of error ~ time^-k"]
+    lines += [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
     lines.append(f"reference: off by {100 * report.reference.error:.2g} %, {report.reference.seconds:.1f} s")
     lines += report.notes
     return "\n".join(lines + (["stopped: measured so far"] if report.stopped else []))

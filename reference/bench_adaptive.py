@@ -26,9 +26,9 @@ from visray.scene.scene import Scene
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 # Width of the film, samples of each half of the converged picture, and the errors asked for.
 CASES = {
-    "penumbra": (720, 4096, (0.002, 0.0007)),
-    "defocus-blur": (800, 4096, (0.01, 0.003)),
-    "heart": (360, 2048, (0.02, 0.007)),
+    "penumbra": (480, 2048, (0.003, 0.001)),
+    "defocus-blur": (400, 2048, (0.015, 0.005)),
+    "heart": (240, 1024, (0.02, 0.008)),
 }
 SAMPLES = [2**k for k in range(1, 14)]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -19,7 +19,7 @@ import numpy as np
 
 from visray.allocation import Allocation, around
 from visray.errors import UserError
-from visray.exposure import Set
+from visray.exposure import Set, first_pass
 from visray.halves import Estimate, Halves
 from visray.progress import Bar, Patience
 from visray.reachable import Files, unavoidable
@@ -126,10 +126,12 @@ class Pursuit:
 
     def _pilot(self) -> None:
         """As many samples of each pixel as tell who needs how many more."""
-        halves, count = self.halves, 1
-        # Whatever happens, each pixel has that.
+        halves = self.halves
+        # Whatever happens, each pixel has that: what takes a fraction of a second, or one sample.
+        short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.made)
+        count = SHORTEST_PILOT if short and self.goal.seconds is None else 1
         halves.extend(np.full_like(halves.counts, count))
-        if self.goal.seconds is None:
+        if self.goal.seconds is None and count < SHORTEST_PILOT:
             count = SHORTEST_PILOT
             if not halves.extend(np.full_like(halves.counts, count), self._going):
                 return

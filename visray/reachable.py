@@ -47,15 +47,14 @@ def unavoidable(halves: Halves, error: float | None, files: Files, seconds: floa
     depth = settings.depth
     if not (on["reflection"] or on["refraction"]):
         return Truncation(depth, 0.0, 0.0, 0.0)
-    # What would do is of interest only where something is asked for.
-    deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)} if error is not None else ())
     deep = min(8 * depth + 8, 2 * DEEPEST)
-    here, *others = truncation(halves, (depth, *deeper), deep, SHARE * seconds)
+    (here,) = truncation(halves, (depth,), deep, SHARE * seconds)
     if here.low <= asked**2 / 2 < here.high and seconds == np.inf:
         # Some of the pixels do not tell.
-        here, *others = truncation(halves, (depth, *deeper), deep, pixels=halves.n)
+        (here,) = truncation(halves, (depth,), deep, pixels=halves.n)
     if here.high > asked**2:
-        good = [t.depth for t in others if t.high <= asked**2 / 4]
+        deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
+        good = [t.depth for t in truncation(halves, tuple(deeper), deep) if t.high <= asked**2 / 4]
         left = np.sqrt(max(here.square, 0)) / found.luminance
         right = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
         raise UserError(

@@ -9,7 +9,7 @@ from visray.exposure import Set
 from visray.halves import QUANTILE, Halves
 
 # Pixels that are looked at, at most and at least, and samples of each in each half at most.
-PIXELS, FEWEST, SAMPLES = 2**14, 2**8, 16
+PIXELS, FEWEST, SAMPLES = 2**13, 2**8, 16
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,10 @@ def truncation(
     a, b = _means(part, count, deep)
     found = []
     for depth in depths:
-        products = np.multiply(*(u - v for u, v in zip((a, b), _means(part, count, depth)))).mean(0)
+        # The picture itself has the scene's depth.
+        known = depth == made.scene.settings.depth and (halves.counts == count).all()
+        others = (v[:, some] for v in halves.means()) if known else _means(part, count, depth)
+        products = np.multiply(*(u - v for u, v in zip((a, b), others))).mean(0)
         spread = QUANTILE * np.sqrt(np.square(products).sum()) / len(some)
         square = float(products.mean())
         found.append(Truncation(depth, square, square - spread, square + spread))

@@ -24,7 +24,7 @@ from visray.study.cost.model import Model
 from visray.study.cost.records import Curve, Point
 from visray.study.cost.slopes import slope
 from visray.study.cost.studied import Study
-from visray.study.cost.truth import Truth, luminance, truth
+from visray.study.cost.truth import FINER, Truth, luminance, truth
 from visray.study.machine import machine
 
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
@@ -124,7 +124,9 @@ def _joint(
     # They go up by equal factors: together they take less than three times as long as the longest.
     longest = BUDGETS[not quick][2] / len(studio.seeds) / 3
     model = Model.of(base, tuple(c for c in curves if c.knob not in KEPT))
-    ladder = model.ladder(JOINT[not quick], longest)
+    # The truth has to be that much better than they are.
+    known = FINER * true.reference.error
+    ladder = [s for s in model.ladder(JOINT[not quick], longest) if model.error(s) >= known]
     choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
     taken = studio.prepared([replace(own.choice, knob="again"), *choices])
     if studio.patience.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:

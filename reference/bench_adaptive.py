@@ -20,6 +20,7 @@ import visray as vr  # isort: skip - before Dr.Jit, because it chooses the LLVM
 import numpy as np
 from machine import machine
 
+from visray.halves import LUMINANCE
 from visray.render import adjusted
 from visray.scene.scene import Scene
 
@@ -31,7 +32,6 @@ CASES = {
     "heart": (240, 1024, (0.02, 0.008)),
 }
 SAMPLES = [2**k for k in range(1, 14)]
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 # Seeds of the converged picture.
 SEEDS = 1001, 1002
 

@@ -15,6 +15,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import pytest
+from test_render import compiled
 
 from visray import adaptive, allocation, halves, integrator
 from visray.adaptive import Goal, Pursuit
@@ -86,16 +87,6 @@ def pursuit(made: Set, error: float | None = None, seconds: float | None = None,
     found = Pursuit(made, goal, patience or Patience(), Bar("", 1, False), silent)
     found.run(Files())
     return found
-
-
-def compiled(work: Callable[[], object]) -> int:
-    """How many kernels are compiled, or read from the disk, for a piece of work."""
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
-        dr.kernel_history_clear()
-        work()
-        kernels = dr.kernel_history([dr.KernelType.JIT])
-    assert kernels
-    return sum(not k["cache_hit"] or bool(k["cache_disk"]) for k in kernels)
 
 
 # The estimate of the error

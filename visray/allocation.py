@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from visray.halves import windowed
+
 # Weights are told apart by an eighth of a factor of 2, from 2^-LOWEST to 2^LOWEST.
 STEPS, LOWEST = 8, 40
 # Samples of a pixel in each half: at most 2^MOST, as they run one after the other.
@@ -28,16 +30,8 @@ OWN = KERNEL[2] ** 2
 
 def around(variances: np.ndarray) -> np.ndarray:
     """The mean of the variances around each pixel, without its own; 1 for a pixel alone. Shapes: (H, W)."""
-    total, mass = (_blurred(x) - OWN * x for x in (variances, np.ones(variances.shape)))
+    total, mass = (windowed(x, KERNEL) - OWN * x for x in (variances, np.ones(variances.shape)))
     return np.divide(np.maximum(total, 0), mass, out=np.ones(mass.shape), where=mass > 0)
-
-
-def _blurred(x: np.ndarray) -> np.ndarray:
-    """The sums over the window, of what is in the picture."""
-    for axis in (0, 1):
-        padded, n = np.pad(x, [(2, 2) if i == axis else (0, 0) for i in (0, 1)]), x.shape[axis]
-        x = sum(k * padded.take(range(i, i + n), axis) for i, k in enumerate(KERNEL))
-    return x
 
 
 @dataclass

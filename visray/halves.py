@@ -183,12 +183,18 @@ def seed_of(seed: int, half: int) -> int:
 
 def smoothed(x: np.ndarray) -> np.ndarray:
     """The means over the 3 x 3 pixels about each pixel, of those that there are. Shapes: (H, W)."""
-    ones = np.pad(np.ones(x.shape), 1)
-    x = np.pad(x, 1)
+    return windowed(x, np.ones(3)) / windowed(np.ones(x.shape), np.ones(3))
+
+
+def windowed(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """The sums over a window about each pixel, weighted by the kernel along each side, of what is in the picture.
+    Shapes: x (H, W), kernel (odd)."""
+    reach = len(kernel) // 2
     for axis in (0, 1):
-        n = x.shape[axis]
-        x, ones = (sum(v.take(range(i, n - 2 + i), axis) for i in range(3)) for v in (x, ones))
-    return x / ones
+        ways, n = [(reach, reach) if i == axis else (0, 0) for i in (0, 1)], x.shape[axis]
+        padded = np.pad(x, ways)
+        x = sum(k * padded.take(range(i, i + n), axis) for i, k in enumerate(kernel))
+    return x
 
 
 def _parts(film: Film) -> tuple:

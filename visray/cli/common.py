@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter, Token
 
 from visray.errors import UserError
-from visray.output.files import check_writable, replacing
+from visray.output.files import write_text
 from visray.render import adjusted
 from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
@@ -69,10 +69,8 @@ def written(text: str, path: Path | None) -> None:
     """Puts text into a file, or onto the terminal."""
     if path is None:
         sys.stdout.write(text)
-        return
-    check_writable(path)
-    with replacing(path) as aside:
-        Path(aside).write_text(text, encoding="utf-8")
+    else:
+        write_text(path, text)
 
 
 def put(report: Any) -> None:

@@ -95,3 +95,10 @@ def _flush(path: Path) -> None:
 def _explain(path: str | os.PathLike[str], error: OSError) -> UserError:
     reason = _REASONS.get(error.errno, error.strerror or str(error))
     return UserError(f"{os.fspath(path)}: cannot be written, {reason}")
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Puts text into a file, beside the old one until it is whole."""
+    check_writable(path)
+    with replacing(path) as aside:
+        Path(aside).write_text(text, encoding="utf-8")

@@ -42,6 +42,13 @@ RUNS, REPEATS = 8, 3
 CHANCE, FEWEST = 0.01, 8
 
 
+def inner(n: int, chance: float) -> list[int]:
+    """How many of n values may be left out at each end, so that the true median lies within the others but for a
+    chance, by the sign test; none where they are too few for that."""
+    beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
+    return [k for k, missed in enumerate(beyond) if 2 * missed <= chance]
+
+
 @dataclass(frozen=True)
 class Spread:
     """A measured number, and between which two it lies."""
@@ -53,9 +60,7 @@ class Spread:
     @staticmethod
     def of(values: list[float]) -> "Spread":
         """The median, and two of the values between which the true one lies, by the sign test."""
-        n, ordered = len(values), sorted(values)
-        beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
-        k = max(k for k, chance in enumerate(beyond) if 2 * chance <= CHANCE)
+        ordered, k = sorted(values), max(inner(len(values), CHANCE))
         return Spread(median(values), ordered[k], ordered[-1 - k])
 
     @property
@@ -180,9 +185,9 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
     return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, found.listed, costs, total)
 
 
-def reduced(width: int, height: int) -> tuple[int, int]:
-    """The film's size with its longer side at most LONGEST."""
-    scale = LONGEST / max(width, height, LONGEST)
+def reduced(width: int, height: int, longest: int = LONGEST) -> tuple[int, int]:
+    """The film's size with its longer side at most so many pixels."""
+    scale = longest / max(width, height, longest)
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 

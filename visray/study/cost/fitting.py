@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from visray.study.cost.knobs import SAMPLER, SPP
 from visray.study.cost.laws import PowerLaw, Through, grid, nonnegative
 from visray.study.cost.records import Band, Curve, Point
 
-SPP, SAMPLER = "settings.spp", "settings.sampler"
 Settings = dict[str, Any]
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from visray.features import used_materials
 from visray.primitives import Polynomial
+from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed, value
 from visray.scene.scene import Scene
@@ -27,7 +28,9 @@ SAMPLES, MORE = ((1, 4, 16, 64), (1, 4, 16, 64, 256)), 4
 FACTORS = (1 / 4, 1 / 2, 1, 2, 4), (1 / 4, 1 / 2, 1, 2, 4, 16)
 TOLERANCES = (0.0, 1e-9, 1e-3), (0.0, 1e-12, 1e-9, 1e-6, 1e-3)
 # The most that a scene may ask for, by the types of its fields.
-MOST_SAMPLES, MOST_RAYS, DEEPEST = 2**22, 2**16, 1000
+MOST_SAMPLES, MOST_RAYS = 2**22, 2**16
+# What these knobs do is shown, but nobody should save there: neither points of several knobs nor a tuner turn them.
+KEPT = ("roots", "accelerator", "texture filter")
 
 
 @dataclass(frozen=True)
@@ -164,9 +167,7 @@ def _times(n: int, factor: float) -> int:
 
 def _searched(thing: Any) -> bool:
     """Whether the crossings of an object are searched for up to a tolerance: those of degree 2 have a formula."""
-    if not (isinstance(thing, Polynomial) and hasattr(thing, "tolerance")):
-        return False
-    return any(f.degree > 2 for f in thing.built().form.factors)
+    return isinstance(thing, Polynomial) and any(f.degree > 2 for f in thing.built().form.factors)
 
 
 def _images(scene: Scene) -> list[str]:

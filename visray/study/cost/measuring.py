@@ -12,7 +12,6 @@ before (`mark`, as in study/ablation.py): so it is compiled in this study, once,
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import comb
 from statistics import median
 
 import drjit as dr
@@ -26,14 +25,14 @@ from visray.progress import Bar, Patience
 from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene.scene import Scene
+from visray.study import ablation
 from visray.study.cost.knobs import Choice
 from visray.study.cost.records import Band
 
 # Pixels of the longer side, quick and full, and of the smallest picture that is still one.
 LONGEST, SMALLEST = (96, 192), 32
-# Of 9 timings, the second and the last but one are as far apart as the sign test asks: one may be an accident. And so
-# many seeds an error with a spread needs at least.
-TURNS, FEWEST_SEEDS = 9, 4
+# Of 9 timings, the second and the last but one are as far apart as the sign test asks: one may be an accident.
+TURNS = 9
 # Samples per pixel of the pass that a kernel is compiled with: so few say how long many will take.
 TRIAL = 4
 # Kernels that run shorter than this are over before other work on the machine gets its share, and look faster than they
@@ -68,17 +67,13 @@ class Taken:
 def band(values: Sequence[float]) -> Band:
     """The median, and two of the values between which the true one lies, by the sign test; the first and the last
     where they are too few for that."""
-    n, ordered = len(values), sorted(values)
-    beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
-    k = max((k for k, chance in enumerate(beyond) if 2 * chance <= CHANCE), default=0)
+    ordered, k = sorted(values), max(ablation.inner(len(values), CHANCE), default=0)
     return Band(median(values), ordered[k], ordered[-1 - k])
 
 
 def reduced(scene: Scene, longest: int) -> Scene:
     """The scene with the longer side of its film at most so many pixels."""
-    w, h = scene.film.width, scene.film.height
-    scale = min(1, longest / max(w, h))
-    return adjusted(scene, size=(max(1, round(w * scale)), max(1, round(h * scale))))
+    return adjusted(scene, size=ablation.reduced(scene.film.width, scene.film.height, longest))
 
 
 def blank(made: Set, pictures: int) -> Film:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
-from visray.output.files import check_writable, replacing
+from visray.output.files import write_text
 from visray.study.cost import writing
 from visray.study.cost.records import Report
 
@@ -29,7 +29,6 @@ class Study(Report):
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes an .html page that opens offline, or a .json or .csv file."""
         check_report(path)
-        check_writable(path)
         suffix = Path(path).suffix.lower()
         if suffix == ".html":
             # Matplotlib takes a while to load.
@@ -38,8 +37,7 @@ class Study(Report):
             text = page(self)
         else:
             text = json.dumps(self.as_json(), indent=1) + "\n" if suffix == ".json" else self.as_csv()
-        with replacing(path) as aside:
-            Path(aside).write_text(text, encoding="utf-8")
+        write_text(path, text)
 
     def _repr_html_(self) -> str:
         from visray.study.cost.page import display

@@ -14,12 +14,13 @@ from visray.progress import Patience
 from visray.render import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
+from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
 from visray.study.cost.errors import judged
 from visray.study.cost.floors import floors
 from visray.study.cost.frontier import frontier, halvings, overtaken
 from visray.study.cost.hits import geometry
-from visray.study.cost.knobs import Choice, Knob, default, knobs
-from visray.study.cost.measuring import FEWEST_SEEDS, LONGEST, Studio, Taken, reduced
+from visray.study.cost.knobs import KEPT, Choice, Knob, default, knobs
+from visray.study.cost.measuring import LONGEST, Studio, Taken, reduced
 from visray.study.cost.model import Model
 from visray.study.cost.records import Curve, Point
 from visray.study.cost.slopes import slope
@@ -36,8 +37,6 @@ JOINT = 4, 8
 HURRIED = 2.0
 # Seeds of the reference lie so far from those that are measured.
 APART = 2**31
-# What these do is shown, but nobody should save there.
-KEPT = ("roots", "accelerator", "texture filter")
 # What these knobs turn may change what is hit; the others only how often it is looked.
 OF_HITS = ("default", "precision", "roots", "accelerator")
 FIXED = {

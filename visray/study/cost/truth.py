@@ -14,10 +14,11 @@ from visray.exposure import PASS_SECONDS, Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import LUMINANCE
 from visray.progress import Bar, Patience
+from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene
-from visray.study.cost.knobs import DEEPEST, DEPTH, PRECISION, SAMPLER, SPP
+from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import blank, developed, exposed
 from visray.study.cost.records import Reference
 

@@ -28,12 +28,13 @@ from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film
 from visray.halves import Estimate, Halves
 from visray.progress import Patience
+from visray.reachable import DEEPEST
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed, value
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.study.cost.fitting import Laws, Sampler, Way
-from visray.study.cost.knobs import DEEPEST, DEPTH, MOST_SAMPLES, PRECISION, SAMPLER, SPP
+from visray.study.cost.knobs import DEPTH, KEPT, MOST_SAMPLES, PRECISION, SAMPLER, SPP
 from visray.study.cost.laws import Through, nonnegative
 from visray.study.cost.measuring import SMALLEST, TURNS, band, reduced
 from visray.study.cost.model import Choice, Model
@@ -52,8 +53,6 @@ WORTH = 1.03
 ENOUGH = 1.0
 # Samples per pixel that tell what a depth leaves out.
 PILOT = 4
-# Knobs that stay as the scene has them.
-KEPT = ("roots", "accelerator", "texture filter")
 
 
 def tune(

@@ -153,9 +153,10 @@ def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: f
     found = tune(SOFT, error=error, progress=False)
     assert found.met and found.error.high <= error
     true = off(found.scene, truth)
-    # Four pictures of 1728 pixels with an edge tell it to about a tenth.
-    assert error / 4 < true < 1.1 * error
-    assert found.error.middle == pytest.approx(true, rel=0.25)
+    # Four pictures of 1728 pixels with an edge tell it to about a tenth. How far below the target it may be depends on
+    # how well the machine times pictures of milliseconds: that no more is taken than needed is proved below.
+    assert true < 1.1 * error
+    assert found.error.low / 1.1 <= true <= 1.1 * found.error.high
 
 
 def test_before_is_the_scene_as_it_is(known: None, truth: np.ndarray) -> None:
@@ -230,6 +231,23 @@ def test_the_choice_is_the_best_of_the_model(smooth: Report, monkeypatch: pytest
         # What stays as it is, what gains too little to be tried, and what gains too little to be turned.
         near = WORTH / GAIN**2
         assert found.met and price(found.seconds.middle, found.error.middle) <= near * best
+
+
+def test_where_time_tells_nothing_no_more_samples_are_taken_than_needed(
+    smooth: Report, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def timeless(p: Point) -> Point:
+        return replace(p, seconds=smooth.default.seconds)
+
+    curves = tuple(replace(c, points=tuple(map(timeless, c.points))) for c in smooth.curves)
+    choose = made_up(replace(smooth, curves=curves), monkeypatch)
+    before = choose(error=1.0).before
+    found = choose(error=before.error.middle / 2)
+    tuner = tuning._Tuning(SOFT, found.goal, smooth, Patience(), False)
+    fewer = found.settings | {"settings.spp": found.settings["settings.spp"] - 1}
+    if found.settings["settings.sampler"] == "stratified":
+        fewer["settings.spp"] = (round(sqrt(found.settings["settings.spp"])) - 1) ** 2
+    assert found.met and sqrt(PART) * tuner.model.error(fewer) > found.goal.error
 
 
 def test_where_the_model_is_wrong_what_is_measured_counts(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:

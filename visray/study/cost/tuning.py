@@ -132,8 +132,11 @@ class _Tuning:
 
     def _fitting(self, model: Model, settings: Settings, sure: float) -> Settings:
         """The settings with as many samples as the goal needs, or has time for: the model's own choice is among few
-        counts. Up to twice as many or as few, and squares where strata want them."""
+        counts, and where samples are too quick to be timed it takes the most. Up to twice as many, and squares where
+        strata want them."""
         n, goal = settings[SPP], self.goal
+        while goal.time is None and n > 1 and model.error(settings | {SPP: n // 2}) <= sure * goal.error:
+            n //= 2
         if settings[SAMPLER] == "stratified":
             counts = [k * k for k in range(1, isqrt(2 * n) + 1) if 2 * k * k >= n]
         else:

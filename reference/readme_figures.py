@@ -9,222 +9,198 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 README = HERE.parent / "README.md"
+VERSIONS = (("visray", "visray"), ("Mitsuba", "mitsuba"), ("Dr.Jit", "drjit"), ("LLVM", "llvm"), ("Python", "python"))
 
 
 def loaded(name: str) -> dict:
     return json.loads((HERE / f"{name}.json").read_text())
 
 
-def where(report: dict) -> str:
-    """Date, machine and versions of a report, in a sentence."""
+def table(heads: list, rows: list[list]) -> list[str]:
+    """Lines of a table, with an empty one before and after; a | in a cell is escaped."""
+    head, *body = ("| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in (heads, *rows))
+    return ["", head, "|" + "---|" * len(heads), *body, ""]
+
+
+def measured(report: dict, script: str, between: str = " ", more: str = "") -> str:
+    """Date, machine and versions of a report, in a sentence, and what to run, in another."""
     tools = ", ".join(f"{name} {report[key]}" for name, key in VERSIONS if key in report)
-    return f"Measured {report['date']} on {report['cpu']}, {report['threads']} threads; {tools}."
+    where = f"Measured {report['date']} on {report['cpu']}, {report['threads']} threads; {tools}."
+    return f"{where}{between}Run `python reference/{script}.py`{more}."
 
 
-VERSIONS = (("visray", "visray"), ("Mitsuba", "mitsuba"), ("Dr.Jit", "drjit"), ("LLVM", "llvm"), ("Python", "python"))
-
-
-def speed() -> str:
+def speed() -> list[str]:
     """Against Mitsuba."""
     report = loaded("bench_mitsuba")
-    lines = [
-        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a",
-        f"point light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
-        "",
-        "| spheres | samples per pixel | visray, M samples/s | Mitsuba, M samples/s | ratio |",
-        "|---|---|---|---|---|",
-    ]
-    for row in report["warm"] + report["growth"]:
-        a, b = row["visray_Msamples_per_s"], row["mitsuba_Msamples_per_s"]
-        lines.append(f"| {row['spheres']:,} | {row['spp']} | {a:.1f} | {b:.1f} | {row['ratio']:.1f} |")
     start = report["from_start_s"]
     cold, warm = ((start["visray"][k], start["mitsuba"][k]) for k in ("cold", "warm"))
-    lines += [
-        "",
+    keys = ["visray_Msamples_per_s", "mitsuba_Msamples_per_s", "ratio"]
+    runs = report["warm"] + report["growth"]
+    rows = [[f"{r['spheres']:,}", r["spp"], *(f"{r[key]:.1f}" for key in keys)] for r in runs]
+    return [
+        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a",
+        f"point light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
+        *table(["spheres", "samples per pixel", "visray, M samples/s", "Mitsuba, M samples/s", "ratio"], rows),
         f"From the start of a process to an EXR on disk, 16 samples: {cold[0]:.1f} s (Mitsuba {cold[1]:.1f} s) with an",
         f"empty kernel cache, {warm[0]:.1f} s ({warm[1]:.1f} s) with a warm one.",
-        f"{where(report)}",
-        "Run `python reference/bench_mitsuba.py`.",
+        measured(report, "bench_mitsuba", between="\n"),
     ]
-    return "\n".join(lines)
 
 
-def check() -> str:
+def check() -> list[str]:
     """Against Mitsuba, ray by ray."""
     report = loaded("check_scenes")
-    lines = [
-        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if",
-        "what it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
-        "",
-        "| scene | rays | near an edge | hit or object mismatches | shadow rays | near an edge | mismatches "
-        "| largest \\|dt\\| / distance | image error |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    heads = ["scene", "rays", "near an edge", "hit or object mismatches"]
+    heads += ["shadow rays", "near an edge", "mismatches", "largest |dt| / distance", "image error"]
+    rows = []
     for name, r in report["scenes"].items():
         both, s = (r["pixels"], r["random"]), r["shadows"]
         rays, near = sum(b["rays"] for b in both), sum(b["near_edge"] for b in both)
         wrong = sum(b["hit_mismatches"] + b["object_mismatches"] for b in both)
-        dt = max(b["dt"] for b in both)
-        lines.append(
-            f"| {name} | {rays:,} | {near:,} | {wrong} | {s['rays']:,} | {s['near_edge']:,} | {s['mismatches']} "
-            f"| {dt:.0e} | {r['picture']['rms']:.0e} |"
-        )
-    lines += ["", f"{where(report)} Run `python reference/check_scenes.py`."]
-    return "\n".join(lines)
+        row = [name, f"{rays:,}", f"{near:,}", wrong, f"{s['rays']:,}", f"{s['near_edge']:,}", s["mismatches"]]
+        rows.append([*row, f"{max(b['dt'] for b in both):.0e}", f"{r['picture']['rms']:.0e}"])
+    return [
+        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if",
+        "what it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
+        *table(heads, rows),
+        measured(report, "check_scenes"),
+    ]
 
 
-def effects() -> str:
+def effects() -> list[str]:
     """What each effect costs."""
     report = loaded("cost_of_effects")
-    matte, *others = report["rows"]
-    size = f"{report['size']} x {report['size']}"
-    lines = [
-        "The matte scene with eight spheres above, and the same with one effect more or less: warm renders by turns,",
-        f"{size}, {report['spp']} samples per pixel, for which the matte scene takes {1e3 * matte['seconds']:.0f} ms:",
-        "",
-        "| scene | kernel operations | compile, s | time against matte |",
-        "|---|---|---|---|",
-    ]
-    for row in (matte, *others):
-        lines.append(f"| {row['scene']} | {row['operations']:,} | {row['compile_s']:.2f} | {row['ratio']:.2f} |")
-    b = report["before"]
+    size, matte_ms, b = report["size"], 1e3 * report["rows"][0]["seconds"], report["before"]
     low, high = b["ratio_quartiles"]
     spread = f"median of {b['pairs']} pairs of processes, quartiles {low:.2f} and {high:.2f}"
-    lines += [
-        "",
+    rows = [[r["scene"], f"{r['operations']:,}", f"{r['compile_s']:.2f}", f"{r['ratio']:.2f}"] for r in report["rows"]]
+    return [
+        "The matte scene with eight spheres above, and the same with one effect more or less: warm renders by turns,",
+        f"{size} x {size}, {report['spp']} samples per pixel, for which the matte scene takes {matte_ms:.0f} ms:",
+        *table(["scene", "kernel operations", "compile, s", "time against matte"], rows),
         f"Effects that are there and not called for: the matte scene takes {b['ratio']:.2f} of the time that it took",
         f"before most of them were built ({b['commit']}; {spread}; processor time {b['cpu_ratio']:.2f}),",
         f"{b['operations']:,} operations instead of {b['operations_before']:,}.",
-        f"{where(report)}",
-        "Run `python reference/cost_of_effects.py`; `visray explain SCENE --cost` tells of any scene.",
+        measured(report, "cost_of_effects", "\n", "; `visray explain SCENE --cost` tells of any scene"),
     ]
-    return "\n".join(lines)
 
 
-def polynomials() -> str:
+def polynomials() -> list[str]:
     """Against POV-Ray and surf."""
     report = loaded("bench_povray")
-    lines = [
-        "The same surface, camera, light and shadows in POV-Ray 3.7 (`poly` with `sturm`) and in visray, two",
-        f"threads each, {report['size']} x {report['size']}; the time of a sample per pixel at 1, 4 and 16 of them. Against surf, which",
-        f"draws without shadows, on one thread: camera rays alone, {report['size_of_camera_rays']:,} x {report['size_of_camera_rays']:,}. Wrong pixels by exact",
-        "arithmetic, of those at edges, where programs differ, and 20,000 at random:",
-        "",
-        "| surface | POV-Ray, s | visray, s (4 spp) | times faster at 1, 4, 16 spp | surf, M rays/s | visray, M rays/s "
-        "| wrong pixels: POV-Ray, visray |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for row in report["surfaces"]:
-        s, c, w = row["shaded"], row["camera_rays"], row["wrong"]
+    size, larger = report["size"], report["size_of_camera_rays"]
+    heads = ["surface", "POV-Ray, s", "visray, s (4 spp)", "times faster at 1, 4, 16 spp"]
+    heads += ["surf, M rays/s", "visray, M rays/s", "wrong pixels: POV-Ray, visray"]
+    rows = []
+    for r in report["surfaces"]:
+        s, rates, w = r["shaded"], r["camera_rays"]["Mrays_per_s"], r["wrong"]
         theirs, mine = s["s"]["povray 2"]["median"], s["visray_s_per_sample"]["4"]
         ratios = ", ".join(f"{s['ratio'][n]:.0f}" for n in ("1", "4", "16"))
-        rates = c["Mrays_per_s"]
-        lines.append(
-            f"| {row['surface']} ({row['degree']}) | {theirs:.2f} | {mine:.4f} | {ratios} | {rates['surf']:.1f} "
-            f"| {rates['visray picture']:.1f} | {w['povray']['wrong']}, {w['visray']['wrong']} "
-            f"of {w['visray']['checked']:,} |"
-        )
-    lines += ["", f"{where(report)} Run `python reference/bench_povray.py`."]
-    return "\n".join(lines)
+        wrong = f"{w['povray']['wrong']}, {w['visray']['wrong']} of {w['visray']['checked']:,}"
+        row = [f"{r['surface']} ({r['degree']})", f"{theirs:.2f}", f"{mine:.4f}", ratios]
+        rows.append([*row, f"{rates['surf']:.1f}", f"{rates['visray picture']:.1f}", wrong])
+    return [
+        "The same surface, camera, light and shadows in POV-Ray 3.7 (`poly` with `sturm`) and in visray, two",
+        f"threads each, {size} x {size}; the time of a sample per pixel at 1, 4 and 16 of them. Against surf, which",
+        f"draws without shadows, on one thread: camera rays alone, {larger:,} x {larger:,}. Wrong pixels by exact",
+        "arithmetic, of those at edges, where programs differ, and 20,000 at random:",
+        *table(heads, rows),
+        measured(report, "bench_povray"),
+    ]
 
 
-def degree() -> str:
+def degree() -> list[str]:
     """How the cost grows with the degree, and what precision costs."""
     report = loaded("bench_degree")
-    lines = [
+    degrees = report["degrees"]
+    growth = [
+        ["ns per ray", *(f"{r['ns_per_ray']:.0f}" for r in degrees)],
+        ["compile, s", *(f"{r['compile_s']:.2f}" for r in degrees)],
+    ]
+    heads = ["surface", "default", "all double", "rays alone, in double", "in single"]
+    heads += ["lost or false, per million", "wrong root"]
+    keys = ["single_picture_ns", "double_picture_ns", "single_ns", "inside_single_ns"]
+    keys += ["inside_single_wrong_hits_per_million", "inside_single_wrong_roots_per_million"]
+    precision = [[r["surface"], *(f"{r[key]:.0f}" for key in keys)] for r in report["precision"]]
+    return [
         "![Nanoseconds of a ray against the degree, both logarithmic: less than quadratic](docs/degree.png)",
         "",
-        f"A camera ray on one thread grows as degree^{report['exponent']:.1f} from degree 4 to 20 (Banchoff-Chmutov surfaces); compilation takes",
-        f"{max(r['compile_s'] for r in report['degrees']):.2f} s at most:",
-        "",
-        "| degree | " + " | ".join(str(r["degree"]) for r in report["degrees"]) + " |",
-        "|---|" + "---|" * len(report["degrees"]),
-        "| ns per ray | " + " | ".join(f"{r['ns_per_ray']:.0f}" for r in report["degrees"]) + " |",
-        "| compile, s | " + " | ".join(f"{r['compile_s']:.2f}" for r in report["degrees"]) + " |",
-        "",
-        "What precision costs: the surface in double with the rest in single (the default) or in double, ns per sample of a",
+        f"A camera ray on one thread grows as degree^{report['exponent']:.1f} from degree 4 to 20 "
+        "(Banchoff-Chmutov surfaces); compilation takes",
+        f"{max(r['compile_s'] for r in degrees):.2f} s at most:",
+        *table(["degree", *(r["degree"] for r in degrees)], growth),
+        "What precision costs: the surface in double with the rest in single (the default) or in double, "
+        "ns per sample of a",
         "picture with light and shadow; and the surface in single, which is not offered, ns per camera ray:",
-        "",
-        "| surface | default | all double | rays alone, in double | in single | lost or false, per million | wrong root |",
-        "|---|---|---|---|---|---|---|",
+        *table(heads, precision),
+        measured(report, "bench_degree"),
     ]
-    for r in report["precision"]:
-        lines.append(
-            f"| {r['surface']} | {r['single_picture_ns']:.0f} | {r['double_picture_ns']:.0f} | {r['single_ns']:.0f} "
-            f"| {r['inside_single_ns']:.0f} | {r['inside_single_wrong_hits_per_million']:.0f} "
-            f"| {r['inside_single_wrong_roots_per_million']:.0f} |"
-        )
-    lines += ["", f"{where(report)} Run `python reference/bench_degree.py`."]
-    return "\n".join(lines)
 
 
-def stability() -> str:
+def stability() -> list[str]:
     """Polynomial surfaces against exact arithmetic."""
     report = loaded("stability")
-    lines = [
-        f"`visray stability` on the {report['sums'][0]['surfaces']} known surfaces, {report['rays']:,} rays a set: the kernel against exact rational arithmetic.",
-        "*Judged* are rays whose exact answer stays the same when f is shifted by the rounding of double; the others graze an edge.",
-        "",
-        "| rays | judged | near an edge | lost | false | wrong root | NaN | unresolved |",
-        "|---|---|---|---|---|---|---|---|",
+    sums = report["sums"]
+    heads = ["rays", "judged", "near an edge", "lost", "false", "wrong root", "NaN", "unresolved"]
+    keys = ["false_misses", "false_hits", "wrong_roots", "nan", "unresolved"]
+    rows = [[r["rays"], f"{r['judged']:,}", f"{r['near_edge'] + r['open']:,}", *(r[key] for key in keys)] for r in sums]
+    return [
+        f"`visray stability` on the {sums[0]['surfaces']} known surfaces, {report['rays']:,} rays a set: "
+        "the kernel against exact rational arithmetic.",
+        "*Judged* are rays whose exact answer stays the same when f is shifted by the rounding of double; "
+        "the others graze an edge.",
+        *table(heads, rows),
+        measured(report, "stability"),
     ]
-    for r in report["sums"]:
-        lines.append(
-            f"| {r['rays']} | {r['judged']:,} | {r['near_edge'] + r['open']:,} | {r['false_misses']} | {r['false_hits']} "
-            f"| {r['wrong_roots']} | {r['nan']} | {r['unresolved']} |"
-        )
-    lines += ["", f"{where(report)} Run `python reference/stability.py`."]
-    return "\n".join(lines)
 
 
-def estimates() -> str:
+def estimates() -> list[str]:
     """Whether pictures have the errors that they say."""
     report = loaded("error_estimates")
     s = report["summary"]
-    lines = [
-        f"Is it true? {s['pictures']} pictures of {len({r['scene'] for r in report['estimates']})} scenes, with errors from "
-        f"{100 * min(r['asked'] for r in report['estimates']):g} to {100 * max(r['asked'] for r in report['estimates']):g} % asked for, "
-        "against references of at least 100 times the samples:",
-        f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval, {100 * s['met']:.0f} % are no larger than asked, "
-        f"and true over estimated error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f}.",
+    scenes = {r["scene"] for r in report["estimates"]}
+    asked = [100 * r["asked"] for r in report["estimates"]]
+    return [
+        f"Is it true? {s['pictures']} pictures of {len(scenes)} scenes, with errors from {min(asked):g} to "
+        f"{max(asked):g} % asked for, against references of at least 100 times the samples:",
+        f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval, {100 * s['met']:.0f} % are no larger "
+        f"than asked, and true over estimated error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f}.",
+        "",
+        measured(report, "error_estimates"),
     ]
-    lines += ["", f"{where(report)} Run `python reference/error_estimates.py`."]
-    return "\n".join(lines)
 
 
-def adaptive() -> str:
+def adaptive() -> list[str]:
     """What --error saves."""
     report = loaded("bench_adaptive")
-    lines = [
-        "What it saves: `--error` against equally many samples everywhere, at equal true error, by turns in one run; with the",
-        "scene's own sampler, as `--spp` has it, and with Sobol points for both (time ratios; the picture's colour alone, compiled):",
-        "",
-        "| scene | true error | `--error`: spp, s | `--spp`: spp, s | ratio | Sobol everywhere: spp, s | ratio |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    heads = ["scene", "true error", "`--error`: spp, s", "`--spp`: spp, s", "ratio"]
+    heads += ["Sobol everywhere: spp, s", "ratio"]
+    rows = []
     for r in report["rows"]:
-        own = next(iter(r["uniform"].values()))
-        both = r["uniform"]["sobol"]
-        lines.append(
-            f"| {r['scene']}, {r['width']} x {r['height']} | {100 * r['error_true']:.2g} % | {r['spp']:.0f}, {r['seconds']:.2f} "
-            f"| {own['spp']:.0f}, {own['seconds']:.2f} | {own['ratio']:.1f} | {both['spp']:.0f}, {both['seconds']:.2f} | {both['ratio']:.1f} |"
-        )
-    lines += ["", f"{where(report)} Run `python reference/bench_adaptive.py`."]
-    return "\n".join(lines)
+        scene, error = f"{r['scene']}, {r['width']} x {r['height']}", f"{100 * r['error_true']:.2g} %"
+        own, both = next(iter(r["uniform"].values())), r["uniform"]["sobol"]
+        a, b, c = (f"{x['spp']:.0f}, {x['seconds']:.2f}" for x in (r, own, both))
+        rows.append([scene, error, a, b, f"{own['ratio']:.1f}", c, f"{both['ratio']:.1f}"])
+    return [
+        "What it saves: `--error` against equally many samples everywhere, at equal true error, by turns in one run; "
+        "with the",
+        "scene's own sampler, as `--spp` has it, and with Sobol points for both "
+        "(time ratios; the picture's colour alone, compiled):",
+        *table(heads, rows),
+        measured(report, "bench_adaptive"),
+    ]
 
 
-def cost() -> str:
+def cost() -> list[str]:
     """What accuracy costs for three scenes."""
     report = loaded("cost_of_accuracy")
-    lines = [
-        "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, the scene as it is](docs/cost.png)",
-        "",
-        "| scene | error, ms as it is | half of the error costs, times the time (95 %) | k of error ~ samples^-k: independent, stratified, Sobol |",
-        "|---|---|---|---|",
-    ]
+    heads = ["scene", "error, ms as it is", "half of the error costs, times the time (95 %)"]
+    heads += ["k of error ~ samples^-k: independent, stratified, Sobol"]
+    rows = []
     for r in report["scenes"].values():
         halves = [
-            f"{h['knob']} {h['factor']:.2g} ({h['low']:.2g} to {'?' if h['high'] is None else format(h['high'], '.2g')})"
+            f"{h['knob']} {h['factor']:.2g} "
+            f"({h['low']:.2g} to {'?' if h['high'] is None else format(h['high'], '.2g')})"
             for h in r["halvings"]
             if h["factor"] is not None
         ]
@@ -232,12 +208,16 @@ def cost() -> str:
         text = ", ".join(halves) + (f"; alone cannot: {', '.join(cannot)}" if cannot else "")
         slopes = [r["by_count"][f"samples, {name}"] for name in ("independent", "stratified", "sobol")]
         shown = ", ".join(f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in slopes)
-        lines.append(f"| {r['title']} | {100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f} | {text} | {shown} |")
-    lines += ["", f"{where(report)} Run `python reference/cost_of_accuracy.py`."]
-    return "\n".join(lines)
+        rows.append([r["title"], f"{100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f}", text, shown])
+    return [
+        "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
+        "the scene as it is](docs/cost.png)",
+        *table(heads, rows),
+        measured(report, "cost_of_accuracy"),
+    ]
 
 
-TABLES = {
+FIGURES = {
     "estimates": estimates,
     "adaptive": adaptive,
     "cost": cost,
@@ -252,9 +232,9 @@ TABLES = {
 
 def filled(text: str) -> str:
     """README with the figures in their places."""
-    for name, table in TABLES.items():
+    for name, figure in FIGURES.items():
         marks = f"<!-- figures: {name} -->", f"<!-- /figures: {name} -->"
-        block = f"{marks[0]}\n{table()}\n{marks[1]}"
+        block = "\n".join([marks[0], *figure(), marks[1]])
         text = re.sub(f"{marks[0]}.*?{marks[1]}", lambda _, b=block: b, text, flags=re.DOTALL)
     return text
 

@@ -56,8 +56,8 @@ def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
     assert all(p.compiled()[1] > 0 for p in (one, other))
     # The second time it is the same kernel: nothing is compiled.
     assert max(one.kernels(), key=lambda k: k["operation_count"])["backend_time"] == 0
-    marked = replace(made, x=dr.select(made.x == made.a.U(one.mark), 0, made.x))
-    np.testing.assert_array_equal(np.array(expose(marked)[0].mean), np.array(expose(made)[0].mean))
+    other = replace(made, x=ablation.marked(made.a, made.x, one.mark))
+    np.testing.assert_array_equal(np.array(expose(other)[0].mean), np.array(expose(made)[0].mean))
 
 
 def test_spreads() -> None:

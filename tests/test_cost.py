@@ -25,9 +25,9 @@ from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.cost import measuring, study, truth
 from visray.study.cost.floors import output
-from visray.study.cost.knobs import FACTORS, MORE, SAMPLES, default, knobs
+from visray.study.cost.knobs import FACTORS, MORE, SAMPLERS, SAMPLES, default, knobs
 from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
-from visray.study.cost.records import Reference, Report
+from visray.study.cost.records import Curve, Reference, Report
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
 from visray.study.cost.writing import as_csv, as_json, table
 
@@ -174,6 +174,9 @@ def test_the_report(report: Report) -> None:
     assert (report.width, report.height, report.seeds, report.quick) == (32, 24, LEAST_SEEDS, True)
     assert not report.noiseless and not report.stopped and report.seconds > 0
     assert [c.knob for c in report.curves] == names(SOFT)
+    unused = {f"samples, {s}" for s in SAMPLERS if s != SOFT.settings.sampler}
+    for c in report.curves:
+        assert sum(p.same_choice(report.default) for p in c.points) == (c.knob not in unused)
     d, curves = report.default, {c.knob: c for c in report.curves}
     for p in [d, *(p for c in report.curves for p in c.points), *report.joint]:
         assert p.times.shape == (TURNS,) and p.squares.shape == (LEAST_SEEDS,)
@@ -216,11 +219,27 @@ def test_writing(report: Report) -> None:
     assert len(rows) == 1 + sum(len(c.points) for c in report.curves) + len(report.joint)
     assert rows[0]["knob"] == "default" and rows[0]["settings.spp"] == "4"
     assert rows[0]["lights.window.samples"] == "2" and float(rows[0]["rmse"]) == report.default.error.rmse.middle
-    console = Console(width=150, record=True, file=StringIO())
-    console.print(table(report))
-    text = console.export_text()
+    text = printed(report)
     for word in (*names(SOFT)[:4], "32 x 24", "16 seeds", "8-bit output", "reference"):
         assert word in text
+
+
+def printed(report: Report) -> str:
+    """The table of a report in the terminal."""
+    console = Console(width=150, record=True, file=StringIO())
+    console.print(table(report))
+    return console.export_text()
+
+
+def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report) -> None:
+    d = report.default
+    three = band([3 * x for x in (d.error.rmse.low, d.error.rmse.middle, d.error.rmse.high)])
+    far = replace(d, value="far", settings=d.settings | {"a": 1}, error=replace(d.error, rmse=three))
+    near = replace(d, value="near", plain=True)
+    for points, rows in (((d, far), ["x 3.00"]), ((far, near), ["x 3.00", "x 1.00 even"])):
+        text = printed(replace(report, curves=(Curve("way", "step", points),), halvings=()))
+        found = [line.split("│")[3].strip() for line in text.splitlines() if "way: " in line]
+        assert found == rows and ("even: an error" in text) == (len(rows) > 1)
 
 
 def test_a_scene_without_noise_says_so() -> None:

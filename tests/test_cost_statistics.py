@@ -12,7 +12,7 @@ import pytest
 from visray.quantities import Arrays
 from visray.sampling import Draw, Plan, first_cell, pixel_key
 from visray.study.cost.errors import flip, judged, split, student
-from visray.study.cost.frontier import frontier, halvings, ranked, steps
+from visray.study.cost.frontier import frontier, halvings, overtaken, ranked, steps
 from visray.study.cost.laws import PowerLaw, grid, nonnegative
 from visray.study.cost.model import Model
 from visray.study.cost.records import Band, Curve, Error, Halving, Point, Slope
@@ -257,6 +257,20 @@ def test_a_frontier_has_what_nothing_beats() -> None:
     assert frontier([]) == ()
 
 
+def test_the_same_choice_is_that_of_all_knobs_whatever_was_measured() -> None:
+    default = point(2.0, 0.4, {"n": 4})
+    again, plain = replace(default, knob="n", value=4, seconds=band(2.1)), replace(default, plain=True)
+    assert default.same_choice(again) and again.same_choice(default)
+    for other in (plain, point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
+        assert not other.same_choice(default) and not default.same_choice(other)
+    (step,) = steps([Curve("way", "step", (again, replace(plain, value="plain")))], default)
+    assert step.value == "plain"
+    # Itself, measured again, is not a neighbour.
+    cheap, dear = point(1.0, 0.8, {"n": 2}), point(4.0, 0.1, {"n": 8})
+    share, *ends = overtaken([cheap, replace(again, error=point(2.1, 0.39).error), dear], default)
+    assert ends == [cheap, dear] and abs(share - 4 ** (1 / 3) / 2) < 1e-12
+
+
 def curve(name: str, kind: str, *rows: tuple[float, float, Any], width: float = 0.01) -> Curve:
     """Of seconds, error, value."""
     return Curve(name, kind, tuple(point(t, e, {name: v}, v, name, width=width) for t, e, v in rows))
@@ -327,6 +341,10 @@ def test_steps_say_what_a_choice_changes() -> None:
     assert (same.value, same.changes, other.value, other.changes) == ("double", False, "x", True)
     assert abs(same.seconds.middle - 1.3) < 1e-12 and same.seconds.low > 1.25 and same.seconds.high < 1.35
     assert abs(other.error.middle - 0.5) < 1e-12
+    exact, off = point(2.0, 0.0, {"n": 1}), point(2.0, 0.1, {"n": 2})
+    for default, ratio, changes in ((exact, inf, True), (replace(exact, settings={}), 1, False)):
+        (step,) = steps([Curve("n", "step", (off if changes else exact,))], default)
+        assert (step.error.middle, step.changes) == (ratio, changes)
 
 
 # The model

@@ -19,6 +19,11 @@ def test_the_figures_are_those_of_the_reports():
     assert readme_figures.filled(README) == README
 
 
+def test_a_table_has_a_line_a_row_and_escapes_bars():
+    lines = readme_figures.table(["kind", "largest |dt|"], [["ball", 3], ["a | b", f"{0.5:.2f}"]])
+    assert lines == ["", r"| kind | largest \|dt\| |", "|---|---|", "| ball | 3 |", r"| a \| b | 0.50 |", ""]
+
+
 def test_the_reports_are_of_every_scene_and_all_passed():
     report = json.loads((ROOT / "reference" / "check_scenes.json").read_text())["scenes"]
     assert set(report) == {p.stem for p in (ROOT / "scenes").glob("*.json")} - {"schema"}

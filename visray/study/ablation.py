@@ -10,7 +10,7 @@ its size. The picture with all effects is made before and after each other one, 
 median of the differences from the mean of both.
 
 Compile seconds: what Dr.Jit and LLVM take to make it. Dr.Jit keeps kernels in memory and on disk, and no switch in a
-process turns that off; so each kernel holds a number that no kernel has held before (Picture.mark). Each is compiled
+process turns that off; so each kernel holds a number that no kernel has held before (new_mark). Each is compiled
 once, and that of all effects REPEATS times in between: what these differ by, no effect can be told from.
 """
 
@@ -32,6 +32,7 @@ from visray.film import Film
 from visray.lights import PointLight
 from visray.lights.light import Light
 from visray.progress import Bar, Patience
+from visray.quantities import Arrays
 from visray.render import adjusted, explain
 from visray.scene.scene import Scene
 
@@ -47,6 +48,16 @@ def inner(n: int, chance: float) -> list[int]:
     chance, by the sign test; none where they are too few for that."""
     beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
     return [k for k, missed in enumerate(beyond) if 2 * missed <= chance]
+
+
+def new_mark() -> int:
+    """A number that no kernel has held before: that of a column of pixels, far outside any film."""
+    return 2**31 + secrets.randbelow(2**31)
+
+
+def marked(a: Arrays, x: Any, mark: int) -> Any:
+    """The columns of pixels, by a kernel that holds the mark: the column of that number would be moved to the first."""
+    return dr.select(x == a.U(mark), 0, x)
 
 
 @dataclass(frozen=True)
@@ -139,15 +150,14 @@ class Report:
 
 @dataclass(frozen=True)
 class Picture:
-    """A scene that is set up, and a number for its kernel alone: that of a column of pixels, far outside the film, that
-    would be moved to the first."""
+    """A scene that is set up, and the mark of its kernel alone."""
 
     made: Set
     mark: int
 
     @staticmethod
     def of(made: Set) -> "Picture":
-        return Picture(made, 2**31 + secrets.randbelow(2**31))
+        return Picture(made, new_mark())
 
     def kernels(self) -> list[dict[str, Any]]:
         """Makes the picture in one pass; what Dr.Jit says of the kernels that did."""
@@ -156,7 +166,7 @@ class Picture:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             # Anew each time: were it kept, the next kernel would be traced in another order.
-            x = dr.select(made.x == made.a.U(self.mark), 0, made.x)
+            x = marked(made.a, made.x, self.mark)
             exposed_once(replace(made, x=x), film, settings, 0, settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 

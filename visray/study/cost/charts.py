@@ -22,7 +22,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from visray.output.image import Image
 from visray.study.cost.drawing import GREY, INK, Labels, across, blank, legend, logarithmic, reach
 from visray.study.cost.records import Band, Curve, Point, Report, Slope
-from visray.study.cost.wording import changes, is_number, number, own, percent, written
+from visray.study.cost.wording import changes, is_number, number, percent, written
 
 BLUE, RED = "#0072B2", "#D55E00"
 COLOURS, MARKERS = (BLUE, RED, "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), "os^DvPX<>"
@@ -84,7 +84,7 @@ def costs(report: Report) -> Figure:
             across(axes, seen, "y", bottom, "no error at all")
         # The ends say most; then every other one, as far as there is room.
         for p in [*front[:1], *front[-1:], *front[2:-1:2], *front[1:-1:2]]:
-            if not own(p, report.default):
+            if not p.same_choice(report.default):
                 seen.at(_turned(p, report.default), p, bottom, size=8)
         return figure
 
@@ -154,7 +154,7 @@ def pictures(report: Report) -> Figure:
     r, shown = report.reference, [("today's default", report.default)]
     front = sorted(report.frontier, key=lambda p: p.seconds.middle)
     for name, at, ends in (("cheapest", 0, front[:1]), ("best", len(shown) + 1, front[-1:])):
-        shown[at:at] = [(name, p) for p in ends if not own(p, report.default) and p is not shown[0][1]]
+        shown[at:at] = [(name, p) for p in ends if not p.same_choice(report.default) and p is not shown[0][1]]
     columns = [
         (f"{n}\n{number(p.seconds.middle)} s, {percent(p.error.rmse.middle)}", p.picture, p.wrong) for n, p in shown
     ]

@@ -43,7 +43,7 @@ def frontier(points: Iterable[Point]) -> tuple[Point, ...]:
 def overtaken(points: Iterable[Point], default: Point) -> tuple[float, Point, Point] | None:
     """The share of the default's seconds in which the others have its error, on the line of logarithms between the two
     points of their frontier that are next to it, and these two; None where there are no such two."""
-    line = frontier(p for p in points if not _same(p, default))
+    line = frontier(p for p in points if not p.same_choice(default))
     error = default.error.rmse.middle
     for a, b in pairwise(line):
         high, low = a.error.rmse.middle, b.error.rmse.middle
@@ -70,7 +70,7 @@ def steps(curves: Iterable[Curve], default: Point) -> tuple[Step, ...]:
     found = []
     for curve in curves:
         for p in curve.points if curve.kind == "step" else ():
-            if not _same(p, default):
+            if not p.same_choice(default):
                 error, base = p.error.rmse, default.error.rmse
                 apart = error.low > base.high or error.high < base.low
                 found.append(Step(curve.knob, p.value, _ratio(error, base), _ratio(p.seconds, default.seconds), apart))
@@ -121,7 +121,7 @@ def _halving(curve: Curve, default: Point) -> Halving:
 def _drawn(points: tuple[Point, ...], default: Point, goes_on: bool) -> np.ndarray:
     """Factors for points and default drawn from their bands; where one of the points is the default, both are one."""
     rng = np.random.default_rng(SEED)
-    same = next((i for i, p in enumerate(points) if _same(p, default)), len(points))
+    same = next((i for i, p in enumerate(points) if p.same_choice(default)), len(points))
     every = (*points, default)[: len(points) + (same == len(points))]
     n, shape = len(points), (DRAWS, len(every))
     times = _logs([p.seconds for p in every], rng.standard_normal(shape))
@@ -200,14 +200,10 @@ def _logs(bands: list[Band], normal: Any) -> np.ndarray:
 
 
 def _ratio(a: Band, b: Band) -> Band:
-    """Of two independent numbers; high is inf, where b may be 0."""
+    """Of two independent numbers; high is inf, where b may be 0; 0 of 0 counts as 1."""
     if b.middle <= 0 or a.middle <= 0:
-        return Band(a.middle / b.middle if b.middle else inf, a.low / b.high if b.high else 0.0, inf)
+        middle = a.middle / b.middle if b.middle else inf if a.middle else 1.0
+        return Band(middle, a.low / b.high if b.high else 0.0, inf)
     middle = a.middle / b.middle
     half = QUANTILE * float(np.hypot(*(np.log(x.high / x.low) / 2 / QUANTILE if x.low > 0 else inf for x in (a, b))))
     return Band(middle, middle * float(np.exp(-half)), middle * float(np.exp(half)))
-
-
-def _same(a: Point, b: Point) -> bool:
-    """Whether it is the default, measured once and put in a curve."""
-    return a is b or (a.settings == b.settings and a.seconds == b.seconds and a.error.rmse == b.error.rmse)

@@ -6,10 +6,9 @@ which each pass of a render does once, whatever its size. They are what repeats 
 
 All choices are measured by turns: noise of the machine hits all of them alike, and Ctrl-C keeps the turns that are
 complete. Seeds, samples and rays are data, so that choices share kernels. Each kernel holds a number that none has held
-before (`mark`, as in study/ablation.py): so it is compiled in this study, once, whatever Dr.Jit has kept.
+before (ablation.new_mark): so it is compiled in this study, once, whatever Dr.Jit has kept.
 """
 
-import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -90,8 +89,7 @@ def exposed(made: Set, film: Film, seeds: Sequence[int], done: int, count: int, 
     dr.eval(x, y, numbers)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        # Moves a column far outside of the film to the first: nothing.
-        x = dr.select(x == a.U(mark), 0, x)
+        x = ablation.marked(a, x, mark)
         plan = replace(Plan.of(a, 0, spp, done, count), seed=numbers)
         film = film.plus(a, integrator.sample(made.stage, plan, x, y), done, count)
         dr.eval(film)
@@ -123,7 +121,7 @@ class Studio:
     seeds: Sequence[int]
     patience: Patience
     progress: bool = False
-    mark: int = field(default_factory=lambda: 2**31 + secrets.randbelow(2**31))
+    mark: int = field(default_factory=ablation.new_mark)
     compiled: dict[str, float] = field(default_factory=dict)
 
     @property

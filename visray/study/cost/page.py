@@ -3,62 +3,18 @@
 It takes matplotlib (visray.study.cost.charts): import this module where a page is asked for, and not before.
 """
 
-from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 from typing import Any
 
 from visray.study.cost import charts
 from visray.study.cost.frontier import overtaken
+from visray.study.cost.looks import cell, document, table
 from visray.study.cost.records import Band, Halving, Point, Report
-from visray.study.cost.wording import changes, is_number, number, own, percent, written
+from visray.study.cost.wording import changes, is_number, number, percent, written
 
-CSS = """
-:root { color-scheme: light dark; --ink: #1d2127; --soft: #5c6570; --paper: #fff; --line: #dfe3e8; --mark: #fff3b8;
-  --today: #dcebfa }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e8eb; --soft: #a2abb5; --paper: #16191d; --line: #363c44; --mark: #4d430f;
-    --today: #17324d }
-}
-body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2.5rem auto 5rem;
-  max-width: 960px; padding: 0 1.2rem; overflow-wrap: anywhere }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 } h2 { font-size: 1.25rem; margin: 3rem 0 .6rem }
-.soft, figcaption, caption { color: var(--soft); font-size: .9rem } .lead { font-size: 1.1rem }
-.warn { border-left: 4px solid #D55E00; padding: .3rem 1rem }
-figure { margin: 1.5rem 0 } figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px }
-.scroll { overflow: auto; max-height: 85vh }
-table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal }
-caption { text-align: left; padding-bottom: .4rem } thead th { position: sticky; top: 0; background: var(--paper) }
-th, td { text-align: left; vertical-align: top; padding: .3rem .5rem; border-bottom: 1px solid var(--line) }
-tbody th { position: sticky; left: 0; background: var(--paper) }
-th { font-weight: 600 } .n { white-space: nowrap } .turned { font-weight: 600; background: var(--mark) }
-tbody tr.today > * { background: var(--today) }
-th button { font: inherit; color: inherit; background: none; border: 0; padding: 0; text-align: left; cursor: pointer }
-th[aria-sort=ascending] button::after { content: " ↑" } th[aria-sort=descending] button::after { content: " ↓" }
-dt { font-weight: 600 } dd { margin: 0 0 .6rem }
-"""
-# Columns are sorted by the number of a cell where it has one, else by its text; what has none goes last.
-SORT = """
-for (const table of document.querySelectorAll("table.sortable")) {
-  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
-  const key = (row, i) => { const c = row.cells[i], k = c.dataset.key; return k === undefined ? c.innerText : +k; };
-  const order = (a, b) => typeof a === typeof b ? (a > b) - (a < b) : typeof a === "number" ? -1 : 1;
-  heads.forEach((head, i) => {
-    const button = document.createElement("button");
-    button.append(...head.childNodes);
-    head.append(button);
-    button.onclick = () => {
-      const sign = head.ariaSort === "ascending" ? -1 : 1;
-      heads.forEach(h => h.removeAttribute("aria-sort"));
-      head.setAttribute("aria-sort", sign > 0 ? "ascending" : "descending");
-      body.append(...[...body.rows].sort((a, b) => sign * order(key(a, i), key(b, i))));
-    };
-  });
-}
-"""
 PARTS = "Bias and deviation, relative, in percent, against the value of each knob. On the lower edge they are 0."
 BLUE = "Blue: today's default. joint: several knobs turned."
-CLASS = ' class="today"'
 MAIN = """Relative error against seconds, both logarithmic: one curve for each knob, all others as in the scene. Bars:
 bands of 95 %. The yellow steps are the frontier; the star is the scene as it is. k is the exponent of error ~
 seconds^-k with its interval of 95 %. Dashed: errors that more samples do not get below, and the seconds that compiling
@@ -93,9 +49,7 @@ def page(report: Report) -> str:
         _points(r),
         _measured(r),
     ]
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
-    body = f"<body><main>{''.join(parts)}</main><script>{SORT}</script></body>"
-    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}<style>{CSS}</style></head>{body}</html>\n'
+    return document(title, "".join(parts))
 
 
 def display(report: Report) -> str:
@@ -113,26 +67,6 @@ def _figure(figure: Any, caption: str) -> str:
 
 def _band(b: Band, write: Any = number) -> str:
     return f"{write(b.middle)} [{write(b.low)}, {write(b.high)}]"
-
-
-def _cell(text: Any, key: float | None = None, turned: bool = False, head: bool = False) -> str:
-    """A cell of a table; key: the number that it is sorted by."""
-    text = str(text)
-    # What is short stays on one line; settings may be long.
-    kinds = " ".join(["n"] * (len(text) < 26) + ["turned"] * turned)
-    marks = (f' class="{kinds}"' if kinds else "") + (
-        f' data-key="{key:.9g}"' if key is not None and isfinite(key) else ""
-    )
-    return f'<th scope="row"{marks}>{escape(text)}</th>' if head else f"<td{marks}>{escape(text)}</td>"
-
-
-def _table(caption: str, heads: Iterable[str], rows: Iterable[tuple[Sequence[str], bool]], kind: str = "") -> str:
-    """A table; its rows are of cells, and today's default or not."""
-    top = "".join(f'<th scope="col">{escape(h)}</th>' for h in heads)
-    body = "".join(f"<tr{CLASS if today else ''}>{''.join(cells)}</tr>" for cells, today in rows)
-    named = f'<table class="{kind}"><caption>{escape(caption)}</caption>'
-    # What scrolls must be reached by keyboard too.
-    return f'<div class="scroll" tabindex="0">{named}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _warnings(r: Report) -> list[str]:
@@ -172,7 +106,7 @@ def _lead(r: Report) -> str:
 def _start(h: Halving, r: Report) -> Any:
     """The default's value of a knob; None where its curve does not say."""
     points = [p for c in r.curves if c.knob == h.knob for p in c.points]
-    return next((p.value for p in points if own(p, r.default)), r.default.settings.get(h.knob))
+    return next((p.value for p in points if p.same_choice(r.default)), r.default.settings.get(h.knob))
 
 
 def _halved(h: Halving, r: Report) -> str:
@@ -199,16 +133,16 @@ def _halvings(r: Report) -> str:
         low, high = number(h.factor.low), number(h.factor.high)
         spread = f"{low} to {high}" if isfinite(h.factor.high) else f"at least {low}" if isfinite(h.factor.low) else "-"
         cells = [
-            _cell(rank, head=True),
-            _cell(h.knob),
-            _cell(_halved(h, r)),
-            _cell(spread),
-            _cell(percent(h.least)),
+            cell(rank, head=True),
+            cell(h.knob),
+            cell(_halved(h, r)),
+            cell(spread),
+            cell(percent(h.least)),
         ]
         rows.append((cells, False))
     names = ("rank", "knob", "half of the error", "times the time, 95 %", "least error by it, of today's")
     note = "Cheapest first; time as a multiple of the default's. Knobs with the same rank (=) cannot be told apart."
-    return head + _table(note, names, rows)
+    return head + table(note, names, rows)
 
 
 def _distance(r: Report) -> str:
@@ -222,7 +156,7 @@ def _distance(r: Report) -> str:
     if not better:
         text = "Nothing that was measured is both faster and more accurate than today's default"
         beside = overtaken(r.frontier, d)
-        if beside is None or beside[0] >= 1:
+        if beside is None or round(beside[0], 2) >= 1:
             return f"{text}: it is on the frontier."
         return (
             f"{text}; but on the line between its neighbours here its error takes {number(beside[0], 2)} of its time."
@@ -236,8 +170,8 @@ def _distance(r: Report) -> str:
 
 def _frontier(r: Report) -> str:
     """The frontier with the settings of each of its points, and the default among them."""
-    d, on = r.default, any(own(p, r.default) for p in r.frontier)
-    shown = sorted([*(p for p in r.frontier if not own(p, d)), d], key=lambda p: p.seconds.middle)
+    d, on = r.default, any(p.same_choice(r.default) for p in r.frontier)
+    shown = sorted([*(p for p in r.frontier if not p.same_choice(d)), d], key=lambda p: p.seconds.middle)
     each = [d.settings | p.settings for p in shown]
     names = list(dict.fromkeys(k for settings in each for k in settings))
     vary = [k for k in names if any(s.get(k) != each[0].get(k) for s in each)]
@@ -247,13 +181,13 @@ def _frontier(r: Report) -> str:
         name = p.knob if p is not d else "today's default" if on else "today's default, not on it"
         name += f" {written(p.value)}" if p.plain else ""
         texts = number(p.seconds.middle), number(p.seconds.middle / d.seconds.middle), percent(error)
-        cells = [_cell(name, head=True), *(_cell(t) for t in (*texts, number(error / base if base > 0 else None)))]
-        rows.append(([*cells, *(_cell(written(settings.get(k)), turned=k in turned) for k in vary)], p is d))
+        cells = [cell(name, head=True), *(cell(t) for t in (*texts, number(error / base if base > 0 else None)))]
+        rows.append(([*cells, *(cell(written(settings.get(k)), turned=k in turned) for k in vary)], p is d))
     heads = ("point", "time, s", "times the default's", "error", "times the default's", *vary)
     note = f"In the order of seconds; error: relative RMSE. Yellow: settings that are not the default's. {BLUE}"
     rest = ", ".join(f"{k} = {written(d.settings[k])}" for k in names if k not in vary and k in d.settings)
     rest = f'<p class="soft">The same everywhere: {escape(rest)}.</p>' if rest else ""
-    return f"<h2>The frontier</h2><p>{escape(_distance(r))}</p>{_table(note, heads, rows)}{rest}"
+    return f"<h2>The frontier</h2><p>{escape(_distance(r))}</p>{table(note, heads, rows)}{rest}"
 
 
 def _points(r: Report) -> str:
@@ -283,18 +217,18 @@ def _points(r: Report) -> str:
         turned = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, r.default).items())
         value = turned if p.knob == "joint" and turned else written(p.value)
         e = p.error
-        cells = [_cell(p.knob, head=True), _cell(value, p.value if is_number(p.value) else None)]
-        cells += [_cell(_band(p.seconds), p.seconds.middle), _cell(number(p.compile_seconds), p.compile_seconds)]
-        cells += [_cell(f"{p.operations:,}", p.operations)]
-        cells += [_cell(_band(b, lambda x: number(100 * x)), b.middle) for b in (e.rmse, e.bias, e.deviation)]
-        cells += [_cell(number(x), x) for x in (e.mrse, e.flip)]
+        cells = [cell(p.knob, head=True), cell(value, p.value if is_number(p.value) else None)]
+        cells += [cell(_band(p.seconds), p.seconds.middle), cell(number(p.compile_seconds), p.compile_seconds)]
+        cells += [cell(f"{p.operations:,}", p.operations)]
+        cells += [cell(_band(b, lambda x: number(100 * x)), b.middle) for b in (e.rmse, e.bias, e.deviation)]
+        cells += [cell(number(x), x) for x in (e.mrse, e.flip)]
         if geometry:
             g = p.geometry
             found = (g.lost, g.added, g.other, g.rays, g.ulps, g.angle, g.self_shadows, g.leaving) if g else (None,) * 8
-            cells += [_cell(f"{x:,}" if isinstance(x, int) else number(x), x) for x in found]
-        rows.append((cells, own(p, r.default)))
+            cells += [cell(f"{x:,}" if isinstance(x, int) else number(x), x) for x in found]
+        rows.append((cells, p.same_choice(r.default)))
     note = f"Press the head of a column to sort by it. In brackets: bands of 95 %. {BLUE}"
-    return f"<h2>All points</h2>{_table(note, heads, rows, 'sortable')}"
+    return f"<h2>All points</h2>{table(note, heads, rows, 'sortable')}"
 
 
 def _measured(r: Report) -> str:

@@ -26,6 +26,7 @@ from visray.study.cost.records import Curve, Point
 from visray.study.cost.slopes import slope
 from visray.study.cost.studied import Study
 from visray.study.cost.truth import FINER, Truth, luminance, truth
+from visray.study.cost.wording import changes
 from visray.study.machine import machine
 
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
@@ -183,7 +184,7 @@ def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool
     """What a reader must know, a sentence each."""
     on, film = explain(scene), scene.film
     there = "nothing that was measured is both faster and more accurate than the scene as it is"
-    if (found := overtaken(points, base)) is not None and found[0] < 1:
+    if (found := overtaken(points, base)) is not None and round(found[0], 2) < 1:
         share, *ends = found
         between = " and ".join(_named(p, base) for p in ends)
         there = f"the error of the scene as it is could be had in {share:.2g} of its time, between {between}"
@@ -200,5 +201,4 @@ def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool
 
 def _named(p: Point, base: Point) -> str:
     """What a point has that the default has not."""
-    other = {a.removeprefix("settings."): v for a, v in p.settings.items() if v != base.settings[a]}
-    return "(" + ", ".join(f"{a} {v}" for a, v in other.items()) + ")"
+    return "(" + ", ".join(f"{a.removeprefix('settings.')} {v}" for a, v in changes(p, base).items()) + ")"

@@ -36,10 +36,5 @@ def changes(point: Point, default: Point) -> dict[str, Any]:
     return {k: v for k, v in point.settings.items() if k not in before or before[k] != v}
 
 
-def own(point: Point, default: Point) -> bool:
-    """Whether a point is the scene as it is."""
-    return point is default or (point.plain == default.plain and not changes(point, default))
-
-
 def is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and isfinite(value)

@@ -7,7 +7,8 @@ from typing import Any
 
 from rich.table import Table
 
-from visray.study.cost.records import Band, Curve, Halving, Point, Report
+from visray.study.cost.frontier import Step, steps
+from visray.study.cost.records import Band, Curve, Halving, Report
 
 PICTURES = ("picture", "variance", "wrong")
 
@@ -20,7 +21,6 @@ def as_json(report: Report) -> dict[str, Any]:
 def as_csv(report: Report) -> str:
     """A row for each point, with all settings as columns; the default first. Seconds and relative errors."""
     points = [report.default, *(p for c in report.curves for p in c.points), *report.joint]
-    best = [_key(p) for p in report.frontier]
     addresses = list(dict.fromkeys(a for p in points for a in p.settings))
     measured = ["seconds", "rmse", "bias", "deviation"]
     ends = [name + end for name in measured for end in ("", "_low", "_high")]
@@ -31,19 +31,20 @@ def as_csv(report: Report) -> str:
     for p in points:
         e = p.error
         bands = [x for b in (p.seconds, e.rmse, e.bias, e.deviation) for x in (b.middle, b.low, b.high)]
-        facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(_key(p) in best), int(p.plain)]
+        best = any(p.same_choice(other) for other in report.frontier)
+        facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(best), int(p.plain)]
         out.writerow([p.knob, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
     return text.getvalue()
 
 
 def table(report: Report) -> Table:
     """The report for the terminal: a row a knob, those that halve the error at the least cost first."""
-    d = report.default
+    d, chosen = report.default, steps(report.curves, report.default)
     title = (
         f"error {_percent(d.error.rmse)} in {_milliseconds(d.seconds)} ms: "
         f"{report.width} x {report.height} pixels, {report.seeds} seeds"
     )
-    rows = Table(title=title, caption=_caption(report))
+    rows = Table(title=title, caption=_caption(report, chosen))
     rows.add_column("knob", min_width=len("1. samples, independent"), no_wrap=True)
     for name in ("time for half", "least error", "slope"):
         rows.add_column(name, justify="right")
@@ -51,12 +52,8 @@ def table(report: Report) -> Table:
     for h in report.halvings:
         rows.add_row(f"{h.rank}. {h.knob}", *_halving(h), _slope(curves[h.knob]))
     rows.add_section()
-    for c in report.curves:
-        for p in c.points if c.kind == "step" else ():
-            if _key(p) != _key(d):
-                factor = p.seconds.middle / d.seconds.middle
-                share = p.error.rmse.middle / (d.error.rmse.middle or 1.0)
-                rows.add_row(f"{c.knob}: {p.value}", f"(x {factor:.2f})", f"x {share:.2f}", "")
+    for s in chosen:
+        rows.add_row(f"{s.knob}: {s.value}", f"(x {s.seconds.middle:.2f})", f"x {s.error.middle:.2f}{_even(s)}", "")
     return rows
 
 
@@ -75,11 +72,6 @@ def _plain(x: Any) -> Any:
     return x
 
 
-def _key(p: Point) -> tuple:
-    """What tells choices apart, whichever knob they are of."""
-    return tuple(map(repr, p.settings.items())), p.plain
-
-
 def _halving(h: Halving) -> tuple[str, str]:
     if not isfinite(h.factor.middle):
         return "cannot", f"x {h.least:.2f}"
@@ -91,6 +83,10 @@ def _slope(c: Curve) -> str:
     return "" if s is None else f"{s.k:.2f} ± {(s.high - s.low) / 2:.2f}"
 
 
+def _even(s: Step) -> str:
+    return "" if s.changes else " even"
+
+
 def _percent(b: Band) -> str:
     return f"{100 * b.middle:.3g} %"
 
@@ -99,10 +95,12 @@ def _milliseconds(b: Band) -> str:
     return f"{1e3 * b.middle:.3g}"
 
 
-def _caption(report: Report) -> str:
+def _caption(report: Report, chosen: tuple[Step, ...]) -> str:
     """What a reader of the columns must know."""
     lines = ["time for half of the error by one knob, as a share of today's (95 %); knobs of equal number are even"]
     lines += ["least error: by that knob alone, as a share of today's; slope: k of error ~ time^-k"]
+    if not all(s.changes for s in chosen):
+        lines.append("even: an error that cannot be told from today's")
     lines += [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
     lines.append(f"reference: off by {100 * report.reference.error:.2g} %, {report.reference.seconds:.1f} s")
     lines += report.notes

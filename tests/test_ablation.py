@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
 
-import drjit as dr
 import numpy as np
 import pytest
 from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations

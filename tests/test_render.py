@@ -10,7 +10,7 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray import exposure, integrator
+from visray import exposure, integrator, pace
 from visray import film as films
 from visray.camera import Camera
 from visray.errors import UserError
@@ -157,10 +157,11 @@ def test_one_pass_and_many_make_the_same_picture(precision: str) -> None:
 def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = picture(SHOW, spp=24)
     monkeypatch.setattr(exposure, "first_pass", lambda made: 5 * len(made.order))
-    monkeypatch.setattr(exposure, "PASS_SECONDS", 1e-9)
+    monkeypatch.setattr(pace, "PASS_SECONDS", 1e-9)
+    monkeypatch.setattr(pace, "TRACED", 0)
     counts = []
     once = exposure.exposed_once
-    monkeypatch.setattr(exposure, "exposed_once", lambda *a: counts.append(a[-1]) or once(*a))
+    monkeypatch.setattr(exposure, "exposed_once", lambda *a: counts.append(a[4]) or once(*a))
     parts = picture(SHOW, spp=24)
     assert len(counts) > 3 and sum(counts) == 24
     assert np.abs(whole - parts).max() <= gamma(2 * 24 + 4, "single") * 2 * max(1, whole.max())
@@ -229,11 +230,11 @@ def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(exposure, "first_pass", lambda made: 2 * len(made.order))
     once, passes = exposure.exposed_once, []
 
-    def interrupted(made, film, settings, done, count):
+    def interrupted(made, film, settings, done, count, pace):
         passes.append(count)
         if len(passes) == 2:
             signal.raise_signal(signal.SIGINT)
-        return once(made, film, settings, done, count)
+        return once(made, film, settings, done, count, pace)
 
     monkeypatch.setattr(exposure, "exposed_once", interrupted)
     image = render(SHOW, spp=1000, progress=False, layers=("RGB",))

@@ -10,7 +10,7 @@ Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goe
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -102,30 +102,29 @@ class Pursuit:
     def run(self, files: Files) -> None:
         """All of it; raises UserError for goals that cannot be reached."""
         halves, goal = self.halves, self.goal
-        halves.compiled()
-        if goal.left() <= 0:
-            took = goal.passed() + goal.reserve
-            raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
-        self._pilot()
-        self.found = halves.estimate()
+        if goal.seconds is not None:
+            halves.compiled()
+            if goal.left() <= 0:
+                took = goal.passed() + goal.reserve
+                raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
+        allocation = self._pilot()
         if not self.patience.asked:
-            self.left_out = unavoidable(halves, goal.error, files, goal.left())
-        allocation = self._allocation()
+            self.left_out = unavoidable(halves, self.found, goal.error, files, goal.left())
         self._tell(allocation)
         while not self._reached():
             # Long rounds are many samples too many, where the error falls faster than was expected.
-            short = 3 * halves.counts.sum() * halves.rate < SHORT
+            short = halves.pace.seconds(3 * halves.counts.sum()) < SHORT
             targets = np.tile(allocation.targets(self._outlook(allocation, 4 if short else 2)[0]), 2)
             if not (targets > halves.counts).any():
                 return
-            done = halves.extend(targets, self._going)
+            done = halves.extend(targets, self._left)
             self.found = halves.estimate()
             if not done:
                 return
             allocation.learn(self.found.square, halves.counts[: halves.n])
 
-    def _pilot(self) -> None:
-        """As many samples of each pixel as tell who needs how many more."""
+    def _pilot(self) -> Allocation:
+        """As many samples of each pixel as tell who needs how many more; and what they tell."""
         halves = self.halves
         # Whatever happens, each pixel has that: what takes a fraction of a second, or one sample.
         short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.made)
@@ -133,29 +132,30 @@ class Pursuit:
         halves.extend(np.full_like(halves.counts, count))
         if self.goal.seconds is None and count < SHORTEST_PILOT:
             count = SHORTEST_PILOT
-            if not halves.extend(np.full_like(halves.counts, count), self._going):
-                return
-        while count < LONGEST_PILOT:
-            self.found = halves.estimate()
-            seconds = halves.rate * len(halves.counts) * count
+            if not halves.extend(np.full_like(halves.counts, count), self._left):
+                return self._allocation()
+        while True:
+            allocation = self._allocation()
+            seconds = halves.pace.seconds(len(halves.counts) * count)
             # In little time a short pilot is better than none.
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
-            if self._reached() or seconds > share * self.goal.left():
-                return
+            if count >= LONGEST_PILOT or self._reached() or seconds > share * self.goal.left():
+                return allocation
             longest = 2 * count
             if count >= SHORTEST_PILOT:
-                _, mean, _ = self._outlook(self._allocation(), np.inf)
+                _, mean, _ = self._outlook(allocation, np.inf)
                 longest = min(PILOT_SHARE * mean, LONGEST_PILOT)
             if longest < 2 * count:
-                return
+                return allocation
             while 2 * count <= longest:
                 count *= 2
-            if not halves.extend(np.full_like(halves.counts, count), self._going):
-                return
+            if not halves.extend(np.full_like(halves.counts, count), self._left):
+                return self._allocation()
 
     def _allocation(self) -> Allocation:
-        """By the pilot."""
+        """By the samples that there are, as is the error that is found."""
         halves, film = self.halves, self.halves.made.scene.film
+        self.found = halves.estimate()
         order = halves.made.order
         picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
@@ -165,10 +165,10 @@ class Pursuit:
         allocation.learn(self.found.square, halves.counts[: halves.n])
         return allocation
 
-    def _going(self, seconds: float) -> bool:
-        """Whether there is time for so many seconds more."""
+    def _left(self) -> float:
+        """How many seconds there are for another pass."""
         self.bar.at(int(self.halves.counts.sum()))
-        return not self.patience.asked and seconds <= self.goal.left()
+        return 0.0 if self.patience.asked else self.goal.left()
 
     def _reached(self) -> bool:
         found = self.found
@@ -180,7 +180,7 @@ class Pursuit:
         samples of a lane and mean square error that are expected then."""
         found, lanes = self.found, len(self.halves.counts)
         now = float(self.halves.counts.mean())
-        room = now + self.goal.left() / (self.halves.rate * lanes)
+        room = now + self.goal.left() / (self.halves.pace.rate * lanes)
         # That much above the estimate lies what the true error may be.
         high = np.square(found.high / found.error) if found.error else 1.0
         allowed = MARGIN * self.goal.allowed(found, max(self.left_out.high, 0.0)) / high
@@ -199,7 +199,7 @@ class Pursuit:
         """The forecast."""
         _, mean, square = self._outlook(allocation, np.inf)
         lanes, now = len(self.halves.counts), float(self.halves.counts.mean())
-        seconds = self.goal.passed() + self.goal.reserve + (mean - now) * lanes * self.halves.rate
+        seconds = self.goal.passed() + self.goal.reserve + self.halves.pace.seconds((mean - now) * lanes)
         total = square + max(self.left_out.square, 0.0)
         error = float(np.sqrt(total) / self.found.luminance) if self.found.luminance else 0.0
         self.bar.total = int(mean * lanes)
@@ -215,8 +215,10 @@ class Pursued:
     facts: dict[str, Any]
 
 
-def pursued(made: Set, goal: Goal, files: Files, progress: bool, patience: Patience) -> Pursued:
-    """The picture that comes nearest to the goal. Ctrl-C keeps what is done."""
+def pursued(
+    made: Set, goal: Goal, files: Files, layers: Collection[str], progress: bool, patience: Patience
+) -> Pursued:
+    """The picture that comes nearest to the goal, with these of its layers. Ctrl-C keeps what is done."""
     forecasts: list[Forecast] = []
 
     def say(forecast: Forecast) -> None:
@@ -248,4 +250,4 @@ def pursued(made: Set, goal: Goal, files: Files, progress: bool, patience: Patie
     }
     facts |= {} if goal.error is None else {"error_asked": float(goal.error)}
     facts |= {} if goal.seconds is None else {"time_asked": float(goal.seconds)}
-    return Pursued(halves.layers(), facts)
+    return Pursued(halves.layers(layers), facts)

@@ -12,13 +12,11 @@ from visray import film as films
 from visray import images, integrator, llvm, tables
 from visray.errors import UserError
 from visray.features import Features, features
+from visray.pace import Pace
 from visray.progress import Bar, Patience
 from visray.quantities import BACKENDS, Arrays
 from visray.sampling import Plan
 from visray.scene.scene import Scene, Settings
-
-# Passes after the first are fitted to this.
-PASS_SECONDS = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,19 +82,16 @@ def expose(made: Set, progress: bool = False, patience: Patience | None = None) 
     """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
     patience = patience or Patience()
     settings, n = made.scene.settings, len(made.order)
-    film, done = films.Film.blank(made.a, n), 0
+    film, done, pace = films.Film.blank(made.a, n), 0, Pace()
     passes = -(-settings.spp * n // max(first_pass(made), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
         while done < settings.spp and not (done and patience.asked):
             count = min(count, settings.spp - done)
-            begun = time.perf_counter()
-            film = exposed_once(made, film, settings, done, count)
+            film = exposed_once(made, film, settings, done, count, pace)
             done += count
             bar.at(done)
-            # The first pass compiles, so it says little about how fast the next will be.
-            if done > count:
-                count = max(1, round(count * PASS_SECONDS / max(time.perf_counter() - begun, PASS_SECONDS / 64)))
+            count = max(1, round(pace.room() / n))
     return film, done
 
 
@@ -111,10 +106,12 @@ def first_pass(made: Set) -> int:
     return 2**25 // ((1 + rays) * (1 + paths) * (8 if trees else 1))
 
 
-def exposed_once(made: Set, film: films.Film, settings: Settings, done: int, count: int) -> films.Film:
-    """The film after one more pass."""
+def exposed_once(
+    made: Set, film: films.Film, settings: Settings, done: int, count: int, pace: Pace | None = None
+) -> films.Film:
+    """The film after one more pass, of which `pace` is told."""
+    begun = time.perf_counter()
     plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
     film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
-    dr.eval(film)
-    dr.sync_thread()
+    (pace or Pace()).evaluated(begun, count * len(made.order), film)
     return film

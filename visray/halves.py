@@ -6,7 +6,7 @@ over all pixels is a good one.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +15,9 @@ import numpy as np
 
 from visray import film as films
 from visray import integrator
-from visray.exposure import PASS_SECONDS, Set, first_pass
+from visray.exposure import Set, first_pass
 from visray.film import Film
+from visray.pace import Pace
 from visray.sampling import Plan
 
 # Rec. 709, as the pictures' primaries.
@@ -72,23 +73,22 @@ class Halves:
         films.check_size(made.scene.film.width, made.scene.film.height, 2)
         self.film = Film.blank(made.a, 2 * self.n)
         self.counts = np.zeros(2 * self.n, np.int64)
-        # Seconds of a sample, once one is known.
-        self.rate: float | None = None
+        self.pace = Pace()
 
     def compiled(self) -> None:
         """Makes the kernel of a pass, with a few samples that are thrown away."""
         few = np.arange(min(2 * self.n, 32))
         Halves(self.made).take(few, np.ones(2 * self.n, np.int64))
 
-    def extend(self, targets: np.ndarray, going: Callable[[float], bool] = lambda seconds: True) -> bool:
-        """Brings the lanes to so many samples, in passes; those that get most come first. `going` is asked before each
-        pass, with the seconds that it will take. Returns whether all were done."""
+    def extend(self, targets: np.ndarray, left: Callable[[], float] = lambda: np.inf) -> bool:
+        """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each
+        pass how many seconds there are for it. Returns whether all were done."""
         while (targets > self.counts).any():
-            if not self._extend(np.minimum(targets, self.counts + LONGEST), going):
+            if not self._extend(np.minimum(targets, self.counts + LONGEST), left):
                 return False
         return True
 
-    def _extend(self, targets: np.ndarray, going: Callable[[float], bool]) -> bool:
+    def _extend(self, targets: np.ndarray, left: Callable[[], float]) -> bool:
         """As extend, each lane by no more than fits into a pass."""
         lanes = np.flatnonzero(targets > self.counts)
         # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
@@ -97,22 +97,23 @@ class Halves:
         done = 0
         while done < len(lanes):
             before = more[done - 1] if done else 0
-            room = first_pass(self.made) if self.rate is None else PASS_SECONDS / self.rate
-            end = max(int(np.searchsorted(more, before + room, "right")), done + 1)
-            samples = int(more[end - 1] - before)
-            if not going(0.0 if self.rate is None else samples * self.rate):
+            room = self._room(left())
+            if room <= 0:
                 return False
-            begun = time.perf_counter()
+            end = max(int(np.searchsorted(more, before + room, "right")), done + 1)
             self.take(lanes[done:end], targets)
-            rate = (time.perf_counter() - begun) / samples
-            # What takes a small pass long is not its samples.
-            if self.rate is None or 4 * samples > room:
-                self.rate = rate
             done = end
         return True
 
+    def _room(self, left: float) -> float:
+        """How many samples the next pass should have, with so many seconds left."""
+        if self.pace.rate is None:
+            return first_pass(self.made) if left > 0 else 0
+        return self.pace.room(left)
+
     def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:
         """Brings some lanes to so many samples, in one pass."""
+        begun = time.perf_counter()
         # Of one lane the kernel would be another.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
         a, before = self.made.a, self.counts[lanes]
@@ -122,8 +123,7 @@ class Halves:
         new = old.plus(a, found, plan.first, plan.count)
         for whole, part in zip(_parts(self.film), _parts(new)):
             dr.scatter(whole, part, at)
-        dr.eval(self.film)
-        dr.sync_thread()
+        self.pace.evaluated(begun, int(count.sum()), self.film)
         self.counts[lanes] = targets[lanes]
 
     def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
@@ -153,23 +153,24 @@ class Halves:
         dr.eval(sums)
         return Estimate.told(self.n, *(float(x[0]) for x in sums), 2 * int(self.counts.min()))
 
-    def layers(self) -> dict[str, np.ndarray]:
-        """Colour and coverage of pixels, the variance of samples, the standard error of pixels (from the halves'
-        differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In the order of
-        lanes."""
+    def layers(self, wanted: Collection[str]) -> dict[str, np.ndarray]:
+        """Colour of pixels and, where they are wanted, coverage, the variance of samples, the standard error of pixels
+        (from the halves' differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In
+        the order of lanes."""
         counts, film = self.counts.reshape(2, -1), self.made.scene.film
-        coverage = np.array(self.film.coverage).reshape(2, -1) / counts
-        squares = np.array(self.film.squares).reshape(3, 2, -1)
         a, b = self.means()
         found = {"RGB": (a + b) / 2, "samples": counts.sum(0)}
-        found |= {"A": coverage.mean(0) if film.transparent else np.ones(self.n)}
-        if counts.min() > 1:
-            found["variance"] = squares.sum(1) / (counts - 1).sum(0)
-        shape, order = (film.height, film.width), self.made.order
-        picture = np.empty((3, self.n))
-        picture[:, order] = np.square(a - b) / 4
-        near = np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture])
-        return found | {"error": np.sqrt(near)}
+        if "A" in wanted:
+            coverage = np.array(self.film.coverage).reshape(2, -1) / counts
+            found["A"] = coverage.mean(0) if film.transparent else np.ones(self.n)
+        if "variance" in wanted and counts.min() > 1:
+            found["variance"] = np.array(self.film.squares).reshape(3, 2, -1).sum(1) / (counts - 1).sum(0)
+        if "error" in wanted:
+            shape, order = (film.height, film.width), self.made.order
+            picture = np.empty((3, self.n))
+            picture[:, order] = np.square(a - b) / 4
+            found["error"] = np.sqrt(np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture]))
+        return found
 
     def spreads(self) -> np.ndarray:
         """The variance of a lane's samples, summed over channels. Shapes: (2 N)."""
@@ -193,7 +194,7 @@ def windowed(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     for axis in (0, 1):
         ways, n = [(reach, reach) if i == axis else (0, 0) for i in (0, 1)], x.shape[axis]
         padded = np.pad(x, ways)
-        x = sum(k * padded.take(range(i, i + n), axis) for i, k in enumerate(kernel))
+        x = sum(k * padded[(slice(None),) * axis + (slice(i, i + n),)] for i, k in enumerate(kernel))
     return x
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from visray.errors import UserError
 from visray.geometry import gamma as rounded
-from visray.halves import Halves
+from visray.halves import Estimate, Halves
 from visray.output.image import Gamma
 from visray.rounding import rounding
 from visray.truncation import Truncation, truncation
@@ -32,10 +32,12 @@ class Files:
     exposure: float = 0.0
 
 
-def unavoidable(halves: Halves, error: float | None, files: Files, seconds: float = np.inf) -> Truncation:
+def unavoidable(
+    halves: Halves, found: Estimate, error: float | None, files: Files, seconds: float = np.inf
+) -> Truncation:
     """What the scene's depth leaves out; raises UserError if that, the precision or the rounding of all files may be
-    above the error that is asked for. `halves`: a pilot; seconds: that are left."""
-    found, scene = halves.estimate(), halves.made.scene
+    above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that are left."""
+    scene = halves.made.scene
     settings, on = scene.settings, halves.made.features
     asked = np.inf if error is None else float(error) * found.luminance
     finest = rounded(ROUNDINGS, settings.precision)

@@ -86,7 +86,7 @@ def render(
         if goal:
             # First, as its kernel takes time too.
             data = _data_layers(made, layers)
-            found = pursued(made, goal, files, progress, patience)
+            found = pursued(made, goal, files, layers, progress, patience)
             colours, done, more = found.layers, 0, found.facts
         else:
             film, done = expose(made, progress, patience)

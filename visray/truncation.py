@@ -35,8 +35,8 @@ def truncation(
     n, made = halves.n, halves.made
     count = min(int(halves.counts.min()), SAMPLES)
     most = pixels
-    if seconds < np.inf and halves.rate:
-        most = int(np.clip(seconds / (halves.rate * 2 * count * (1 + len(depths))), FEWEST, pixels))
+    if seconds < np.inf and halves.pace.rate:
+        most = int(np.clip(seconds / (halves.pace.rate * 2 * count * (1 + len(depths))), FEWEST, pixels))
     some = np.sort(np.random.default_rng(made.scene.settings.seed).permutation(n)[:most])
     x, y = (made.a.put(made.a.U, np.array(v)[some]) for v in (made.x, made.y))
     part = replace(made, order=made.order[some], x=x, y=y)

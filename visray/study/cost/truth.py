@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from visray.exposure import PASS_SECONDS, Set, set_up
+from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import LUMINANCE
+from visray.pace import PASS_SECONDS
 from visray.progress import Bar, Patience
 from visray.reachable import DEEPEST
 from visray.render import explain

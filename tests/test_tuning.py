@@ -27,9 +27,10 @@ from visray.scene.load import load
 from visray.scene.scene import Film, Scene, Settings
 from visray.study.cost import study, tuning
 from visray.study.cost.records import Band, Curve, Point, Report
+from visray.study.cost.scaled import Scaled
 from visray.study.cost.study import cost
 from visray.study.cost.truth import luminance
-from visray.study.cost.tuned import LATE, Goal, Measured, Tuned, as_scene
+from visray.study.cost.tuned import LATE, Measured, Target, Tuned, as_scene
 from visray.study.cost.tuning import GAIN, WORTH, tune
 
 SOFT = Scene(
@@ -120,13 +121,15 @@ def made_up(
     `wrong` times what the model says. Returns what tunes SOFT in it."""
 
     def measured(self: Any, settings: dict) -> Measured:
-        seconds = ONCE + self.model.seconds(settings) / self.model.seconds(self.own)
-        noise = PART * wrong(settings) * self.model.error(settings) ** 2
-        error = sqrt(noise + self._bias(settings))
+        model = self.scaled.model
+        seconds = ONCE + model.seconds(settings) / model.seconds(self.scaled.own)
+        noise = PART * wrong(settings) * model.error(settings) ** 2
+        error = sqrt(noise + self.scaled.bias(settings))
         return Measured(settings, Band(seconds, seconds, seconds), Band(error, error, error), noise)
 
     monkeypatch.setattr(tuning._Tuning, "_measured", measured)
-    return lambda error=None, time=None: tuning._Tuning(SOFT, Goal(error, time), report, Patience(), False).run()
+    scaled = Scaled(SOFT, report)
+    return lambda error=None, time=None: tuning._Tuning(scaled, Target(error, time), Patience(), False).run()
 
 
 @pytest.mark.parametrize(
@@ -222,11 +225,12 @@ def test_the_choice_is_the_best_of_the_model(smooth: Report, monkeypatch: pytest
         (choose(time=share * before.seconds.middle), lambda t, e: e),
         (choose(error=before.error.middle / sqrt(share)), lambda t, e: t),
     ):
-        tuner = tuning._Tuning(SOFT, found.goal, smooth, Patience(), False)
-        kept = tuner._kept(tuner.model).choices
-        own = tuner.model.seconds(tuner.own)
+        scaled = Scaled(SOFT, smooth)
+        kept = scaled.kept(scaled.model).choices
+        own = scaled.model.seconds(scaled.own)
         every = [(ONCE + c.seconds / own, sqrt(PART) * c.error) for c in kept]
-        allowed = [(t, e) for t, e in every if (t <= found.goal.time if found.goal.time else e <= found.goal.error)]
+        target = found.target
+        allowed = [(t, e) for t, e in every if (t <= target.time if target.time else e <= target.error)]
         best = min(price(t, e) for t, e in allowed)
         # What stays as it is, what gains too little to be tried, and what gains too little to be turned.
         near = WORTH / GAIN**2
@@ -243,11 +247,11 @@ def test_where_time_tells_nothing_no_more_samples_are_taken_than_needed(
     choose = made_up(replace(smooth, curves=curves), monkeypatch)
     before = choose(error=1.0).before
     found = choose(error=before.error.middle / 2)
-    tuner = tuning._Tuning(SOFT, found.goal, smooth, Patience(), False)
+    scaled = Scaled(SOFT, smooth)
     fewer = found.settings | {"settings.spp": found.settings["settings.spp"] - 1}
     if found.settings["settings.sampler"] == "stratified":
         fewer["settings.spp"] = (round(sqrt(found.settings["settings.spp"])) - 1) ** 2
-    assert found.met and sqrt(PART) * tuner.model.error(fewer) > found.goal.error
+    assert found.met and sqrt(PART) * scaled.model.error(fewer) > found.target.error
 
 
 def test_where_the_model_is_wrong_what_is_measured_counts(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -277,6 +281,30 @@ def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None
     assert found.reasons[-1] == "no settings were found that do it: these come nearest"
 
 
+@pytest.mark.parametrize(("share", "met"), [(0.5, False), (2, True)])
+@pytest.mark.parametrize("measured", [1, 2])
+def test_stopped_it_keeps_the_best_that_was_tried(
+    smooth: Report, monkeypatch: pytest.MonkeyPatch, measured: int, share: float, met: bool
+) -> None:
+    """That is the scene as it is: the fastest settings, which come second, only tell how fast renders are."""
+    choose = made_up(smooth, monkeypatch)
+    before, whole, asked = choose(error=1.0).before, tuning._Tuning._measured, []
+
+    def interrupted(self: Any, settings: dict) -> Measured:
+        asked.append(settings)
+        if len(asked) > measured:
+            self.patience.asked = True
+            raise KeyboardInterrupt
+        return whole(self, settings)
+
+    monkeypatch.setattr(tuning._Tuning, "_measured", interrupted)
+    found = choose(error=share * before.error.middle)
+    assert found.stopped and found.as_json()["stopped"] and found.reasons[-1].startswith("stopped before its end")
+    assert found.met == met and found.settings == before.settings and found.scene == SOFT
+    monkeypatch.setattr(tuning._Tuning, "_measured", whole)
+    assert not choose(error=share * before.error.middle).stopped
+
+
 def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     rough = replace(smooth, floors={"single precision": 0.008})
     choose = made_up(rough, monkeypatch)
@@ -292,14 +320,14 @@ def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypa
 def test_what_a_depth_leaves_out_is_part_of_the_error(report: Report) -> None:
     points = tuple(replace(report.default, value=depth) for depth in (1, 2, 4, 8))
     mirrored = replace(report, curves=(*report.curves, Curve("depth", "bias", points)))
-    tuner = tuning._Tuning(MIRRORS, Goal(0.02, None), mirrored, Patience(), False)
+    scaled = Scaled(MIRRORS, mirrored)
     deep = picture(changed(MIRRORS, {"settings.depth": 60}))
     for p in points:
         shallow = picture(changed(MIRRORS, {"settings.depth": p.value}))
         left = sqrt(((shallow - deep) ** 2).mean()) / luminance(deep)
         # It is as much as may be left out, with a chance of 95 %: not less than is, but for chance.
         assert (
-            0.97 * left <= sqrt(tuner._bias({"settings.depth": p.value, "settings.precision": "double"})) < 1.3 * left
+            0.97 * left <= sqrt(scaled.bias({"settings.depth": p.value, "settings.precision": "double"})) < 1.3 * left
         )
 
 

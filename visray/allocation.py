@@ -22,8 +22,8 @@ MOST = 18
 # to be steep: another look at the error takes less time than samples that were not needed.
 POWER, LEAST_POWER, GREATEST_POWER = 1.5, 1.0, 1.8
 # No pixel has less than 2^-FLOOR of the mean samples that weights alone ask for, to a power of two. With less, lone
-# pixels that were missed around have most of the error, and so few tell it badly: on scenes/penumbra.json an eighth took
-# 3.5 times as long to be sure of 0.001, on no scene was it faster.
+# pixels that were missed around have most of the error, and so few tell it badly: on scenes/penumbra.json an eighth
+# took 3.5 times as long to be sure of 0.001, and on no scene was it faster.
 FLOOR = 1
 # A window of 5 x 5 pixels, along each side. A small thing that a pixel's few samples have missed has been hit nearby.
 KERNEL = np.array([1, 4, 6, 4, 1]) / 16

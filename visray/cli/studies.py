@@ -178,7 +178,7 @@ def tune(
     else:
         Console().print(found.table())
         _say_written(output)
-    return 0 if found.met else 1
+    return INTERRUPTED if found.stopped else 0 if found.met else 1
 
 
 @app.command

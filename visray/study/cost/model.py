@@ -25,7 +25,7 @@ MOST = 2000  # combinations of counts that are kept on the way; of more, some be
 
 
 @dataclass(frozen=True)
-class Choice:
+class Prediction:
     """Settings on the frontier that the model predicts, and what it predicts for them."""
 
     settings: Settings
@@ -87,7 +87,7 @@ class Model:
         return tuple(choices[i].settings for i in sorted(at))
 
     @cached_property
-    def choices(self) -> tuple[Choice, ...]:
+    def choices(self) -> tuple[Prediction, ...]:
         """The candidates of which no other is as fast and as accurate by the model, cheapest first."""
         costs, parts, picked = self._combined()
         ways, found = undominated(self.laws.ways), []
@@ -98,7 +98,7 @@ class Model:
                 e = self._error(sampler.noise, sample[SPP], way, parts)
                 found += [(t[i], e[i], sample | way.settings, picked[i]) for i in lowest(t, e)]
         kept = [found[i] for i in lowest(*(np.array([f[k] for f in found]) for k in (0, 1)))]
-        return tuple(Choice(self._settings(some, indices), float(t), float(e)) for t, e, some, indices in kept)
+        return tuple(Prediction(self._settings(some, indices), float(t), float(e)) for t, e, some, indices in kept)
 
     def _settings(self, some: Settings, indices: np.ndarray) -> Settings:
         """All settings, with some of them, and of each count the value of this index."""

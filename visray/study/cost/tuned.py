@@ -19,21 +19,21 @@ Settings = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Goal:
+class Target:
     """What is asked for: an error, or seconds of one render; the other is None."""
 
     error: float | None
     time: float | None
 
     @staticmethod
-    def asked(error: float | None, time: float | None) -> "Goal":
+    def of(error: float | None, time: float | None) -> "Target":
         for name, given, example in (("error", error, 0.01), ("time", time, 10)):
             check_target(name, given, example)
         if error is not None and time is not None:
             raise UserError(f"error = {error:g} and time = {time:g}: only one can be asked for; leave the other out")
         if error is None and time is None:
             raise UserError("nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10")
-        return Goal(error, time)
+        return Target(error, time)
 
     def met(self, found: "Measured") -> bool:
         if self.error is not None:
@@ -67,11 +67,11 @@ class Tuned:
 
     settings: of all knobs, by address; changed: those that differ from the scene's. error and seconds: measured with
     them at the scene's own size, predicted_*: by the model before that; before: the same of the scene as it is. met:
-    whether the goal is reached. reasons: a sentence for each knob that is changed; variance is squared noise. scene:
-    with these settings.
+    whether the target is reached; stopped: by Ctrl-C. reasons: a sentence for each knob that is changed; variance is
+    squared noise. scene: with these settings.
     """
 
-    goal: Goal
+    target: Target
     settings: Settings
     changed: Settings
     predicted_error: float
@@ -80,6 +80,7 @@ class Tuned:
     seconds: Band
     before: Measured
     met: bool
+    stopped: bool
     reasons: tuple[str, ...]
     scene: Scene = field(repr=False)
     report: Report = field(repr=False)
@@ -87,8 +88,9 @@ class Tuned:
     def as_json(self) -> dict[str, Any]:
         """All of it as json.dumps takes it; of the report only its notes, and the machine."""
         found = {
-            "asked": {k: v for k, v in asdict(self.goal).items() if v is not None},
+            "asked": {k: v for k, v in asdict(self.target).items() if v is not None},
             "met": self.met,
+            "stopped": self.stopped,
             "settings": self.settings,
             "changed": self.changed,
             "predicted": {"error": self.predicted_error, "seconds": self.predicted_seconds},

@@ -22,6 +22,7 @@ from visray.lights import sphere as sphere_light
 from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
 from visray.render import developed, rasters
+from visray.sampling import Plan
 from visray.scene.address import replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
@@ -340,6 +341,39 @@ def test_each_effect_makes_the_kernel_of_a_matte_scene_grow(effect: str) -> None
     assert features(MATTE).names() == ["diffuse"]
     assert set(features(after).names()) - set(features(before).names()) == {effect}
     assert operations(before) < operations(after)
+
+
+def traced(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How often the body of each loop of the kernel is traced."""
+    whole, times = dr.while_loop, []
+
+    def counted(state: tuple, condition: Callable, body: Callable, **more: Any) -> tuple:
+        mine = len(times)
+        times.append(0)
+
+        def once_more(*state: Any) -> tuple:
+            times[mine] += 1
+            return body(*state)
+
+        return whole(state, condition, once_more, **more)
+
+    made = set_up(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr(dr, "while_loop", counted)
+        integrator.sample(made.stage, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y)
+    return times
+
+
+@pytest.mark.parametrize("effect", STEPS)
+def test_loops_are_traced_once(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And those in them too. Dr.Jit traces a loop again where something in its state never changes."""
+    for change in STEPS[effect]:
+        assert set(traced(change(MATTE), monkeypatch)) == {1}
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
+def test_loops_of_every_scene_are_traced_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(traced(film(width=16, height=16)(load(path)), monkeypatch)) == {1}
 
 
 def test_there_is_a_step_for_every_rule() -> None:

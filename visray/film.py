@@ -16,7 +16,7 @@ BYTES_PER_PIXEL = 360
 
 @dataclass(frozen=True)
 class Moments:
-    """What one pass knows of a pixel. Shapes: (3, N); coverage (N).
+    """What one pass knows of a pixel. Shapes: (3, N); coverage (N), None where the film is opaque.
 
     The sums are of differences from `reference`, the pass's first sample: no digits cancel where a pixel hardly varies.
     """
@@ -54,7 +54,7 @@ class Film:
         return Film(
             self.mean + delta * share,
             self.squares + dr.maximum(spread, 0) + dr.square(delta) * (n * share),
-            self.coverage + a.D(m.coverage),
+            self.coverage if m.coverage is None else self.coverage + a.D(m.coverage),
         )
 
 

@@ -83,7 +83,10 @@ def radiance(s: Stage, ray: Ray, draw: Draw | None = None) -> tuple[Any, Any]:
 
 
 def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
-    """The samples of one pass over the pixels (x, y): one lane a pixel, a symbolic loop over its samples."""
+    """The samples of one pass over the pixels (x, y): one lane a pixel, a symbolic loop over its samples.
+
+    What no sample changes is no state of the loop: Dr.Jit would trace all of it once more, to take that out.
+    """
     a, n = s.scenery.a, dr.width(x)
     key = sampling.pixel_key(plan, x, y)
     left, top = a.F(x), a.F(y)
@@ -99,16 +102,12 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
         reference = dr.select(i == 0, dr.detach(colour), reference)
         delta = colour - reference
         squares = squares + dr.square(dr.detach(delta))
-        if s.scenery.features["coverage"]:
-            coverage = coverage + covered
+        coverage = None if coverage is None else coverage + covered
         return i + 1, sampling.next_cell(plan, cell), reference, total + delta, squares, coverage
 
-    start = (
-        dr.zeros(a.U, n),
-        sampling.first_cell(plan, key, a.F),
-        *(dr.zeros(a.V, n) for _ in range(3)),
-        dr.zeros(a.F, n),
-    )
+    colours = (dr.zeros(a.V, n) for _ in range(3))
+    covered = dr.zeros(a.F, n) if s.scenery.features["coverage"] else None
+    start = dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), *colours, covered
     done = dr.while_loop(start, lambda i, *_: i < plan.count, body, max_iterations=-1, label="samples")
     return Moments(*done[2:])
 

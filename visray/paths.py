@@ -219,6 +219,9 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
     """
     a, settings, lot, n = s.a, s.settings, s.lots["scatter"], dr.width(first.surface.p)
     mirrors, scatters = (dr.full(a.U, 0, n) + x for x in s.levels)
+    # What never changes is no state of the loop (as in integrator.sample): there is one path, and nothing scatters.
+    first_number = dr.zeros(a.U, n) if s.features["scatter"] else None
+    scatters = scatters if s.features["scatter"] else None
     b = bounce(s, first, ray, glass, mirrors, scatters, a.U(0))
     # Of what the eye sees, only a matte surface has more than one path.
     split = b.alive & b.scattered
@@ -227,14 +230,14 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
 
     def begun(number: Any, b: Bounce, alive: Any) -> tuple:
         left = _left(a, b, mirrors, scatters)
-        return a.U(number), dr.zeros(a.U, n), *left, *_parts(b.ray), b.weight * share, alive
+        return number, dr.zeros(a.U, n), *left, *_parts(b.ray), b.weight * share, alive
 
     def level(number: Any, i: Any, mirrors: Any, scatters: Any, *rest: Any) -> tuple:
         *parts, weight, alive, total = rest
         path = Ray(*parts)
         hit = closest(Watch(a, s.kin, s.groups, path.o, shared=False), path, s.plain, alive)
         hit = Hit(hit.t, dr.select(alive, hit.index, NO_OBJECT))
-        here = site(s, path, hit, first.draw.along(1 + number + (i << 16)))
+        here = site(s, path, hit, first.draw.along(1 + (0 if number is None else number) + (i << 16)))
         glass = lens(s, here)
         colour, own = shade(s, here), weight_of_local(s, here, glass)
         colour = dr.select(hit.valid, colour if own is None else colour * own, missed(s, path.d))
@@ -254,11 +257,12 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
 
     total = dr.zeros(a.V, n)
     if not s.attached:
-        start = (dr.zeros(a.U, n) + begun(0, b, b.alive)[0], *begun(0, b, b.alive)[1:], total)
+        start = *begun(first_number, b, b.alive), total
         return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
     mirrored = s.features["reflection"] or s.features["refraction"]
-    for number in range(settings.scatter.rays if s.features["scatter"] else 1):
-        state = begun(number, b if number == 0 else scattered(s, first, a.U(number)), b.alive if number == 0 else split)
+    for k in range(settings.scatter.rays if s.features["scatter"] else 1):
+        number = None if first_number is None else first_number + k
+        state = begun(number, b if k == 0 else scattered(s, first, a.U(k)), b.alive if k == 0 else split)
         for _ in range(settings.depth * mirrored + settings.scatter.depth * s.features["scatter"]):
             *state, total = level(*state, total)
     return total
@@ -269,5 +273,6 @@ def _parts(ray: Ray) -> tuple:
 
 
 def _left(a: Any, b: Bounce, mirrors: Any, scatters: Any) -> tuple:
-    """How many more reflections and scatterings a path may have after a bounce."""
-    return mirrors - dr.select(b.scattered, a.U(0), 1), scatters - dr.select(b.scattered, a.U(1), 0)
+    """How many more reflections, and scatterings if any, a path may have after a bounce."""
+    fewer = None if scatters is None else scatters - dr.select(b.scattered, a.U(1), 0)
+    return mirrors - dr.select(b.scattered, a.U(0), 1), fewer

@@ -15,6 +15,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 from test_render import compiled
 
 from visray import adaptive, allocation, halves, integrator
@@ -27,6 +28,7 @@ from visray.exposure import Set, set_up
 from visray.film import Film as Exposure
 from visray.geometry import gamma as rounded
 from visray.halves import LUMINANCE, QUANTILE, Estimate, Halves
+from visray.images.reading import linear
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
 from visray.output.image import Image
@@ -745,7 +747,9 @@ def hall(depth: int, width: int = 48, height: int = 32) -> Scene:
 
 
 def test_a_depth_that_leaves_out_too_much_is_refused_with_one_that_does() -> None:
-    with pytest.raises(UserError, match=r"^error = 0\.04: settings\.depth = 2 alone leaves out 0\.\d+; ") as refused:
+    with pytest.raises(
+        UserError, match=r"^error = 0\.04: settings\.depth = 2 alone leaves out 0\.\d+ to 0\.\d+ "
+    ) as refused:
         pursued(hall(2), error=0.04)
     found = str(refused.value)
     assert "settings.depth = " in found.split(";")[1] and "would do" in found, found
@@ -858,6 +862,27 @@ def test_exposure_and_gamma_of_the_file_count() -> None:
     pursued(EDGES, error=0.02, files=Files(["x.png"]))
     with pytest.raises(UserError, match="8-bit output as PNG alone is off"):
         pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -8.0))
+
+
+def test_the_rounding_of_the_best_file_is_part_of_the_error(tmp_path: Path) -> None:
+    """A PNG file alone keeps to the error that is asked for, and says how much of it is its own."""
+    true = render(EDGES, spp=16384, seed=99, layers=("RGB",), progress=False)["RGB"].astype(float)
+    luminance = (true @ LUMINANCE).mean()
+    paths = {kind: str(tmp_path / f"a.{kind}") for kind in ("png", "exr")}
+    both, png, exr = (
+        render(EDGES, error=0.006, files=Files(files), progress=False).metadata
+        for files in (list(paths.values()), [paths["png"]], [paths["exr"]])
+    )
+    assert both["file_error"] == exr["file_error"] < 3e-4
+    floor = rounding(true, paths["png"]) / luminance
+    assert png["file_error"] == pytest.approx(floor, rel=0.05) and 0.002 < floor < 0.006
+    assert png["error_high"] <= 0.006 and png["spp"] > exr["spp"]
+    image = render(EDGES, error=0.006, files=Files([paths["png"]]), progress=False)
+    image.write(paths["png"])
+    shown = linear(np.asarray(Pillow.open(paths["png"]).convert("RGB")) / 255)
+    off = sqrt(np.square(shown - true).mean()) / luminance
+    noise = sqrt(np.square(image["RGB"] - true).mean()) / luminance
+    assert noise < off <= 0.006 and image.metadata["error_low"] <= off
 
 
 # The command line

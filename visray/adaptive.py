@@ -11,7 +11,7 @@ Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goe
 import sys
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -22,7 +22,7 @@ from visray.errors import UserError
 from visray.exposure import Set, first_pass
 from visray.halves import Estimate, Halves
 from visray.progress import Bar, Patience
-from visray.reachable import Files, unavoidable
+from visray.reachable import Files, Floor, rounded_off, unavoidable
 from visray.truncation import Truncation
 
 # The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
@@ -92,12 +92,12 @@ class Forecast:
 
 
 class Pursuit:
-    """Brings a picture to its goal. found: the error that it has reached; left_out: what samples do not take away."""
+    """Brings a picture to its goal. found: the error that it has reached; floor: what samples do not take away."""
 
     def __init__(self, made: Set, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
         self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
         self.halves = Halves(made)
-        self.left_out = Truncation(made.scene.settings.depth, 0.0, 0.0, 0.0)
+        self.floor = Floor(Truncation(made.scene.settings.depth, 0.0, 0.0, 0.0))
 
     def run(self, files: Files) -> None:
         """All of it; raises UserError for goals that cannot be reached."""
@@ -106,12 +106,13 @@ class Pursuit:
             halves.compiled()
             if goal.left() <= 0:
                 took = goal.passed() + goal.reserve
-                raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.1f} s; give more")
+                raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.2g} s; give more")
         allocation = self._pilot()
         if not self.patience.asked:
-            self.left_out = unavoidable(halves, self.found, goal.error, files, goal.left())
+            self.floor = unavoidable(halves, self.found, goal.error, files, goal.left())
         self._tell(allocation)
         while not self._reached():
+            self._expect(allocation)
             # Long rounds are many samples too many, where the error falls faster than was expected.
             short = halves.pace.seconds(3 * halves.counts.sum()) < SHORT
             targets = np.tile(allocation.targets(self._outlook(allocation, 4 if short else 2)[0]), 2)
@@ -119,6 +120,8 @@ class Pursuit:
                 return
             done = halves.extend(targets, self._left)
             self.found = halves.estimate()
+            # A file rounds a smooth picture otherwise than a noisy one.
+            self.floor = replace(self.floor, rounding=rounded_off(halves, files)[0])
             if not done:
                 return
             allocation.learn(self.found.square, halves.counts[: halves.n])
@@ -173,7 +176,7 @@ class Pursuit:
     def _reached(self) -> bool:
         found = self.found
         high = np.square(found.high * found.luminance)
-        return bool(high <= self.goal.allowed(found, max(self.left_out.high, 0.0)))
+        return bool(high <= self.goal.allowed(found, self.floor.high))
 
     def _outlook(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
         """The number of the whole picture that meets the goal, or makes so many times the samples there are; mean
@@ -183,7 +186,7 @@ class Pursuit:
         room = now + self.goal.left() / (self.halves.pace.rate * lanes)
         # That much above the estimate lies what the true error may be.
         high = np.square(found.high / found.error) if found.error else 1.0
-        allowed = MARGIN * self.goal.allowed(found, max(self.left_out.high, 0.0)) / high
+        allowed = MARGIN * self.goal.allowed(found, self.floor.high) / high
         last = now, found.square
 
         def enough(mean: float, square: float) -> bool:
@@ -195,14 +198,19 @@ class Pursuit:
         number = allocation.least(enough)
         return number, *last
 
+    def _expect(self, allocation: Allocation) -> tuple[float, float]:
+        """Mean samples of a lane and mean square error at the end."""
+        _, mean, square = self._outlook(allocation, np.inf)
+        self.bar.total = int(mean * len(self.halves.counts))
+        return mean, square
+
     def _tell(self, allocation: Allocation) -> None:
         """The forecast."""
-        _, mean, square = self._outlook(allocation, np.inf)
+        mean, square = self._expect(allocation)
         lanes, now = len(self.halves.counts), float(self.halves.counts.mean())
         seconds = self.goal.passed() + self.goal.reserve + self.halves.pace.seconds((mean - now) * lanes)
-        total = square + max(self.left_out.square, 0.0)
+        total = square + self.floor.square
         error = float(np.sqrt(total) / self.found.luminance) if self.found.luminance else 0.0
-        self.bar.total = int(mean * lanes)
         self.say(Forecast(2 * mean, error, seconds))
 
 
@@ -229,21 +237,23 @@ def pursued(
     with Bar("rendering", 1, progress) as bar:
         pursuit = Pursuit(made, goal, patience, bar, say)
         pursuit.run(files)
+        if not patience.asked:
+            bar.at(bar.total)
     halves, found, counts = pursuit.halves, pursuit.found, pursuit.halves.counts.reshape(2, -1)
     scale = 1 / found.luminance if found.luminance > 0 else 1.0
     # What samples do not take away is in the error, and in both of its ends.
-    left = pursuit.left_out
-    off, least, most = (scale * np.sqrt(max(x, 0.0)) for x in (left.square, left.low, left.high))
-    ends = (("error", found.error, off), ("error_low", found.low, least), ("error_high", found.high, most))
-    total = {name: float(np.hypot(noise, bias)) for name, noise, bias in ends}
+    floor = pursuit.floor
+    noise, rest = (found.error, found.low, found.high), (floor.square, floor.low, floor.high)
+    total = [float(np.hypot(x, scale * np.sqrt(y))) for x, y in zip(noise, rest)]
+    parts = {"depth_error": max(floor.depth.square, 0.0), "file_error": floor.rounding}
     spp = counts.sum(0)
     facts = {
         "sampler": made.scene.settings.sampler,
         "spp": round(float(spp.mean()), 2),
         "spp_least": int(spp.min()),
         "spp_most": int(spp.max()),
-        **total,
-        "depth_error": float(off),
+        **dict(zip(("error", "error_low", "error_high"), total)),
+        **{name: float(scale * np.sqrt(square)) for name, square in parts.items()},
         "forecast_error": forecasts[-1].error,
         "forecast_spp": round(forecasts[-1].spp, 2),
         "forecast_seconds": round(forecasts[-1].seconds, 2),

@@ -12,7 +12,7 @@ SHOWN_AFTER = 2.0
 
 
 class Bar:
-    """Reports steps done out of a total on standard error; a context manager."""
+    """Reports the share done of a total, which may change, on standard error; a context manager."""
 
     def __init__(self, title: str, total: int, shown: bool = True):
         self.title, self.total, self.shown = title, total, shown
@@ -31,14 +31,14 @@ class Bar:
         if self.bar is None:
             if not self.shown or time.monotonic() - self.begun < SHOWN_AFTER or done >= self.total:
                 return
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}")
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")
             console = Console(stderr=True)
             self.bar = Progress(*columns, TimeElapsedColumn(), "left", TimeRemainingColumn(), console=console)
             self.bar.start()
             # The time before the bar appeared counts for the estimate of what is left.
             task = self.bar.add_task(self.title, total=self.total)
             self.bar.tasks[task].start_time -= time.monotonic() - self.begun
-        self.bar.update(self.bar.task_ids[0], completed=done)
+        self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
 
 
 class Patience:

@@ -1,4 +1,5 @@
-"""Errors that no number of samples gets below: refused, with what would be right."""
+"""Errors that samples do not take away: they are part of a picture's error, and one that is asked for below them is
+refused, with what would be right."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ DEEPEST = 1000
 # Of the seconds that are left, for what depth leaves out.
 SHARE = 0.05
 LARGER = "ask for a larger error"
+FILES = {
+    ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
+    ".exr": ("half precision of EXR", LARGER),
+}
 # So many roundings a sample's colour has at least, which is the same for all samples of a flat place: light times
 # material, twice, and their sum.
 ROUNDINGS = 4
@@ -32,23 +37,54 @@ class Files:
     exposure: float = 0.0
 
 
-def unavoidable(
-    halves: Halves, found: Estimate, error: float | None, files: Files, seconds: float = np.inf
-) -> Truncation:
-    """What the scene's depth leaves out; raises UserError if that, the precision or the rounding of all files may be
-    above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that are left."""
+@dataclass(frozen=True)
+class Floor:
+    """Mean squares over pixels and channels of what samples do not take away. depth: what is left out; rounding: of the
+    file that is best."""
+
+    depth: Truncation
+    rounding: float = 0.0
+
+    @property
+    def square(self) -> float:
+        return max(self.depth.square, 0.0) + self.rounding
+
+    @property
+    def low(self) -> float:
+        return max(self.depth.low, 0.0) + self.rounding
+
+    @property
+    def high(self) -> float:
+        return max(self.depth.high, 0.0) + self.rounding
+
+
+def rounded_off(halves: Halves, files: Files) -> tuple[float, str]:
+    """The mean square by which the best of the files is off, as it rounds, and its kind; 0 where there are none."""
+    a, b = halves.means()
+    # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
+    picture = ((a + b) / 2).T[None]
+    off = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
+    kind, least = min(off.items(), key=lambda pair: pair[1], default=("", 0.0))
+    return least**2, kind
+
+
+def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Files, seconds: float = np.inf) -> Floor:
+    """What samples do not take away; raises UserError if what the depth leaves out, the precision or the rounding of
+    all files may be above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that
+    are left."""
     scene = halves.made.scene
     settings, on = scene.settings, halves.made.features
     asked = np.inf if error is None else float(error) * found.luminance
-    finest = rounded(ROUNDINGS, settings.precision)
-    if error is not None and error < finest:
-        right = f"{LARGER}, or use double" if settings.precision == "single" else LARGER
-        raise UserError(f"error = {error:g}: {settings.precision} precision is off by {finest:.1g}; {right}")
-    if error is not None and found.luminance > 0 and files.paths:
-        _check_files(halves, error, found.luminance, files)
+    if error is not None:
+        check_precision(error, settings.precision)
+    off, kind = rounded_off(halves, files)
+    if off > asked**2 and found.luminance > 0:
+        least = np.sqrt(off) / found.luminance
+        what, right = FILES[kind]
+        raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")
     depth = settings.depth
     if not (on["reflection"] or on["refraction"]):
-        return Truncation(depth, 0.0, 0.0, 0.0)
+        return Floor(Truncation(depth, 0.0, 0.0, 0.0), off)
     deep = min(8 * depth + 8, 2 * DEEPEST)
     (here,) = truncation(halves, (depth,), deep, SHARE * seconds)
     if here.low <= asked**2 / 2 < here.high and seconds == np.inf:
@@ -57,24 +93,17 @@ def unavoidable(
     if here.high > asked**2:
         deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
         good = [t.depth for t in truncation(halves, tuple(deeper), deep) if t.high <= asked**2 / 4]
-        left = np.sqrt(max(here.square, 0)) / found.luminance
+        left = " to ".join(f"{np.sqrt(max(x, 0)) / found.luminance:.2g}" for x in (here.low, here.high))
         right = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
         raise UserError(
-            f"error = {error:g}: settings.depth = {depth} alone leaves out {left:.2g}; {right}, or {LARGER}"
+            f"error = {error:g}: settings.depth = {depth} alone leaves out {left} (95 %); {right}, or {LARGER}"
         )
-    return here
+    return Floor(here, off)
 
 
-def _check_files(halves: Halves, error: float, luminance: float, files: Files) -> None:
-    """Refuses an error that the rounding of every file is above."""
-    a, b = halves.means()
-    # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
-    picture = ((a + b) / 2).T[None]
-    off = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) / luminance for p in files.paths}
-    kind, least = min(off.items(), key=lambda pair: pair[1])
-    if error < least:
-        what, right = {
-            ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
-            ".exr": ("half precision of EXR", LARGER),
-        }[kind]
-        raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")
+def check_precision(error: float, precision: str) -> None:
+    """Refuses an error that a precision of shading does not hold."""
+    finest = rounded(ROUNDINGS, precision)
+    if error < finest:
+        right = f"{LARGER}, or use double" if precision == "single" else LARGER
+        raise UserError(f"error = {error:g}: {precision} precision is off by {finest:.1g}; {right}")

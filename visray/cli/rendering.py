@@ -20,8 +20,8 @@ from visray.render import LAYERS, PROOF, render
 
 # What a picture says that was made to an error, or in a time.
 PURSUED_FACTS = (
-    "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "error_asked", "time_asked",
-    "forecast_error", "forecast_spp", "forecast_seconds",
+    "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
+    "time_asked", "forecast_error", "forecast_spp", "forecast_seconds",
 )  # fmt: skip
 # What a picture says of its roots, where any were searched for.
 PROVEN = ("unresolved", "residual_ulps")
@@ -42,15 +42,19 @@ def _samples(facts: dict[str, Any]) -> str:
     """How many samples a picture has, and what is known of its error."""
     stopped = ", stopped" if facts["interrupted"] else ""
     if "error" not in facts:
-        gain = "" if facts["sampler"] == "independent" else f" if {facts['sampler']} samples were independent"
-        known = f", error {facts['error_at_most']:.2g}{gain}" if "error_at_most" in facts else ""
+        # How much better others are than independent samples, one picture does not tell.
+        bound = "" if facts["sampler"] == "independent" else "below "
+        known = f", error {bound}{facts['error_at_most']:.2g}" if "error_at_most" in facts else ""
         return f"{facts['spp']} spp" + (f" of {facts['spp_asked']}" if stopped else "") + stopped + known
     low, high = (f"{facts[f'error_{end}']:.3g}" for end in ("low", "high"))
-    depth = f", {facts['depth_error']:.2g} of it by depth" if facts["depth_error"] > 0.01 * facts["error"] else ""
+    parts = {name: facts[f"{name}_error"] for name in ("depth", "file")}
+    told = {"depth": "depth", "file": "the file's rounding"}
+    # What is squared away tells nobody anything.
+    rest = "".join(f", {x:.2g} of it by {told[k]}" for k, x in parts.items() if x > 0.1 * facts["error"])
     above = "" if _met(facts) else f", above the {facts['error_asked']:g} asked"
     mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
     spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"
-    return f"{spp}, error {facts['error']:.3g} (95 %: {low} to {high}{depth}){above}"
+    return f"{spp}, error {facts['error']:.3g} (95 %: {low} to {high}{rest}){above}"
 
 
 def _met(facts: dict[str, Any]) -> bool:
@@ -133,7 +137,9 @@ def render_command(
         )
     elif not quiet:
         names = ", ".join(str(o) for o in outputs)
-        line = f"{names}: {image.width} x {image.height}, {_samples(facts)}, {facts['render_seconds']:.2f} s"
+        # Of a time that is given all counts, from the start of the program on.
+        seconds = facts["render_seconds"] if time is None else perf_counter() - LOADED
+        line = f"{names}: {image.width} x {image.height}, {_samples(facts)}, {seconds:.2f} s"
         if "residual_ulps" in facts:
             seen = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
             line += f"; roots: {facts['unresolved']} unresolved, {seen}"

@@ -113,7 +113,10 @@ def cost(
     csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
     json: Json = False,
 ) -> int:
-    """Measure what accuracy costs: the error and the time of every knob of a scene. Ctrl-C keeps what is measured."""
+    """Measure what accuracy costs: the error and the time of every knob of a scene.
+
+    Ctrl-C keeps what is measured, once every setting has had a few pictures.
+    """
     # The study takes a while to load, and few commands need it.
     from visray.study.cost.studied import check_report
     from visray.study.cost.study import cost as study

@@ -130,4 +130,5 @@ def _halves(
             enough = noise <= target * (luminance(pictures.mean(0)) or 1.0)
             # The next doubling takes twice as long as the last one.
             if enough or patience.asked or 2 * (now - started) > budget - (now - begun):
+                bar.at(bar.total)
                 return pictures, done

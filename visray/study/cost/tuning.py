@@ -21,6 +21,7 @@ from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film
 from visray.halves import Estimate
 from visray.progress import Patience
+from visray.reachable import LARGER
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
 from visray.scene.load import checked, load
@@ -156,7 +157,7 @@ class _Tuning:
             deep = self.scaled.cut[depth] > left / 2
             whose = f"settings.depth = {depth}" if deep else "what is searched for and rounded"
             text += f", {sqrt(left):.2g} of it whatever the samples, by {whose}"
-        raise UserError(text)
+        raise UserError(f"{text}; {LARGER}")
 
     def _plainer(self, model: Model, settings: Settings) -> Settings:
         """The settings, with the scene's own value of each knob that gains next to nothing by another."""

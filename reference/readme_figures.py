@@ -204,8 +204,8 @@ def cost() -> list[str]:
             for h in r["halvings"]
             if h["factor"] is not None
         ]
-        cannot = [h["knob"] for h in r["halvings"] if h["factor"] is None]
-        text = ", ".join(halves) + (f"; alone cannot: {', '.join(cannot)}" if cannot else "")
+        others = [h["knob"] for h in r["halvings"] if h["factor"] is None]
+        text = "; ".join([", ".join(halves)] * bool(halves) + [f"not reached: {', '.join(others)}"] * bool(others))
         slopes = [r["by_count"][f"samples, {name}"] for name in ("independent", "stratified", "sobol")]
         shown = ", ".join(f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in slopes)
         rows.append([r["title"], f"{100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f}", text, shown])

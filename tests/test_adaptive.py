@@ -257,23 +257,24 @@ def test_the_least_number_is_the_least(seed: int) -> None:
     numbers = range(-STEPS * LOWEST, STEPS * (LOWEST + MOST) + 1)
     targets = {n: slow_targets(variances, counts, n) for n in numbers}
     expected = {
-        n: (k.mean(), scale * np.mean(weights**2 * k.astype(float) ** -found.power)) for n, k in targets.items()
+        n: (k.mean(), scale * np.mean(weights**2 * k.astype(float) ** -found.power), k.min())
+        for n, k in targets.items()
     }
     for limit in (9e-4, 1e-4, 1e-5):
-        told: list[tuple[float, float]] = []
+        told: list[tuple[float, float, int]] = []
 
-        def enough(mean: float, square: float, limit: float = limit, told: list = told) -> bool:
-            told.append((mean, square))
+        def enough(mean: float, square: float, least: int, limit: float = limit, told: list = told) -> bool:
+            told.append((mean, square, least))
             return square <= limit
 
         number = found.least(enough)
         slow = next(n for n in numbers if expected[n][1] <= limit)
         assert np.array_equal(targets[number], targets[slow])
         every = np.array(list(expected.values()))
-        for pair in told:
-            assert np.isclose(every, pair, rtol=1e-9, atol=0).all(1).any()
+        for heard in told:
+            assert np.isclose(every, heard, rtol=1e-9, atol=0).all(1).any()
     # By samples: the first number that has as many on average.
-    number = found.least(lambda mean, _: mean >= 100)
+    number = found.least(lambda mean, *_: mean >= 100)
     assert expected[number][0] >= 100 > expected[number - 1][0]
     # What cannot be had is answered with the most samples of all.
     assert (found.targets(found.least(lambda *_: False))[variances > 0] == 2**MOST).all()
@@ -292,7 +293,7 @@ def test_the_power_is_learned(power: float) -> None:
     assert found.power == pytest.approx(power, abs=0.03)
     more = found.targets(56)
     heard = []
-    found.least(lambda mean, expected: heard.append((mean, expected)) or mean >= more.mean())
+    found.least(lambda mean, expected, _: heard.append((mean, expected)) or mean >= more.mean())
     mean, expected = min(heard, key=lambda pair: abs(pair[0] - more.mean()))
     assert mean == more.mean() and expected == pytest.approx(square(more), rel=0.05)
 
@@ -612,6 +613,24 @@ def test_without_noise_the_pilot_is_all() -> None:
     assert pursued(FLAT, time=60).metadata["spp_most"] <= 2 * adaptive.LONGEST_PILOT
 
 
+@pytest.mark.parametrize("light", [1.0, 1e-9, 1e-15, 1e-30])
+def test_what_no_sample_has_met_is_looked_for(light: float) -> None:
+    """Without noise, and in the dark: the error that is asked for is reached by more samples, not missed."""
+    assert pursued(FLAT, error=0.001).metadata["error_high"] <= 0.001
+    panel = replace(EDGES.lights["panel"], intensity=light)
+    dark = replace(EDGES, background=(0.0, 0.0, 0.0), ambient=(0.0, 0.0, 0.0), lights={"panel": panel}, film=SMALL)
+    facts = pursued(dark, error=0.05).metadata
+    assert facts["error_high"] <= 0.05
+    # Squares of 1e-30 are none in single precision: there all pixels are alike.
+    assert facts["spp_most"] > facts["spp_least"] or light < 1e-15
+
+
+def test_a_forecast_says_what_can_be_had() -> None:
+    """Where no number of samples does: with the most of them, not what there was before."""
+    facts = pursued(EDGES, error=1e-5, time=1.5).metadata
+    assert facts["forecast_spp"] > 4 * facts["spp_least"] / 2 and facts["forecast_error"] < 0.02
+
+
 def test_small_things_alone_are_found() -> None:
     """Balls far smaller than a pixel before an even background: around such a pixel nothing varies, and yet its samples
     grow with those of the picture, which is as good as it says."""
@@ -724,7 +743,7 @@ def test_samples_go_with_no_goal(goal: dict) -> None:
 
 
 def test_too_little_time_is_refused() -> None:
-    with pytest.raises(UserError, match=r"^time = 1e-06: loading and compiling alone take .*; give more"):
+    with pytest.raises(UserError, match=r"^time = 1e-06: loading, compiling and writing alone take .*; give more"):
         pursued(EDGES, time=1e-6)
 
 
@@ -918,7 +937,7 @@ def test_a_command_in_a_time(scene_file: str, tmp_path: Path, capsys: pytest.Cap
     """The time counts from the start of the process, which is the tests' own here."""
     out = str(tmp_path / "a.exr")
     code, _, err = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3", "--quiet")
-    assert code != 0 and "time = 0.001: loading and compiling alone take" in err
+    assert code != 0 and "time = 0.001: loading, compiling and writing alone take" in err
     assert not Path(out).exists()
 
 

@@ -222,6 +222,8 @@ def test_writing(report: Report) -> None:
     text = printed(report)
     for word in (*names(SOFT)[:4], "32 x 24", "16 seeds", "8-bit output", "reference"):
         assert word in text
+    notes = text.splitlines()[text.splitlines().index(next(x for x in text.splitlines() if x.startswith("└"))) + 1 :]
+    assert notes[0].startswith("- time for half") and sum(x.startswith("- ") for x in notes) >= 7
 
 
 def printed(report: Report) -> str:

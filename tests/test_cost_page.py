@@ -12,6 +12,7 @@ pytest.importorskip("matplotlib")
 from visray.study.cost import charts
 from visray.study.cost.page import display, page
 from visray.study.cost.records import Band, Curve, Error, Geometry, Halving, Point, Reference, Report, Slope
+from visray.study.cost.wording import duration, number
 
 H, W = 24, 32
 RNG = np.random.default_rng(1)
@@ -248,7 +249,7 @@ def test_it_holds_all_points_and_figures(pages: dict[str, str]) -> None:
     for p, row in zip(every, rows):
         e, b = p.error, p.error.rmse
         assert row[0] == p.knob
-        assert row[2] == f"{p.seconds.middle:.3g} [{p.seconds.low:.3g}, {p.seconds.high:.3g}]"
+        assert row[2:4] == [duration(p.seconds), "2.5 s"]
         assert row[5] == f"{100 * b.middle:.3g} [{100 * b.low:.3g}, {100 * b.high:.3g}]"
         assert [row[4], row[8], row[9]] == ["41,234", f"{e.mrse:.3g}", f"{e.flip:.3g}"]
         assert row[10] == (str(p.geometry.lost) if p.geometry else "-")
@@ -258,21 +259,74 @@ def test_it_holds_all_points_and_figures(pages: dict[str, str]) -> None:
 
 
 def test_marks_say_what_they_are(pages: dict[str, str]) -> None:
-    assert "<title>depth 12: 0.86 s, 2.1 % (depth 12)</title>" in pages["study"]
+    assert "<title>depth 12: 860 ms, 2.1 % (depth 12)</title>" in pages["study"]
 
 
 def test_the_halving_is_told_in_sentences(pages: dict[str, str]) -> None:
-    """With what is turned from where to where; where a knob cannot, by how much it can; equal ranks as equal."""
+    """With what is turned from where to where; where a knob was not enough, how far it came; equal ranks as equal."""
     rows = {row[1]: row for row in Outline(pages["study"]).rows if len(row) == 5}
-    assert rows["samples, sobol"][2] == "2.56 times the samples, sobol (16 → 41): 2.6 times the time."
-    assert rows["lamp samples"][2] == "alone no less than 64 % of today's error."
+    assert rows["samples, sobol"][2] == "41 Sobol samples per pixel instead of 16: 2.6 times the time."
+    independent = "190.5 independent samples per pixel (today 16 Sobol): 5.2 times the time."
+    assert rows["samples, independent"][2] == independent
+    assert rows["lamp samples"][2] == "not reached by what was measured: at best 64 % of today's error."
     assert [rows[k][0] for k in ("samples, sobol", "samples, independent", "depth")] == ["1 =", "1 =", "3 ="]
     assert rows["samples, independent"][3] == "2.6 to 6" and rows["depth"][3] == "-"
+
+
+def test_the_lead_is_plain() -> None:
+    """Of which picture, in units that can be read; what is as good; and no more than what was measured."""
+    r = study()
+    assert "On a picture of 32 x 24 pixels, today's default takes 520 [494, 546] ms and is off by 2.14 %" in told(r)
+    assert "Just as good, as far as measurement can tell: independent samples." in told(r)
+    other = replace(r, halvings=(replace(r.halvings[0], knob="lamp samples", value=8), replace(r.halvings[2], rank=1)))
+    assert "costs least with 2 times the lamp samples (4 → 8): 2.6 times the time." in told(other)
+    assert "Just as good" not in told(other)
+    none = replace(r, halvings=r.halvings[2:])
+    assert "No knob alone halves that error within what was measured." in told(none)
+    assert "None of the knobs measured so far halves that error." in told(replace(none, stopped=True))
+    assert "Of what was measured so far, half of that error" in told(replace(r, stopped=True))
+
+
+def test_durations_are_in_units_that_can_be_read() -> None:
+    assert [duration(x) for x in (0.0339, 0.9994, 0.9996, 12.34, 754.0)] == [
+        "33.9 ms",
+        "999 ms",
+        "1 s",
+        "12.3 s",
+        "754 s",
+    ]
+    assert duration(Band(0.9, 0.8, 1.2)) == "900 [800, 1,200] ms" and duration(None) == "-"
+    assert number(999.7) == "1,000" and number(0.9997) == "1"
+
+
+def test_what_a_table_says_is_above_what_scrolls(pages: dict[str, str]) -> None:
+    found = Outline(pages["study"])
+    notes = {value for _, attribute, value in found.attributes if attribute == "id"}
+    tied = [value for tag, attribute, value in found.attributes if (tag, attribute) == ("table", "aria-describedby")]
+    assert len(tied) == len(set(tied)) == 3 and set(tied) <= notes and "caption" not in found.tags
+
+
+def test_what_may_be_nothing_is_drawn_as_at_most_so_much() -> None:
+    """Of a bias whose band reaches 0 only the upper end is drawn."""
+    r = study()
+    unsure = Band(1e-6, 0.0, 0.02)
+    points = [replace(p, error=replace(p.error, bias=unsure)) for p in r.curves[3].points[:3]]
+    curve = replace(r.curves[3], points=(*points, *r.curves[3].points[3:]))
+    for curves, arrows in (((r.curves[3],), []), ((curve,), [0.02] * 3)):
+        figure = charts.parts(replace(r, curves=curves))
+        lines = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
+        assert [y for line in lines for y in line.get_ydata()] == arrows
+        assert any("at most" in text.get_text() for text in figure.legends[0].texts) == bool(arrows)
 
 
 def test_the_default_is_told_against_the_frontier() -> None:
     r = study()
     assert "Nothing that was measured is both faster and more accurate than today's default" in told(r)
+    ends = [
+        point("depth", n, s, 0.001, e, settings={"settings.depth": n}) for n, s, e in ((2, 0.1, 0.04), (9, 0.9, 0.01))
+    ]
+    line = "interpolating between the two points beside it on the frontier, its error would take 0.52 of its time."
+    assert line in told(replace(r, frontier=(ends[0], r.default, ends[1])))
     better = point("depth", 5, 0.208, 0.001, 0.004, settings={"settings.depth": 5})
     beaten = replace(r, frontier=(r.joint[0], better))
     assert "The same error could be had in 0.4 of the time by settings.depth = 5." in told(beaten)

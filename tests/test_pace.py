@@ -1,60 +1,81 @@
-"""Passes are long enough that tracing is little of them, and short enough for what is left. The clock is made up."""
+"""Passes are long enough that tracing is little of them, and short enough for what is left."""
 
-from collections.abc import Iterator
+from itertools import pairwise
 from math import inf
 
+import drjit as dr
+import numpy as np
 import pytest
 
 from visray import pace
+from visray.exposure import exposed_once, set_up
+from visray.film import Film as Exposure
 from visray.pace import GROWTH, PASS_SECONDS, SURE, TRACED, Pace
+from visray.primitives import Sphere
+from visray.scene.scene import Film, Scene, Settings
 
 
-def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, float, int]) -> Pace:
-    """After passes of so many seconds of tracing, compiling and running, and samples."""
-    now = [0.0]
+def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> Pace:
+    """After passes of so many seconds of tracing and running, and samples."""
     found = Pace()
-
-    def ticks(tracing: float, compiling: float, running: float) -> Iterator[float]:
-        for seconds in (tracing, compiling, running):
-            now[0] += seconds
-            yield now[0]
-
-    monkeypatch.setattr(pace.dr, "eval", lambda *_: None)
-    monkeypatch.setattr(pace.dr, "sync_thread", lambda: None)
-    for *seconds, samples in passes:
-        clock = ticks(*seconds)
-        begun = now[0]
-        monkeypatch.setattr(pace.time, "perf_counter", lambda clock=clock: next(clock))
-        found.evaluated(begun, samples, None)
-        # The clock is not looked at where the pass tells nothing.
-        now[0] = begun + sum(seconds)
+    for tracing, running, samples in passes:
+        monkeypatch.setattr(pace.time, "perf_counter", lambda tracing=tracing: tracing)
+        monkeypatch.setattr(pace, "run", lambda film, running=running: running)
+        assert found.evaluated(0.0, samples, None) == running
     return found
 
 
-def test_compiling_counts_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = told(monkeypatch, (0.01, 5.0, 0.2, 1000))
-    assert found.tracing == pytest.approx(0.01) and found.rate == pytest.approx(2e-4)
-    assert found.seconds(500) == pytest.approx(0.01 + 0.1)
-
-
 def test_small_passes_do_not_tell_how_long_samples_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = told(monkeypatch, (0.01, 0, 0.2, 1000), (0.03, 0, 0.1, 5))
+    found = told(monkeypatch, (0.01, 0.2, 1000), (0.03, 0.1, 5))
     assert found.rate == pytest.approx(2e-4) and found.tracing == pytest.approx(0.03)
-    found = told(monkeypatch, (0.01, 0, 0.2, 1000), (0.03, 0, 0.4, 1000))
+    assert found.seconds(500) == pytest.approx(0.03 + 0.1)
+    found = told(monkeypatch, (0.01, 0.2, 1000), (0.03, 0.4, 1000))
     assert found.rate == pytest.approx(4e-4)
 
 
 @pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, TRACED * 0.2)])
 def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -> None:
     found = Pace(tracing, 1e-6, 10**6)
-    assert found.room() == pytest.approx(seconds / 1e-6)
-    assert found.room(1e3) == found.room(inf)
-    # What is left is shared by tracing and samples.
-    left = 3 * tracing
-    assert found.room(left) == pytest.approx(min(SURE * 2 * tracing, seconds) / 1e-6)
-    assert found.room(1.99 * tracing) == found.room(0) == found.room(-1.0) == 0
+    assert found.span() == pytest.approx(seconds) and found.room() == pytest.approx(seconds / 1e-6)
+    assert found.span(1e3) == found.span(inf)
+    # What is left is shared by tracing and samples; half of it is for those that are dearer than was thought.
+    assert found.span(3 * tracing) == pytest.approx(min(SURE * 2 * tracing, seconds))
+    assert found.span(1.99 * tracing) == found.span(0) == found.span(-1.0) == 0
 
 
 def test_what_took_no_time_tells_little() -> None:
     assert Pace(0.01, 0.0, 7).room() == GROWTH * 7
     assert Pace(0.01, 1e-12, 7).room() == GROWTH * 7
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_rate_is_that_of_the_kernel(threads: int) -> None:
+    """On one thread too, where it runs before dr.eval returns: of 1 and of 64 times the samples it is the same but for
+    a factor of 30, while compiling, and a kernel that seems to take no time, would be off by far more."""
+    scene = Scene(
+        film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=2**16, sampler="sobol")
+    )
+    before, made = dr.thread_count(), set_up(scene)
+    dr.set_thread_count(threads)
+    try:
+        film, rates = Exposure.blank(made.a, len(made.order)), []
+        for done, count in pairwise((0, 64, 128, 4096)):
+            found = Pace()
+            film = exposed_once(made, film, scene.settings, done, count - done, found)
+            rates.append(found.rate)
+    finally:
+        dr.set_thread_count(before)
+    assert min(rates) > 0 and max(rates) < 30 * min(rates)
+    assert np.isfinite(np.array(film.mean)).all()
+
+
+def test_whoever_counts_kernels_has_them_all() -> None:
+    scene = Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(spp=4))
+    made = set_up(scene)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        film = Exposure.blank(made.a, len(made.order))
+        for done in range(3):
+            film = exposed_once(made, film, scene.settings, done, 1, Pace())
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert sum(k["operation_count"] > 100 for k in kernels) == 3

@@ -106,12 +106,13 @@ class Pursuit:
             halves.compiled()
             if goal.left() <= 0:
                 took = goal.passed() + goal.reserve
-                raise UserError(f"time = {goal.seconds:g}: loading and compiling alone take {took:.2g} s; give more")
+                raise UserError(f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more")
         allocation = self._pilot()
         if not self.patience.asked:
             self.floor = unavoidable(halves, self.found, goal.error, files, goal.left())
         self._tell(allocation)
-        while not self._reached():
+        # Without noise a time would be spent for nothing.
+        while not self._reached() and (goal.error is not None or self.found.square > 0):
             self._expect(allocation)
             # Long rounds are many samples too many, where the error falls faster than was expected.
             short = halves.pace.seconds(3 * halves.counts.sum()) < SHORT
@@ -163,6 +164,8 @@ class Pursuit:
         picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
             picture[order] = halves.spreads().reshape(2, -1).sum(0)
+        # In the dark weights would be none.
+        picture /= np.square(self.found.luminance) or 1.0
         near = around(picture.reshape(film.height, film.width)).ravel()[order]
         allocation = Allocation.of(near, halves.counts[: halves.n])
         allocation.learn(self.found.square, halves.counts[: halves.n])
@@ -181,22 +184,22 @@ class Pursuit:
     def _outlook(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
         """The number of the whole picture that meets the goal, or makes so many times the samples there are; mean
         samples of a lane and mean square error that are expected then."""
-        found, lanes = self.found, len(self.halves.counts)
-        now = float(self.halves.counts.mean())
-        room = now + self.goal.left() / (self.halves.pace.rate * lanes)
-        # That much above the estimate lies what the true error may be.
-        high = np.square(found.high / found.error) if found.error else 1.0
-        allowed = MARGIN * self.goal.allowed(found, self.floor.high) / high
-        last = now, found.square
+        found, counts = self.found, self.halves.counts
+        now, fewest = float(counts.mean()), int(counts.min())
+        room = now + self.goal.left() / (self.halves.pace.rate * len(counts))
+        allowed = MARGIN * self.goal.allowed(found, self.floor.high)
+        good: list[tuple[float, float]] = []
+        short: list[tuple[float, float]] = [(now, found.square)]
 
-        def enough(mean: float, square: float) -> bool:
-            nonlocal last
-            good = mean >= min(growth * now, room) or square <= allowed
-            last = (mean, square) if good else last
-            return good
+        def enough(mean: float, square: float, least: int) -> bool:
+            high = square * found.factor + found.unseen * (fewest / least) ** 2
+            yes = mean >= min(growth * now, room) or high <= allowed
+            (good if yes else short).append((mean, square))
+            return yes
 
         number = allocation.least(enough)
-        return number, *last
+        # The search goes down as long as it is enough; where nothing is, it ends with the most samples.
+        return number, *(good[-1] if good else max(short))
 
     def _expect(self, allocation: Allocation) -> tuple[float, float]:
         """Mean samples of a lane and mean square error at the end."""

@@ -48,7 +48,8 @@ class Allocation:
 
     @staticmethod
     def of(variances: np.ndarray, counts: np.ndarray) -> "Allocation":
-        """By the variances around pixels."""
+        """By the variances around pixels, relative to the picture's light; where all are 0, all alike."""
+        variances = variances if variances.any() else np.ones_like(variances)
         with np.errstate(divide="ignore"):
             steps = np.rint(STEPS / 2 * np.log2(variances))
         return Allocation(np.clip(steps, -STEPS * LOWEST, STEPS * LOWEST).astype(np.int32), _levels(counts))
@@ -70,15 +71,16 @@ class Allocation:
         floor = self._floor(self._classes(self.levels), number)
         return 2 ** np.maximum(self._wanted(self.steps, self.levels, number), floor).astype(np.int64)
 
-    def least(self, enough: Callable[[float, float], bool]) -> int:
-        """The least number for which enough(mean samples of a pixel, mean square error expected then) holds, or the one
-        that gives all pixels the most."""
+    def least(self, enough: Callable[[float, float, int], bool]) -> int:
+        """The least number for which enough(mean samples of a pixel, mean square error expected then, fewest samples of
+        a pixel) holds, or the one that gives all pixels the most."""
         steps, levels, pixels = classes = self._classes(self.levels)
         low, high = -STEPS * LOWEST, STEPS * (LOWEST + MOST)
         while low < high:
             middle = (low + high) // 2
             wanted = np.maximum(self._wanted(steps, levels, middle), self._floor(classes, middle))
-            good = enough(_mean(wanted, pixels), self.scale * self._sum((steps, wanted, pixels), self.power))
+            square = self.scale * self._sum((steps, wanted, pixels), self.power)
+            good = enough(_mean(wanted, pixels), square, 2 ** int(wanted.min()))
             low, high = (low, middle) if good else (middle + 1, high)
         return low
 

@@ -12,7 +12,7 @@ from visray import film as films
 from visray import images, integrator, llvm, tables
 from visray.errors import UserError
 from visray.features import Features, features
-from visray.pace import Pace
+from visray.pace import LONGEST, Pace
 from visray.progress import Bar, Patience
 from visray.quantities import BACKENDS, Arrays
 from visray.sampling import Plan
@@ -87,7 +87,7 @@ def expose(made: Set, progress: bool = False, patience: Patience | None = None) 
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
         while done < settings.spp and not (done and patience.asked):
-            count = min(count, settings.spp - done)
+            count = min(count, settings.spp - done, LONGEST)
             film = exposed_once(made, film, settings, done, count, pace)
             done += count
             bar.at(done)
@@ -96,14 +96,14 @@ def expose(made: Set, progress: bool = False, patience: Patience | None = None) 
 
 
 def first_pass(made: Set) -> int:
-    """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample."""
+    """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample and what they meet."""
     s = made.stage.scenery
     on, settings = s.features, s.settings
     rays = sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
-    trees = any(g.tree is not None for g in s.groups)
-    return 2**25 // ((1 + rays) * (1 + paths) * (8 if trees else 1))
+    trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
+    return 2**23 // ((1 + rays) * (1 + paths) * (8 if trees else 1) * (16 if searched else 1))
 
 
 def exposed_once(

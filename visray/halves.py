@@ -17,7 +17,7 @@ from visray import film as films
 from visray import integrator
 from visray.exposure import Set, first_pass
 from visray.film import Film
-from visray.pace import Pace
+from visray.pace import LONGEST, Pace
 from visray.sampling import Plan
 
 # Rec. 709, as the pictures' primaries.
@@ -26,20 +26,21 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 QUANTILE = 1.959964
 # Nothing seen in n tries: the chance is less than so much over n, with 95 %.
 UNSEEN = 3.0
-# Samples of a lane that are summed in single precision, before they are added in double.
-LONGEST = 2**12
 
 
 @dataclass(frozen=True)
 class Estimate:
     """The error of a picture: the root of the mean square over pixels and channels, in linear light, over the picture's
-    mean luminance; low and high: with a chance of 95 % the true one lies between them. square: its absolute square."""
+    mean luminance; low and high: with a chance of 95 % the true one lies between them. square: its absolute square;
+    factor: by which that of high is larger, but for `unseen`, what may be there and no sample has met."""
 
     error: float
     low: float
     high: float
     square: float
     luminance: float
+    factor: float
+    unseen: float
 
     @staticmethod
     def of(a: np.ndarray, b: np.ndarray, samples: float = np.inf) -> "Estimate":
@@ -58,11 +59,11 @@ class Estimate:
         bright as the picture, that would have been missed by all samples with a chance of 5 %.
         """
         square, light = squares / n, luminance / n
-        factor = np.exp(QUANTILE * np.sqrt(2 * fourths) / squares) if squares > 0 else 1.0
+        factor = float(np.exp(QUANTILE * np.sqrt(2 * fourths) / squares)) if squares > 0 else 1.0
         unseen = UNSEEN * light**2 / (samples**2 * n)
         scale = 1 / light if light > 0 else 1.0
         ends = np.sqrt([square, square / factor, square * factor + unseen])
-        return Estimate(*(scale * ends).tolist(), square, light)
+        return Estimate(*(scale * ends).tolist(), square, light, factor, unseen)
 
 
 class Halves:
@@ -74,6 +75,8 @@ class Halves:
         self.film = Film.blank(made.a, 2 * self.n)
         self.counts = np.zeros(2 * self.n, np.int64)
         self.pace = Pace()
+        # Of each lane, seconds of a sample in the last pass that it was in: where there is more noise they take longer.
+        self.rates = np.zeros(2 * self.n)
 
     def compiled(self) -> None:
         """Makes the kernel of a pass, with a few samples that are thrown away."""
@@ -93,23 +96,21 @@ class Halves:
         lanes = np.flatnonzero(targets > self.counts)
         # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
-        more = np.cumsum((targets - self.counts)[lanes])
-        done = 0
+        more = (targets - self.counts)[lanes]
+        samples, seconds = np.cumsum(more), np.cumsum(more * self.rates[lanes])
+        done, known = 0, self.pace.rate is not None
         while done < len(lanes):
-            before = more[done - 1] if done else 0
-            room = self._room(left())
-            if room <= 0:
+            span = self.pace.span(left())
+            if span <= 0:
                 return False
-            end = max(int(np.searchsorted(more, before + room, "right")), done + 1)
+            room = self.pace.room() if known else first_pass(self.made)
+            end = np.searchsorted(samples, (samples[done - 1] if done else 0) + room, "right")
+            if known:
+                end = min(end, np.searchsorted(seconds, (seconds[done - 1] if done else 0.0) + span, "right"))
+            end = max(int(end), done + 1)
             self.take(lanes[done:end], targets)
             done = end
         return True
-
-    def _room(self, left: float) -> float:
-        """How many samples the next pass should have, with so many seconds left."""
-        if self.pace.rate is None:
-            return first_pass(self.made) if left > 0 else 0
-        return self.pace.room(left)
 
     def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:
         """Brings some lanes to so many samples, in one pass."""
@@ -123,7 +124,8 @@ class Halves:
         new = old.plus(a, found, plan.first, plan.count)
         for whole, part in zip(_parts(self.film), _parts(new)):
             dr.scatter(whole, part, at)
-        self.pace.evaluated(begun, int(count.sum()), self.film)
+        samples = int(count.sum())
+        self.rates[lanes] = self.pace.evaluated(begun, samples, self.film) / samples
         self.counts[lanes] = targets[lanes]
 
     def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:

@@ -12,8 +12,11 @@ import drjit as dr
 PASS_SECONDS, TRACED = 0.5, 8
 # A pass has at most so many times the samples of the one that told how long they take.
 GROWTH = 64
-# Of the time that is left a pass may take such a share: samples are not alike.
-SURE = 0.85
+# Of the seconds that are left a pass may take such a share: its samples may be dearer than those before.
+SURE = 0.5
+# Samples of a lane that are summed in the precision of shading, before they are added in double: of more the sum would
+# be off by more than they vary.
+LONGEST = 2**12
 
 
 @dataclass
@@ -24,26 +27,42 @@ class Pace:
     rate: float | None = None
     told_by: int = 0
 
-    def evaluated(self, begun: float, samples: int, film: Any) -> None:
+    def evaluated(self, begun: float, samples: int, film: Any) -> float:
         """Computes a film with so many more samples, which was traced since `begun` (time.perf_counter), and takes in
-        how long both took. What compiles in between is neither."""
-        traced = time.perf_counter()
-        dr.eval(film)
-        launched = time.perf_counter()
-        dr.sync_thread()
+        how long both took. What compiles in between is neither. Returns the seconds that it ran."""
+        self.tracing = time.perf_counter() - begun
+        ran = run(film)
         # What takes a small pass long is not its samples.
-        if self.rate is None or 4 * samples >= self.room():
-            self.rate, self.told_by = (time.perf_counter() - launched) / samples, samples
-        self.tracing = traced - begun
+        if self.rate is None or 4 * samples >= self.told_by:
+            self.rate, self.told_by = ran / samples, samples
+        return ran
 
     def seconds(self, samples: float) -> float:
         """Of a pass of so many samples. Domain: one was made."""
         return self.tracing + samples * self.rate
 
-    def room(self, left: float = inf) -> float:
-        """How many samples the next pass should have; 0 where too few of these seconds are left for one worth tracing.
-        Domain: one was made."""
-        if left < 2 * self.tracing:
+    def span(self, left: float = inf) -> float:
+        """How many seconds the next pass should run; 0 where too few are left for one worth tracing."""
+        if left < 2 * self.tracing or left <= 0:
             return 0.0
-        seconds = min(max(PASS_SECONDS, TRACED * self.tracing), SURE * (left - self.tracing))
-        return max(min(seconds / self.rate if self.rate else inf, GROWTH * self.told_by), 0.0)
+        return min(max(PASS_SECONDS, TRACED * self.tracing), SURE * (left - self.tracing))
+
+    def room(self) -> float:
+        """How many samples the next pass should have. Domain: one was made."""
+        return min(self.span() / self.rate if self.rate else inf, GROWTH * self.told_by)
+
+
+def run(film: Any) -> float:
+    """Computes a film; how many seconds its kernels ran. On one thread they run before dr.eval returns, and small ones
+    do on many: so only Dr.Jit can tell that from compiling."""
+    listened = dr.flag(dr.JitFlag.KernelHistory)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        if not listened:
+            dr.kernel_history_clear()
+        begun = time.perf_counter()
+        dr.eval(film)
+        dr.sync_thread()
+        if listened:
+            # Reading the history would take it from whoever listens.
+            return time.perf_counter() - begun
+        return sum(k["execution_time"] for k in dr.kernel_history()) / 1e3

@@ -12,12 +12,14 @@ from visray.geometry import gamma as rounded
 from visray.halves import Estimate, Halves
 from visray.output.image import Gamma
 from visray.rounding import rounding
-from visray.truncation import Truncation, truncation
+from visray.truncation import PIXELS, SAMPLES, Truncation, truncation
 
 # No scene is deeper.
 DEEPEST = 1000
 # Of the seconds that are left, for what depth leaves out.
 SHARE = 0.05
+# Times as many pixels tell more of that, where it is doubtful.
+MORE = 8
 LARGER = "ask for a larger error"
 FILES = {
     ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
@@ -88,8 +90,8 @@ def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Fil
     deep = min(8 * depth + 8, 2 * DEEPEST)
     (here,) = truncation(halves, (depth,), deep, SHARE * seconds)
     if here.low <= asked**2 / 2 < here.high and seconds == np.inf:
-        # Some of the pixels do not tell.
-        (here,) = truncation(halves, (depth,), deep, pixels=halves.n)
+        # Some samples of some of the pixels do not tell.
+        (here,) = truncation(halves, (depth,), deep, pixels=MORE * PIXELS, count=SAMPLES)
     if here.high > asked**2:
         deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
         good = [t.depth for t in truncation(halves, tuple(deeper), deep) if t.high <= asked**2 / 4]

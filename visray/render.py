@@ -33,8 +33,8 @@ DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id", *PROOF)
 PURSUED = ("error", "samples")
 LAYERS = ("RGB", "A", "variance", *PURSUED, *DATA_LAYERS)
 ANYWHERE = Files()
-# Seconds a pixel that a file with all layers takes to be written.
-WRITING = 1e-6
+# Seconds a pixel that layers take to be put together at the end, and a file with all of them to be written.
+LAYERING, WRITING = 7e-7, 1e-6
 
 
 def render(
@@ -75,7 +75,8 @@ def render(
     scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
     named = scene.hash()
     if goal:
-        goal = replace(goal, reserve=WRITING * scene.film.width * scene.film.height * len(files.paths))
+        pixels = scene.film.width * scene.film.height
+        goal = replace(goal, reserve=(LAYERING + WRITING * len(files.paths)) * pixels)
         # Strata need the number of samples beforehand.
         scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
     layers = wanted(layers)

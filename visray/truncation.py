@@ -24,16 +24,18 @@ class Truncation:
 
 
 def truncation(
-    halves: Halves, depths: tuple[int, ...], deep: int, seconds: float = np.inf, pixels: int = PIXELS
-) -> list[Truncation]:
+    halves: Halves, depths: tuple[int, ...], deep: int, seconds: float = np.inf, pixels: int = PIXELS,
+    count: int | None = None,
+) -> list[Truncation]:  # fmt: skip
     """What is left out at each of these depths, against `deep`, as some of the pixels tell: of so many at most, and of
-    fewer where they would take more than so many seconds.
+    fewer where they would take more than so many seconds. count: samples of each in each half, else as many as the
+    halves have.
 
     The same samples are taken with either depth, so that they differ by what is left out alone; of the two halves, the
     product of the differences has no bias as a square of their mean.
     """
     n, made = halves.n, halves.made
-    count = min(int(halves.counts.min()), SAMPLES)
+    count = count or min(int(halves.counts.min()), SAMPLES)
     most = pixels
     if seconds < np.inf and halves.pace.rate:
         most = int(np.clip(seconds / (halves.pace.rate * 2 * count * (1 + len(depths))), FEWEST, pixels))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -22,13 +22,14 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from visray.output.image import Image
 from visray.study.cost.drawing import GREY, INK, Labels, across, blank, legend, logarithmic, reach
 from visray.study.cost.records import Band, Curve, Point, Report, Slope
-from visray.study.cost.wording import changes, is_number, number, percent, written
+from visray.study.cost.wording import changes, duration, is_number, percent, written
 
 BLUE, RED = "#0072B2", "#D55E00"
 COLOURS, MARKERS = (BLUE, RED, "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), "os^DvPX<>"
 HIGHLIGHT = {"color": "#F0E442", "linewidth": 7, "alpha": 0.8, "solid_capstyle": "round"}
 # Names are the user's: a dollar sign in one of them is no formula.
 STYLE = ["default", {"text.parse_math": False, "svg.hashsalt": "visray", "font.size": 10, "axes.axisbelow": True}]
+MOST = {"marker": "v", "markersize": 6.5, "markerfacecolor": "white", "linestyle": "", "clip_on": False}
 LONGEST = 256  # pixels of a thumbnail's longer side, at most
 
 
@@ -48,13 +49,13 @@ def svg(figure: Figure, alt: str) -> str:
 
 
 def costs(report: Report) -> Figure:
-    """The error against seconds: a curve for each knob, the frontier, the default, the floors, and compile time."""
+    """The error against time: a curve for each knob, the frontier, the default, the floors, and compile time."""
     with style.context(STYLE):
         figure, (axes,) = blank(9, 6 + 0.12 * len(report.curves))
         points = [*(p for c in report.curves for p in c.points), *report.joint, *report.frontier, report.default]
         bottom = logarithmic(axes, "y", [p.error.rmse for p in points], percent, report.floors.values())
-        logarithmic(axes, "x", [p.seconds for p in points], number, [report.default.compile_seconds])
-        axes.set(xlabel="seconds for one picture, compiled", ylabel="relative error (RMSE)")
+        logarithmic(axes, "x", [p.seconds for p in points], duration, [report.default.compile_seconds])
+        axes.set(xlabel="time for one picture, compiled", ylabel="relative error (RMSE)")
         keys, seen = [], Labels(axes)
         front = sorted((p for p in report.frontier if p.seconds.middle > 0), key=lambda p: p.seconds.middle)
         if front:
@@ -76,16 +77,19 @@ def costs(report: Report) -> Figure:
         legend(figure, keys)
         figure.draw_without_rendering()
         seen.at("today's default", report.default, bottom, weight="bold", must=True)
+        compiling = report.default.compile_seconds
+        across(axes, seen, "x", compiling, f"compiling: {duration(compiling)}")
         for name, floor in report.floors.items():
             across(axes, seen, "y", floor, f"{name}: {percent(floor)}")
-        compiling = report.default.compile_seconds
-        across(axes, seen, "x", compiling, f"compiling: {number(compiling)} s")
         if any(p.error.rmse.middle <= 0 for p in points):
             across(axes, seen, "y", bottom, "no error at all")
         # The ends say most; then every other one, as far as there is room.
+        inks = {c.knob: _dark(_look(i)["color"]) for i, c in enumerate(report.curves)}
         for p in [*front[:1], *front[-1:], *front[2:-1:2], *front[1:-1:2]]:
             if not p.same_choice(report.default):
-                seen.at(_turned(p, report.default), p, bottom, size=8)
+                seen.at(_turned(p, report.default), p, bottom, size=8, color=inks.get(p.knob, INK))
+        for text in axes.texts:
+            text.set_bbox({"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 1})
         return figure
 
 
@@ -111,14 +115,15 @@ def counts(report: Report) -> Figure | None:
 
 def parts(report: Report) -> Figure | None:
     """Bias and deviation for each knob; None where no knob has two points. Over the depth of paths, where the axis is
-    straight, a bias that falls geometrically is a straight line."""
+    straight, a bias that falls geometrically is a straight line. What cannot be told from 0 is drawn at the upper
+    end of its band: its middle says nothing, and is 0 as often as not."""
     found = [c for c in report.curves if len(c.points) > 1]
     if not found:
         return None
     with style.context(STYLE):
-        rows = -(-len(found) // 3)
+        rows, limits = -(-len(found) // 3), False
         figure, grid = blank(9, 0.5 + 2.5 * rows, (rows, min(3, len(found))))
-        errors = [b for c in found for p in c.points for b in (p.error.bias, p.error.deviation)]
+        errors = [_shown(b) for c in found for p in c.points for b in (p.error.bias, p.error.deviation)]
         for axes, curve in zip(grid, found):
             bottom = logarithmic(axes, "y", errors, percent)
             values = [p.value for p in curve.points]
@@ -133,10 +138,15 @@ def parts(report: Report) -> Figure | None:
                 axes.xaxis.get_major_locator().set_params(integer=True)
             for name, colour, line, marker in (("bias", RED, "-", "o"), ("deviation", BLUE, "--", "s")):
                 bands = [getattr(p.error, name) for p in curve.points]
-                ends = {"y": [max(b.middle, bottom) for b in bands], "yerr": reach(bands, bottom)}
+                y = [max(b.middle, bottom) if b.low > 0 else np.nan for b in bands]
+                ends = {"y": y, "yerr": reach(bands, bottom)}
                 face = colour if name == "bias" else "white"
                 form = {"color": colour, "marker": marker, "markersize": 5, "markerfacecolor": face, "capsize": 2}
                 axes.errorbar(x, **ends, linestyle=line, linewidth=1.4, elinewidth=1, label=name, **form)
+                most = [(at, max(b.high, bottom)) for at, b in zip(x, bands) if not b.low > 0]
+                if most:
+                    axes.plot(*zip(*most), color=colour, **MOST)
+                limits |= bool(most)
             axes.set_title(_short(curve.knob, 34), fontsize=9.5)
             axes.tick_params(labelsize=8.5)
         for axes in grid[len(found) :]:
@@ -145,7 +155,9 @@ def parts(report: Report) -> Figure | None:
         figure.supxlabel("value of the knob", fontsize=10)
         keys, labels = grid[0].get_legend_handles_labels()
         named = {"bias": "bias: stays, whatever the seed", "deviation": "deviation: differs from seed to seed"}
-        figure.legend(keys, [named[n] for n in labels], loc="outside upper left", ncols=2, frameon=False)
+        labels = [named[n] for n in labels] + ["at most: may be 0"] * limits
+        keys += [Line2D([], [], color=GREY, **MOST)] * limits
+        figure.legend(keys, labels, loc="outside upper left", ncols=3, frameon=False)
         return figure
 
 
@@ -156,10 +168,10 @@ def pictures(report: Report) -> Figure:
     for name, at, ends in (("cheapest", 0, front[:1]), ("best", len(shown) + 1, front[-1:])):
         shown[at:at] = [(name, p) for p in ends if not p.same_choice(report.default) and p is not shown[0][1]]
     columns = [
-        (f"{n}\n{number(p.seconds.middle)} s, {percent(p.error.rmse.middle)}", p.picture, p.wrong) for n, p in shown
+        (f"{n}\n{duration(p.seconds.middle)}, {percent(p.error.rmse.middle)}", p.picture, p.wrong) for n, p in shown
     ]
     noise = np.sqrt(np.maximum(r.variance, 0).mean(2)) / (r.luminance or 1)
-    columns.append((f"reference\n{number(r.seconds)} s, {percent(r.error)}", r.picture, noise))
+    columns.append((f"reference\n{duration(r.seconds)}, {percent(r.error)}", r.picture, noise))
     with style.context(STYLE):
         height, width = r.picture.shape[:2]
         wide, n = width > 1.8 * height, len(columns)
@@ -184,6 +196,16 @@ def pictures(report: Report) -> Figure:
         bar.ax.xaxis.set_minor_formatter(NullFormatter())
         bar.set_label("error of a pixel (RMS over seeds and channels), of the reference's mean luminance", fontsize=9)
         return figure
+
+
+def _dark(colour: str) -> tuple[float, ...]:
+    """The colour for text, which is thin."""
+    return tuple(0.7 * x for x in to_rgb(colour))
+
+
+def _shown(b: Band) -> Band:
+    """What is drawn of a band: only its upper end, where it reaches down to 0."""
+    return b if b.low > 0 else Band(b.high, b.high, b.high)
 
 
 def _look(i: int) -> dict[str, Any]:
@@ -221,7 +243,7 @@ def _mark(
 ) -> None:
     """One point, which says what it is when it is pointed at."""
     x, y = p.seconds.middle if x is None else x, max(p.error.rmse.middle, bottom)
-    says = f"{p.knob} {written(p.value)}: {number(p.seconds.middle)} s, {percent(p.error.rmse.middle)}"
+    says = f"{p.knob} {written(p.value)}: {duration(p.seconds.middle)}, {percent(p.error.rmse.middle)}"
     turned = _turned(p, default)
     says += f" ({turned})" if turned else ""
     form = {"markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.8} | form

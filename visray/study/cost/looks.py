@@ -1,5 +1,6 @@
 """How the page of a report of costs looks: its style, its tables, and the script that sorts them."""
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
@@ -15,12 +16,12 @@ CSS = """
 body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2.5rem auto 5rem;
   max-width: 960px; padding: 0 1.2rem; overflow-wrap: anywhere }
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 } h2 { font-size: 1.25rem; margin: 3rem 0 .6rem }
-.soft, figcaption, caption { color: var(--soft); font-size: .9rem } .lead { font-size: 1.1rem }
+.soft, figcaption { color: var(--soft); font-size: .9rem } .lead { font-size: 1.1rem }
 .warn { border-left: 4px solid #D55E00; padding: .3rem 1rem }
 figure { margin: 1.5rem 0 } figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px }
 .scroll { overflow: auto; max-height: 85vh }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal }
-caption { text-align: left; padding-bottom: .4rem } thead th { position: sticky; top: 0; background: var(--paper) }
+.note { margin: 0 0 .4rem } thead th { position: sticky; top: 0; background: var(--paper) }
 th, td { text-align: left; vertical-align: top; padding: .3rem .5rem; border-bottom: 1px solid var(--line) }
 tbody th { position: sticky; left: 0; background: var(--paper) }
 th { font-weight: 600 } .n { white-space: nowrap } .turned { font-weight: 600; background: var(--mark) }
@@ -73,6 +74,10 @@ def table(caption: str, heads: Iterable[str], rows: Iterable[tuple[Sequence[str]
     """A table; its rows are of cells, and today's default or not."""
     top = "".join(f'<th scope="col">{escape(h)}</th>' for h in heads)
     body = "".join(f"<tr{TODAY if today else ''}>{''.join(cells)}</tr>" for cells, today in rows)
-    named = f'<table class="{kind}"><caption>{escape(caption)}</caption>'
+    # Above what scrolls, not in it: there a caption is as wide as the table, and cut off where that is.
+    name = f"t{hashlib.sha256(caption.encode()).hexdigest()[:8]}"
+    note = f'<p class="soft note" id="{name}">{escape(caption)}</p>'
     # What scrolls must be reached by keyboard too.
-    return f'<div class="scroll" tabindex="0">{named}<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
+    scroll = f'<div class="scroll" role="region" aria-labelledby="{name}" tabindex="0">'
+    shown = f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody>"
+    return f'{note}{scroll}<table class="{kind}" aria-describedby="{name}">{shown}</table></div>'

@@ -9,16 +9,22 @@ from typing import Any
 
 from visray.study.cost import charts
 from visray.study.cost.frontier import overtaken
+from visray.study.cost.knobs import SAMPLER, SPP
 from visray.study.cost.looks import cell, document, table
-from visray.study.cost.records import Band, Halving, Point, Report
-from visray.study.cost.wording import changes, is_number, number, percent, written
+from visray.study.cost.records import Halving, Point, Report
+from visray.study.cost.wording import band, changes, duration, is_number, number, percent, sampler, written
 
-PARTS = "Bias and deviation, relative, in percent, against the value of each knob. On the lower edge they are 0."
-BLUE = "Blue: today's default. joint: several knobs turned."
-MAIN = """Relative error against seconds, both logarithmic: one curve for each knob, all others as in the scene. Bars:
-bands of 95 %. The yellow steps are the frontier; the star is the scene as it is. k is the exponent of error ~
-seconds^-k with its interval of 95 %. Dashed: errors that more samples do not get below, and the seconds that compiling
-takes once. Point at a mark to read its settings."""
+PARTS = """Bias and deviation, relative, in percent, against the value of each knob. Hollow arrowheads: what cannot be
+told from 0, at the most that it may be. On the lower edge it is 0."""
+JOINT = "joint: points where several knobs were turned."
+BLUE = f"Blue: today's default. {JOINT}"
+FRONT = "The frontier: the points that no other point measured beats in both time and error."
+MAIN = """Relative error against time, both logarithmic. Each curve is a knob, a setting that trades time for accuracy,
+with all others as in the scene. RMSE: root mean square error, in percent of the reference's mean luminance. spp:
+samples per pixel. Bars: bands of 95 %. The yellow steps are the frontier, below which nothing was measured; the star
+is the scene as it is. k: the error falls as time^-k, so that with k = 0.5 half of the error takes 4 times the time; in
+brackets its interval of 95 %. Dashed: errors that more samples do not get below, and the time that compiling takes
+once. Point at a mark to read its settings."""
 BANDS = """Between the two numbers in brackets the true one lies with a chance of 95 %. rmse: the root mean square over
 pixels and channels of the difference from the reference, in linear light, divided by the reference's mean luminance;
 rmse² = bias² + deviation². Bias stays whatever the seed, deviation is noise. MRSE: mean of (x - r)² / (r + 0.01)².
@@ -65,10 +71,6 @@ def _figure(figure: Any, caption: str) -> str:
     return f"<figure>{charts.svg(figure, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _band(b: Band, write: Any = number) -> str:
-    return f"{write(b.middle)} [{write(b.low)}, {write(b.high)}]"
-
-
 def _warnings(r: Report) -> list[str]:
     """What a reader must know before all else."""
     found = []
@@ -90,16 +92,21 @@ def _warnings(r: Report) -> list[str]:
 
 
 def _lead(r: Report) -> str:
-    """The report in two sentences."""
+    """The report in a few sentences."""
     d, best = r.default, min(r.halvings, key=lambda h: h.rank, default=None)
-    error = _band(d.error.rmse, percent) if d.error.rmse.middle > 0 else "nothing that could be measured"
-    text = f"Today's default takes {_band(d.seconds)} s and is off by {error}. "
+    error = band(d.error.rmse, percent) if d.error.rmse.middle > 0 else "nothing that could be measured"
+    text = f"On a picture of {r.width} x {r.height} pixels, today's default takes {duration(d.seconds)} "
+    text += f"and is off by {error}; in brackets: where the true number lies, with a chance of 95 %. "
     if best and isfinite(best.factor.middle):
-        text += f"Half of that error costs least with {_halved(best, r)}"
-        equals = [h.knob for h in r.halvings if h.rank == best.rank and h is not best]
-        text += f" Measurement cannot tell that from: {'; '.join(equals)}." if equals else ""
+        least = "Of what was measured so far, half of that error" if r.stopped else "Half of that error"
+        text += f"{least} costs least with {_halved(best, r)}"
+        equals = [h for h in r.halvings if h.rank == best.rank and h is not best and isfinite(h.factor.middle)]
+        names = ", ".join(f"{sampler(h.knob)} samples" if sampler(h.knob) else h.knob for h in equals)
+        text += f" Just as good, as far as measurement can tell: {names}." if equals else ""
+    elif best and r.stopped:
+        text += "None of the knobs measured so far halves that error."
     elif best:
-        text += "No knob alone halves that error."
+        text += "No knob alone halves that error within what was measured."
     return text
 
 
@@ -112,13 +119,24 @@ def _start(h: Halving, r: Report) -> Any:
 def _halved(h: Halving, r: Report) -> str:
     """What half of the error costs by a knob, as a sentence."""
     if not isfinite(h.factor.middle):
-        return f"alone no less than {percent(h.least)} of today's error."
+        return f"not reached by what was measured: at best {percent(h.least)} of today's error."
     start, text = _start(h, r), f"{h.knob} at {written(h.value)}"
-    if is_number(start) and is_number(h.value) and h.value > start > 0:
+    if sampler(h.knob):
+        text = f"{written(h.value)} {sampler(h.knob)} samples per pixel{_instead(sampler(h.knob), r)}"
+    elif is_number(start) and is_number(h.value) and h.value > start > 0:
         text = f"{number(h.value / start)} times the {h.knob} ({written(start)} → {written(h.value)})"
     elif start is not None:
         text += f" (today {written(start)})"
     return f"{text}: {number(h.factor.middle)} times the time."
+
+
+def _instead(name: str, r: Report) -> str:
+    """How many samples the default takes, where it says so, and of which sampler, where that is another."""
+    count, own = (r.default.settings.get(a) for a in (SPP, SAMPLER))
+    if count is None or own is None:
+        return ""
+    own = sampler(f"samples, {own}")
+    return f" instead of {written(count)}" if own == name else f" (today {written(count)} {own})"
 
 
 def _halvings(r: Report) -> str:
@@ -140,8 +158,9 @@ def _halvings(r: Report) -> str:
             cell(percent(h.least)),
         ]
         rows.append((cells, False))
-    names = ("rank", "knob", "half of the error", "times the time, 95 %", "least error by it, of today's")
-    note = "Cheapest first; time as a multiple of the default's. Knobs with the same rank (=) cannot be told apart."
+    names = ("rank", "knob", "half of the error", "times the time, 95 %", "least error measured with it, of today's")
+    note = "Each knob alone, cheapest first; time as a multiple of the default's. "
+    note += "Knobs with the same rank (=) cannot be told apart."
     return head + table(note, names, rows)
 
 
@@ -158,9 +177,8 @@ def _distance(r: Report) -> str:
         beside = overtaken(r.frontier, d)
         if beside is None or round(beside[0], 2) >= 1:
             return f"{text}: it is on the frontier."
-        return (
-            f"{text}; but on the line between its neighbours here its error takes {number(beside[0], 2)} of its time."
-        )
+        text += "; but interpolating between the two points beside it on the frontier, its error would take "
+        return f"{text}{number(beside[0], 2)} of its time."
     p = min(better, key=lambda p: p.seconds.middle)
     by = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, d).items()) or f"{p.knob} {written(p.value)}"
     text = f"The same error could be had in {number(p.seconds.middle / d.seconds.middle, 2)} of the time by {by}."
@@ -180,14 +198,14 @@ def _frontier(r: Report) -> str:
         turned, error, base = changes(p, d), p.error.rmse.middle, d.error.rmse.middle
         name = p.knob if p is not d else "today's default" if on else "today's default, not on it"
         name += f" {written(p.value)}" if p.plain else ""
-        texts = number(p.seconds.middle), number(p.seconds.middle / d.seconds.middle), percent(error)
+        texts = duration(p.seconds.middle), number(p.seconds.middle / d.seconds.middle), percent(error)
         cells = [cell(name, head=True), *(cell(t) for t in (*texts, number(error / base if base > 0 else None)))]
         rows.append(([*cells, *(cell(written(settings.get(k)), turned=k in turned) for k in vary)], p is d))
-    heads = ("point", "time, s", "times the default's", "error", "times the default's", *vary)
-    note = f"In the order of seconds; error: relative RMSE. Yellow: settings that are not the default's. {BLUE}"
+    heads = ("point", "time", "times the default's", "error", "times the default's", *vary)
+    note = f"In the order of time; error: relative RMSE. Yellow: settings that are not the default's. {BLUE}"
     rest = ", ".join(f"{k} = {written(d.settings[k])}" for k in names if k not in vary and k in d.settings)
     rest = f'<p class="soft">The same everywhere: {escape(rest)}.</p>' if rest else ""
-    return f"<h2>The frontier</h2><p>{escape(_distance(r))}</p>{table(note, heads, rows)}{rest}"
+    return f"<h2>The frontier</h2><p>{FRONT} {escape(_distance(r))}</p>{table(note, heads, rows)}{rest}"
 
 
 def _points(r: Report) -> str:
@@ -199,8 +217,8 @@ def _points(r: Report) -> str:
     heads = [
         "knob",
         "value",
-        "time, s",
-        "compile, s",
+        "time",
+        "compile",
         "operations",
         "rmse, %",
         "bias, %",
@@ -218,9 +236,9 @@ def _points(r: Report) -> str:
         value = turned if p.knob == "joint" and turned else written(p.value)
         e = p.error
         cells = [cell(p.knob, head=True), cell(value, p.value if is_number(p.value) else None)]
-        cells += [cell(_band(p.seconds), p.seconds.middle), cell(number(p.compile_seconds), p.compile_seconds)]
+        cells += [cell(duration(p.seconds), p.seconds.middle), cell(duration(p.compile_seconds), p.compile_seconds)]
         cells += [cell(f"{p.operations:,}", p.operations)]
-        cells += [cell(_band(b, lambda x: number(100 * x)), b.middle) for b in (e.rmse, e.bias, e.deviation)]
+        cells += [cell(band(b, lambda x: number(100 * x)), b.middle) for b in (e.rmse, e.bias, e.deviation)]
         cells += [cell(number(x), x) for x in (e.mrse, e.flip)]
         if geometry:
             g = p.geometry
@@ -228,6 +246,7 @@ def _points(r: Report) -> str:
             cells += [cell(f"{x:,}" if isinstance(x, int) else number(x), x) for x in found]
         rows.append((cells, p.same_choice(r.default)))
     note = f"Press the head of a column to sort by it. In brackets: bands of 95 %. {BLUE}"
+    note += " What rmse, MRSE and FLIP are is told below, at Errors."
     return f"<h2>All points</h2>{table(note, heads, rows, 'sortable')}"
 
 
@@ -235,14 +254,13 @@ def _measured(r: Report) -> str:
     """How it was measured, and what else a reader must know."""
     t = r.reference
     truth = ", ".join(f"{k} = {written(v)}" for k, v in t.settings.items())
-    bands = (
-        f"{r.seeds} seeds for each error." if not r.noiseless else "There is no noise, so one seed is as good as all."
-    )
+    bands = f"{r.seeds} seeds for each error: pictures that differ in their random numbers only."
+    bands = "There is no noise, so one seed is as good as all." if r.noiseless else bands
     facts = {
         "Scene": f"{r.scene}, {r.width} x {r.height} pixels; SHA-256 {r.scene_hash}",
-        "Reference": f"{truth}; its own standard error is {percent(t.error)} (relative); it took {number(t.seconds)} s",
+        "Reference": f"{truth}; its own standard error is {percent(t.error)} (relative); it took {duration(t.seconds)}",
         "Errors": f"{bands} {BANDS}",
-        "Time": "Seconds of the kernel once compiled; compiling comes on top of it, once. "
+        "Time": "That of the kernel once compiled; compiling comes on top of it, once. "
         f"Each time was measured {len(r.default.times)} times. The study took {number(r.seconds / 60, 2)} minutes.",
         "Floors": "; ".join(f"{name}: {percent(x)}" for name, x in r.floors.items()) or "none",
     } | {k: written(v) for k, v in r.machine.items()}

@@ -109,8 +109,9 @@ class Curve:
 @dataclass(frozen=True)
 class Halving:
     """What half of the default's error costs by one knob. factor: so many times the default's seconds, inf where the
-    knob alone cannot; least: the error that it comes down to at best, as a share of the default's; value: of the knob
-    then, None where it cannot. rank: 1 is the cheapest; knobs that measurement cannot tell apart share one."""
+    error was not reached by what was measured, nor close beyond it; least: the least error measured with the knob, as a
+    share of the default's; value: of the knob at half of the error, None where factor is inf. rank: 1 is the cheapest;
+    knobs that measurement cannot tell apart share one."""
 
     knob: str
     factor: Band

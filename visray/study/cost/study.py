@@ -186,8 +186,9 @@ def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool
     there = "nothing that was measured is both faster and more accurate than the scene as it is"
     if (found := overtaken(points, base)) is not None and round(found[0], 2) < 1:
         share, *ends = found
-        between = " and ".join(_named(p, base) for p in ends)
-        there = f"the error of the scene as it is could be had in {share:.2g} of its time, between {between}"
+        beside = " and ".join(_named(p, base) for p in ends)
+        there = f"interpolating between the two points beside it on the frontier, {beside}, "
+        there += f"the error of the scene as it is would take {share:.2g} of its time"
     size = f"on pictures of {film.width} x {film.height} pixels"
     lines = [
         f"seconds are those that compiled kernels run, {size}, without tracing them in Python",

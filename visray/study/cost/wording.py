@@ -5,18 +5,39 @@ from typing import Any
 
 import numpy as np
 
-from visray.study.cost.records import Point
+from visray.study.cost.records import Band, Point
 
 
 def number(x: float | None, digits: int = 3) -> str:
     """A number as text; a dash where there is none."""
     if x is None or not isfinite(x):
         return "-"
-    return f"{x:,.0f}" if abs(x) >= 10**digits else f"{x:.{digits}g}"
+    # What rounds up to it counts too: 999.7 is 1,000, not 1e+03.
+    return f"{x:,.0f}" if abs(float(f"{x:.{digits}g}")) >= 10**digits else f"{x:.{digits}g}"
 
 
 def percent(x: float) -> str:
     return f"{number(100 * x)} %"
+
+
+def band(b: Band, write: Any = number) -> str:
+    return f"{write(b.middle)} [{write(b.low)}, {write(b.high)}]"
+
+
+def duration(seconds: float | Band | None) -> str:
+    """Seconds as text, with their band where they have one: in milliseconds below one second."""
+    middle = seconds.middle if isinstance(seconds, Band) else seconds
+    if middle is None or not isfinite(middle):
+        return "-"
+    factor, unit = (1e3, "ms") if float(f"{middle:.3g}") < 1 else (1, "s")
+    scaled = lambda x: number(factor * x)  # noqa: E731 - a name for a row
+    return f"{band(seconds, scaled) if isinstance(seconds, Band) else scaled(seconds)} {unit}"
+
+
+def sampler(knob: str) -> str:
+    """The sampler of a knob that is the number of its samples, as it is read; "" for another knob."""
+    kind, _, name = knob.partition(", ")
+    return ("Sobol" if name == "sobol" else name) if kind == "samples" else ""
 
 
 def written(value: Any) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 from rich.table import Table
 
 from visray.study.cost.frontier import Step, steps
-from visray.study.cost.records import Band, Curve, Halving, Report
+from visray.study.cost.records import Curve, Halving, Report
+from visray.study.cost.wording import duration, percent
 
 PICTURES = ("picture", "variance", "wrong")
 
@@ -41,10 +42,10 @@ def table(report: Report) -> Table:
     """The report for the terminal: a row a knob, those that halve the error at the least cost first."""
     d, chosen = report.default, steps(report.curves, report.default)
     title = (
-        f"error {_percent(d.error.rmse)} in {_milliseconds(d.seconds)} ms: "
+        f"error {percent(d.error.rmse.middle)} in {duration(d.seconds.middle)}: "
         f"{report.width} x {report.height} pixels, {report.seeds} seeds"
     )
-    rows = Table(title=title, caption=_caption(report, chosen))
+    rows = Table(title=title, caption=_caption(report, chosen), caption_justify="left")
     rows.add_column("knob", min_width=len("1. samples, independent"), no_wrap=True)
     for name in ("time for half", "least error", "slope"):
         rows.add_column(name, justify="right")
@@ -74,8 +75,10 @@ def _plain(x: Any) -> Any:
 
 def _halving(h: Halving) -> tuple[str, str]:
     if not isfinite(h.factor.middle):
-        return "cannot", f"x {h.least:.2f}"
-    return f"x {h.factor.middle:.2g} ({h.factor.low:.2g} to {h.factor.high:.2g})", f"x {h.least:.2f}"
+        return "not reached", f"x {h.least:.2f}"
+    f = h.factor
+    spread = f"{f.low:.2g} to {f.high:.2g}" if isfinite(f.high) else f"{f.low:.2g} or more"
+    return f"x {f.middle:.2g} ({spread})", f"x {h.least:.2f}"
 
 
 def _slope(c: Curve) -> str:
@@ -87,21 +90,18 @@ def _even(s: Step) -> str:
     return "" if s.changes else " even"
 
 
-def _percent(b: Band) -> str:
-    return f"{100 * b.middle:.3g} %"
-
-
-def _milliseconds(b: Band) -> str:
-    return f"{1e3 * b.middle:.3g}"
-
-
 def _caption(report: Report, chosen: tuple[Step, ...]) -> str:
     """What a reader of the columns must know."""
-    lines = ["time for half of the error by one knob, as a share of today's (95 %); knobs of equal number are even"]
-    lines += ["least error: by that knob alone, as a share of today's; slope: k of error ~ time^-k"]
+    lines = ["time for half: of today's error, by that knob alone, as a multiple of today's time (95 %)"]
+    lines.append("knobs of equal number are even")
+    if not all(isfinite(h.factor.middle) for h in report.halvings):
+        lines.append("not reached: by what was measured; more of the knob may get there, or may not")
+    lines.append("least error: the least measured with that knob, as a multiple of today's")
+    lines.append("slope: k of error ~ time^-k; with 0.5, half of the error takes 4 times the time")
     if not all(s.changes for s in chosen):
         lines.append("even: an error that cannot be told from today's")
     lines += [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
-    lines.append(f"reference: off by {100 * report.reference.error:.2g} %, {report.reference.seconds:.1f} s")
+    lines.append(f"reference: off by {100 * report.reference.error:.2g} %, took {duration(report.reference.seconds)}")
     lines += report.notes
-    return "\n".join(lines + (["stopped: measured so far"] if report.stopped else []))
+    lines += ["stopped: measured so far"] if report.stopped else []
+    return "\n".join(f"- {line}" for line in lines)

@@ -271,6 +271,33 @@ def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: py
     assert found.reasons == ("the scene's own settings: none that were measured are clearly better",)
 
 
+@pytest.mark.parametrize("sampler", ["sobol", "stratified", "independent"])
+def test_of_the_latest_that_was_measured_the_model_says_just_that(smooth: Report, sampler: str) -> None:
+    """With all its other settings too: variance and seconds, whatever samplers that came before it did."""
+    scaled, own = Scaled(SOFT, smooth), smooth.default.settings
+
+    def measured(settings: dict, noise: float, seconds: float) -> Measured:
+        error = sqrt(noise)
+        return Measured(settings, Band(seconds, seconds, seconds), Band(error, error, error), noise)
+
+    fast = measured(own | {"settings.spp": 1}, 1e-3, 0.05)
+    latest = measured(own | {"settings.sampler": sampler, "settings.spp": 49, "lights.window.samples": 9}, 2e-6, 0.7)
+    whole = scaled.whole([measured(own, 5e-5, 0.3), latest], fast)
+    assert whole.error(latest.settings) == pytest.approx(sqrt(2e-6), rel=1e-9)
+    assert whole.seconds(latest.settings) == pytest.approx(0.7, rel=1e-9)
+
+
+def test_where_all_predictions_fail_more_samples_do(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Variance falls more slowly than the model thinks, which is corrected once.
+    monkeypatch.setattr(tuning, "ROUNDS", 1)
+    choose = made_up(smooth, monkeypatch, wrong=lambda s: max(s["settings.spp"] / 16, 1.0) ** 0.45)
+    error = sqrt(PART) * smooth.default.error.rmse.middle / 4
+    found = choose(error=error)
+    assert found.met and found.error.high <= error
+    monkeypatch.setattr(tuning._Tuning, "_more", lambda self: None)
+    assert not choose(error=error).met
+
+
 def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     # Whatever is measured, the next has twice the variance.
     more = (2.0**k for k in count())

@@ -106,7 +106,9 @@ class Pursuit:
             halves.compiled()
             if goal.left() <= 0:
                 took = goal.passed() + goal.reserve
-                raise UserError(f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more")
+                raise UserError(
+                    f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more"
+                )
         allocation = self._pilot()
         if not self.patience.asked:
             self.floor = unavoidable(halves, self.found, goal.error, files, goal.left())

@@ -133,17 +133,17 @@ def split(pictures: np.ndarray, reference: np.ndarray, variance: np.ndarray, lum
 
 
 def judged(
-    pictures: np.ndarray, reference: np.ndarray, variance: np.ndarray, luminance: float
+    pictures: np.ndarray, reference: np.ndarray, variance: np.ndarray, luminance: float, whole: bool = True
 ) -> tuple[Error, np.ndarray, np.ndarray]:
     """The error of pictures in linear light, the squared one of each seed, and where it is; all as `split` has them.
 
     mrse has the reference's noise in it, and flip too, which is the mean over the first 4 pictures: it takes about
-    1.2 µs a pixel on two threads. Shapes: as of `split`; (S), (H, W).
+    1.2 µs a pixel on two threads, and is not a number unless `whole`. Shapes: as of `split`; (S), (H, W).
     """
     parts = split(pictures, reference, variance, luminance)
     scale = 1 / (reference.astype(np.float64) + 0.01)
     mrse = float(np.mean([(((x - reference) * scale) ** 2).mean() for x in pictures]))
-    seen = float(np.mean([flip(x, reference) for x in pictures[:SEEN]]))
+    seen = float(np.mean([flip(x, reference) for x in pictures[:SEEN]])) if whole else np.nan
     return Error(parts.rmse, parts.bias, parts.deviation, mrse, seen), parts.squares, parts.wrong
 
 

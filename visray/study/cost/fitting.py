@@ -52,10 +52,12 @@ class Way:
 
 @dataclass(frozen=True)
 class Sampler:
-    """A sampler's noise over spp, and its seconds against those of the default's."""
+    """A sampler's noise over spp, and its seconds against those of the default's. scale: of all noise that settings
+    with it have, as renders at another size told."""
 
     noise: Through
     time: float = 1.0
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from visray.study.cost.fitting import SAMPLER, SPP, Laws, Settings, Way, fitted, undominated
-from visray.study.cost.laws import Through, grid, lowest
+from visray.study.cost.fitting import SAMPLER, SPP, Laws, Sampler, Settings, Way, fitted, undominated
+from visray.study.cost.laws import grid, lowest
 from visray.study.cost.records import Curve, Point
 
 MOST = 2000  # combinations of counts that are kept on the way; of more, some between are left out
@@ -55,8 +55,8 @@ class Model:
     def error(self, settings: Settings) -> float:
         """The relative error of a picture with these settings; those left out are the default's."""
         s = self.default.settings | settings
-        noise = self.laws.samplers[s.get(SAMPLER)].noise
-        return float(self._error(noise, s[SPP], self._way(s), sum(c.part(s) for c in self.laws.counts)))
+        sampler = self.laws.samplers[s.get(SAMPLER)]
+        return float(self._error(sampler, s[SPP], self._way(s), sum(c.part(s) for c in self.laws.counts)))
 
     def candidates(self) -> tuple[tuple[Settings, ...], ...]:
         """The values of each knob to choose from, sampler and spp as one knob: counts up to 4 times the measured, of
@@ -95,7 +95,7 @@ class Model:
             sampler = self.laws.samplers[sample.get(SAMPLER)]
             for way in ways:
                 t = self._seconds(sample[SPP], sampler.time * way.time, costs)
-                e = self._error(sampler.noise, sample[SPP], way, parts)
+                e = self._error(sampler, sample[SPP], way, parts)
                 found += [(t[i], e[i], sample | way.settings, picked[i]) for i in lowest(t, e)]
         kept = [found[i] for i in lowest(*(np.array([f[k] for f in found]) for k in (0, 1)))]
         return tuple(Prediction(self._settings(some, indices), float(t), float(e)) for t, e, some, indices in kept)
@@ -122,15 +122,15 @@ class Model:
     def _seconds(self, spp: float, factor: float, costs: Any) -> Any:
         return self.laws.fixed + spp * factor * (self.laws.base + costs)
 
-    def _error(self, law: Through, spp: float, way: Way, parts: Any) -> Any:
-        noise, whole, own = law.at(spp), sum(c.noise.u for c in self.laws.counts), self.default.settings
+    def _error(self, sampler: Sampler, spp: float, way: Way, parts: Any) -> Any:
+        noise, whole, own = sampler.noise.at(spp), sum(c.noise.u for c in self.laws.counts), self.default.settings
         # Where the scene's own points are Sobol's, the lots of a pixel's samples are one sequence: their part falls
         # with the rest.
         one = own.get(SAMPLER) == "sobol"
         falling = noise * whole / self._whole if one and self._whole > 0 else whole * own[SPP] / spp
         falling = min(falling, noise)
         noise = noise - falling + falling * (parts / whole if whole > 0 else np.ones_like(parts))
-        return np.sqrt(max(self.laws.bias + way.bias, 0) + way.noise * noise)
+        return np.sqrt(max(self.laws.bias + way.bias, 0) + sampler.scale * way.noise * noise)
 
     @cached_property
     def _whole(self) -> float:

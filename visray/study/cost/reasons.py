@@ -30,7 +30,8 @@ def reasons(scaled: Scaled, model: Model, new: Settings) -> Iterator[str]:
         time = model.seconds(turned) / model.seconds(own)
         if count:
             cost = own[SPP] * count.cost * count.count(own) / model.seconds(own)
-            part = min(count.part(own) / noise, 1.0) if noise > 0 else 0.0
+            scale = laws.samplers[own[SAMPLER]].scale
+            part = min(scale * count.part(own) / noise, 1.0) if noise > 0 else 0.0
             yield f"{name} {sum(old)} -> {sum(now)}: they are {cost:.0%} of the time and {part:.0%} of the variance"
         elif addresses == (SPP,) and noiseless:
             yield f"{name} {old[0]} -> {now[0]}: the picture has no noise, one sample does; time x {time:.2g}"

@@ -22,7 +22,7 @@ from visray.scene.address import value
 from visray.scene.scene import Scene
 from visray.study.cost.fitting import Laws, Sampler, Way
 from visray.study.cost.knobs import DEPTH, KEPT, PRECISION, SAMPLER, SPP
-from visray.study.cost.laws import Through, nonnegative
+from visray.study.cost.laws import nonnegative
 from visray.study.cost.model import Model
 from visray.study.cost.records import Report
 from visray.study.cost.tuned import Measured, Settings
@@ -126,10 +126,8 @@ class Scaled:
             guessed, took = a + b * model.seconds(m.settings), m.seconds.middle
             slower = (took - fixed) / (guessed - fixed) if took > fixed < guessed else took / guessed
             noise = clean.error(m.settings) ** 2
-            c = m.noise / noise if m.noise and noise else 1.0
-            samplers[name] = Sampler(Through(s.noise.x, c * s.noise.y), slower * s.time)
-        c = samplers[self.own[SAMPLER]].noise.y[0] / (laws.samplers[self.own[SAMPLER]].noise.y[0] or 1.0)
-        counts = tuple(replace(n, cost=b * n.cost, noise=replace(n.noise, u=c * n.noise.u)) for n in laws.counts)
+            samplers[name] = Sampler(s.noise, slower * s.time, m.noise / noise if m.noise and noise else 1.0)
+        counts = tuple(replace(n, cost=b * n.cost) for n in laws.counts)
         ways = _biased(laws, lambda w: self.bias(self.own | w.settings) - here)
         return Model(model.default, Laws(fixed, b * laws.base, here, samplers, counts, ways))
 

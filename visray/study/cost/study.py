@@ -48,12 +48,13 @@ FIXED = {
 
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
-    progress: bool = True, threads: int | None = None,
+    progress: bool = True, threads: int | None = None, whole: bool = True,
 ) -> Study:  # fmt: skip
     """What accuracy costs for a scene, or a scene file, by its own knobs.
 
     quick: fewer positions of each knob, on smaller pictures. seeds: of each choice, from 16 to 4096. Ctrl-C keeps what
-    is measured, where that is enough for errors with a spread, and raises KeyboardInterrupt where not.
+    is measured, where that is enough for errors with a spread, and raises KeyboardInterrupt where not. whole: else
+    there are but the curves of the knobs, without FLIP, hits and points of several knobs: what `tune` needs.
     """
     begun = time.perf_counter()
     name = str(scene) if isinstance(scene, (str, Path)) else "a scene made in Python"
@@ -63,11 +64,11 @@ def cost(
     if threads is not None:
         set_threads(threads)
     with Patience() as patience:
-        report = _studied(scene, quick, seeds, progress, patience)
+        report = _studied(scene, quick, seeds, progress, patience, whole)
     return replace(report, scene=name, seconds=time.perf_counter() - begun)
 
 
-def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience) -> Study:
+def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience, whole: bool) -> Study:
     small = reduced(scene, LONGEST[not quick])
     turned, budgets = knobs(small), BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
@@ -79,10 +80,10 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Pa
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
     true = truth(small, zero, min(map(_noise, taken)), seeds, seconds, studio.mark, patience, progress)
-    points = [_point(t, own, true) for t in taken]
+    points = [_point(t, own, true, whole) for t in taken]
     same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
-    joint = () if stopped or same else _joint(studio, points[0], curves, taken[0], true, quick)
+    joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
     best = frontier([*points, *joint])
     return Study(
         scene="",
@@ -134,7 +135,7 @@ def _joint(
     pace = own.seconds.middle / taken[0].seconds.middle
     for t in taken:
         t.times = [pace * seconds for seconds in t.times]
-    return tuple(_point(t, own.choice, true) for t in taken[1:])
+    return tuple(_point(t, own.choice, true, whole=True) for t in taken[1:])
 
 
 def _noise(taken: Taken) -> float:
@@ -144,10 +145,10 @@ def _noise(taken: Taken) -> float:
     return float(pictures.var(0, ddof=1, dtype=float).mean() ** 0.5) / mean if mean > 0 else 0.0
 
 
-def _point(taken: Taken, own: Choice, true: Truth) -> Point:
-    """A choice, judged."""
+def _point(taken: Taken, own: Choice, true: Truth, whole: bool) -> Point:
+    """A choice, judged; `whole` as in cost."""
     choice, r, pictures = taken.choice, true.reference, taken.pictures
-    error, squares, wrong = judged(pictures, r.picture, r.variance, r.luminance)
+    error, squares, wrong = judged(pictures, r.picture, r.variance, r.luminance, whole)
     return Point(
         knob=choice.knob,
         value=choice.value,
@@ -160,7 +161,7 @@ def _point(taken: Taken, own: Choice, true: Truth) -> Point:
         squares=squares,
         picture=pictures[0],
         wrong=wrong,
-        geometry=geometry(taken.made, true.made, 0) if choice.knob in OF_HITS else None,
+        geometry=geometry(taken.made, true.made, 0) if whole and choice.knob in OF_HITS else None,
         plain=choice.plain,
     )
 

@@ -9,7 +9,7 @@ that is asked for does not want another.
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field, replace
-from math import isqrt, sqrt
+from math import ceil, isqrt, sqrt
 from pathlib import Path
 from time import perf_counter
 from typing import NoReturn
@@ -58,7 +58,7 @@ def tune(
     """
     target = Target.of(error, time)
     scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
-    report = cost(scene, quick=quick, progress=progress, threads=threads)
+    report = cost(scene, quick=quick, progress=progress, threads=threads, whole=False)
     if report.stopped:
         raise KeyboardInterrupt
     with Patience() as patience:
@@ -102,6 +102,23 @@ class _Tuning:
                     break
                 self.predicted.append(wanted)
                 self.tried.append(self._measured(wanted.settings))
+        for _ in range(ROUNDS):
+            if self.target.time is not None or self._best() is not None or (more := self._more()) is None:
+                return
+            self.tried.append(self._measured(more))
+
+    def _more(self) -> Settings | None:
+        """What came nearest to an error, with so many samples as it would need if they were independent: the model was
+        wrong. None where samples do not do it."""
+        nearest = min(self.tried, key=self.target.missed)
+        n, bias = nearest.settings[SPP], self.scaled.bias(nearest.settings)
+        noise, allowed = nearest.error.high**2 - bias, self.target.error**2 - bias
+        if allowed <= 0 or n * noise > MOST_SAMPLES * allowed:
+            return None
+        spp = ceil(n * noise / allowed)
+        if nearest.settings[SAMPLER] == "stratified":
+            spp = ceil(sqrt(spp)) ** 2
+        return nearest.settings | {SPP: spp} if spp > n else None
 
     def _whole(self) -> Model:
         return self.scaled.whole(self.tried, self.fastest)

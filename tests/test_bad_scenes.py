@@ -18,6 +18,7 @@ from visray import film as films
 from visray.cli import main
 from visray.exposure import expose, set_up
 from visray.features import RULES, features
+from visray.halves import Halves
 from visray.render import check_numbers
 
 GLASS = vr.Material(
@@ -390,6 +391,19 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
     monkeypatch.setattr(exposure, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
     with pytest.raises(vr.UserError, match="and 2 pixels more: is not a number;"):
         vr.render(scene, progress=False, layers=("RGB",))
+    take = Halves.take
+
+    def broken(h: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
+        take(h, lanes, targets)
+        mean = np.array(h.film.mean)
+        mean[1, np.flatnonzero(made.order == 7 * 21 + 10)[0]] = value
+        h.film = films.Film(h.made.a.W(mean), h.film.squares, h.film.coverage)
+
+    made = set_up(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr(Halves, "take", broken)
+        with pytest.raises(vr.UserError, match=r"^pixel 10, 7, which shows objects.ball: is not a number;"):
+            vr.render(scene, error=0.05, progress=False)
     # With every number sound, nothing is refused.
     monkeypatch.setattr(exposure, "exposed_once", once)
     made = set_up(scene)

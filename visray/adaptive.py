@@ -91,6 +91,14 @@ class Forecast:
         return f"forecast: error {self.error:.2g} with {self.spp:.0f} samples per pixel, after {self.seconds:.1f} s"
 
 
+class NoNumber(Exception):
+    """A pixel is not a number; `mean`: of all. Shape: (3, N)."""
+
+    def __init__(self, mean: np.ndarray):
+        super().__init__("a pixel is not a number")
+        self.mean = mean
+
+
 class Pursuit:
     """Brings a picture to its goal. found: the error that it has reached; floor: what samples do not take away."""
 
@@ -122,7 +130,7 @@ class Pursuit:
             if not (targets > halves.counts).any():
                 return
             done = halves.extend(targets, self._left)
-            self.found = halves.estimate()
+            self.found = self._estimate()
             # A file rounds a smooth picture otherwise than a noisy one.
             self.floor = replace(self.floor, rounding=rounded_off(halves, files)[0])
             if not done:
@@ -161,7 +169,7 @@ class Pursuit:
     def _allocation(self) -> Allocation:
         """By the samples that there are, as is the error that is found."""
         halves, film = self.halves, self.halves.made.scene.film
-        self.found = halves.estimate()
+        self.found = self._estimate()
         order = halves.made.order
         picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
@@ -172,6 +180,13 @@ class Pursuit:
         allocation = Allocation.of(near, halves.counts[: halves.n])
         allocation.learn(self.found.square, halves.counts[: halves.n])
         return allocation
+
+    def _estimate(self) -> Estimate:
+        """The error that there is; raises NoNumber where a pixel has none."""
+        found = self.halves.estimate()
+        if not np.isfinite(found.square):
+            raise NoNumber(sum(self.halves.means()) / 2)
+        return found
 
     def _left(self) -> float:
         """How many seconds there are for another pass."""

@@ -59,11 +59,13 @@ class Estimate:
         bright as the picture, that would have been missed by all samples with a chance of 5 %.
         """
         square, light = squares / n, luminance / n
-        factor = float(np.exp(QUANTILE * np.sqrt(2 * fourths) / squares)) if squares > 0 else 1.0
-        unseen = UNSEEN * light**2 / (samples**2 * n)
-        scale = 1 / light if light > 0 else 1.0
-        ends = np.sqrt([square, square / factor, square * factor + unseen])
-        return Estimate(*(scale * ends).tolist(), square, light, factor, unseen)
+        # Of pixels that are no numbers this is none either, and whoever asks sees that.
+        with np.errstate(invalid="ignore"):
+            factor = float(np.exp(QUANTILE * np.sqrt(2 * fourths) / squares)) if squares > 0 else 1.0
+            unseen = UNSEEN * light**2 / (samples**2 * n)
+            scale = 1 / light if light > 0 else 1.0
+            ends = np.sqrt([square, square / factor, square * factor + unseen])
+            return Estimate(*(scale * ends).tolist(), square, light, factor, unseen)
 
 
 class Halves:

@@ -14,7 +14,7 @@ import numpy as np
 
 from visray import film as films
 from visray import integrator
-from visray.adaptive import Goal, pursued
+from visray.adaptive import Goal, NoNumber, pursued
 from visray.errors import UserError
 from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
@@ -87,7 +87,11 @@ def render(
         if goal:
             # First, as its kernel takes time too.
             data = _data_layers(made, layers)
-            found = pursued(made, goal, files, layers, progress, patience)
+            try:
+                found = pursued(made, goal, files, layers, progress, patience)
+            except NoNumber as none:
+                check_numbers(made, none.mean)
+                raise
             colours, done, more = found.layers, 0, found.facts
         else:
             film, done = expose(made, progress, patience)

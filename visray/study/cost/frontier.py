@@ -93,7 +93,7 @@ def ranked(found: Iterable[Halving]) -> tuple[Halving, ...]:
 
 
 def _cannot(h: Halving) -> bool:
-    """Whether the knob alone surely does not get there."""
+    """Whether the knob alone surely does not get there, as far as was measured."""
     return not isfinite(h.factor.low)
 
 

@@ -22,7 +22,7 @@ SAMPLERS = ("stratified", "sobol", "independent")
 SPP, SAMPLER = "settings.spp", "settings.sampler"
 DEPTH, PRECISION = "settings.depth", "settings.precision"
 # Powers of 4: with a slope of 1/2, each halves the error. The scene's own samples times MORE too, so that what half its
-# error costs is measured, but of independent samples only where they are its own: they never get there. (quick, full)
+# error costs is measured, but of independent samples only where they are its own: they need too many. (quick, full)
 SAMPLES, MORE = ((1, 4, 16, 64), (1, 4, 16, 64, 256)), 4
 # So many times the scene's own number of rays. (quick, full)
 FACTORS = (1 / 4, 1 / 2, 1, 2, 4), (1 / 4, 1 / 2, 1, 2, 4, 16)

@@ -77,7 +77,7 @@ class Truth:
     @staticmethod
     def of(scene: vr.Scene, spp: float) -> "Truth":
         """From at least so many samples, with reflections as deep as visray looks for what depth leaves out."""
-        deep = min(8 * scene.settings.depth + 8, 1000) if ends(scene) else scene.settings.depth
+        deep = min(8 * scene.settings.depth + 8, 1000)
         each = 2 ** int(np.ceil(np.log2(spp / 2)))
         scene = adjusted(scene, sampler="sobol", spp=each, depth=deep)
         a, b = (rendered(scene, seed=s, layers=("RGB",))["RGB"].astype(float) for s in TRUE_SEEDS)
@@ -88,13 +88,6 @@ class Truth:
         """The error of a picture, without that of the truth."""
         square = float(np.square(rgb - self.rgb).mean()) - self.square
         return float(np.sqrt(max(square, 0.0))) / self.luminance
-
-
-def ends(scene: vr.Scene) -> bool:
-    """Whether reflections and refractions get weaker, so that a picture of any depth is one. Where a surface sends on
-    more light than it gets, kr + kt > 1, paths that are caught in glass grow with every level; then the scene's own
-    depth is the truth."""
-    return all(max(np.add(m.kr, m.kt)) <= 1 for m in scene.materials.values())
 
 
 def estimates(name: str) -> list[dict]:

@@ -103,7 +103,7 @@ def first_pass(made: Set) -> int:
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
     trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
-    return 2**23 // ((1 + rays) * (1 + paths) * (8 if trees else 1) * (16 if searched else 1))
+    return 2**25 // ((1 + rays) * (1 + 4 * paths) * (8 if trees else 1) * (64 if searched else 1))
 
 
 def exposed_once(

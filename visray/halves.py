@@ -98,20 +98,20 @@ class Halves:
         lanes = np.flatnonzero(targets > self.counts)
         # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
-        more = (targets - self.counts)[lanes]
-        samples, seconds = np.cumsum(more), np.cumsum(more * self.rates[lanes])
-        done, known = 0, self.pace.rate is not None
-        while done < len(lanes):
-            span = self.pace.span(left())
+        while len(lanes):
+            span, pace = self.pace.span(left()), self.pace
             if span <= 0:
                 return False
-            room = self.pace.room() if known else first_pass(self.made)
-            end = np.searchsorted(samples, (samples[done - 1] if done else 0) + room, "right")
-            if known:
-                end = min(end, np.searchsorted(seconds, (seconds[done - 1] if done else 0.0) + span, "right"))
-            end = max(int(end), done + 1)
-            self.take(lanes[done:end], targets)
-            done = end
+            more = (targets - self.counts)[lanes]
+            if pace.rate is None:
+                fit = np.searchsorted(np.cumsum(more), first_pass(self.made), "right")
+            else:
+                seconds = np.cumsum(more * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.rate))
+                fit = min(
+                    np.searchsorted(x, most, "right") for x, most in ((np.cumsum(more), pace.room()), (seconds, span))
+                )
+            some, lanes = np.split(lanes, [max(int(fit), 1)])
+            self.take(some, targets)
         return True
 
     def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:

@@ -50,7 +50,7 @@ def _samples(facts: dict[str, Any]) -> str:
     parts = {name: facts[f"{name}_error"] for name in ("depth", "file")}
     told = {"depth": "depth", "file": "the file's rounding"}
     # What is squared away tells nobody anything.
-    rest = "".join(f", {x:.2g} of it by {told[k]}" for k, x in parts.items() if x > 0.1 * facts["error"])
+    rest = "".join(f", {x:.2g} of it by {told[k]}" for k, x in parts.items() if x > 0.2 * facts["error"])
     above = "" if _met(facts) else f", above the {facts['error_asked']:g} asked"
     mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
     spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"

@@ -103,7 +103,9 @@ def first_pass(made: Set) -> int:
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
     trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
-    return 2**25 // ((1 + rays) * (1 + 4 * paths) * (8 if trees else 1) * (64 if searched else 1))
+    found = 2**25 // ((1 + rays) * (1 + 4 * paths) * (8 if trees else 1) * (64 if searched else 1))
+    # So many are a fraction of a second in any scene; and small pictures are one pass, the same bit for bit each time.
+    return max(found, 2**18)
 
 
 def exposed_once(

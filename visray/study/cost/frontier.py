@@ -12,8 +12,9 @@ from visray.halves import QUANTILE
 from visray.study.cost.records import Band, Curve, Halving, Point
 
 SHARE = 0.5  # of the default's error
-NEAR = 0.25  # of the last step between points: so far it goes on in any case
-FURTHEST = log(10)  # of seconds, beyond the last point: further than a decade no line is believed
+NEAR = 0.25  # of the last step between points: so far a law goes on in any case
+FURTHEST = log(10)  # of a knob's value, beyond the last point: further than a decade no line is believed
+STEADY = 0.75  # of the steepness before: what falls less is levelling off
 DRAWS, SEED = 2000, 1
 
 
@@ -58,7 +59,7 @@ def halvings(curves: Iterable[Curve], default: Point) -> tuple[Halving, ...]:
     """What half of the default's error costs by each knob of kind "sampling" or "bias", cheapest first.
 
     Error and seconds are taken as a power law from point to point. Beyond the last one the law of the last two goes on
-    for a decade of seconds, if their error surely falls, and not surely less steeply than before them, and else for a
+    for a decade of the knob's value, if their error surely falls, and about as steeply as before them, and else for a
     quarter of their step. Bands: of 2000 draws from the bands of the points.
     """
     asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points]
@@ -103,9 +104,9 @@ def _halving(curve: Curve, default: Point) -> Halving:
         points = points[::-1]  # of a tolerance less is more: from the cheap end in any case
     time, error = _logs([p.seconds for p in points], 0), _logs([p.error.rmse for p in points], 0)
     t0, e0 = (float(_logs([b], 0)[0]) for b in (default.seconds, default.error.rmse))
-    goes_on = _goes_on(points)
-    place, seconds = _reached(time, error, e0 + log(SHARE), goes_on)
-    found = _drawn(points, default, goes_on)
+    further = _further(points)
+    place, seconds = _reached(time, error, e0 + log(SHARE), further)
+    found = _drawn(points, default, further)
     # One of the draws itself, as nothing is between a finite one and inf.
     low, high = np.quantile(found, [0.025, 0.975], method="inverted_cdf")
     factor = float(np.exp(seconds - t0))
@@ -118,7 +119,7 @@ def _halving(curve: Curve, default: Point) -> Halving:
     )
 
 
-def _drawn(points: tuple[Point, ...], default: Point, goes_on: bool) -> np.ndarray:
+def _drawn(points: tuple[Point, ...], default: Point, further: float) -> np.ndarray:
     """Factors for points and default drawn from their bands; where one of the points is the default, both are one."""
     rng = np.random.default_rng(SEED)
     same = next((i for i, p in enumerate(points) if p.same_choice(default)), len(points))
@@ -126,30 +127,30 @@ def _drawn(points: tuple[Point, ...], default: Point, goes_on: bool) -> np.ndarr
     n, shape = len(points), (DRAWS, len(every))
     times = _logs([p.seconds for p in every], rng.standard_normal(shape))
     errors = _logs([p.error.rmse for p in every], rng.standard_normal(shape))
-    found = [_reached(t[:n], e[:n], e[same] + log(SHARE), goes_on)[1] - t[same] for t, e in zip(times, errors)]
+    found = [_reached(t[:n], e[:n], e[same] + log(SHARE), further)[1] - t[same] for t, e in zip(times, errors)]
     return np.exp(found)
 
 
-def _goes_on(points: tuple[Point, ...]) -> bool:
-    """Whether the law of the last two points may go on beyond them: even the nearest ends of their bands fall, and the
-    steepest fall that the bands allow is no less than the flattest before."""
-    if len(points) < 2 or not all(_is_number(p.value) for p in points[-2:]):
-        return False
+def _further(points: tuple[Point, ...]) -> float:
+    """How many steps the law of the last two points may go on beyond them: for a decade of the knob's value where their
+    error surely falls, and over the value no less than STEADY times as steeply as before them; else NEAR. By errors and
+    values alone: seconds differ from study to study, and would move a knob from what is reached to what is not."""
+    values = [p.value for p in points[-3:]]
+    if len(points) < 2 or not all(_is_number(v) and v > 0 for v in values):
+        return NEAR
+    last, *before = ((a, b, abs(log(b.value / a.value))) for a, b in reversed(list(pairwise(points[-3:]))))
 
-    def between(a: Point, b: Point) -> tuple[float, float]:
-        gone = log(b.seconds.middle / a.seconds.middle)
-        if gone <= 0 or 0 in (a.error.rmse.low, b.error.rmse.low):
-            return -inf, inf
-        ends = log(a.error.rmse.low / b.error.rmse.high), log(a.error.rmse.high / b.error.rmse.low)
-        return ends[0] / gone, ends[1] / gone
+    def steepness(a: Point, b: Point, gone: float) -> float:
+        return float(_logs([a.error.rmse], 0)[0] - _logs([b.error.rmse], 0)[0]) / gone
 
-    last = between(*points[-2:])
-    before = between(*points[-3:-1]) if len(points) > 2 else (-inf, inf)
-    return last[0] > 0 and last[1] >= before[0]
+    surely = 0 < last[1].error.rmse.high < last[0].error.rmse.low
+    steady = not before or steepness(*last) >= STEADY * steepness(*before[0])
+    return max(FURTHEST / last[2], NEAR) if surely and steady else NEAR
 
 
-def _reached(time: np.ndarray, error: np.ndarray, target: float, goes_on: bool) -> tuple[float, float]:
-    """Where along the points the error first comes down to the target, and the log of seconds there; inf if nowhere.
+def _reached(time: np.ndarray, error: np.ndarray, target: float, further: float) -> tuple[float, float]:
+    """Where along the points the error first comes down to the target, and the log of seconds there; inf if nowhere,
+    up to so many steps further than the last.
 
     The place is a number of points, 1.25 a quarter of the way from the second to the third. All in logarithms.
     """
@@ -165,8 +166,7 @@ def _reached(time: np.ndarray, error: np.ndarray, target: float, goes_on: bool) 
         return inf, inf
     part = (error[-1] - target) / (error[-2] - error[-1])
     seconds = float(part * (time[-1] - time[-2]))
-    near = part <= NEAR or (goes_on and seconds <= FURTHEST)
-    return (len(time) - 1 + part, time[-1] + seconds) if near else (inf, inf)
+    return (len(time) - 1 + part, time[-1] + seconds) if part <= further else (inf, inf)
 
 
 def _value(points: tuple[Point, ...], place: float) -> Any:

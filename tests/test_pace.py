@@ -1,13 +1,12 @@
 """Passes are long enough that tracing is little of them, and short enough for what is left."""
 
-from itertools import pairwise
 from math import inf
 
 import drjit as dr
 import numpy as np
 import pytest
 
-from visray import pace
+from visray import clock, pace
 from visray.exposure import exposed_once, set_up
 from visray.film import Film as Exposure
 from visray.pace import GROWTH, PASS_SECONDS, SURE, TRACED, Pace
@@ -19,7 +18,7 @@ def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> 
     """After passes of so many seconds of tracing and running, and samples."""
     found = Pace()
     for tracing, running, samples in passes:
-        monkeypatch.setattr(pace.time, "perf_counter", lambda tracing=tracing: tracing)
+        monkeypatch.setattr(clock, "now", lambda tracing=tracing: tracing)
         monkeypatch.setattr(pace, "run", lambda film, running=running: running)
         assert found.evaluated(0.0, samples, None) == running
     return found
@@ -49,24 +48,27 @@ def test_what_took_no_time_tells_little() -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_the_rate_is_that_of_the_kernel(threads: int) -> None:
-    """On one thread too, where it runs before dr.eval returns: of 1 and of 64 times the samples it is the same but for
-    a factor of 30, while compiling, and a kernel that seems to take no time, would be off by far more."""
-    scene = Scene(
-        film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=2**16, sampler="sobol")
-    )
-    before, made = dr.thread_count(), set_up(scene)
+def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    """As Dr.Jit's history has them, on one thread too, where they run before dr.eval returns: no compiling, no wait."""
+    scene = Scene(film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=256))
+    before, made, told = dr.thread_count(), set_up(scene), []
+    monkeypatch.setattr(clock, "ran", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
     try:
-        film, rates = Exposure.blank(made.a, len(made.order)), []
-        for done, count in pairwise((0, 64, 128, 4096)):
-            found = Pace()
-            film = exposed_once(made, film, scene.settings, done, count - done, found)
-            rates.append(found.rate)
+        film, found = Exposure.blank(made.a, len(made.order)), Pace()
+        for done in range(3):
+            film = exposed_once(made, film, scene.settings, done, 1, found)
+            assert found.rate == pytest.approx(3 / 64**2)
     finally:
         dr.set_thread_count(before)
-    assert min(rates) > 0 and max(rates) < 30 * min(rates)
+    # Of each pass its own kernels, the picture's among them, with the time that they ran.
+    assert [sum(k["operation_count"] > 100 for k in kernels) for kernels in told] == [1, 1, 1]
+    assert all(k["execution_time"] > 0 for kernels in told for k in kernels if k["operation_count"] > 100)
     assert np.isfinite(np.array(film.mean)).all()
+
+
+def test_kernels_ran_so_many_seconds() -> None:
+    assert clock.ran([]) == 0 and clock.ran([{"execution_time": 250.0}, {"execution_time": 1.5}]) == 0.2515
 
 
 def test_whoever_counts_kernels_has_them_all() -> None:

@@ -9,7 +9,6 @@ Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goe
 """
 
 import sys
-import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from visray import clock
 from visray.allocation import Allocation, around
 from visray.errors import UserError
 from visray.exposure import Set, first_pass
@@ -35,7 +35,7 @@ MARGIN = 0.98
 
 @dataclass(frozen=True)
 class Goal:
-    """What is asked for: an error, seconds from `begun` on (time.perf_counter), or whichever comes first. reserve:
+    """What is asked for: an error, seconds from `begun` on (clock.now), or whichever comes first. reserve:
     seconds that are needed at the end."""
 
     error: float | None
@@ -60,7 +60,7 @@ class Goal:
 
     def passed(self) -> float:
         """Seconds that have passed."""
-        return time.perf_counter() - self.begun
+        return clock.now() - self.begun
 
     def allowed(self, found: Estimate, bias: float) -> float:
         """The mean square error that may be left; none where no error is asked for. bias: the square of what samples

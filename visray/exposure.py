@@ -1,6 +1,5 @@
 """A scene set up for rendering, and its film after so many samples."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -8,8 +7,8 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray import clock, images, integrator, llvm, tables
 from visray import film as films
-from visray import images, integrator, llvm, tables
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.pace import LONGEST, Pace
@@ -112,7 +111,7 @@ def exposed_once(
     made: Set, film: films.Film, settings: Settings, done: int, count: int, pace: Pace | None = None
 ) -> films.Film:
     """The film after one more pass, of which `pace` is told."""
-    begun = time.perf_counter()
+    begun = clock.now()
     plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
     film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
     (pace or Pace()).evaluated(begun, count * len(made.order), film)

@@ -5,7 +5,6 @@ know them (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of its var
 over all pixels is a good one.
 """
 
-import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +12,8 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray import clock, integrator
 from visray import film as films
-from visray import integrator
 from visray.exposure import Set, first_pass
 from visray.film import Film
 from visray.pace import LONGEST, Pace
@@ -116,7 +115,7 @@ class Halves:
 
     def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:
         """Brings some lanes to so many samples, in one pass."""
-        begun = time.perf_counter()
+        begun = clock.now()
         # Of one lane the kernel would be another.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
         a, before = self.made.a, self.counts[lanes]

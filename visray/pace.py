@@ -1,12 +1,13 @@
 """How long passes over a film take, and how long they should: tracing in Python, which each does once, must be little
 of it, and Ctrl-C must not wait long."""
 
-import time
 from dataclasses import dataclass
 from math import inf
 from typing import Any
 
 import drjit as dr
+
+from visray import clock
 
 # A pass should run so many seconds, or so many times as long as it is traced, whichever is more.
 PASS_SECONDS, TRACED = 0.5, 8
@@ -28,9 +29,9 @@ class Pace:
     told_by: int = 0
 
     def evaluated(self, begun: float, samples: int, film: Any) -> float:
-        """Computes a film with so many more samples, which was traced since `begun` (time.perf_counter), and takes in
+        """Computes a film with so many more samples, which was traced since `begun` (clock.now), and takes in
         how long both took. What compiles in between is neither. Returns the seconds that it ran."""
-        self.tracing = time.perf_counter() - begun
+        self.tracing = clock.now() - begun
         ran = run(film)
         # What takes a small pass long is not its samples.
         if self.rate is None or 4 * samples >= self.told_by:
@@ -59,10 +60,10 @@ def run(film: Any) -> float:
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         if not listened:
             dr.kernel_history_clear()
-        begun = time.perf_counter()
+        begun = clock.now()
         dr.eval(film)
         dr.sync_thread()
         if listened:
             # Reading the history would take it from whoever listens.
-            return time.perf_counter() - begun
-        return sum(k["execution_time"] for k in dr.kernel_history()) / 1e3
+            return clock.now() - begun
+        return clock.ran(dr.kernel_history())

@@ -2,11 +2,12 @@
 
 import signal
 import threading
-import time
 from types import FrameType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from visray import clock
 
 SHOWN_AFTER = 2.0
 
@@ -16,7 +17,7 @@ class Bar:
 
     def __init__(self, title: str, total: int, shown: bool = True):
         self.title, self.total, self.shown = title, total, shown
-        self.begun = time.monotonic()
+        self.begun = clock.now()
         self.bar: Progress | None = None
 
     def __enter__(self) -> "Bar":
@@ -29,7 +30,7 @@ class Bar:
     def at(self, done: int) -> None:
         """Says that `done` steps are done."""
         if self.bar is None:
-            if not self.shown or time.monotonic() - self.begun < SHOWN_AFTER or done >= self.total:
+            if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
                 return
             columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")
             console = Console(stderr=True)
@@ -37,7 +38,7 @@ class Bar:
             self.bar.start()
             # The time before the bar appeared counts for the estimate of what is left.
             task = self.bar.add_task(self.title, total=self.total)
-            self.bar.tasks[task].start_time -= time.monotonic() - self.begun
+            self.bar.tasks[task].start_time -= clock.now() - self.begun
         self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
 
 

@@ -6,14 +6,13 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
+from visray import clock, integrator
 from visray import film as films
-from visray import integrator
 from visray.adaptive import Goal, NoNumber, pursued
 from visray.errors import UserError
 from visray.exposure import Set, expose, set_up
@@ -63,9 +62,9 @@ def render(
     pixels and channels, in linear light, over the picture's mean luminance. time: the best picture in so many seconds,
     with all that is to be set up and compiled. Of both, what comes first. More samples go where there is more noise,
     without bias (adaptive.py). files: what the picture is for; an error below their rounding is refused, and there is
-    `time` to write them. begun: from when the time counts (time.perf_counter), else from now.
+    `time` to write them. begun: from when the time counts (clock.now), else from now.
     """
-    now = perf_counter()
+    now = clock.now()
     goal = Goal.asked(error, time, spp, now if begun is None else begun)
     if goal is None and (lone := set(layers) & set(PURSUED)) and tuple(layers) != LAYERS:
         raise UserError(f"layers = {', '.join(sorted(lone))}: only a picture to an error or in a time has that")
@@ -104,7 +103,7 @@ def render(
     pictures = rasters(made, colours | data, layers)
     proof = _proof(pictures)
     _warn(proof, made)
-    facts = provenance(made, done, perf_counter() - now) | more | proof | {"scene_hash": named}
+    facts = provenance(made, done, clock.now() - now) | more | proof | {"scene_hash": named}
     if goal:
         del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(patience.asked)})

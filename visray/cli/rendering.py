@@ -4,14 +4,13 @@ import sys
 import warnings
 from math import inf
 from pathlib import Path
-from time import perf_counter
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from visray import clock
 from visray.adaptive import Goal
 from visray.cli.common import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
-from visray.clock import LOADED
 from visray.errors import UserError
 from visray.output.image import check_destination
 from visray.quantities import BACKENDS
@@ -99,7 +98,7 @@ def render_command(
 
     Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG.
     """
-    begun = perf_counter()
+    begun = clock.now()
     if quiet:
         warnings.simplefilter("ignore")
     Goal.asked(error, time, spp, begun)
@@ -119,7 +118,7 @@ def render_command(
         error=error,
         time=time,
         files=Files(outputs, curve, exposure),
-        begun=LOADED,
+        begun=clock.LOADED,
     )
     for path in outputs:
         image.write(path, gamma=curve, exposure=exposure)
@@ -129,7 +128,7 @@ def render_command(
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", *PROVEN)
         keep += ("error_at_most", *PURSUED_FACTS)
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
-        seconds = perf_counter() - begun
+        seconds = clock.now() - begun
         put(
             report
             | {k: facts[k] for k in keep if k in facts}
@@ -138,7 +137,7 @@ def render_command(
     elif not quiet:
         names = ", ".join(str(o) for o in outputs)
         # Of a time that is given all counts, from the start of the program on.
-        seconds = facts["render_seconds"] if time is None else perf_counter() - LOADED
+        seconds = facts["render_seconds"] if time is None else clock.now() - clock.LOADED
         line = f"{names}: {image.width} x {image.height}, {_samples(facts)}, {seconds:.2f} s"
         if "residual_ulps" in facts:
             seen = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"

@@ -25,6 +25,7 @@ from typing import Any
 import drjit as dr
 from rich.table import Table
 
+from visray import clock
 from visray.errors import UserError
 from visray.exposure import Set, exposed_once, set_up
 from visray.features import Feature
@@ -172,7 +173,7 @@ class Picture:
 
     def seconds(self) -> float:
         """How long its kernels run."""
-        return sum(k["execution_time"] for k in self.kernels()) / 1e3
+        return clock.ran(self.kernels())
 
     def compiled(self) -> tuple[int, float]:
         """Operations and compile seconds of its kernel, where it is made for the first time."""

@@ -1,6 +1,5 @@
 """What is put to the test: the kernel, or any function of rays."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -8,6 +7,7 @@ from typing import Any, Protocol
 import drjit as dr
 import numpy as np
 
+from visray import clock
 from visray.errors import UserError
 from visray.exposure import set_up
 from visray.geometry import facing
@@ -58,9 +58,9 @@ class Function:
         return None
 
     def seconds(self, rays: Bundle) -> float | None:
-        begun = time.perf_counter()
+        begun = clock.now()
         self.solve(rays.o, rays.d)
-        return (time.perf_counter() - begun) / len(rays)
+        return (clock.now() - begun) / len(rays)
 
 
 class Kernel:
@@ -125,7 +125,7 @@ class Kernel:
                 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
                     dr.kernel_history_clear()
                     dr.eval(closest(self.watch(ray.o), ray))
-                    spent = sum(k["execution_time"] for k in dr.kernel_history([dr.KernelType.JIT])) / 1e3
+                    spent = clock.ran(dr.kernel_history([dr.KernelType.JIT]))
                 best = min(best, spent)
         finally:
             dr.set_thread_count(threads)

@@ -16,7 +16,7 @@ from statistics import median
 import drjit as dr
 import numpy as np
 
-from visray import integrator
+from visray import clock, integrator
 from visray.errors import UserError
 from visray.exposure import Set, arrays, set_up
 from visray.film import Film
@@ -108,11 +108,6 @@ def developed(made: Set, film: Film, pictures: int, kind: type = np.float32) -> 
     return shown.reshape(pictures, made.scene.film.height, made.scene.film.width, 3)
 
 
-def ran(kernels: list[dict]) -> float:
-    """How many seconds kernels ran."""
-    return sum(k["execution_time"] for k in kernels) / 1e3
-
-
 @dataclass
 class Studio:
     """Where choices are measured: a scene, its seeds, and the kernels that are compiled so far, by their hash."""
@@ -150,7 +145,7 @@ class Studio:
         k = max(kernels, key=lambda k: k["operation_count"])
         # A kernel that is there already took as long as it did then.
         seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
-        return Taken(choice, made, seconds, k["operation_count"], ran(kernels) / n * spp / count)
+        return Taken(choice, made, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
 
     def _awake(self) -> None:
         """Compiles something small: what LLVM takes to start is no kernel's."""
@@ -200,4 +195,4 @@ class Studio:
         copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(made.order))))
         many = np.resize(seeds, n * copies)
         film, kernels = exposed(made, blank(made, len(many)), many, 0, made.scene.settings.spp, self.mark)
-        return ran(kernels) / len(many), developed(made, film, len(seeds))
+        return clock.ran(kernels) / len(many), developed(made, film, len(seeds))

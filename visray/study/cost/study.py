@@ -1,6 +1,5 @@
 """What accuracy costs for a scene: all that is measured of it, together."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from math import log
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from visray import clock
 from visray.errors import UserError
 from visray.halves import QUANTILE
 from visray.progress import Patience
@@ -56,7 +56,7 @@ def cost(
     is measured, where that is enough for errors with a spread, and raises KeyboardInterrupt where not. whole: else
     there are but the curves of the knobs, without FLIP, hits and points of several knobs: what `tune` needs.
     """
-    begun = time.perf_counter()
+    begun = clock.now()
     name = str(scene) if isinstance(scene, (str, Path)) else "a scene made in Python"
     scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
     if not isinstance(seeds, int) or isinstance(seeds, bool) or not LEAST_SEEDS <= seeds <= MOST_SEEDS:
@@ -65,7 +65,7 @@ def cost(
         set_threads(threads)
     with Patience() as patience:
         report = _studied(scene, quick, seeds, progress, patience, whole)
-    return replace(report, scene=name, seconds=time.perf_counter() - begun)
+    return replace(report, scene=name, seconds=clock.now() - begun)
 
 
 def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience, whole: bool) -> Study:

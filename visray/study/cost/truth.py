@@ -3,13 +3,13 @@
 Two halves with seeds of their own are doubled by turns; by what they differ, the noise of their mean is known.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from visray import clock
 from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import LUMINANCE
@@ -52,7 +52,7 @@ def truth(
     zero: the addresses of tolerances; best: the least deviation of what is measured, relative. After Ctrl-C it is as
     good as it is then, with FIRST samples in each half at least.
     """
-    begun = time.perf_counter()
+    begun = clock.now()
     settings: dict[str, Any] = {PRECISION: "double", SAMPLER: "sobol"} | dict.fromkeys(zero, 0.0)
     deep = changed(scene, settings)
     on = explain(scene)
@@ -75,7 +75,7 @@ def truth(
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
         notes.append(f"the reference's own error is {error:.1g}, {share}: that is what its seconds allowed")
     settings[SPP] = 2 * count
-    found = Reference(settings, error, mean, time.perf_counter() - begun, picture, variance)
+    found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
     return Truth(found, made, tuple(notes))
 
 
@@ -109,19 +109,19 @@ def _halves(
     made: Set, seeds: tuple[int, int], target: float, budget: float, mark: int, patience: Patience, progress: bool
 ) -> tuple[np.ndarray, int]:
     """Both halves, and the samples of each: a power of two, as Sobol's sequence wants it."""
-    film, done, step, begun = blank(made, 2), 0, FIRST, time.perf_counter()
+    film, done, step, begun = blank(made, 2), 0, FIRST, clock.now()
     pictures = None
     with Bar("reference", round(budget), progress) as bar:
         while True:
-            goal, started = max(2 * done, FIRST), time.perf_counter()
+            goal, started = max(2 * done, FIRST), clock.now()
             while done < goal:
                 if pictures is not None and patience.asked:
                     return pictures, goal // 2
-                before = time.perf_counter()
+                before = clock.now()
                 step = min(step, goal - done)
                 film, _ = exposed(made, film, seeds, done, step, mark)
                 done += step
-                now = time.perf_counter()
+                now = clock.now()
                 bar.at(min(round(now - begun), round(budget) - 1))
                 # Longer steps are traced less often; but Ctrl-C waits for them.
                 step *= 2 if now - before < PASS_SECONDS else 1

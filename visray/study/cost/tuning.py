@@ -11,11 +11,11 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field, replace
 from math import ceil, isqrt, sqrt
 from pathlib import Path
-from time import perf_counter
 from typing import NoReturn
 
 import numpy as np
 
+from visray import clock
 from visray.errors import UserError
 from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film
@@ -195,9 +195,9 @@ class _Tuning:
         pictures, times = [], []
         while len(times) < 2 or (len(times) < TURNS and sum(times) < ENOUGH):
             shot = replace(made, scene=adjusted(chosen, seed=(first + len(times)) % 2**32))
-            begun = perf_counter()
+            begun = clock.now()
             film, _ = expose(shot, self.progress, self.patience)
-            times.append(perf_counter() - begun)
+            times.append(clock.now() - begun)
             if self.patience.asked:
                 raise KeyboardInterrupt
             if len(pictures) < 2:

@@ -1,0 +1,54 @@
+"""A machine whose seconds are made up: they go by the work that is done, so that what hangs on time comes out the same
+on each real one, whatever else that does."""
+
+from collections.abc import Callable
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import pytest
+
+from visray import clock, integrator
+from visray.sampling import Plan
+
+
+class Machine:
+    """Seconds pass where samples are traced, `tracing` each time, and where kernels are waited for, by their samples:
+    `rate` for each and each ray of light and sky that goes with it, times what `slow` says of this pass.
+
+    now: the seconds that have passed; passes: how many were traced.
+    """
+
+    def __init__(
+        self,
+        patch: pytest.MonkeyPatch,
+        tracing: float = 0.01,
+        rate: float = 1e-7,
+        slow: Callable[[], float] = lambda: 1.0,
+    ):
+        self.now, self.passes, self.slow = 1e4, 0, slow
+        self.pending = self.last = 0.0
+        sample, sync = integrator.sample, dr.sync_thread
+
+        def sampled(stage: integrator.Stage, plan: Plan, x: Any, y: Any) -> Any:
+            rays = sum(int(np.array(lot.count).sum()) for lot in stage.scenery.lots.values())
+            samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
+            self.pending += rate * samples * (1 + rays / 3)
+            self.now += tracing
+            self.passes += 1
+            return sample(stage, plan, x, y)
+
+        def synced() -> None:
+            sync()
+            self.last, self.pending = self.pending * self.slow(), 0.0
+            self.now += self.last
+
+        patch.setattr(integrator, "sample", sampled)
+        patch.setattr(dr, "sync_thread", synced)
+        patch.setattr(clock, "now", lambda: self.now)
+        patch.setattr(clock, "ran", lambda kernels: self.last)
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
+    return Machine(monkeypatch)

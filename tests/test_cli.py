@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -158,22 +157,32 @@ def test_all_errors_of_a_file_at_once(tmp_path, capsys):
     assert "line 2, column 8" in said(capsys, "explain", str(broken))[2]
 
 
+# The command line, which says when it has made a pass.
+TELLING = """
+import sys
+import visray.exposure as exposure
+from visray.cli import main
+
+whole = exposure.exposed_once
+
+def telling(*given):
+    film = whole(*given)
+    print("a pass", flush=True)
+    return film
+
+exposure.exposed_once = telling
+sys.exit(main(sys.argv[1:]))
+"""
+
+
 def test_ctrl_c_keeps_the_partial_picture(tmp_path):
     """A long render is interrupted as a terminal does it; the file holds the passes that were done."""
     out = tmp_path / "partial.exr"
-    command = [
-        sys.executable,
-        "-m",
-        "visray",
-        "render",
-        str(SCENES / "showcase.json"),
-        "-o",
-        str(out),
-        "--spp",
-        "100000",
-    ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(12)
+    tokens = ["render", str(SCENES / "showcase.json"), "-o", str(out), "--spp", "100000"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", TELLING, *tokens], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout.readline() == "a pass\n"
     os.kill(process.pid, signal.SIGINT)
     text, err = process.communicate(timeout=120)
     assert process.returncode == 130, err

@@ -11,6 +11,7 @@ import drjit as dr
 import numpy as np
 import pytest
 from rich.console import Console
+from virtual import Machine
 
 from visray import load
 from visray.camera import Camera
@@ -49,13 +50,15 @@ FLAT = replace(
 
 
 @pytest.fixture(autouse=True)
-def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+def hurry(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seconds go by work alone, and few of them do."""
     monkeypatch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
 
 
 @pytest.fixture(scope="module")
 def report() -> Report:
     with pytest.MonkeyPatch.context() as patch:
+        Machine(patch)
         patch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
         return cost(SOFT, quick=True, progress=False)
 

@@ -7,7 +7,6 @@ from fractions import Fraction
 from itertools import combinations_with_replacement
 from math import isclose, prod, sqrt
 from pathlib import Path
-from time import perf_counter
 
 import flint
 import numpy as np
@@ -343,9 +342,6 @@ def test_sizes():
 def test_catalogue(surface):
     text = surface["expression"]
     centre = surface["centre"] or (0, 0, 0)
-    start = perf_counter()
-    build(text, None, centre)
-    assert perf_counter() - start < 2
     terms = exact(text)
     assert max(map(sum, terms)) == surface["degree"]
     agrees(text, None, centre)
@@ -356,14 +352,6 @@ def test_catalogue(surface):
         # Stored to 40 digits where they are irrational.
         assert terms.keys() == expected.keys()
         assert all(abs(terms[e] - c) <= abs(c) / 10**36 for e, c in expected.items())
-
-
-def test_build_times():
-    build("x^2 - y^2*z^2")  # imports sympy
-    for text, seconds in [(HEART.replace("9/80", "0.11"), 0.1), (expanded(FIVE).replace("x^0*", ""), 2)]:
-        start = perf_counter()
-        build(text)
-        assert perf_counter() - start < seconds
 
 
 # --- what is wrong -------------------------------------------------------------------------------------------------
@@ -455,10 +443,8 @@ BAD = {
 
 @pytest.mark.parametrize("text", BAD)
 def test_bad_texts(text):
-    start = perf_counter()
     with pytest.raises(Wrong) as e:
         build(text, {"r": 1.0, "huge": 2.0})
-    assert perf_counter() - start < 1
     assert str(e.value) == BAD[text] and e.value.part is None
 
 

@@ -892,7 +892,7 @@ def test_exposure_and_gamma_of_the_file_count() -> None:
         pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -8.0))
 
 
-def test_the_rounding_of_the_best_file_is_part_of_the_error(tmp_path: Path) -> None:
+def test_the_rounding_of_the_best_file_is_part_of_the_error(machine: Machine, tmp_path: Path) -> None:
     """A PNG file alone keeps to the error that is asked for, and says how much of it is its own."""
     true = render(EDGES, spp=16384, seed=99, layers=("RGB",), progress=False)["RGB"].astype(float)
     luminance = (true @ LUMINANCE).mean()

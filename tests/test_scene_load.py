@@ -25,6 +25,7 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone, polynomial"
+FILES = sorted(p for p in (ROOT / "scenes").glob("*.json") if p.name != "schema.json")
 LIGHTS = "point, directional, spot, rectangle, disk, sphere"
 TEXTURES = "image, checker"
 MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
@@ -186,6 +187,22 @@ def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
         "  }",
         "}",
     ]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_dump_like_a_file_says_what_that_says_in_its_order(path: Path, tmp_path: Path) -> None:
+    scene, raw = load(path), json.loads(path.read_text())
+    found = json.loads(dump(scene, path.parent, path))
+    for thing in found["objects"].values():
+        # Parameters of known surfaces come with the name, and are spelled out.
+        if "surface" in thing and thing not in raw["objects"].values():
+            del thing["parameters"]
+    assert json.dumps(found) == json.dumps(raw)
+    # In another folder files are named as seen from there, the schema too.
+    other = tmp_path / path.name
+    other.write_text(dump(scene, tmp_path, path))
+    assert (tmp_path / json.loads(other.read_text())["$schema"]).samefile(path.parent / "schema.json")
+    assert dump(load(other), path.parent) == dump(scene, path.parent)
 
 
 def test_dump_shows_what_differs_in_nested_settings_only() -> None:

@@ -24,7 +24,7 @@ from visray.primitives import Plane, Sphere
 from visray.progress import Patience
 from visray.render import render
 from visray.scene.address import changed
-from visray.scene.load import load
+from visray.scene.load import dump, load
 from visray.scene.scene import Film, Scene, Settings
 from visray.study.cost import study, tuning
 from visray.study.cost.records import Band, Curve, Point, Report
@@ -183,8 +183,15 @@ def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path:
         "lights.window.samples",
         "settings.precision",
     }
-    path = tmp_path / "tuned.json"
-    path.write_text(as_scene(found, tmp_path))
+    path, own = tmp_path / "tuned.json", tmp_path / "own.json"
+    # In the file's own order, with what it says of itself, and defaults that it spells out.
+    said = {"$schema": "schema.json", "settings": {"depth": SOFT.settings.depth, "spp": 16, "seed": 5}}
+    own.write_text(json.dumps(said | json.loads(dump(SOFT)) | said))
+    assert load(own) == SOFT
+    path.write_text(as_scene(found, tmp_path, own))
+    told = json.loads(path.read_text())
+    assert list(told) == list(json.loads(own.read_text())) and told["$schema"] == "schema.json"
+    assert list(told["settings"])[:3] == ["depth", "spp", "seed"]
     again = load(path)
     assert again == found.scene == changed(SOFT, found.changed)
     assert changed(again, {a: found.before.settings[a] for a in found.changed}) == SOFT

@@ -175,7 +175,7 @@ def tune(
     made = opened(scene, setup, compat, set)
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     if output is not None:
-        written(as_scene(found, output.parent), output)
+        written(as_scene(found, output.parent, scene), output)
     if json:
         put(found.as_json())
     else:

@@ -18,6 +18,7 @@ from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene.check import checked
 from visray.scene.scene import ADAPTER, Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.source import read
 from visray.surfaces import CLASSICS
 from visray.textures import ImageTexture, Texture
 from visray.transforms import STEPS, Matrix, Rotate, Scale
@@ -95,13 +96,21 @@ MEANINGS: dict[type, dict[str, str]] = {
 }
 
 
-def dump(scene: Scene, folder: str | Path | None = None) -> str:
+def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None = None) -> str:
     """The text of a scene file that loads back as an equal scene; fields equal to their default are left out.
 
-    The files of textures are named as seen from the current folder, or from `folder`, where the text will lie.
+    The files of textures are named as seen from the current folder, or from `folder`, where the text will lie. like: a
+    scene file whose order is kept, with the defaults that it spells out and its `$schema`.
     """
     scene = checked(scene)
-    return pretty(_plain(scene if folder is None else with_files(scene, lambda file: _way(folder, file)))) + "\n"
+    place = folder or "."
+    raw = read(like).raw if like else None
+    found = _plain(scene if folder is None else with_files(scene, lambda file: _way(place, file)), raw)
+    if isinstance(raw, dict) and "$schema" in raw:
+        name = raw["$schema"]
+        near = os.path.join(os.path.dirname(like), name)
+        found = {"$schema": _way(place, near) if os.path.exists(near) else name} | found
+    return pretty(found) + "\n"
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
@@ -120,15 +129,22 @@ def _way(folder: str | Path, file: str) -> str:
     return Path(os.path.relpath(os.path.realpath(place), os.path.realpath(folder)), name).as_posix()
 
 
-def _plain(value: Any) -> Any:
-    """Dicts and lists for a part of a scene."""
+def _plain(value: Any, like: Any = None) -> Any:
+    """Dicts and lists for a part of a scene; `like`: that part of a file which it should resemble."""
+    old = like if isinstance(like, dict) else {}
     if is_dataclass(value):
-        told = [f for f in fields(value) if f.name == "type" or getattr(value, f.name) != _default(f)]
+        told = [f for f in fields(value) if f.name in {"type", *old} or getattr(value, f.name) != _default(f)]
         told.sort(key=lambda f: (f.name != "type", f.name in LAST))
-        return {f.name: _plain(getattr(value, f.name)) for f in told}
+        value = {f.name: getattr(value, f.name) for f in told}
     if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    return [_plain(v) for v in value] if isinstance(value, tuple) else value
+        names = sorted(value, key=lambda k: list(old).index(k) if k in old else len(old))
+        return {k: _plain(value[k], old.get(k)) for k in names}
+    found = value
+    if isinstance(value, tuple):
+        parts = like if isinstance(like, list) and len(like) == len(value) else [None] * len(value)
+        found = [_plain(v, part) for v, part in zip(value, parts)]
+    # A whole number stays one.
+    return like if found == like else found
 
 
 def _default(f: Field) -> Any:

@@ -119,6 +119,7 @@ class Tuned:
         return rows
 
 
-def as_scene(tuned: Tuned, folder: Path | None = None) -> str:
-    """The tuned scene as the text of a JSON file, in which files of textures are relative to its folder."""
-    return dump(tuned.scene, folder)
+def as_scene(tuned: Tuned, folder: Path | None = None, like: Path | None = None) -> str:
+    """The tuned scene as the text of a JSON file, in which files of textures are relative to its folder; `like`: the
+    file that it comes from, of which all else is kept."""
+    return dump(tuned.scene, folder, like)

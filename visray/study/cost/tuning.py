@@ -124,7 +124,7 @@ class _Tuning:
         return self.scaled.whole(self.tried, self.fastest)
 
     def _best(self) -> Measured | None:
-        """Of what meets the goal; the scene as it is, where nothing is clearly better."""
+        """Of what meets the target; the scene as it is, where nothing is clearly better."""
         price, met = self.target.price, [m for m in self.tried if self.target.met(m)]
         best = min(met, key=price, default=None)
         return self.tried[0] if self.tried[0] in met and price(best) > GAIN * price(self.tried[0]) else best

@@ -123,7 +123,6 @@ class Pursuit:
         self._tell(allocation)
         # Without noise a time would be spent for nothing.
         while not self._reached() and (goal.error is not None or self.found.square > 0):
-            self._expect(allocation)
             # Long rounds are many samples too many, where the error falls faster than was expected.
             short = halves.pace.seconds(3 * halves.counts.sum()) < SHORT
             targets = np.tile(allocation.targets(self._outlook(allocation, 4 if short else 2)[0]), 2)
@@ -136,6 +135,7 @@ class Pursuit:
             if not done:
                 return
             allocation.learn(self.found.square, halves.counts[: halves.n])
+            self._expect(allocation)
 
     def _pilot(self) -> Allocation:
         """As many samples of each pixel as tell who needs how many more; and what they tell."""
@@ -185,7 +185,7 @@ class Pursuit:
         """The error that there is; raises NoNumber where a pixel has none."""
         found = self.halves.estimate()
         if not np.isfinite(found.square):
-            raise NoNumber(sum(self.halves.means()) / 2)
+            raise NoNumber(self.halves.mean())
         return found
 
     def _left(self) -> float:

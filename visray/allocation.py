@@ -8,7 +8,7 @@ Pixels are counted by classes of equal weight and equal samples, so that choices
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,6 +30,10 @@ KERNEL = np.array([1, 4, 6, 4, 1]) / 16
 OWN = KERNEL[2] ** 2
 
 
+# Of each class its steps, its level, and how many pixels it has.
+Classes = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
 def around(variances: np.ndarray) -> np.ndarray:
     """The mean of the variances around each pixel, without its own; 1 for a pixel alone. Shapes: (H, W)."""
     total, mass = (windowed(x, KERNEL) - OWN * x for x in (variances, np.ones(variances.shape)))
@@ -39,12 +43,16 @@ def around(variances: np.ndarray) -> np.ndarray:
 @dataclass
 class Allocation:
     """The samples of pixels, in each half. steps: of a pixel's weight, in eighths of a factor of 2; levels: logarithms
-    to base 2 of the samples that there are. Shapes: (N)."""
+    to base 2 of the samples that there are. Shapes: (N). classes: of pixels that have these in common."""
 
     steps: np.ndarray
     levels: np.ndarray
     power: float = POWER
     scale: float = 0.0
+    classes: Classes = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.classes = self._classes(self.levels)
 
     @staticmethod
     def of(variances: np.ndarray, counts: np.ndarray) -> "Allocation":
@@ -56,29 +64,30 @@ class Allocation:
 
     def learn(self, square: float, counts: np.ndarray) -> None:
         """Takes in that the mean square error is `square` with so many samples."""
-        before, levels = self._classes(self.levels), _levels(counts)
-        now, known = self._classes(levels), self.scale * self._sum(before, self.power)
+        levels = _levels(counts)
+        before, now = self.classes, self._classes(levels)
+        known = self.scale * self._sum(before, self.power)
         if 0 < square < known:
             powers = np.linspace(LEAST_POWER, GREATEST_POWER, 33)
             gains = [self._sum(before, p) / self._sum(now, p) for p in powers]
             self.power = float(powers[np.argmin(np.abs(np.log(gains) - np.log(known / square)))])
         total = self._sum(now, self.power)
-        self.scale, self.levels = (square / total if total > 0 else 0.0), levels
+        self.scale, self.levels, self.classes = (square / total if total > 0 else 0.0), levels, now
 
     def targets(self, number: int) -> np.ndarray:
         """The samples of each pixel for the number of the whole picture, in eighths of a factor of 2; never fewer than
         there are."""
-        floor = self._floor(self._classes(self.levels), number)
-        return 2 ** np.maximum(self._wanted(self.steps, self.levels, number), floor).astype(np.int64)
+        wanted = np.maximum(self._wanted(self.steps, self.levels, number), self._floor(number))
+        return np.left_shift(1, wanted, dtype=np.int64)
 
     def least(self, enough: Callable[[float, float, int], bool]) -> int:
         """The least number for which enough(mean samples of a pixel, mean square error expected then, fewest samples of
         a pixel) holds, or the one that gives all pixels the most."""
-        steps, levels, pixels = classes = self._classes(self.levels)
+        steps, levels, pixels = self.classes
         low, high = -STEPS * LOWEST, STEPS * (LOWEST + MOST)
         while low < high:
             middle = (low + high) // 2
-            wanted = np.maximum(self._wanted(steps, levels, middle), self._floor(classes, middle))
+            wanted = np.maximum(self._wanted(steps, levels, middle), self._floor(middle))
             square = self.scale * self._sum((steps, wanted, pixels), self.power)
             good = enough(_mean(wanted, pixels), square, 2 ** int(wanted.min()))
             low, high = (low, middle) if good else (middle + 1, high)
@@ -89,19 +98,19 @@ class Allocation:
         wanted = np.clip((steps + number + STEPS // 2) // STEPS, 0, MOST)
         return np.maximum(np.where(steps > -STEPS * LOWEST, wanted, 0), levels)
 
-    def _floor(self, classes: tuple[np.ndarray, np.ndarray, np.ndarray], number: int) -> int:
+    def _floor(self, number: int) -> int:
         """The level that no pixel stays below: what nothing tells of around a pixel may be in it."""
-        steps, levels, pixels = classes
+        steps, levels, pixels = self.classes
         return int(np.log2(_mean(self._wanted(steps, levels, number), pixels))) - FLOOR
 
-    def _classes(self, levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _classes(self, levels: np.ndarray) -> Classes:
         """Pixels by their steps and levels: these two, and how many are alike."""
         pixels = np.bincount((self.steps + STEPS * LOWEST) * (MOST + 1) + levels)
         found = np.flatnonzero(pixels)
         return found // (MOST + 1) - STEPS * LOWEST, found % (MOST + 1), pixels[found]
 
     @staticmethod
-    def _sum(classes: tuple[np.ndarray, np.ndarray, np.ndarray], power: float) -> float:
+    def _sum(classes: Classes, power: float) -> float:
         """The mean of weight^2 samples^-power."""
         steps, levels, pixels = classes
         return float((pixels * 2.0 ** (2 * steps / STEPS - power * levels)).sum() / pixels.sum())

@@ -146,6 +146,10 @@ class Halves:
         mean = np.array(self.film.mean)
         return mean[:, : self.n], mean[:, self.n :]
 
+    def mean(self) -> np.ndarray:
+        """The picture's pixels. Shape: (3, N)."""
+        return sum(self.means()) / 2
+
     def estimate(self) -> Estimate:
         """The error of the picture. Source: as Estimate.of, but summed where the pixels are."""
         a, lanes = self.made.a, dr.arange(self.made.a.U, self.n)
@@ -161,8 +165,7 @@ class Halves:
         (from the halves' differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In
         the order of lanes."""
         counts, film = self.counts.reshape(2, -1), self.made.scene.film
-        a, b = self.means()
-        found = {"RGB": (a + b) / 2, "samples": counts.sum(0)}
+        found = {"RGB": self.mean(), "samples": counts.sum(0)}
         if "A" in wanted:
             coverage = np.array(self.film.coverage).reshape(2, -1) / counts
             found["A"] = coverage.mean(0) if film.transparent else np.ones(self.n)
@@ -170,6 +173,7 @@ class Halves:
             found["variance"] = np.array(self.film.squares).reshape(3, 2, -1).sum(1) / (counts - 1).sum(0)
         if "error" in wanted:
             shape, order = (film.height, film.width), self.made.order
+            a, b = self.means()
             picture = np.empty((3, self.n))
             picture[:, order] = np.square(a - b) / 4
             found["error"] = np.sqrt(np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture]))

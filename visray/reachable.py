@@ -64,9 +64,8 @@ def rounded_off(halves: Halves, files: Files) -> tuple[float, str]:
     """The mean square by which the best of the files is off, as it rounds, and its kind; 0 where there are none."""
     if not files.paths:
         return 0.0, ""
-    a, b = halves.means()
     # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
-    picture = ((a + b) / 2).T[None]
+    picture = halves.mean().T[None]
     off = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
     kind, least = min(off.items(), key=lambda pair: pair[1])
     return least**2, kind

@@ -23,24 +23,24 @@ from visray.adaptive import Goal, Pursuit
 from visray.allocation import LOWEST, MOST, STEPS, Allocation
 from visray.camera import Camera
 from visray.cli import main
-from visray.errors import UserError
-from visray.exposure import Set, set_up
+from visray.errors import GoalWarning, UserError
+from visray.exposure import Set, first_pass, set_up
 from visray.film import Film as Exposure
 from visray.geometry import gamma as rounded
-from visray.halves import LUMINANCE, QUANTILE, Estimate, Halves
-from visray.images.reading import linear
+from visray.halves import LUMINANCE, QUANTILE, Estimate, Halves, ratio_of_squares
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
+from visray.output.curves import linear
 from visray.output.image import Image
+from visray.output.rounding import rounding
 from visray.pace import Pace
 from visray.primitives import Cylinder, Plane, Rectangle, Sphere
 from visray.progress import Bar, Patience
 from visray.reachable import ROUNDINGS, Files
 from visray.render import render
-from visray.rounding import rounding
 from visray.sampling import Plan
 from visray.scene.load import load
-from visray.scene.scene import Film, Scene, Settings
+from visray.scene.scene import Film, Scatter, Scene, Settings
 from visray.truncation import truncation
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -121,6 +121,30 @@ def heavy(rng: np.random.Generator) -> np.ndarray:
 def rare(rng: np.random.Generator) -> np.ndarray:
     """A twentieth of the pixels differ from black, as by a highlight: lopsided."""
     return ((rng.random((2, 1, PIXELS)) < 0.05) - 0.05) * np.ones((1, 3, 1))
+
+
+@pytest.mark.parametrize("d", [1, 2, 4, 4.5, 30, 1000, 1e6])
+def test_ratios_of_mean_squares(d: float) -> None:
+    """By closed forms for 1 and 2 degrees of freedom, else by quantiles of two million random numbers."""
+    if d <= 2:
+        true = np.log(np.tan(0.975 * np.pi / 2) ** 2 if d == 1 else 39)
+        assert np.log(ratio_of_squares(d)) == pytest.approx(true, rel=1e-4)
+    else:
+        a, b = np.random.default_rng(5).chisquare(d, (2, 2 * 10**6))
+        found = np.log(a / b)
+        # As often as it should be, but for chance.
+        share, n = (np.abs(found) > np.log(ratio_of_squares(d))).mean(), found.size
+        assert abs(share - 0.05) < BOTH_SIDES * sqrt(0.05 * 0.95 / n)
+
+
+@pytest.mark.parametrize("pixels", [1, 2, 3, 8])
+def test_the_interval_holds_the_truth_with_few_pixels(pixels: int) -> None:
+    """Grey ones, whose channels tell one number: 95 % at least, over 20,000 pictures."""
+    rng, inside, n = np.random.default_rng(1), 0, 20_000
+    for a, b in np.broadcast_to(rng.normal(size=(n, 2, 1, pixels)), (n, 2, 3, pixels)):
+        found, square = Estimate.of(1e3 + a, 1e3 + b), np.square((a + b) / 2).mean()
+        inside += found.low <= sqrt(square) / found.luminance <= found.high
+    assert inside >= n * 0.95 - ONE_SIDE * sqrt(n * 0.95 * 0.05)
 
 
 @pytest.mark.parametrize("noise", [even, uneven, shrunk, heavy, rare])
@@ -562,18 +586,34 @@ def test_a_file_keeps_error_samples_and_facts(tmp_path: Path) -> None:
     for name in ("error", "samples", "variance"):
         assert back[name].dtype == image[name].dtype
         assert np.array_equal(back[name], image[name])
-    for name in (
-        "error",
-        "error_low",
-        "error_high",
-        "error_asked",
-        "spp",
-        "spp_least",
-        "forecast_error",
-        "depth_error",
-    ):
+    for name in ("error_asked", "spp", "spp_least", "forecast_error", "depth_error"):
         assert back.metadata[name] == pytest.approx(image.metadata[name], rel=1e-6), name
     assert back.metadata["sampler"] == "sobol"
+
+
+@pytest.mark.parametrize(("kind", "gamma", "exposure"), [("exr", "srgb", 0), ("png", "srgb", 0), ("png", 2.2, -1)])
+def test_a_file_adds_its_rounding_to_the_error(tmp_path: Path, kind: str, gamma: Any, exposure: float) -> None:
+    """Of a picture that was made for no file; once, and with a warning where it is more than was asked for."""
+    path = tmp_path / f"a.{kind}"
+    image = render(EDGES, error=0.0004, progress=False)
+    facts, rgb = image.metadata, image["RGB"].astype(float)
+    assert facts["file_error"] == 0 and facts["error_high"] <= 0.0004
+    with pytest.warns(GoalWarning, match="alone is off by"):
+        image.write(path, gamma=gamma, exposure=exposure)
+    if kind == "exr":
+        back = Image.read(path)
+        told, off = back.metadata, back["RGB"].astype(float) - rgb
+        back.write(tmp_path / "b.exr")
+        assert Image.read(tmp_path / "b.exr").metadata["error"] == told["error"]
+    else:
+        with Pillow.open(path) as found:
+            told = {k.removeprefix("visray/"): float(v) for k, v in found.text.items() if "error" in k}
+            shown = np.asarray(found) / 255
+        off = (linear(shown, gamma) - np.clip(rgb * 2.0**exposure, 0, 1)) / 2.0**exposure
+    rounded_off = sqrt(np.square(off).mean()) / (rgb @ LUMINANCE).mean()
+    assert told["file_error"] == pytest.approx(rounded_off, rel=1e-5) and rounded_off > 1e-4
+    for end in ("error", "error_low", "error_high"):
+        assert told[end] == pytest.approx(np.hypot(facts[end], rounded_off), rel=1e-5)
 
 
 def test_samplers_are_kept_but_for_strata() -> None:
@@ -660,8 +700,14 @@ def test_the_error_is_within_its_interval_and_as_asked() -> None:
 
 
 def test_a_black_picture_ends() -> None:
-    facts = pursued(replace(FLAT, background=(0.0, 0.0, 0.0)), error=0.01).metadata
-    assert facts["error"] == 0
+    """And says that nothing is known: there may be light that no sample met."""
+    with pytest.warns(GoalWarning, match="no sample met any light"):
+        facts = pursued(replace(FLAT, background=(0.0, 0.0, 0.0)), error=0.01).metadata
+    assert facts["error"] == 0 and facts["error_high"] == 1 and facts["spp"] == 2 * adaptive.LONGEST_PILOT
+
+
+def test_any_error_can_be_asked_for() -> None:
+    assert pursued(EDGES, error=1e300).metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
 
 
 @pytest.mark.parametrize("spread", [0, 0.3, 0.6], ids=lambda x: f"spread {x}")
@@ -679,6 +725,45 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
     # Of too little time for another pass nothing is made.
     assert seconds - 3 * 0.01 - 0.05 * seconds < took < 1.1 * seconds
     assert facts["forecast_seconds"] == pytest.approx(took, rel=0.3, abs=0.05)
+
+
+def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As soon as that is known, not when all pixels have their first samples."""
+    machine = Machine(monkeypatch, rate=2e-4)
+    monkeypatch.setattr(halves, "first_pass", lambda made: 2**14)
+    begun, scene = machine.now, replace(EDGES, film=Film(width=800, height=600))
+    with pytest.raises(
+        UserError, match=r"^time = 20: two samples of each pixel alone take about .* s; give more, or m"
+    ):
+        pursued(scene, time=20)
+    assert machine.now - begun < 10
+
+
+def test_first_passes_of_dear_samples_are_short() -> None:
+    made = set_up(with_settings(EDGES, scatter=Scatter(rays=512)))
+    assert 0 < first_pass(made) <= 2**15 and first_pass(set_up(EDGES)) > 2**20
+
+
+def test_a_forecast_of_a_time_without_noise_is_what_the_pilot_has(machine: Machine) -> None:
+    facts = pursued(FLAT, time=30).metadata
+    assert facts["forecast_spp"] == facts["spp"] and facts["forecast_seconds"] < 1
+
+
+def test_noisy_pixels_get_half_of_all_samples() -> None:
+    rng = np.random.default_rng(4)
+    found = Allocation.of(np.exp(rng.normal(0, 2, 10_000)), np.ones(10_000, int))
+    weights, noisy = 2.0 ** (found.steps / STEPS), found.noisy()
+    assert weights[noisy].min() > weights[~noisy].max()
+    assert weights[noisy].sum() == pytest.approx(weights.sum() / 2, rel=0.1)
+    assert Allocation.of(np.ones(9), np.ones(9, int)).noisy().all()
+
+
+def test_each_seed_has_samples_of_its_own() -> None:
+    seeds = [0, 1, 2, 3, 2**31, 2**31 + 1, 2**32 - 1]
+    found = {halves.seed_of(seed, half) for seed in seeds for half in (0, 1)}
+    assert len(found) == 2 * len(seeds) and not found & set(seeds)
+    one, other = (pursued(with_settings(EDGES, seed=seed), error=0.1)["RGB"] for seed in (0, 2**31))
+    assert (one != other).any()
 
 
 def test_of_error_and_time_what_comes_first(machine: Machine) -> None:
@@ -821,6 +906,28 @@ def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
         slack = BOTH_SIDES / QUANTILE * (found.high - found.square) + BOTH_SIDES * off
         assert found.low < found.square < found.high
         assert abs(found.square - true) <= slack < true
+
+
+def test_what_few_pixels_leave_out_is_found(machine: Machine) -> None:
+    """Two balls, in which a path goes on in a few pixels of the picture: what is left out there is in the error,
+    whatever the seed."""
+    mirror = {"mirror": Material(ka=(0.0,) * 3, kd=(0.0,) * 3, ks=(0.0,) * 3, kr=(1.0, 1.0, 1.0))}
+    balls = {name: Sphere(center=(x, 0, 0), radius=0.1, material="mirror") for name, x in (("a", -0.11), ("b", 0.11))}
+    scene = Scene(
+        film=Film(width=200, height=160), camera=Camera(origin=(0, 0, 10), fov=40.0), materials=mirror, objects=balls,
+        background=(0.5, 0.5, 0.5), settings=Settings(depth=1, sampler="sobol"),
+    )  # fmt: skip
+    deep, shallow = (
+        render(with_settings(scene, depth=d), spp=1024, seed=77, layers=("RGB",), progress=False)["RGB"].astype(float)
+        for d in (20, 1)
+    )
+    left = sqrt(np.square(deep - shallow).mean()) / (deep @ LUMINANCE).mean()
+    assert 1e-3 < left < 1e-2 and ((deep != shallow).any(-1)).sum() < 100
+    for seed in range(6):
+        facts = pursued(with_settings(scene, seed=seed), error=3 * left).metadata
+        assert facts["depth_error"] == pytest.approx(left, rel=0.25) and facts["error_high"] > 0.8 * left
+        with pytest.raises(UserError, match=r"settings\.depth = 1 alone leaves out"):
+            pursued(with_settings(scene, seed=seed), error=left / 2)
 
 
 def test_without_mirrors_nothing_is_left_out() -> None:

@@ -640,7 +640,7 @@ def test_paintings_show_pixels_where_they_are(picture: str) -> None:
     """The middle of each pixel has its colour; between two middles it is their mean, and the first row is at v = 1."""
     from PIL import Image
 
-    from visray.images.reading import linear
+    from visray.output.curves import linear
 
     pixels = linear(np.array(Image.open(picture)) / 255)
     s = replace(few_colours(picture), objects={"card": Rectangle(material="paint")})

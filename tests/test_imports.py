@@ -24,8 +24,8 @@ primitives.sphere primitives.box primitives.cylinder primitives.cone primitives.
 primitives.polynomial primitives
 scene.scene
 scene
-features progress output.files output.exr output.png output.image output
-bvh images rounding
+features progress output.files output.curves output.exr output.rounding output.png output.image output
+bvh images
 tables sampling film texturing
 guards
 search

@@ -3,7 +3,7 @@
 A pilot gives each pixel of both halves (halves.py) equally many samples. By how much it varies around a pixel, the
 pixel's share of all further samples is settled (allocation.py), and one number for the whole picture rises until the
 error is met or the time is spent. So what a pixel's own samples say never decides how many it gets, but for that
-number, which depends on all pixels alike: the picture has no bias.
+number, which depends on all pixels alike: the picture has no bias but by that number, of order 1 / pixels.
 
 Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goes on, any first 2^k are stratified.
 """
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from visray import clock
-from visray.allocation import Allocation, around
+from visray.allocation import LEAST_POWER, POWER, STEPS, Allocation, around
 from visray.errors import UserError
 from visray.exposure import Set, first_pass
 from visray.halves import Estimate, Halves
@@ -106,6 +106,8 @@ class Pursuit:
         self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
         self.halves = Halves(made)
         self.floor = Floor(Truncation(made.scene.settings.depth, 0.0, 0.0, 0.0))
+        # Samples of each lane, and the mean square error then, while all have equally many.
+        self.seen: dict[int, float] = {}
 
     def run(self, files: Files) -> None:
         """All of it; raises UserError for goals that cannot be reached."""
@@ -143,7 +145,8 @@ class Pursuit:
         # Whatever happens, each pixel has that: what takes a fraction of a second, or one sample.
         short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.made)
         count = SHORTEST_PILOT if short and self.goal.seconds is None else 1
-        halves.extend(np.full_like(halves.counts, count))
+        self.bar.total = count * len(halves.counts)
+        halves.extend(np.full_like(halves.counts, count), self._first)
         if self.goal.seconds is None and count < SHORTEST_PILOT:
             count = SHORTEST_PILOT
             if not halves.extend(np.full_like(halves.counts, count), self._left):
@@ -153,18 +156,40 @@ class Pursuit:
             seconds = halves.pace.seconds(len(halves.counts) * count)
             # In little time a short pilot is better than none.
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
-            if count >= LONGEST_PILOT or self._reached() or seconds > share * self.goal.left():
+            dark = self.found.luminance == 0
+            done = self._reached() and not dark
+            if count >= LONGEST_PILOT or done or seconds > share * self.goal.left():
                 return allocation
-            longest = 2 * count
-            if count >= SHORTEST_PILOT:
+            longest = LONGEST_PILOT if dark else 2 * count
+            if count >= SHORTEST_PILOT and not dark:
                 _, mean, _ = self._outlook(allocation, np.inf)
                 longest = min(PILOT_SHARE * mean, LONGEST_PILOT)
             if longest < 2 * count:
                 return allocation
             while 2 * count <= longest:
                 count *= 2
-            if not halves.extend(np.full_like(halves.counts, count), self._left):
+            targets = np.full_like(halves.counts, count)
+            if self.goal.seconds is not None:
+                # Apart, as they take longer, and most of the time is to be theirs.
+                noisy = np.tile(allocation.noisy(), 2)
+                if not halves.extend(np.where(noisy, targets, halves.counts), self._left):
+                    return self._allocation()
+            if not halves.extend(targets, self._left):
                 return self._allocation()
+
+    def _first(self) -> float:
+        """How many seconds there are for the first samples, without which there is no picture: as many as they take, or
+        a UserError that says how many that is."""
+        halves, goal = self.halves, self.goal
+        self.bar.at(int(halves.counts.sum()))
+        needed = np.count_nonzero(halves.counts == 0) * (halves.pace.rate or 0.0)
+        if needed > goal.left():
+            took = goal.passed() + needed + goal.reserve
+            raise UserError(
+                f"time = {goal.seconds:g}: two samples of each pixel alone take about {took:.2g} s; give more, or make "
+                "the picture smaller"
+            )
+        return np.inf
 
     def _allocation(self) -> Allocation:
         """By the samples that there are, as is the error that is found."""
@@ -174,6 +199,8 @@ class Pursuit:
         picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
             picture[order] = halves.spreads().reshape(2, -1).sum(0)
+        if halves.counts.min() == halves.counts.max():
+            self.seen[int(halves.counts[0])] = self.found.square
         # In the dark weights would be none.
         picture /= np.square(self.found.luminance) or 1.0
         near = around(picture.reshape(film.height, film.width)).ravel()[order]
@@ -203,7 +230,7 @@ class Pursuit:
         samples of a lane and mean square error that are expected then."""
         found, counts = self.found, self.halves.counts
         now, fewest = float(counts.mean()), int(counts.min())
-        room = now + self.goal.left() / (self.halves.pace.rate * len(counts))
+        room = now + self.goal.left() / (self._rate(allocation) * len(counts))
         allowed = MARGIN * self.goal.allowed(found, self.floor.high)
         good: list[tuple[float, float]] = []
         short: list[tuple[float, float]] = [(now, found.square)]
@@ -218,17 +245,32 @@ class Pursuit:
         # The search goes down as long as it is enough; where nothing is, it ends with the most samples.
         return number, *(good[-1] if good else max(short))
 
+    def _rate(self, allocation: Allocation) -> float:
+        """Seconds of a sample, of those to come: most of them are where there is most noise."""
+        weights = 2.0 ** (allocation.steps / STEPS)
+        rates = self.halves.rates.reshape(2, -1).mean(0)
+        return float((weights * rates).sum() / weights.sum())
+
     def _expect(self, allocation: Allocation) -> tuple[float, float]:
         """Mean samples of a lane and mean square error at the end."""
-        _, mean, square = self._outlook(allocation, np.inf)
+        counts, found = self.halves.counts, self.found
+        idle = self.goal.error is None and not found.square
+        mean, square = (counts.mean(), 0.0) if idle else self._outlook(allocation, np.inf)[1:]
         self.bar.total = int(mean * len(self.halves.counts))
         return mean, square
 
     def _tell(self, allocation: Allocation) -> None:
-        """The forecast."""
-        mean, square = self._expect(allocation)
-        lanes, now = len(self.halves.counts), float(self.halves.counts.mean())
-        seconds = self.goal.passed() + self.goal.reserve + self.halves.pace.seconds((mean - now) * lanes)
+        """The forecast: the error falls as it did in the pilot, or as Allocation has it, whichever is slower."""
+        counts, goal, power = self.halves.counts, self.goal, POWER
+        if len(self.seen) > 1 and all(self.seen.values()):
+            (n, before), *_, (m, after) = self.seen.items()
+            power = float(np.clip(np.log(before / after) / np.log(m / n), LEAST_POWER, POWER))
+        told = replace(allocation, power=power, scale=0.0)
+        told.learn(self.found.square, counts[: self.halves.n])
+        mean, square = self._expect(told)
+        more = (mean - counts.mean()) * len(counts)
+        seconds = goal.passed() + goal.reserve + self.halves.pace.tracing + more * self._rate(allocation)
+        seconds = seconds if goal.seconds is None else min(seconds, goal.seconds)
         total = square + self.floor.square
         error = float(np.sqrt(total) / self.found.luminance) if self.found.luminance else 0.0
         self.say(Forecast(2 * mean, error, seconds))

@@ -80,6 +80,13 @@ class Allocation:
         wanted = np.maximum(self._wanted(self.steps, self.levels, number), self._floor(number))
         return np.left_shift(1, wanted, dtype=np.int64)
 
+    def noisy(self) -> np.ndarray:
+        """The pixels that vary most, and get half of all samples together. Shape: (N)."""
+        steps, _, pixels = self.classes
+        order = np.argsort(-steps)
+        share = np.cumsum((pixels * 2.0 ** (steps / STEPS))[order])
+        return self.steps >= steps[order][np.searchsorted(share, share[-1] / 2)]
+
     def least(self, enough: Callable[[float, float, int], bool]) -> int:
         """The least number for which enough(mean samples of a pixel, mean square error expected then, fewest samples of
         a pixel) holds, or the one that gives all pixels the most."""

@@ -8,3 +8,7 @@ class UserError(Exception):
     def __init__(self, *lines: str):
         super().__init__("\n".join(lines))
         self.lines = lines
+
+
+class GoalWarning(UserWarning):
+    """A picture has more error than was asked for."""

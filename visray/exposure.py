@@ -98,13 +98,14 @@ def first_pass(made: Set) -> int:
     """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample and what they meet."""
     s = made.stage.scenery
     on, settings = s.features, s.settings
-    rays = sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
+    rays = 1 + sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
     trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
-    found = 2**25 // ((1 + rays) * (1 + 4 * paths) * (8 if trees else 1) * (64 if searched else 1))
-    # So many are a fraction of a second in any scene; and small pictures are one pass, the same bit for bit each time.
-    return max(found, 2**18)
+    rays *= 1 + 4 * paths
+    found = 2**25 // (rays * (8 if trees else 1) * (64 if searched else 1))
+    # Small pictures are one pass, the same bit for bit each time, where that takes no more than about two seconds.
+    return max(found, min(2**18, 2**27 // rays), 1)
 
 
 def exposed_once(

@@ -16,11 +16,10 @@ from visray import clock, integrator
 from visray import film as films
 from visray.exposure import Set, first_pass
 from visray.film import Film
+from visray.output.curves import LUMINANCE
 from visray.pace import LONGEST, Pace
 from visray.sampling import Plan
 
-# Rec. 709, as the pictures' primaries.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 # Of the normal distribution, for 95 %.
 QUANTILE = 1.959964
 # Nothing seen in n tries: the chance is less than so much over n, with 95 %.
@@ -55,16 +54,30 @@ class Estimate:
         With a and b as they are off the truth, ((a + b)^2 - (a - b)^2) / 4 = a b is what the truth is above the other
         in a pixel, and its mean square is at most twice that of x. Where few pixels have most of the error, neither is
         known well, nor how well: so the interval is one of factors. High: also what is the mean of no pixel yet, as
-        bright as the picture, that would have been missed by all samples with a chance of 5 %.
+        bright as the picture, that would have been missed by all samples with a chance of 5 %. Where no sample has met
+        light nothing is known.
         """
         square, light = squares / n, luminance / n
         # Of pixels that are no numbers this is none either, and whoever asks sees that.
         with np.errstate(invalid="ignore"):
-            factor = float(np.exp(QUANTILE * np.sqrt(2 * fourths) / squares)) if squares > 0 else 1.0
+            # As many degrees of freedom as pixels, if they are alike: then fourths n / squares^2 is 3 or less.
+            factor = ratio_of_squares(max(2 * squares**2 / fourths - 1, 1.0)) if squares > 0 < fourths else 1.0
             unseen = UNSEEN * light**2 / (samples**2 * n)
             scale = 1 / light if light > 0 else 1.0
-            ends = np.sqrt([square, square / factor, square * factor + unseen])
-            return Estimate(*(scale * ends).tolist(), square, light, factor, unseen)
+            error, low, high = (scale * np.sqrt([square, square / factor, square * factor + unseen])).tolist()
+            high = 1.0 if light == 0 and samples < np.inf else high
+            return Estimate(error, low, high, square, light, factor, unseen)
+
+
+def ratio_of_squares(d: float) -> float:
+    """What the ratio of two independent mean squares of normal numbers, with d degrees of freedom each, exceeds with a
+    chance of 2.5 %. Its logarithm is distributed as cosh(x / 2)^-d. Domain: d >= 1. Error: below 1e-4, relative to the
+    logarithm (tests/test_adaptive.py)."""
+    # Far enough out for d = 1; of more the curve is narrower.
+    x = np.linspace(0, 60 / np.sqrt(d), 4001)
+    chance = np.exp(-d * (np.logaddexp(x / 2, -x / 2) - np.log(2)))
+    total = np.concatenate([[0], np.cumsum(chance[1:] + chance[:-1])])
+    return float(np.exp(np.interp(0.95, total / total[-1], x)))
 
 
 class Halves:
@@ -185,8 +198,8 @@ class Halves:
 
 
 def seed_of(seed: int, half: int) -> int:
-    """The seed of a half: far from the small ones that pictures have."""
-    return ((2 * seed + half) * 0x9E3779B1 + 0x85EBCA6B) % 2**32
+    """The seed of a half: far from the small ones that pictures have, another one for each seed."""
+    return (seed * 0x9E3779B1 + half * 0x7FEB352D + 0x85EBCA6B) % 2**32
 
 
 def smoothed(x: np.ndarray) -> np.ndarray:

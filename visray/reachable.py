@@ -10,8 +10,8 @@ import numpy as np
 from visray.errors import UserError
 from visray.geometry import gamma as rounded
 from visray.halves import Estimate, Halves
-from visray.output.image import Gamma
-from visray.rounding import rounding
+from visray.output.curves import Gamma
+from visray.output.rounding import rounding
 from visray.truncation import PIXELS, SAMPLES, Truncation, truncation
 
 # No scene is deeper.
@@ -77,7 +77,8 @@ def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Fil
     are left."""
     scene = halves.made.scene
     settings, on = scene.settings, halves.made.features
-    asked = np.inf if error is None else float(error) * found.luminance
+    # Its square must be a number too.
+    asked = np.inf if error is None else min(float(error), 1e100) * found.luminance
     if error is not None:
         check_precision(error, settings.precision)
     off, kind = rounded_off(halves, files)

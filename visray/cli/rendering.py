@@ -13,6 +13,7 @@ from visray.adaptive import Goal
 from visray.cli.common import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
 from visray.errors import UserError
 from visray.output.image import check_destination
+from visray.progress import Patience
 from visray.quantities import BACKENDS
 from visray.reachable import Files
 from visray.render import LAYERS, PROOF, render
@@ -120,15 +121,18 @@ def render_command(
         files=Files(outputs, curve, exposure),
         begun=clock.LOADED,
     )
-    for path in outputs:
-        image.write(path, gamma=curve, exposure=exposure)
+    # A picture that is there is written, whatever is pressed.
+    with Patience():
+        for path in outputs:
+            image.write(path, gamma=curve, exposure=exposure)
     facts = image.metadata
+    # To an error, or in a time, all counts, from the start of the program on, as in the forecast.
+    seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     stopped = bool(facts["interrupted"])
     if json:
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", *PROVEN)
         keep += ("error_at_most", *PURSUED_FACTS)
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
-        seconds = clock.now() - begun
         put(
             report
             | {k: facts[k] for k in keep if k in facts}
@@ -136,8 +140,6 @@ def render_command(
         )
     elif not quiet:
         names = ", ".join(str(o) for o in outputs)
-        # Of a time that is given all counts, from the start of the program on.
-        seconds = facts["render_seconds"] if time is None else clock.now() - clock.LOADED
         line = f"{names}: {image.width} x {image.height}, {_samples(facts)}, {seconds:.2f} s"
         if "residual_ulps" in facts:
             seen = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"

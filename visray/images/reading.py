@@ -17,6 +17,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from visray.errors import UserError
+from visray.output.curves import linear
 from visray.output.exr import read_exr
 from visray.quantities import BRIGHTEST
 from visray.scene.messages import printable
@@ -51,11 +52,6 @@ def read_image(file: str, encoding: str, address: str) -> np.ndarray:
         # The file's name in full, however long its path.
         shown, text = json.dumps(file, ensure_ascii=False), str(error).removeprefix(f"{file}: ")
         raise UserError(printable(f"{address} = {shown}: {text}")) from None
-
-
-def linear(encoded: np.ndarray) -> np.ndarray:
-    """Linear light of sRGB numbers from 0 to 1. Source: IEC 61966-2-1."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4)
 
 
 def _remembered(path: str, encoding: str) -> np.ndarray:

@@ -2,23 +2,25 @@
 
 import os
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from difflib import get_close_matches
-from math import isfinite
+from math import hypot, inf, isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from visray.errors import UserError
+from visray.errors import GoalWarning, UserError
 
 # Modules and not names, because exr imports this module too: it makes images of files.
 from visray.output import exr, files, png
+from visray.output.curves import LUMINANCE, Gamma, curve
+from visray.output.rounding import rounding
 from visray.version import __version__
 
-Gamma = float | Literal["srgb"]
 SUFFIXES = (".exr", ".png")
 # With the prefix `visray/`, as long as a keyword of a PNG file may be.
 _KEY = re.compile(r"[A-Za-z][\w./-]{0,71}", re.ASCII)
@@ -89,12 +91,13 @@ class Image:
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
-            png.write_png(path, self.png(gamma, exposure))
+            facts = self._facts_in(path, gamma, exposure) | {"gamma": gamma, "exposure": exposure}
+            png.write_png(path, png.encode(self.display(gamma, exposure), facts, gamma == "srgb"))
             return
         names = list(self.layers) if layers is None else list(layers)
         if not names:
             raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
-        exr.write_exr(path, {name: numbers(self, name) for name in names}, self.provenance())
+        exr.write_exr(path, {name: numbers(self, name) for name in names}, self._facts_in(path, gamma, exposure))
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> "Image":
@@ -123,6 +126,24 @@ class Image:
         if not opaque:
             seen = np.dstack([seen, alpha])
         return np.floor(seen * 255 + 0.5).astype(np.uint8)
+
+    def _facts_in(self, path: str | os.PathLike[str], gamma: Gamma, exposure: float) -> dict[str, Any]:
+        """The metadata; of a picture that was made to an error for no file in particular, with the rounding of this
+        one in the error."""
+        facts = self.provenance()
+        if facts.get("file_error") != 0 or "RGB" not in self.layers:
+            return facts
+        rgb = numbers(self, "RGB").astype(np.float64)
+        light = float((rgb @ LUMINANCE).mean())
+        if light <= 0:
+            return facts
+        off = rounding(rgb, path, gamma, exposure) / light
+        facts |= {end: hypot(facts[end], off) for end in ("error", "error_low", "error_high")} | {"file_error": off}
+        if facts["error_high"] > facts.get("error_asked", inf) >= self.metadata["error_high"]:
+            text = f"{os.fspath(path)}: the file rounds, which alone is off by {off:.2g}: its error is up to "
+            text += f"{facts['error_high']:.2g}, and {facts['error_asked']:g} was asked for"
+            warnings.warn(text, GoalWarning, stacklevel=3)
+        return facts
 
     def provenance(self) -> dict[str, Any]:
         """The metadata with what every file states: `software`, `capDate` (local time) and `utcOffset` (s)."""
@@ -179,10 +200,3 @@ def _suffix(path: str | os.PathLike[str]) -> str:
 
 def _real(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-
-
-def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
-    """Linear light from 0 to 1 as the fraction of full scale to display: sRGB (IEC 61966-2-1) or light^(1/gamma)."""
-    if gamma == "srgb":
-        return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.sqrt(light) if gamma == 2 else light ** (1 / gamma)

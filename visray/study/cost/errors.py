@@ -16,7 +16,7 @@ from math import atan, cos, pi, sin, sqrt
 
 import numpy as np
 
-from visray.output.image import curve
+from visray.output.curves import curve
 from visray.study.cost.records import Band, Error
 
 FEWEST = 4  # seeds: with fewer, pairs cannot be told from what their seeds share

@@ -5,7 +5,7 @@ Of two choices, the pictures of a seed have the same samples: by what they diffe
 
 import numpy as np
 
-from visray.rounding import rounding
+from visray.output.rounding import rounding
 from visray.study.cost.errors import split
 from visray.study.cost.knobs import DEPTH
 from visray.study.cost.measuring import Taken

@@ -4,9 +4,8 @@ import os
 
 import numpy as np
 
-from visray.images.reading import linear
+from visray.output.curves import Gamma, curve, linear
 from visray.output.exr import LARGEST_HALF
-from visray.output.image import Gamma, curve
 
 
 def rounding(rgb: np.ndarray, path: str | os.PathLike[str], gamma: Gamma = "srgb", exposure: float = 0.0) -> float:
@@ -16,8 +15,7 @@ def rounding(rgb: np.ndarray, path: str | os.PathLike[str], gamma: Gamma = "srgb
         light = np.clip(rgb * 2.0**exposure, 0, 1)
         # What 8 bits stand for; between them numbers are rounded to the nearest.
         bits = np.floor(curve(light, gamma) * 255 + 0.5)
-        shown = linear(bits / 255) if gamma == "srgb" else (bits / 255) ** float(gamma)
-        off = (shown - light) / 2.0**exposure
+        off = (linear(bits / 255, gamma) - light) / 2.0**exposure
     else:
         # Light beyond the range of half is no matter of rounding.
         light = np.clip(rgb, -LARGEST_HALF, LARGEST_HALF)

@@ -87,6 +87,7 @@ def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Fil
         what, right = FILES[kind]
         raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")
     depth = settings.depth
+    # A depth of 0 switches them off: that is what the scene is, not what is left out.
     if not (on["reflection"] or on["refraction"]):
         return Floor(Truncation(depth, 0.0, 0.0, 0.0), off)
     deep = min(8 * depth + 8, 2 * DEEPEST)

@@ -51,7 +51,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "sampler": "where the samples of a pixel fall",
         "shading": "what is shown: light by one of three models, or one property of the surface",
         "shadows": "whether there are shadows",
-        "depth": "reflections and refractions in a row, from 0 to 1000",
+        "depth": "reflections and refractions in a row, from 0, which switches both off, to 1000",
         "misses": "what a secondary ray sees that hits nothing",
         "local": "the weight of the own colour of a transparent surface: 1 - kt, or 1",
         "area": "where area lights light from: every sample, or their centre",

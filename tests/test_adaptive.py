@@ -739,6 +739,20 @@ def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.M
     assert machine.now - begun < 10
 
 
+@pytest.mark.parametrize(("rate", "kept"), [(1e-6, True), (2e-4, False)])
+def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
+    monkeypatch: pytest.MonkeyPatch, rate: float, kept: bool
+) -> None:
+    Machine(monkeypatch, rate=rate)
+    monkeypatch.setattr(halves, "first_pass", lambda made: 2**12)
+    made = set_up(replace(EDGES, film=Film(width=200, height=150)))
+    if kept:
+        assert set(pursuit(made, error=0.01, patience=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            pursuit(made, error=0.01, patience=Asked(0))
+
+
 def test_first_passes_of_dear_samples_are_short() -> None:
     made = set_up(with_settings(EDGES, scatter=Scatter(rays=512)))
     assert 0 < first_pass(made) <= 2**15 and first_pass(set_up(EDGES)) > 2**20

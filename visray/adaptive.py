@@ -29,6 +29,8 @@ from visray.truncation import Truncation
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
 # The error is looked at again when there are twice the samples, or four times, where that takes no more seconds.
 SHORT = 0.5
+# Ctrl-C waits so many seconds for the first samples, and where they take longer, for none.
+WAITED = 2.0
 # Of an estimate that must not be above what is asked for.
 MARGIN = 0.98
 
@@ -183,6 +185,9 @@ class Pursuit:
         halves, goal = self.halves, self.goal
         self.bar.at(int(halves.counts.sum()))
         needed = np.count_nonzero(halves.counts == 0) * (halves.pace.rate or 0.0)
+        if self.patience.asked and needed > WAITED:
+            # There is nothing yet that could be kept.
+            raise KeyboardInterrupt
         if needed > goal.left():
             took = goal.passed() + needed + goal.reserve
             raise UserError(

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -15,10 +17,11 @@ from virtual import Machine
 
 from visray import load
 from visray.camera import Camera
+from visray.cli import studies
 from visray.errors import UserError
-from visray.images.reading import linear
 from visray.lights import PointLight, RectangleLight, SphereLight
 from visray.materials import Material
+from visray.output.curves import linear
 from visray.primitives import Plane, Polynomial, Sphere
 from visray.progress import Patience
 from visray.render import render
@@ -28,8 +31,9 @@ from visray.study.cost import measuring, study, truth
 from visray.study.cost.floors import output
 from visray.study.cost.knobs import FACTORS, MORE, SAMPLERS, SAMPLES, default, knobs
 from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
-from visray.study.cost.records import Curve, Reference, Report
+from visray.study.cost.records import Curve, Halving, Reference, Report, Slope
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
+from visray.study.cost.wording import STOPPED
 from visray.study.cost.writing import as_csv, as_json, table
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -173,7 +177,7 @@ def test_seeds_samples_and_rays_are_data() -> None:
 
 
 def test_the_report(report: Report) -> None:
-    assert (report.scene, report.scene_hash) == ("a scene made in Python", SOFT.hash())
+    assert (report.scene, report.scene_hash) == ("a scene given in Python", SOFT.hash())
     assert (report.width, report.height, report.seeds, report.quick) == (32, 24, LEAST_SEEDS, True)
     assert not report.noiseless and not report.stopped and report.seconds > 0
     assert [c.knob for c in report.curves] == names(SOFT)
@@ -236,6 +240,40 @@ def printed(report: Report) -> str:
     return console.export_text()
 
 
+def test_the_table_marks_what_is_beyond_what_was_measured(report: Report) -> None:
+    there = Halving("samples, sobol", band([2.0, 2.1, 2.2]), 0.6, 300, 1)
+    mark = "- *: beyond what was measured"
+    text = printed(replace(report, halvings=(there,)))
+    assert "x 2.1 (2 to 2.2)" in text and mark not in text
+    text = printed(replace(report, halvings=(replace(there, beyond=True),)))
+    assert "x 2.1* (2 to 2.2)" in text and mark in text
+
+
+def test_each_point_of_the_frontier_is_marked_once(report: Report) -> None:
+    """Also where another point has the same settings, measured by itself."""
+    marked = [row for row in csv.DictReader(StringIO(as_csv(report))) if row["frontier"] == "1"]
+    assert len(marked) == len(report.frontier)
+    first = next(p for c in report.curves for p in c.points if any(p is other for other in report.frontier))
+    twice = replace(report, joint=(*report.joint, replace(first, knob="joint", value="joint 9")))
+    again = [row for row in csv.DictReader(StringIO(as_csv(twice))) if row["frontier"] == "1"]
+    assert again == marked
+
+
+def test_what_rounds_to_nothing_has_no_sign(report: Report) -> None:
+    curves = (replace(report.curves[0], by_time=Slope(-0.001, -0.004, 0.01, 5)),)
+    halvings = (Halving(curves[0].knob, band([2.0, 2.1, 2.2]), 0.6, 300, 1),)
+    text = printed(replace(report, curves=curves, halvings=halvings))
+    assert "0.00 ± 0.01" in text and "-0.00" not in text
+
+
+def test_it_shows_itself_in_a_line(report: Report) -> None:
+    """Not with all its arrays."""
+    assert repr(report) == str(report)
+    assert repr(report).startswith("<Study of a scene given in Python: 32 x 24 pixels, 16 seeds, error ")
+    assert "\n" not in repr(report) and len(repr(report)) < 120 and repr(report).endswith("ms>")
+    assert repr(replace(report, stopped=True)).endswith("ms, stopped>")
+
+
 def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report) -> None:
     d = report.default
     three = band([3 * x for x in (d.error.rmse.low, d.error.rmse.middle, d.error.rmse.high)])
@@ -250,6 +288,10 @@ def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report)
 def test_a_scene_without_noise_says_so() -> None:
     report = cost(FLAT, quick=True, progress=False)
     assert report.noiseless and any("all seeds" in n for n in report.notes)
+    # There is nothing that samples could halve.
+    assert not {h.knob for h in report.halvings} & {c.knob for c in report.curves if c.kind == "sampling"}
+    text = printed(report)
+    assert "not reached" not in text and "time for half:" not in text and "1. " not in text
     for c in report.curves:
         assert all(p.error.deviation.middle < 1e-7 for p in c.points) and c.by_count is None
     assert report.joint == () and report.reference.error < 1e-7
@@ -289,6 +331,11 @@ def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     assert report.stopped and report.seeds == 6 and report.joint == ()
     assert report.default.times.shape == (3,) and len(report.curves) == len(knobs(SOFT))
     json.dumps(as_json(report), allow_nan=False)
+    # Once, wherever it is told; and the reference did not have the seconds that its error is put down to.
+    notes = as_json(report)["notes"]
+    assert notes.count(STOPPED) == 1 and printed(report).count("stopped") == 1
+    (off,) = (n for n in notes if n.startswith("the reference's own error"))
+    assert off.endswith(": it was cut short by Ctrl-C")
     for n in (3, 2 * choices + 1):
         monkeypatch.setattr(study, "Patience", lambda n=n: Impatience(n))
         with pytest.raises(KeyboardInterrupt):
@@ -314,6 +361,46 @@ def test_bad_scenes() -> None:
         cost(3, quick=True)
     with pytest.raises(UserError):
         cost(SCENES / "no-such-scene.json")
+
+
+def test_noise_of_the_clock_changes_no_size() -> None:
+    """Up to a quarter more than the budget the pictures stay; beyond it they shrink by steps."""
+    studio = Studio(replace(SOFT, film=Film(width=96, height=60)), list(range(16)), Patience())
+    taken = studio.prepared([default(SOFT, knobs(SOFT))])
+    needed = sum(t.expected for t in taken) * studio.per_turn * TURNS
+    for more in (0.9, 1, 1.1, 1.2):
+        same, kept = studio.fitting(taken, needed / more)
+        assert same is studio and kept is taken
+    for share, size in ((0.75, (72, 45)), (0.5, (72, 45)), (0.3, (54, 34)), (1e-9, (32, 20))):
+        smaller, again = studio.fitting(taken, share * needed)
+        film = smaller.scene.film
+        assert (film.width, film.height) == size
+        assert again[0].expected == pytest.approx(taken[0].expected * size[0] * size[1] / (96 * 60))
+
+
+@pytest.fixture
+def interrupts() -> Iterator[list[int]]:
+    """Those that nobody took: without this they would end the tests."""
+    found: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: found.append(number))
+    yield found
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_ctrl_c_while_a_report_is_written_loses_nothing(
+    report: Report, interrupts: list[int], stopped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, whole = tmp_path / "report.json", type(report).write
+
+    def slow(self: Report, path: Path) -> None:
+        signal.raise_signal(signal.SIGINT)
+        whole(self, path)
+
+    monkeypatch.setattr(type(report), "write", slow)
+    monkeypatch.setattr(study, "cost", lambda *_, **__: replace(report, stopped=stopped))
+    assert studies.cost(SCENES / "penumbra.json", output=out) == (130 if stopped else 0)
+    assert json.loads(out.read_text())["scene"] == "penumbra" and not interrupts
 
 
 def test_pictures_are_reduced() -> None:

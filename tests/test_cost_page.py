@@ -10,9 +10,11 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from visray.study.cost import charts
+from visray.study.cost.frontier import frontier
 from visray.study.cost.page import display, page
 from visray.study.cost.records import Band, Curve, Error, Geometry, Halving, Point, Reference, Report, Slope
-from visray.study.cost.wording import duration, number
+from visray.study.cost.standing import standing
+from visray.study.cost.wording import STOPPED, duration, hundredths, number
 
 H, W = 24, 32
 RNG = np.random.default_rng(1)
@@ -81,7 +83,7 @@ def study() -> Report:
     )
     halvings = (
         Halving("samples, sobol", Band(2.6, 2.4, 2.8), 0.19, 41, 1),
-        Halving("samples, independent", Band(5.2, 2.6, 6), 0.35, 190.5, 1),
+        Halving("samples, independent", Band(5.2, 2.6, 6), 0.35, 290.5, 1, beyond=True),
         Halving("lamp samples", Band(np.inf, np.inf, np.inf), 0.64, None, 3),
         Halving("depth", Band(np.inf, np.inf, np.inf), 0.97, None, 3),
     )
@@ -266,11 +268,13 @@ def test_the_halving_is_told_in_sentences(pages: dict[str, str]) -> None:
     """With what is turned from where to where; where a knob was not enough, how far it came; equal ranks as equal."""
     rows = {row[1]: row for row in Outline(pages["study"]).rows if len(row) == 5}
     assert rows["samples, sobol"][2] == "41 Sobol samples per pixel instead of 16: 2.6 times the time."
-    independent = "190.5 independent samples per pixel (today 16 Sobol): 5.2 times the time."
+    independent = "290.5 independent samples per pixel (today 16 Sobol): 5.2 times the time, beyond what was measured."
     assert rows["samples, independent"][2] == independent
     assert rows["lamp samples"][2] == "not reached by what was measured: at best 64 % of today's error."
     assert [rows[k][0] for k in ("samples, sobol", "samples, independent", "depth")] == ["1 =", "1 =", "3 ="]
     assert rows["samples, independent"][3] == "2.6 to 6" and rows["depth"][3] == "-"
+    assert "Beyond what was measured: by the law of the last points of a knob, carried on." in pages["study"]
+    assert "Beyond what was measured" not in pages["noiseless"]
 
 
 def test_the_lead_is_plain() -> None:
@@ -285,6 +289,21 @@ def test_the_lead_is_plain() -> None:
     assert "No knob alone halves that error within what was measured." in told(none)
     assert "None of the knobs measured so far halves that error." in told(replace(none, stopped=True))
     assert "Of what was measured so far, half of that error" in told(replace(r, stopped=True))
+
+
+def test_the_lead_is_by_the_best_knob_that_gets_there() -> None:
+    """Whatever comes before it in its rank: never that none does, where the table has one."""
+    r = study()
+    never = Halving("depth", Band(np.inf, 2.0, np.inf), 0.6, None, 1)
+    dear, best, later = (
+        Halving(name, Band(x, 2.0, 9.0), 0.3, 41, rank)
+        for name, x, rank in (("lamp samples", 4.1, 1), ("samples, sobol", 2.65, 1), ("samples, independent", 2.5, 2))
+    )
+    for stopped in (True, False):
+        text = told(replace(r, halvings=(never, dear, best, later), stopped=stopped))
+        assert "costs least with 41 Sobol samples per pixel instead of 16: 2.65 times the time." in text
+        assert "Just as good, as far as measurement can tell: lamp samples." in text
+        assert "halves that error" not in text
 
 
 def test_durations_are_in_units_that_can_be_read() -> None:
@@ -320,19 +339,66 @@ def test_what_may_be_nothing_is_drawn_as_at_most_so_much() -> None:
 
 
 def test_the_default_is_told_against_the_frontier() -> None:
+    def among(*points: Point) -> Report:
+        """Where these were measured, and the default."""
+        front = frontier([r.default, *points])
+        return replace(r, curves=(Curve("depth", "bias", points),), joint=(), frontier=front, halvings=())
+
     r = study()
-    assert "Nothing that was measured is both faster and more accurate than today's default" in told(r)
+    nothing = "Nothing that was measured is both faster and more accurate than the scene as it is"
     ends = [
         point("depth", n, s, 0.001, e, settings={"settings.depth": n}) for n, s, e in ((2, 0.1, 0.04), (9, 0.9, 0.01))
     ]
-    line = "interpolating between the two points beside it on the frontier, its error would take 0.52 of its time."
-    assert line in told(replace(r, frontier=(ends[0], r.default, ends[1])))
+    assert f"{nothing}: it is on the frontier." in told(among(ends[0]))
+    between = "interpolating between the two points beside it on the frontier, (depth 2) and (depth 9), its error would"
+    assert f"{nothing}; but {between} take 0.52 of its time." in told(among(*ends))
     better = point("depth", 5, 0.208, 0.001, 0.004, settings={"settings.depth": 5})
-    beaten = replace(r, frontier=(r.joint[0], better))
-    assert "The same error could be had in 0.4 of the time by settings.depth = 5." in told(beaten)
-    assert "today's default, not on it" in told(beaten)
+    assert "The same error could be had in 0.4 of the time by depth 5." in told(among(better))
+    assert "today's default, not on it" in told(among(better))
     near = replace(better, seconds=Band(0.5, 0.4, 0.6))
-    assert "it may be chance" in told(replace(beaten, frontier=(near,)))
+    assert "by depth 5; the bands of the two overlap: it may be chance." in told(among(near))
+
+
+def test_what_stands_above_is_no_note_again() -> None:
+    """As a study notes it: the terminal and the page say the same of the frontier, each once."""
+    r = study()
+    stands = standing([*(p for c in r.curves for p in c.points), *r.joint], r.default)
+    noted = replace(r, notes=(*r.notes, stands, STOPPED), stopped=True)
+    text = told(noted)
+    assert text.count(stands[1:]) == 1 and STOPPED not in text and r.notes[0] in text
+    assert text.count("stopped before its end") == 1
+
+
+def test_a_point_of_the_same_settings_is_named_by_its_knob() -> None:
+    """That is one whose objects are searched without what rejects most of them."""
+    r = study()
+    plain = replace(r.default, knob="accelerator", value="plain", plain=True, seconds=band(0.3))
+    dear = point("depth", 9, 0.9, 0.001, 0.01, settings={"settings.depth": 9})
+    assert standing([plain], r.default) == "the same error could be had in 0.58 of the time by accelerator plain"
+    worse = replace(plain, error=replace(plain.error, rmse=band(0.025)))
+    assert "frontier, (accelerator plain) and (depth 9), its error" in standing([worse, dear], r.default)
+    assert standing([replace(r.default, seconds=band(np.nan))], replace(r.default, seconds=band(np.nan))).startswith(
+        "there is no frontier yet"
+    )
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    assert [hundredths(x) for x in (-0.004, 0.004, -0.0, -0.006, 0.5)] == ["0.00", "0.00", "0.00", "-0.01", "0.50"]
+    r = study()
+    flat = replace(r.curves[0], by_time=Slope(-0.001, -0.004, 0.01, 5))
+    labels = [t.get_text() for t in charts.costs(replace(r, curves=(flat,))).legends[0].texts]
+    assert "samples, sobol: k = 0.00 [0.00, 0.01]" in labels
+
+
+def test_what_is_wider_than_the_page_scrolls_and_shows_it(pages: dict[str, str]) -> None:
+    """A bar that is always there, and a shadow at the side where more of the table is."""
+    css = pages["study"].split("<style>")[1].split("</style>")[0]
+    for told in (
+        ".scroll { overflow: auto",
+        ".scroll::-webkit-scrollbar { width: 10px",
+        "local, local, scroll, scroll",
+    ):
+        assert told in css
 
 
 def told(r: Report) -> str:
@@ -342,6 +408,9 @@ def told(r: Report) -> str:
 def test_without_noise_it_says_so(pages: dict[str, str]) -> None:
     assert "There is no noise" in pages["noiseless"] and "There is no noise" not in pages["study"]
     assert "There is no error to halve" in pages["perfect"]
+    r = noiseless()
+    assert "There is no noise that samples could halve." in told(replace(r, halvings=()))
+    assert "half of the error by samples" not in told(replace(r, stopped=True))
 
 
 def test_stopped_it_says_what_is_missing(pages: dict[str, str]) -> None:

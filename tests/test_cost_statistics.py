@@ -282,13 +282,13 @@ def test_halvings_by_hand() -> None:
         # Error as time^-1/2: half of 0.4 at 4 times the time of 0.4, 8 s, between two points.
         curve("within", "sampling", (1.0, 0.2 * 8**0.5, 1), (4.0, 0.2 * 2**0.5, 4), (16.0, 0.2 * 0.5**0.5, 16)),
         # The same, where the points end before.
-        curve("beyond", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
+        curve("samples, sobol", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
         # The law would reach it after more than a decade.
         curve("too far", "sampling", (0.5, 0.8, 1), (0.6, 0.8 * (0.6 / 0.5) ** -0.5, 2)),
         curve("a floor", "sampling", (1.0, 0.5, 1), (4.0, 0.4, 4), (16.0, 0.39, 16)),
         # Both would reach it within a decade; but one bends, and the other may as well not fall.
-        curve("bent", "sampling", (0.5, 0.8, 1), (1.0, 0.5, 2), (4.0, 0.35, 8)),
-        curve("unsure", "sampling", (1.0, 0.45, 1), (1.2, 0.4, 2), width=0.2),
+        curve("samples, independent", "sampling", (0.5, 0.8, 1), (1.0, 0.5, 2), (4.0, 0.35, 8)),
+        curve("samples, stratified", "sampling", (1.0, 0.45, 1), (1.2, 0.4, 2), width=0.2),
         curve("flat", "bias", (1.0, 0.41, 1), (2.0, 0.4, 2)),
         # Exactly 0 from a depth on.
         curve("depth", "bias", (1.0, 0.6, 1), (2.0, 0.4, 2), (3.0, 0.0, 4)),
@@ -297,17 +297,61 @@ def test_halvings_by_hand() -> None:
     )
     found = {h.knob: h for h in halvings(curves, default)}
     assert set(found) == {c.knob for c in curves} - {"choice"}
-    for name, factor, value in (("within", 4, 8), ("beyond", 4, 32), ("depth", 1.5, 4), ("tolerance", 1.5, 1e-9)):
+    for name, factor, value in (
+        ("within", 4, 8),
+        ("samples, sobol", 4, 32),
+        ("depth", 1.5, 4),
+        ("tolerance", 1.5, 1e-9),
+    ):
         h = found[name]
         assert abs(h.factor.middle / factor - 1) < 1e-9 and h.value == value, name
         assert 0.8 * factor < h.factor.low < h.factor.middle < h.factor.high < 1.25 * factor
-    for name in ("too far", "a floor", "bent", "unsure", "flat"):
+        assert h.beyond == (name == "samples, sobol")
+    for name in ("too far", "a floor", "samples, independent", "samples, stratified", "flat"):
         assert isinf(found[name].factor.middle) and isinf(found[name].factor.high) and found[name].value is None
-    shares = {"within": 0.5**1.5, "a floor": 0.975, "depth": 0, "beyond": 2**0.5, "tolerance": 0.25}
+        assert not found[name].beyond
+    shares = {"within": 0.5**1.5, "a floor": 0.975, "depth": 0, "samples, sobol": 2**0.5, "tolerance": 0.25}
     assert all(abs(found[name].least - share) < 1e-9 for name, share in shares.items())
     assert [h.rank for h in halvings(curves, default)] == [1, 1, 2, 2, 3, 3, 3, 3, 3]
-    assert [h.knob for h in halvings(curves, default)][:4] == ["depth", "tolerance", "beyond", "within"]
+    assert [h.knob for h in halvings(curves, default)][:4] == ["depth", "tolerance", "samples, sobol", "within"]
     assert halvings(curves, point(2.0, 0.0)) == ()
+
+
+@pytest.mark.parametrize(("share", "value"), [(0.0, 32), (0.1, 48), (0.15, 68), (0.2, None), (0.3, None)])
+def test_beyond_the_last_light_samples_error_falls_to_what_they_leave(share: float, value: int | None) -> None:
+    """error^2 = a + b / n, of which a is this share of the default's square: half of the error is a quarter of it, and
+    is reached at n = b / (1/4 - a) where that is within a decade. Samples of pixels take all noise away, whatever the
+    last of them did, so that of them the power law holds: here that of the last two points."""
+    error = lambda n: 0.4 * sqrt(share + (1 - share) * 8 / n)  # noqa: E731 - a name for a row
+    rows = [(0.1 * n, error(n), n) for n in (2, 4, 8)]
+    default = point(0.8, 0.4, {"light samples": 8}, 8, "light samples")
+    (found,) = halvings([curve("light samples", "sampling", *rows, width=0.001)], default)
+    (samples,) = halvings([curve("samples, sobol", "sampling", *rows, width=0.001)], default)
+    assert found.value == value and found.beyond == (value is not None)
+    if value:
+        exact = 8 * (1 - share) / (0.25 - share)
+        assert value == int(np.ceil(round(exact, 6))) and abs(found.factor.middle / (exact / 8) - 1) < 1e-9
+    else:
+        # 0.2: it would be at 128, more than a decade further.
+        assert isinf(found.factor.middle) and isinf(found.factor.low)
+    slope = log(error(4) / error(8)) / log(2)
+    power = 8 * 2 ** (1 / slope)
+    assert samples.value == (int(np.ceil(round(power, 6))) if power <= 80 else None)
+
+
+def test_a_tolerance_ends_at_0() -> None:
+    """There is no smaller one, however steeply the error falls before."""
+    rows = ((4.0, 0.21, 0.0), (3.0, 0.3, 1e-9), (2.0, 0.4, 1e-3))
+    (found,) = halvings([curve("roots", "bias", *rows)], point(2.0, 0.4, value=1e-3))
+    assert isinf(found.factor.middle) and found.value is None
+
+
+def test_in_a_rank_what_gets_there_comes_first() -> None:
+    """And of both kinds the order is that of the alphabet."""
+    never = Band(inf, 1.9, inf)
+    found = [Halving(name, never, 0.6, None, 0) for name in "ca"]
+    found += [Halving(name, Band(x, 1.8, 3.0), 0.3, 9, 0) for name, x in (("d", 2.0), ("b", 2.1))]
+    assert [(h.knob, h.rank) for h in ranked(found)] == [("b", 1), ("d", 1), ("a", 1), ("c", 1)]
 
 
 def test_what_is_reached_does_not_depend_on_how_fast_the_machine_was() -> None:

@@ -25,6 +25,7 @@ from visray.cli.common import (
 from visray.errors import UserError
 from visray.output.files import check_writable
 from visray.output.image import check_destination
+from visray.progress import Patience
 from visray.render import explain as explain_scene
 from visray.render import render, set_threads
 from visray.scene.scene import Scene
@@ -130,15 +131,17 @@ def cost(
     made = opened(scene, setup, compat, set)
     report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
     report = replace(report, scene=scene.stem)
-    if output is not None:
-        report.write(output)
-    if json:
-        put(report.as_json())
-    elif csv:
-        written(report.as_csv(), None)
-    else:
-        Console().print(table(report))
-        _say_written(output)
+    # A page takes seconds to draw: Ctrl-C must not lose in them what took minutes to measure.
+    with Patience():
+        if output is not None:
+            report.write(output)
+        if json:
+            put(report.as_json())
+        elif csv:
+            written(report.as_csv(), None)
+        else:
+            Console().print(table(report))
+            _say_written(output)
     return INTERRUPTED if report.stopped else 0
 
 
@@ -164,7 +167,10 @@ def tune(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Choose the knobs of a scene for an error or a time, and say why."""
+    """Choose the knobs of a scene for an error or a time, and say why.
+
+    Ctrl-C keeps the best that was tried at the scene's own size, if anything was.
+    """
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study
 
@@ -174,13 +180,15 @@ def tune(
         check_writable(output)
     made = opened(scene, setup, compat, set)
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
-    if output is not None:
-        written(as_scene(found, output.parent, scene), output)
-    if json:
-        put(found.as_json())
-    else:
-        Console().print(found.table())
-        _say_written(output)
+    # What is found is not lost by Ctrl-C any more.
+    with Patience():
+        if output is not None:
+            written(as_scene(found, output.parent, scene), output)
+        if json:
+            put(found.as_json() | ({} if output is None else {"output": str(output)}))
+        else:
+            Console().print(found.table())
+            _say_written(output)
     return INTERRUPTED if found.stopped else 0 if found.met else 1
 
 

@@ -22,7 +22,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from visray.output.image import Image
 from visray.study.cost.drawing import GREY, INK, Labels, across, blank, legend, logarithmic, reach
 from visray.study.cost.records import Band, Curve, Point, Report, Slope
-from visray.study.cost.wording import changes, duration, is_number, percent, written
+from visray.study.cost.wording import changes, duration, hundredths, is_number, percent, written
 
 BLUE, RED = "#0072B2", "#D55E00"
 COLOURS, MARKERS = (BLUE, RED, "#009E73", "#CC79A7", "#E69F00", "#56B4E9"), "os^DvPX<>"
@@ -234,7 +234,7 @@ def _curve(
     axes.errorbar(along, y, xerr=reach(x), yerr=reach(up, bottom), **form)
     if seen:
         seen.lines.append((along, y))
-    k = f": k = {slope.k:.2f} [{slope.low:.2f}, {slope.high:.2f}]" if slope else ""
+    k = f": k = {hundredths(slope.k)} [{hundredths(slope.low)}, {hundredths(slope.high)}]" if slope else ""
     return Line2D([], [], **look, linestyle=line, label=_short(curve.knob, 40) + k)
 
 

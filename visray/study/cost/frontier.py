@@ -1,7 +1,7 @@
 """What is worth its time: the points that no other beats, and what half of the error costs by one knob alone."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite, log
 from typing import Any
@@ -10,6 +10,7 @@ import numpy as np
 
 from visray.halves import QUANTILE
 from visray.study.cost.records import Band, Curve, Halving, Point
+from visray.study.cost.wording import sampler
 
 SHARE = 0.5  # of the default's error
 NEAR = 0.25  # of the last step between points: so far a law goes on in any case
@@ -60,7 +61,8 @@ def halvings(curves: Iterable[Curve], default: Point) -> tuple[Halving, ...]:
 
     Error and seconds are taken as a power law from point to point. Beyond the last one the law of the last two goes on
     for a decade of the knob's value, if their error surely falls, and about as steeply as before them, and else for a
-    quarter of their step. Bands: of 2000 draws from the bands of the points.
+    quarter of their step; of light samples and rays, which do not take away all noise, only down to what is left.
+    Bands: of 2000 draws from the bands of the points.
     """
     asked = [c for c in curves if c.kind in ("sampling", "bias") and c.points]
     return ranked([_halving(c, default) for c in asked if default.error.rmse.middle > 0])
@@ -80,16 +82,17 @@ def steps(curves: Iterable[Curve], default: Point) -> tuple[Step, ...]:
 
 def ranked(found: Iterable[Halving]) -> tuple[Halving, ...]:
     """In the order of factor, with ranks: one ends before the knob whose low end is above the high end of the rank's
-    first. Knobs of a rank are in the order of the alphabet, so that noise in what cannot be told apart moves none."""
+    first. Knobs of a rank are in the order of the alphabet, so that noise in what cannot be told apart moves none; but
+    those that get there come first."""
     groups: list[list[Halving]] = []
     for h in sorted(found, key=lambda h: (h.factor.middle, h.factor.high, h.knob)):
         if not groups or h.factor.low > groups[-1][0].factor.high or _cannot(h) > _cannot(groups[-1][0]):
             groups.append([])
         groups[-1].append(h)
     return tuple(
-        Halving(h.knob, h.factor, h.least, h.value, rank)
+        replace(h, rank=rank)
         for rank, group in enumerate(groups, 1)
-        for h in sorted(group, key=lambda h: h.knob)
+        for h in sorted(group, key=lambda h: (not isfinite(h.factor.middle), h.knob))
     )
 
 
@@ -104,9 +107,9 @@ def _halving(curve: Curve, default: Point) -> Halving:
         points = points[::-1]  # of a tolerance less is more: from the cheap end in any case
     time, error = _logs([p.seconds for p in points], 0), _logs([p.error.rmse for p in points], 0)
     t0, e0 = (float(_logs([b], 0)[0]) for b in (default.seconds, default.error.rmse))
-    further = _further(points)
-    place, seconds = _reached(time, error, e0 + log(SHARE), further)
-    found = _drawn(points, default, further)
+    further, ratio = _further(points), _ratio_of_counts(curve, points)
+    place, seconds = _reached(time, error, e0 + log(SHARE), further, ratio)
+    found = _drawn(points, default, further, ratio)
     # One of the draws itself, as nothing is between a finite one and inf.
     low, high = np.quantile(found, [0.025, 0.975], method="inverted_cdf")
     factor = float(np.exp(seconds - t0))
@@ -116,10 +119,11 @@ def _halving(curve: Curve, default: Point) -> Halving:
         least=min(p.error.rmse.middle for p in points) / base,
         value=_value(points, place),
         rank=0,
+        beyond=len(points) - 1 < place < inf,
     )
 
 
-def _drawn(points: tuple[Point, ...], default: Point, further: float) -> np.ndarray:
+def _drawn(points: tuple[Point, ...], default: Point, further: float, ratio: float) -> np.ndarray:
     """Factors for points and default drawn from their bands; where one of the points is the default, both are one."""
     rng = np.random.default_rng(SEED)
     same = next((i for i, p in enumerate(points) if p.same_choice(default)), len(points))
@@ -127,15 +131,18 @@ def _drawn(points: tuple[Point, ...], default: Point, further: float) -> np.ndar
     n, shape = len(points), (DRAWS, len(every))
     times = _logs([p.seconds for p in every], rng.standard_normal(shape))
     errors = _logs([p.error.rmse for p in every], rng.standard_normal(shape))
-    found = [_reached(t[:n], e[:n], e[same] + log(SHARE), further)[1] - t[same] for t, e in zip(times, errors)]
+    found = [_reached(t[:n], e[:n], e[same] + log(SHARE), further, ratio)[1] - t[same] for t, e in zip(times, errors)]
     return np.exp(found)
 
 
 def _further(points: tuple[Point, ...]) -> float:
     """How many steps the law of the last two points may go on beyond them: for a decade of the knob's value where their
-    error surely falls, and over the value no less than STEADY times as steeply as before them; else NEAR. By errors and
-    values alone: seconds differ from study to study, and would move a knob from what is reached to what is not."""
+    error surely falls, and over the value no less than STEADY times as steeply as before them; else NEAR. Not at all
+    where it ends at 0, as tolerances do. By errors and values alone: seconds differ from study to study, and would move
+    a knob from what is reached to what is not."""
     values = [p.value for p in points[-3:]]
+    if _is_number(values[-1]) and values[-1] <= 0:
+        return 0.0
     if len(points) < 2 or not all(_is_number(v) and v > 0 for v in values):
         return NEAR
     last, *before = ((a, b, abs(log(b.value / a.value))) for a, b in reversed(list(pairwise(points[-3:]))))
@@ -148,11 +155,23 @@ def _further(points: tuple[Point, ...]) -> float:
     return max(FURTHEST / last[2], NEAR) if surely and steady else NEAR
 
 
-def _reached(time: np.ndarray, error: np.ndarray, target: float, further: float) -> tuple[float, float]:
+def _ratio_of_counts(curve: Curve, points: tuple[Point, ...]) -> float:
+    """How many times as many light samples or rays the last point has as the one before; inf for other knobs, of
+    samples of pixels too, of which all noise falls, and for one point."""
+    counts = curve.kind == "sampling" and not sampler(curve.knob) and len(points) > 1
+    return points[-1].value / points[-2].value if counts else inf
+
+
+def _reached(
+    time: np.ndarray, error: np.ndarray, target: float, further: float, ratio: float = inf
+) -> tuple[float, float]:
     """Where along the points the error first comes down to the target, and the log of seconds there; inf if nowhere,
     up to so many steps further than the last.
 
-    The place is a number of points, 1.25 a quarter of the way from the second to the third. All in logarithms.
+    The place is a number of points, 1.25 a quarter of the way from the second to the third. All in logarithms, but for
+    `ratio`: of the last two numbers of samples, if it is finite. Then the square of the error falls no faster than
+    a + b / number does through the last two points, where it did not do so between them either: a is what these samples
+    do not take away.
     """
     if error[0] <= target:
         return 0.0, float(time[0])
@@ -165,6 +184,11 @@ def _reached(time: np.ndarray, error: np.ndarray, target: float, further: float)
     if len(error) < 2 or error[-1] >= error[-2] or time[-1] <= time[-2]:
         return inf, inf
     part = (error[-1] - target) / (error[-2] - error[-1])
+    if isfinite(ratio):
+        before, last, asked = np.exp(2 * (np.array([error[-2], error[-1], target]) - error[-2]))
+        b = (before - last) / (1 - 1 / ratio)
+        rest = asked - (before - b)
+        part = max(part, log(b / rest) / log(ratio) - 1) if rest > 0 else inf
     seconds = float(part * (time[-1] - time[-2]))
     return (len(time) - 1 + part, time[-1] + seconds) if part <= further else (inf, inf)
 

@@ -8,10 +8,10 @@ from typing import Any
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1d2127; --soft: #5c6570; --paper: #fff; --line: #dfe3e8; --mark: #fff3b8;
-  --today: #dcebfa }
+  --today: #dcebfa; --shade: #0004 }
 @media (prefers-color-scheme: dark) {
   :root { --ink: #e6e8eb; --soft: #a2abb5; --paper: #16191d; --line: #363c44; --mark: #4d430f;
-    --today: #17324d }
+    --today: #17324d; --shade: #000c }
 }
 body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 2.5rem auto 5rem;
   max-width: 960px; padding: 0 1.2rem; overflow-wrap: anywhere }
@@ -19,7 +19,14 @@ h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 } h2 { font-size: 1.25rem; m
 .soft, figcaption { color: var(--soft); font-size: .9rem } .lead { font-size: 1.1rem }
 .warn { border-left: 4px solid #D55E00; padding: .3rem 1rem }
 figure { margin: 1.5rem 0 } figure svg { width: 100%; height: auto; background: #fff; border-radius: 6px }
-.scroll { overflow: auto; max-height: 85vh }
+.scroll { overflow: auto; max-height: 85vh; border: 1px solid var(--line); border-width: 0 1px 1px;
+  background: linear-gradient(to right, var(--paper) 24px, transparent) left, linear-gradient(to left,
+  var(--paper) 24px, transparent) right, linear-gradient(to right, var(--shade), transparent) left,
+  linear-gradient(to left, var(--shade), transparent) right; background-repeat: no-repeat;
+  background-size: 48px 100%, 48px 100%, 16px 100%, 16px 100%; background-attachment: local, local, scroll, scroll }
+.scroll::-webkit-scrollbar { width: 10px; height: 10px }
+.scroll::-webkit-scrollbar-thumb { background: var(--soft); border-radius: 5px }
+.scroll::-webkit-scrollbar-corner, .scroll::-webkit-scrollbar-track { background: var(--line) }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal }
 .note { margin: 0 0 .4rem } thead th { position: sticky; top: 0; background: var(--paper) }
 th, td { text-align: left; vertical-align: top; padding: .3rem .5rem; border-bottom: 1px solid var(--line) }

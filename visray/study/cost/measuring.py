@@ -32,6 +32,9 @@ from visray.study.cost.records import Band
 LONGEST, SMALLEST = (96, 192), 32
 # Of 9 timings, the second and the last but one are as far apart as the sign test asks: one may be an accident.
 TURNS = 9
+# Pictures shrink by this factor of their sides, and only where they would take so many times what they may: so noise of
+# the clock seldom gives two studies of one scene pictures of two sizes.
+STEP, BEYOND = 3 / 4, 5 / 4
 # Samples per pixel of the pass that a kernel is compiled with: so few say how long many will take.
 TRIAL = 4
 # Kernels that run shorter than this are over before other work on the machine gets its share, and look faster than they
@@ -153,12 +156,14 @@ class Studio:
         dr.eval(dr.opaque(a.U, 1, 16) + a.U(self.mark))
 
     def fitting(self, taken: list[Taken], budget: float) -> tuple["Studio", list[Taken]]:
-        """This one, or where its pictures would take longer than `budget` seconds, one with smaller ones; and the
+        """This one, or where its pictures would take far longer than `budget` seconds, one with smaller ones; and the
         choices for it."""
         needed = sum(t.expected for t in taken) * self.per_turn * TURNS
-        film = self.scene.film
+        film, steps = self.scene.film, 0
+        while needed * STEP ** (2 * steps) > BEYOND * budget:
+            steps += 1
         longest = max(film.width, film.height)
-        smaller = max(SMALLEST, int(longest * (budget / needed) ** 0.5)) if needed > budget else longest
+        smaller = max(SMALLEST, round(longest * STEP**steps))
         if smaller >= longest:
             return self, taken
         studio = replace(self, scene=reduced(self.scene, smaller))

@@ -8,11 +8,11 @@ from math import isfinite
 from typing import Any
 
 from visray.study.cost import charts
-from visray.study.cost.frontier import overtaken
 from visray.study.cost.knobs import SAMPLER, SPP
 from visray.study.cost.looks import cell, document, table
 from visray.study.cost.records import Halving, Point, Report
-from visray.study.cost.wording import band, changes, duration, is_number, number, percent, sampler, written
+from visray.study.cost.standing import standing
+from visray.study.cost.wording import STOPPED, band, changes, duration, is_number, number, percent, sampler, written
 
 PARTS = """Bias and deviation, relative, in percent, against the value of each knob. Hollow arrowheads: what cannot be
 told from 0, at the most that it may be. On the lower edge it is 0."""
@@ -82,7 +82,8 @@ def _warnings(r: Report) -> list[str]:
     if r.stopped:
         few, ranked = [c.knob for c in r.curves if len(c.points) < 2], {h.knob for h in r.halvings}
         missing = [f"more than one value of {', '.join(few)}"] if few else []
-        missing += [f"half of the error by {c.knob}" for c in r.curves if c.kind != "step" and c.knob not in ranked]
+        halved = [c.knob for c in r.curves if c.kind == "bias" or (c.kind == "sampling" and not r.noiseless)]
+        missing += [f"half of the error by {knob}" for knob in halved if knob not in ranked]
         missing += [] if r.curves else ["all knobs"]
         missing += [] if r.joint else ["points where several knobs are turned"]
         found.append("The study was stopped before its end. Missing: " + ("; ".join(missing) or "later points") + ".")
@@ -93,19 +94,20 @@ def _warnings(r: Report) -> list[str]:
 
 def _lead(r: Report) -> str:
     """The report in a few sentences."""
-    d, best = r.default, min(r.halvings, key=lambda h: h.rank, default=None)
+    d, there = r.default, [h for h in r.halvings if isfinite(h.factor.middle)]
     error = band(d.error.rmse, percent) if d.error.rmse.middle > 0 else "nothing that could be measured"
     text = f"On a picture of {r.width} x {r.height} pixels, today's default takes {duration(d.seconds)} "
     text += f"and is off by {error}; in brackets: where the true number lies, with a chance of 95 %. "
-    if best and isfinite(best.factor.middle):
+    if there:
+        best = min(there, key=lambda h: (h.rank, h.factor.middle))
         least = "Of what was measured so far, half of that error" if r.stopped else "Half of that error"
         text += f"{least} costs least with {_halved(best, r)}"
-        equals = [h for h in r.halvings if h.rank == best.rank and h is not best and isfinite(h.factor.middle)]
+        equals = [h for h in there if h.rank == best.rank and h is not best]
         names = ", ".join(f"{sampler(h.knob)} samples" if sampler(h.knob) else h.knob for h in equals)
         text += f" Just as good, as far as measurement can tell: {names}." if equals else ""
-    elif best and r.stopped:
+    elif r.halvings and r.stopped:
         text += "None of the knobs measured so far halves that error."
-    elif best:
+    elif r.halvings:
         text += "No knob alone halves that error within what was measured."
     return text
 
@@ -127,7 +129,7 @@ def _halved(h: Halving, r: Report) -> str:
         text = f"{number(h.value / start)} times the {h.knob} ({written(start)} → {written(h.value)})"
     elif start is not None:
         text += f" (today {written(start)})"
-    return f"{text}: {number(h.factor.middle)} times the time."
+    return f"{text}: {number(h.factor.middle)} times the time{', beyond what was measured' if h.beyond else ''}."
 
 
 def _instead(name: str, r: Report) -> str:
@@ -143,7 +145,8 @@ def _halvings(r: Report) -> str:
     """What half of the default's error costs, knob by knob."""
     head = "<h2>What the next halving of the error costs, and by which knob</h2>"
     if not r.halvings:
-        why = "There is no error to halve." if not r.default.error.rmse.middle > 0 else "It was not measured."
+        why = "There is no noise that samples could halve." if r.noiseless else "It was not measured."
+        why = why if r.default.error.rmse.middle > 0 else "There is no error to halve."
         return f"{head}<p>{why}</p>"
     rows, ranks = [], [h.rank for h in r.halvings]
     for h in sorted(r.halvings, key=lambda h: h.rank):
@@ -161,29 +164,22 @@ def _halvings(r: Report) -> str:
     names = ("rank", "knob", "half of the error", "times the time, 95 %", "least error measured with it, of today's")
     note = "Each knob alone, cheapest first; time as a multiple of the default's. "
     note += "Knobs with the same rank (=) cannot be told apart."
+    if any(h.beyond for h in r.halvings):
+        note += " Beyond what was measured: by the law of the last points of a knob, carried on."
     return head + table(note, names, rows)
 
 
-def _distance(r: Report) -> str:
-    """How far the default is from the frontier, as a sentence."""
-    d = r.default
-    better = [
-        p for p in r.frontier if p.error.rmse.middle <= d.error.rmse.middle and p.seconds.middle < d.seconds.middle
-    ]
-    if not r.frontier:
-        return "There is no frontier yet: too little was measured."
-    if not better:
-        text = "Nothing that was measured is both faster and more accurate than today's default"
-        beside = overtaken(r.frontier, d)
-        if beside is None or round(beside[0], 2) >= 1:
-            return f"{text}: it is on the frontier."
-        text += "; but interpolating between the two points beside it on the frontier, its error would take "
-        return f"{text}{number(beside[0], 2)} of its time."
-    p = min(better, key=lambda p: p.seconds.middle)
-    by = ", ".join(f"{k} = {written(v)}" for k, v in changes(p, d).items()) or f"{p.knob} {written(p.value)}"
-    text = f"The same error could be had in {number(p.seconds.middle / d.seconds.middle, 2)} of the time by {by}."
-    unsure = p.seconds.high >= d.seconds.low or p.error.rmse.high > d.error.rmse.high
-    return text + (" The bands of the two overlap: it may be chance." if unsure else "")
+def _every(r: Report) -> list[Point]:
+    """All points, the default first, each once."""
+    found: list[Point] = []
+    for p in (r.default, *(p for c in r.curves for p in c.points), *r.joint, *r.frontier):
+        if not any(p is other for other in found):
+            found.append(p)
+    return found
+
+
+def _standing(r: Report) -> str:
+    return standing(_every(r), r.default)
 
 
 def _frontier(r: Report) -> str:
@@ -205,15 +201,14 @@ def _frontier(r: Report) -> str:
     note = f"In the order of time; error: relative RMSE. Yellow: settings that are not the default's. {BLUE}"
     rest = ", ".join(f"{k} = {written(d.settings[k])}" for k in names if k not in vary and k in d.settings)
     rest = f'<p class="soft">The same everywhere: {escape(rest)}.</p>' if rest else ""
-    return f"<h2>The frontier</h2><p>{FRONT} {escape(_distance(r))}</p>{table(note, heads, rows)}{rest}"
+    stands = _standing(r)
+    stands = f"{stands[0].upper()}{stands[1:]}."
+    return f"<h2>The frontier</h2><p>{FRONT} {escape(stands)}</p>{table(note, heads, rows)}{rest}"
 
 
 def _points(r: Report) -> str:
     """All that was measured, one row for each point."""
-    every: list[Point] = []
-    for p in (r.default, *(p for c in r.curves for p in c.points), *r.joint, *r.frontier):
-        if not any(p is other for other in every):
-            every.append(p)
+    every = _every(r)
     heads = [
         "knob",
         "value",
@@ -265,6 +260,8 @@ def _measured(r: Report) -> str:
         "Floors": "; ".join(f"{name}: {percent(x)}" for name, x in r.floors.items()) or "none",
     } | {k: written(v) for k, v in r.machine.items()}
     told = "".join(f"<dt>{escape(str(k))}</dt><dd>{escape(v)}</dd>" for k, v in facts.items())
-    notes = "".join(f"<li>{escape(n)}</li>" for n in r.notes)
+    # What stands above is not said again.
+    above = STOPPED, _standing(r)
+    notes = "".join(f"<li>{escape(n)}</li>" for n in r.notes if n not in above)
     notes = f"<h2>Notes</h2><ul>{notes}</ul>" if notes else ""
     return f"{notes}<h2>How it was measured</h2><dl>{told}</dl>"

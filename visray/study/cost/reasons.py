@@ -5,6 +5,7 @@ from math import sqrt
 
 from visray.study.cost.knobs import SAMPLER, SPP
 from visray.study.cost.model import Model
+from visray.study.cost.records import Band
 from visray.study.cost.scaled import Scaled
 from visray.study.cost.tuned import Settings
 
@@ -36,9 +37,16 @@ def reasons(scaled: Scaled, model: Model, new: Settings) -> Iterator[str]:
         elif addresses == (SPP,) and noiseless:
             yield f"{name} {old[0]} -> {now[0]}: the picture has no noise, one sample does; time x {time:.2g}"
         else:
-            left = f"{sqrt(scaled.bias(turned)):.2g} is left whatever the samples"
-            yield f"{name} {old[0]} -> {now[0]}: {left}, time x {time:.2g}"
-    if new == own:
+            left = remains(scaled.left(turned))
+            yield f"{name} {old[0]} -> {now[0]}: {left} is left whatever the samples, time x {time:.2g}"
+    # Of more than one sample nothing good can be said where there is no noise.
+    if new == own and not (noiseless and own[SPP] > 1):
         yield "the scene's own settings: none that were measured are clearly better"
     if noiseless and new[SPP] == own[SPP]:
         yield "the picture has no noise: one sample does"
+
+
+def remains(left: Band) -> str:
+    """What is left, of its square: the estimate, and how much it may be at most, where that is not the same."""
+    middle, high = (f"{sqrt(x):.2g}" for x in (left.middle, left.high))
+    return middle if middle == high else f"{middle} (at most {high})"

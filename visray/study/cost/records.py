@@ -111,13 +111,14 @@ class Halving:
     """What half of the default's error costs by one knob. factor: so many times the default's seconds, inf where the
     error was not reached by what was measured, nor close beyond it; least: the least error measured with the knob, as a
     share of the default's; value: of the knob at half of the error, None where factor is inf. rank: 1 is the cheapest;
-    knobs that measurement cannot tell apart share one."""
+    knobs that measurement cannot tell apart share one. beyond: value is further than any that was measured."""
 
     knob: str
     factor: Band
     least: float
     value: Any
     rank: int
+    beyond: bool = False
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from visray.study.cost.fitting import Laws, Sampler, Way
 from visray.study.cost.knobs import DEPTH, KEPT, PRECISION, SAMPLER, SPP
 from visray.study.cost.laws import nonnegative
 from visray.study.cost.model import Model
-from visray.study.cost.records import Report
+from visray.study.cost.records import Band, Report
 from visray.study.cost.tuned import Measured, Settings
 from visray.truncation import truncation
 
@@ -81,22 +81,26 @@ class Scaled:
         # Of each knob the scene's own value comes first.
         return Model(model.default, replace(laws, ways=tuple(row[:1] for row in ways), counts=counts))
 
-    def bias(self, settings: Settings) -> float:
+    def left(self, settings: Settings) -> Band:
         """What is off whatever the samples, relative and squared."""
-        single = self._single * (self.at(settings, PRECISION) == "single")
-        return self._rest + self.cut[self.at(settings, DEPTH)] + single
+        cut, single = self.cut[self.at(settings, DEPTH)], self._single * (self.at(settings, PRECISION) == "single")
+        return Band(*(self._rest + single + x for x in (cut.middle, cut.low, cut.high)))
+
+    def bias(self, settings: Settings) -> float:
+        """As much of that as it may be: what must surely be met is chosen by it."""
+        return self.left(settings).high
 
     @cached_property
-    def cut(self) -> dict[int, float]:
-        """What each depth leaves out, relative and squared: as much as it may be, with a chance of 95 %."""
+    def cut(self) -> dict[int, Band]:
+        """What each depth leaves out, relative and squared."""
         depths = tuple(p.value for c in self.report.curves if c.knob == "depth" for p in c.points)
         if not depths:
-            return {self.scene.settings.depth: 0.0}
+            return {self.scene.settings.depth: Band(0.0, 0.0, 0.0)}
         halves = Halves(set_up(adjusted(self.scene, sampler="sobol")))
         halves.extend(np.full_like(halves.counts, PILOT))
         scale = (halves.estimate().luminance or 1.0) ** 2
         left = truncation(halves, depths, min(4 * max(depths) + 4, DEEPEST))
-        return {t.depth: max(t.high, 0.0) / scale for t in left}
+        return {t.depth: Band(*(max(x, 0.0) / scale for x in (t.square, t.low, t.high))) for t in left}
 
     @cached_property
     def _single(self) -> float:

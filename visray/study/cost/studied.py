@@ -10,6 +10,7 @@ from visray.errors import UserError
 from visray.output.files import write_text
 from visray.study.cost import writing
 from visray.study.cost.records import Report
+from visray.study.cost.wording import duration, percent
 
 SUFFIXES = (".html", ".json", ".csv")
 
@@ -17,6 +18,11 @@ SUFFIXES = (".html", ".json", ".csv")
 @dataclass(frozen=True)
 class Study(Report):
     """What accuracy costs for a scene: shows its figure in a notebook, and writes itself to a file."""
+
+    def __repr__(self) -> str:
+        error, took = percent(self.default.error.rmse.middle), duration(self.default.seconds.middle)
+        size = f"{self.width} x {self.height} pixels, {self.seeds} seeds"
+        return f"<Study of {self.scene}: {size}, error {error} in {took}{', stopped' if self.stopped else ''}>"
 
     def as_json(self) -> dict[str, Any]:
         """The numbers as json.dumps takes them, without pictures."""

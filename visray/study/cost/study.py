@@ -17,16 +17,17 @@ from visray.scene.scene import Scene
 from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
 from visray.study.cost.errors import judged
 from visray.study.cost.floors import floors
-from visray.study.cost.frontier import frontier, halvings, overtaken
+from visray.study.cost.frontier import frontier, halvings
 from visray.study.cost.hits import geometry
 from visray.study.cost.knobs import KEPT, Choice, Knob, default, knobs
 from visray.study.cost.measuring import LONGEST, Studio, Taken, reduced
 from visray.study.cost.model import Model
 from visray.study.cost.records import Curve, Point
 from visray.study.cost.slopes import slope
+from visray.study.cost.standing import standing
 from visray.study.cost.studied import Study
 from visray.study.cost.truth import FINER, Truth, luminance, truth
-from visray.study.cost.wording import changes
+from visray.study.cost.wording import STOPPED
 from visray.study.machine import machine
 
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
@@ -57,7 +58,7 @@ def cost(
     there are but the curves of the knobs, without FLIP, hits and points of several knobs: what `tune` needs.
     """
     begun = clock.now()
-    name = str(scene) if isinstance(scene, (str, Path)) else "a scene made in Python"
+    name = str(scene) if isinstance(scene, (str, Path)) else "a scene given in Python"
     scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
     if not isinstance(seeds, int) or isinstance(seeds, bool) or not LEAST_SEEDS <= seeds <= MOST_SEEDS:
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
@@ -84,7 +85,9 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Pa
     same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
     joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
-    best = frontier([*points, *joint])
+    every, ended = (*points, *joint), patience.asked
+    # Without noise there is nothing that samples could halve.
+    halved = [c for c in curves if not (same and c.kind == "sampling")]
     return Study(
         scene="",
         scene_hash=scene.hash(),
@@ -95,15 +98,15 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Pa
         default=points[0],
         curves=curves,
         joint=joint,
-        frontier=best,
-        halvings=halvings(curves, points[0]),
+        frontier=frontier(every),
+        halvings=halvings(halved, points[0]),
         floors=floors(taken, true.reference),
         reference=true.reference,
         noiseless=same,
-        stopped=patience.asked,
+        stopped=ended,
         seconds=0.0,
         machine=machine(),
-        notes=(*_notes(small, points[0], (*points, *joint), same), *true.notes),
+        notes=(*_notes(small, points[0], every, same), *true.notes, *[STOPPED] * ended),
     )
 
 
@@ -184,23 +187,12 @@ def _curve(knob: Knob, points: list[Point], quick: bool, noisy: bool) -> Curve:
 def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool) -> tuple[str, ...]:
     """What a reader must know, a sentence each."""
     on, film = explain(scene), scene.film
-    there = "nothing that was measured is both faster and more accurate than the scene as it is"
-    if (found := overtaken(points, base)) is not None and round(found[0], 2) < 1:
-        share, *ends = found
-        beside = " and ".join(_named(p, base) for p in ends)
-        there = f"interpolating between the two points beside it on the frontier, {beside}, "
-        there += f"the error of the scene as it is would take {share:.2g} of its time"
     size = f"on pictures of {film.width} x {film.height} pixels"
     lines = [
         f"seconds are those that compiled kernels run, {size}, without tracing them in Python",
-        there,
+        standing(points, base),
     ]
     lines += [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]
     if noiseless:
         lines.append("all seeds give the same picture: there is no noise that samples could lessen")
     return tuple(lines)
-
-
-def _named(p: Point, base: Point) -> str:
-    """What a point has that the default has not."""
-    return "(" + ", ".join(f"{a.removeprefix('settings.')} {v}" for a, v in changes(p, base).items()) + ")"

@@ -73,7 +73,8 @@ def truth(
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
-        notes.append(f"the reference's own error is {error:.1g}, {share}: that is what its seconds allowed")
+        why = "it was cut short by Ctrl-C" if patience.asked else "that is what its seconds allowed"
+        notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
     settings[SPP] = 2 * count
     found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
     return Truth(found, made, tuple(notes))

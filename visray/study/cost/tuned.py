@@ -11,6 +11,7 @@ from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study.cost.records import Band, Report
+from visray.study.cost.wording import duration, percent
 
 # A time may be exceeded by so much.
 LATE = 1.1
@@ -44,16 +45,11 @@ class Target:
         """By what factor at most."""
         return found.seconds.middle / self.time if self.error is None else found.error.high / self.error
 
-    def price(self, found: Any) -> float:
-        """What is to be small: the seconds where an error is asked for, the error where a time is."""
-        x = found.error if self.error is None else found.seconds
-        return x.middle if isinstance(x, Band) else x
-
 
 @dataclass(frozen=True)
 class Measured:
-    """Renders at the scene's own size. seconds: of one, its kernels compiled, the scene set up; error: relative, bias
-    included; noise: the squared part of it that differs from seed to seed."""
+    """Renders at the scene's own size. seconds: of one, its kernels compiled, the scene set up; error: relative, with
+    what is left whatever the samples; noise: the squared part of it that differs from seed to seed."""
 
     settings: Settings
     seconds: Band
@@ -84,6 +80,12 @@ class Tuned:
     reasons: tuple[str, ...]
     scene: Scene = field(repr=False)
     report: Report = field(repr=False)
+
+    def __repr__(self) -> str:
+        asked = [f"{k} = {v:g}" for k, v in asdict(self.target).items() if v is not None]
+        changed = ", ".join(f"{a} = {v}" for a, v in self.changed.items()) or "nothing changed"
+        came = f"error {percent(self.error.middle)} in {duration(self.seconds.middle)}"
+        return f"<Tuned for {asked[0]}: {'met' if self.met else 'not met'}, {came}; {changed}>"
 
     def as_json(self) -> dict[str, Any]:
         """All of it as json.dumps takes it; of the report only its notes, and the machine."""

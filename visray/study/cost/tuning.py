@@ -19,9 +19,10 @@ from visray import clock
 from visray.errors import UserError
 from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film
+from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import Estimate
 from visray.progress import Patience
-from visray.reachable import LARGER
+from visray.reachable import LARGER, check_precision
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
 from visray.scene.load import checked, load
@@ -29,7 +30,7 @@ from visray.scene.scene import Scene
 from visray.study.cost.knobs import DEPTH, MOST_SAMPLES, SAMPLER, SPP
 from visray.study.cost.measuring import SMALLEST, TURNS, band, reduced
 from visray.study.cost.model import Model, Prediction
-from visray.study.cost.reasons import reasons
+from visray.study.cost.reasons import reasons, remains
 from visray.study.cost.records import Band
 from visray.study.cost.scaled import Scaled
 from visray.study.cost.study import cost
@@ -57,6 +58,8 @@ def tune(
     with its kernels compiled. quick: of the study of its costs (study.py). Each choice is rendered at least twice.
     """
     target = Target.of(error, time)
+    if error is not None:
+        check_precision(error, "double")
     scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
     report = cost(scene, quick=quick, progress=progress, threads=threads, whole=False)
     if report.stopped:
@@ -68,8 +71,9 @@ def tune(
 @dataclass
 class _Tuning:
     """A choice in the making. tried: what was measured, the scene as it is first, the latest last; predicted: for each
-    that the model chose; fastest: the fastest settings that it knows, which are far from all others but in seconds, or
-    the scene as it is, before they are measured."""
+    that the model chose; base: what keeps its place where nothing is clearly better, the scene as it is, or that with
+    one sample where it has no noise; fastest: the fastest settings that it knows, which are far from all others but in
+    seconds, or the base, before they are measured."""
 
     scaled: Scaled
     target: Target
@@ -81,23 +85,29 @@ class _Tuning:
     def run(self) -> Tuned:
         """All of it; Ctrl-C keeps the best that was tried, if anything was."""
         self.tried.append(self._measured(self.scaled.own))
-        self.fastest = self.tried[0]
+        self.base = self.fastest = self.tried[0]
+        if self.scaled.report.noiseless and self.base.noise > UNIT_ROUNDOFF["single"] ** 2:
+            # Pixels of this size show what those of the study did not.
+            self.scaled = Scaled(self.scaled.scene, replace(self.scaled.report, noiseless=False))
         try:
+            if self.scaled.report.noiseless and self.scaled.own[SPP] > 1:
+                self.tried.append(self._measured(self.scaled.own | {SPP: 1}))
+                self.base = self.fastest = self.tried[-1]
             self._try()
         except KeyboardInterrupt:
             if not self.patience.asked:
                 raise
-        return self._told(self._best() or min(self.tried, key=self.target.missed))
+        return self._told(self._best() or min(self._fewest(self.tried), key=self.target.missed))
 
     def _try(self) -> None:
         """Measures what the model chooses, until that is no better."""
         settings = self.scaled.kept(self.scaled.model).choices[0].settings
-        if settings != self.scaled.own:
+        if settings != self.base.settings:
             self.fastest = self._measured(settings)
         for alone in (True, False):
             for _ in range(ROUNDS):
                 wanted, best = self._wanted(alone), self._best()
-                gains = best is None or self.target.price(wanted) <= GAIN * self.target.price(best)
+                gains = best is None or self._price(wanted) <= GAIN * self._price(best)
                 if not gains or any(m.settings == wanted.settings for m in self.tried):
                     break
                 self.predicted.append(wanted)
@@ -124,10 +134,26 @@ class _Tuning:
         return self.scaled.whole(self.tried, self.fastest)
 
     def _best(self) -> Measured | None:
-        """Of what meets the target; the scene as it is, where nothing is clearly better."""
-        price, met = self.target.price, [m for m in self.tried if self.target.met(m)]
+        """Of what meets the target; the base, where nothing is clearly better."""
+        price, met = self._price, self._fewest([m for m in self.tried if self.target.met(m)])
         best = min(met, key=price, default=None)
-        return self.tried[0] if self.tried[0] in met and price(best) > GAIN * price(self.tried[0]) else best
+        return self.base if self.base in met and price(best) > GAIN * price(self.base) else best
+
+    def _fewest(self, found: list[Measured]) -> list[Measured]:
+        """Where there is no noise, those of one sample, if there are any: it takes no longer than more do, whatever a
+        clock says of renders that are so short."""
+        return [m for m in found if m.settings[SPP] == 1 and self.scaled.report.noiseless] or found
+
+    def _price(self, found: Measured | Prediction) -> float:
+        """What is to be small: the seconds where an error is asked for, the error where a time is, with as much as may
+        be left whatever the samples, as the model has it."""
+        if isinstance(found, Prediction):
+            return found.seconds if self.target.time is None else found.error
+        return found.seconds.middle if self.target.time is None else self._surely(found)
+
+    def _surely(self, found: Measured) -> float:
+        """The error of what was measured, with as much as may be left whatever the samples."""
+        return sqrt(found.noise + self.scaled.bias(found.settings))
 
     def _wanted(self, alone: bool) -> Prediction:
         """What the model chooses now, of samples and sampler alone where they do it; raises UserError where there is
@@ -144,7 +170,7 @@ class _Tuning:
             settings = self._fitting(whole, settings, 1.0)
         else:
             # That much above the estimate lies what the true error may be.
-            sure = latest.error.middle / latest.error.high if latest.error.high else 1.0
+            sure = self._surely(latest) / latest.error.high if latest.error.high else 1.0
             found = ((s, x) for x in (sure, 1.0) for m in models if (s := m.fastest(x * target.error)))
             settings, sure = next(found, None) or self._refuse(whole)
             settings = self._fitting(whole, settings, sure)
@@ -155,6 +181,8 @@ class _Tuning:
         """The settings with as many samples as the target needs, or has time for: the model's own choice is among few
         counts, and where samples are too quick to be timed it takes the most. Up to twice as many, and squares where
         strata want them."""
+        if self.scaled.report.noiseless:
+            return settings | {SPP: 1}
         target, most = self.target, min(2 * settings[SPP], MOST_SAMPLES)
         strata = settings[SAMPLER] == "stratified"
         counts = [k * k for k in range(1, isqrt(most) + 1)] if strata else range(1, most + 1)
@@ -169,17 +197,19 @@ class _Tuning:
         """No settings have so small an error."""
         least = min(model.choices, key=lambda c: c.error)
         text = f"error = {self.target.error:g}: the best of the settings measured makes {least.error:.2g}"
-        left, depth = self.scaled.bias(least.settings), self.scaled.at(least.settings, DEPTH)
-        if sqrt(left) > self.target.error / 2:
-            deep = self.scaled.cut[depth] > left / 2
+        left, depth = self.scaled.left(least.settings), self.scaled.at(least.settings, DEPTH)
+        if sqrt(left.high) > self.target.error / 2:
+            deep = self.scaled.cut[depth].high > left.high / 2
             whose = f"settings.depth = {depth}" if deep else "what is searched for and rounded"
-            text += f", {sqrt(left):.2g} of it whatever the samples, by {whose}"
+            text += f", {remains(left)} of it whatever the samples, by {whose}"
         raise UserError(f"{text}; {LARGER}")
 
     def _plainer(self, model: Model, settings: Settings) -> Settings:
         """The settings, with the scene's own value of each knob that gains next to nothing by another."""
         seconds, error = model.seconds(settings), model.error(settings)
         for addresses in self.scaled.groups.values():
+            if addresses == (SPP,) and self.scaled.report.noiseless:
+                continue
             own = settings | {a: self.scaled.own[a] for a in addresses}
             late, off = model.seconds(own) / seconds, model.error(own) / error if error else 1.0
             # Of what is asked for nothing is given up.
@@ -205,8 +235,9 @@ class _Tuning:
                 check_numbers(made, pictures[-1])
         # Of the mean of both the variance is half of each one's.
         pair = Estimate.of(*pictures)
-        squares, bias = (2 * np.square([pair.error, pair.low, pair.high])).tolist(), self.scaled.bias(settings)
-        return Measured(settings, band(times), Band(*(sqrt(s + bias) for s in squares)), squares[0])
+        noise, left = (2 * np.square([pair.error, pair.low, pair.high])).tolist(), self.scaled.left(settings)
+        error = Band(*(sqrt(n + x) for n, x in zip(noise, (left.middle, left.low, left.high))))
+        return Measured(settings, band(times), error, noise[0])
 
     def _told(self, found: Measured) -> Tuned:
         """The outcome, with its reasons."""
@@ -214,13 +245,16 @@ class _Tuning:
         guess = Prediction(found.settings, model.seconds(found.settings), model.error(found.settings))
         guess = next((c for c in self.predicted if c.settings == found.settings), guess)
         changes = self.scaled.changes(found.settings)
+        left = self.scaled.left(found.settings)
+        # Of the error that it is chosen by, the estimate of it: as what was measured is told.
+        expected = sqrt(max(guess.error**2 - left.high + left.middle, 0.0))
         met, why = self.target.met(found), [*reasons(self.scaled, model, found.settings)]
         if not met:
             why.append("no settings were found that do it: these come nearest")
         if stopped:
             why.append("stopped before its end: of what was tried until then these are the best")
         return Tuned(
-            self.target, found.settings, changes, guess.error, guess.seconds, found.error, found.seconds, before, met,
+            self.target, found.settings, changes, expected, guess.seconds, found.error, found.seconds, before, met,
             stopped, tuple(why), changed(self.scaled.scene, changes), self.scaled.report,
         )  # fmt: skip
 

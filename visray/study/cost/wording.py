@@ -7,6 +7,9 @@ import numpy as np
 
 from visray.study.cost.records import Band, Point
 
+# The note of a report that Ctrl-C has ended.
+STOPPED = "stopped before its end: this is what was measured until then"
+
 
 def number(x: float | None, digits: int = 3) -> str:
     """A number as text; a dash where there is none."""
@@ -14,6 +17,11 @@ def number(x: float | None, digits: int = 3) -> str:
         return "-"
     # What rounds up to it counts too: 999.7 is 1,000, not 1e+03.
     return f"{x:,.0f}" if abs(float(f"{x:.{digits}g}")) >= 10**digits else f"{x:.{digits}g}"
+
+
+def hundredths(x: float) -> str:
+    """With two decimals; what rounds to 0 has no sign."""
+    return f"{round(x, 2) + 0.0:.2f}"
 
 
 def percent(x: float) -> str:

@@ -9,9 +9,11 @@ from rich.table import Table
 
 from visray.study.cost.frontier import Step, steps
 from visray.study.cost.records import Curve, Halving, Report
-from visray.study.cost.wording import duration, percent
+from visray.study.cost.wording import duration, hundredths, percent
 
 PICTURES = ("picture", "variance", "wrong")
+# Marks what no point was as dear as.
+BEYOND = "*"
 
 
 def as_json(report: Report) -> dict[str, Any]:
@@ -32,7 +34,8 @@ def as_csv(report: Report) -> str:
     for p in points:
         e = p.error
         bands = [x for b in (p.seconds, e.rmse, e.bias, e.deviation) for x in (b.middle, b.low, b.high)]
-        best = any(p.same_choice(other) for other in report.frontier)
+        # A knob's point may have the settings of another: the frontier has only one of them.
+        best = any(p is other for other in report.frontier)
         facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(best), int(p.plain)]
         out.writerow([p.knob, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
     return text.getvalue()
@@ -78,12 +81,12 @@ def _halving(h: Halving) -> tuple[str, str]:
         return "not reached", f"x {h.least:.2f}"
     f = h.factor
     spread = f"{f.low:.2g} to {f.high:.2g}" if isfinite(f.high) else f"{f.low:.2g} or more"
-    return f"x {f.middle:.2g} ({spread})", f"x {h.least:.2f}"
+    return f"x {f.middle:.2g}{BEYOND if h.beyond else ''} ({spread})", f"x {h.least:.2f}"
 
 
 def _slope(c: Curve) -> str:
     s = c.by_time
-    return "" if s is None else f"{s.k:.2f} ± {(s.high - s.low) / 2:.2f}"
+    return "" if s is None else f"{hundredths(s.k)} ± {hundredths((s.high - s.low) / 2)}"
 
 
 def _even(s: Step) -> str:
@@ -92,16 +95,20 @@ def _even(s: Step) -> str:
 
 def _caption(report: Report, chosen: tuple[Step, ...]) -> str:
     """What a reader of the columns must know."""
-    lines = ["time for half: of today's error, by that knob alone, as a multiple of today's time (95 %)"]
-    lines.append("knobs of equal number are even")
+    lines = []
+    if report.halvings:
+        lines.append("time for half: of today's error, by that knob alone, as a multiple of today's time (95 %)")
+        lines.append("knobs of equal number are even")
+    if any(h.beyond for h in report.halvings):
+        lines.append(f"{BEYOND}: beyond what was measured, by the law of the last points of the knob, carried on")
     if not all(isfinite(h.factor.middle) for h in report.halvings):
         lines.append("not reached: by what was measured; more of the knob may get there, or may not")
     lines.append("least error: the least measured with that knob, as a multiple of today's")
-    lines.append("slope: k of error ~ time^-k; with 0.5, half of the error takes 4 times the time")
+    if report.halvings:
+        lines.append("slope: k of error ~ time^-k; with 0.5, half of the error takes 4 times the time")
     if not all(s.changes for s in chosen):
         lines.append("even: an error that cannot be told from today's")
     lines += [f"{name}: {100 * x:.2g} % remain whatever the samples" for name, x in report.floors.items()]
     lines.append(f"reference: off by {100 * report.reference.error:.2g} %, took {duration(report.reference.seconds)}")
     lines += report.notes
-    lines += ["stopped: measured so far"] if report.stopped else []
     return "\n".join(f"- {line}" for line in lines)

@@ -9,9 +9,9 @@ from visray.exposure import Set
 from visray.halves import QUANTILE, Halves, windowed
 
 # Pixels that are looked at, at most and at least, and samples of each in each half at most; where they are few, more.
-PIXELS, FEWEST, SAMPLES, MORE = 2**13, 2**8, 16, 256
+PIXELS, FEWEST, SAMPLES, MORE = 2**13, 2**8, 16, 32
 # Samples that look for where paths go on, and the side of the window of pixels around one where they do.
-LOOKS, AROUND = 2**18, 5
+FEWEST_LOOKS, MOST_LOOKS, AROUND = 2**12, 2**16, 5
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ def truncation(
 ) -> list[Truncation]:  # fmt: skip
     """What is left out at each of these depths, against `deep`.
 
-    Only where paths go on beyond the least of the depths can anything be left out, and there it is looked for: in
-    `pixels` at most, with `count` samples of each in each half, else as many as the halves have, and more where pixels
-    are few. In so few `seconds` that this is too long, in fewer pixels, anywhere.
+    Half of the pixels that are looked at, `pixels` at most, are where paths go on beyond the least of the depths, as
+    far as that is seen beforehand, the others anywhere else; in so few `seconds` that this is too long, all are
+    anywhere, and fewer. count: samples of each in each half, else as many as the halves have; where pixels are few, more.
 
     The same samples are taken with either depth, so that they differ by what is left out alone; of the two halves, the
     product of the differences has no bias as a square of their mean.
@@ -43,32 +43,48 @@ def truncation(
     most, rate = pixels, halves.pace.rate or 0.0
     if seconds < np.inf and rate:
         most = int(np.clip(seconds / (rate * 2 * count * (1 + len(depths))), FEWEST, pixels))
+    there = np.zeros(n, bool)
+    if rate * (n / 2 + 2 * _looks(n)) < seconds / 2:
+        there[_ends(made, min(depths), deep)] = True
     settings = made.scene.settings
-    where = _ends(made, min(depths), deep) if rate * (2 * n + 2 * LOOKS) < seconds / 2 else np.arange(n)
-    some = np.sort(np.random.default_rng(settings.seed).permutation(where)[:most])
-    if not len(some):
-        return [Truncation(depth, 0.0, 0.0, 0.0) for depth in depths]
-    count = max(count, min(count * most // len(some), MORE))
+    rng, share, counts = np.random.default_rng(settings.seed), np.zeros(n), np.full(n, count)
+    for where in map(np.flatnonzero, (there, ~there)):
+        some = rng.permutation(where)[: most // 2 if there.any() else most]
+        share[some] = len(where) / max(len(some), 1) / n
+    if there.any():
+        counts[there] = max(count, min(count * most // 2 // int(there.sum()), MORE))
+    some = np.flatnonzero(share)
     # What chose the pixels must not say what is found there.
     scene = replace(made.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
     part = _part(replace(made, scene=scene), some)
-    a, b = _means(part, count, deep)
-    found, share = [], len(where) / n
+    a, b = _means(part, counts[some], deep)
+    found = []
     for depth in depths:
-        products = np.multiply(*(u - v for u, v in zip((a, b), _means(part, count, depth)))).mean(0)
-        spread = share * QUANTILE * np.sqrt(np.square(products).sum()) / len(some)
-        square = share * float(products.mean())
+        products = (
+            np.multiply(*(u - v for u, v in zip((a, b), _means(part, counts[some], depth)))).mean(0) * share[some]
+        )
+        square, spread = float(products.sum()), QUANTILE * np.sqrt(np.square(products).sum())
         found.append(Truncation(depth, square, square - spread, square + spread))
     return found
 
 
 def _ends(made: Set, depth: int, deep: int) -> np.ndarray:
-    """The lanes about which paths go on beyond a depth. One sample of each pixel tells about which there are paths at
-    all, and more of these about which they go on: such pixels may be few, and hardly any sample of them."""
-    lanes = np.arange(len(made.order))
+    """The lanes about which paths go on beyond a depth. One sample of each fourth pixel tells about which there are
+    paths at all, and more of these about which they go on: such pixels may be few, and hardly any sample of them."""
+    n = len(made.order)
+    lanes = np.arange(n)
     if depth:
-        lanes = _differing(made, lanes, (0, deep), 1)
-    return _differing(made, lanes, (depth, deep), int(np.clip(LOOKS // max(len(lanes), 1), 1, MORE)))
+        # Of tiles of 4 x 4 pixels a column; one bounce more than are followed, as the last may show a black mirror.
+        lanes = _differing(made, lanes[:: AROUND - 1], (0, depth + 1), 1)
+    looks = _looks(n)
+    # Where they are many, some of them: others are nearby.
+    some = lanes[:: max(len(lanes) // looks, 1)]
+    return _differing(made, some, (depth, deep), int(np.clip(looks // max(len(some), 1), 1, MORE)))
+
+
+def _looks(n: int) -> int:
+    """How many samples look for where paths go on, of a picture of n pixels: little of what it takes itself."""
+    return int(np.clip(n // 16, FEWEST_LOOKS, MOST_LOOKS))
 
 
 def _differing(made: Set, lanes: np.ndarray, depths: tuple[int, int], count: int) -> np.ndarray:
@@ -90,9 +106,9 @@ def _part(made: Set, some: np.ndarray) -> Set:
     return replace(made, order=made.order[some], x=x, y=y)
 
 
-def _means(made: Set, count: int, depth: int) -> tuple[np.ndarray, np.ndarray]:
-    """The halves' pixels with another depth. Shapes: (3, N)."""
-    return _at(made, depth, np.full(2 * len(made.order), count)).means()
+def _means(made: Set, counts: np.ndarray, depth: int) -> tuple[np.ndarray, np.ndarray]:
+    """The halves' pixels with another depth and so many samples each. Shapes: counts (N); (3, N)."""
+    return _at(made, depth, np.tile(counts, 2)).means()
 
 
 def _at(made: Set, depth: int, targets: np.ndarray) -> Halves:

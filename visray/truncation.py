@@ -33,7 +33,8 @@ def truncation(
 
     Half of the pixels that are looked at, `pixels` at most, are where paths go on beyond the least of the depths, as
     far as that is seen beforehand, the others anywhere else; in so few `seconds` that this is too long, all are
-    anywhere, and fewer. count: samples of each in each half, else as many as the halves have; where pixels are few, more.
+    anywhere, and fewer. count: samples of each in each half, else as many as the halves have; more where there are few
+    such pixels.
 
     The same samples are taken with either depth, so that they differ by what is left out alone; of the two halves, the
     product of the differences has no bias as a square of their mean.
@@ -60,9 +61,8 @@ def truncation(
     a, b = _means(part, counts[some], deep)
     found = []
     for depth in depths:
-        products = (
-            np.multiply(*(u - v for u, v in zip((a, b), _means(part, counts[some], depth)))).mean(0) * share[some]
-        )
+        left, right = (u - v for u, v in zip((a, b), _means(part, counts[some], depth)))
+        products = (left * right).mean(0) * share[some]
         square, spread = float(products.sum()), QUANTILE * np.sqrt(np.square(products).sum())
         found.append(Truncation(depth, square, square - spread, square + spread))
     return found

@@ -199,7 +199,7 @@ def cost() -> list[str]:
     rows = []
     for r in report["scenes"].values():
         halves = [
-            f"{h['knob']} {h['factor']:.2g} "
+            f"{h['knob']} {h['factor']:.2g}{'*' * (h['least'] > 0.5)} "
             f"({h['low']:.2g} to {'?' if h['high'] is None else format(h['high'], '.2g')})"
             for h in r["halvings"]
             if h["factor"] is not None
@@ -213,6 +213,8 @@ def cost() -> list[str]:
         "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
         "the scene as it is](docs/cost.png)",
         *table(heads, rows),
+        "\\*: beyond what was measured, by the law of the last points of that knob, carried on.",
+        "",
         measured(report, "cost_of_accuracy"),
     ]
 

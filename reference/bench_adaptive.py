@@ -20,7 +20,7 @@ import visray as vr  # isort: skip - before Dr.Jit, because it chooses the LLVM
 import numpy as np
 from machine import machine
 
-from visray.halves import LUMINANCE
+from visray.output.curves import LUMINANCE
 from visray.render import adjusted
 from visray.scene.scene import Scene
 

@@ -26,7 +26,8 @@ from machine import machine
 from rich.console import Console
 from rich.table import Table
 
-from visray.halves import LUMINANCE, Halves
+from visray.halves import Halves
+from visray.output.curves import LUMINANCE
 from visray.reachable import Files
 from visray.render import LAYERS, adjusted
 

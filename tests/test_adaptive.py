@@ -19,7 +19,7 @@ from test_render import compiled
 from virtual import Machine
 
 from visray import adaptive, allocation, clock, halves, integrator
-from visray.adaptive import Goal, Pursuit
+from visray.adaptive import Pursuit
 from visray.allocation import LOWEST, MOST, STEPS, Allocation
 from visray.camera import Camera
 from visray.cli import main
@@ -27,10 +27,11 @@ from visray.errors import GoalWarning, UserError
 from visray.exposure import Set, first_pass, set_up
 from visray.film import Film as Exposure
 from visray.geometry import gamma as rounded
-from visray.halves import LUMINANCE, QUANTILE, Estimate, Halves, ratio_of_squares
+from visray.goals import Goal
+from visray.halves import QUANTILE, Estimate, Halves, ratio_of_squares
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
-from visray.output.curves import linear
+from visray.output.curves import LUMINANCE, linear
 from visray.output.image import Image
 from visray.output.rounding import rounding
 from visray.pace import Pace

@@ -35,7 +35,7 @@ shading
 paths
 integrator
 exposure
-halves truncation reachable allocation adaptive
+halves goals truncation reachable allocation adaptive
 render
 gradients
 study

@@ -87,6 +87,11 @@ class Allocation:
         share = np.cumsum((pixels * 2.0 ** (steps / STEPS))[order])
         return self.steps >= steps[order][np.searchsorted(share, share[-1] / 2)]
 
+    def mean(self, values: np.ndarray) -> float:
+        """Of what pixels have, weighted by the samples that they are to get. Shapes: (N)."""
+        weights = 2.0 ** (self.steps / STEPS)
+        return float((weights * values).sum() / weights.sum())
+
     def least(self, enough: Callable[[float, float, int], bool]) -> int:
         """The least number for which enough(mean samples of a pixel, mean square error expected then, fewest samples of
         a pixel) holds, or the one that gives all pixels the most."""

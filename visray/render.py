@@ -13,11 +13,12 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
-from visray.adaptive import Goal, NoNumber, pursued
+from visray.adaptive import NoNumber, pursued
 from visray.errors import GoalWarning, UserError
 from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
-from visray.halves import LUMINANCE
+from visray.goals import Goal
+from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.progress import Patience
 from visray.reachable import Files

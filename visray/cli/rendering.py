@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from visray import clock
-from visray.adaptive import Goal
 from visray.cli.common import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
 from visray.errors import UserError
+from visray.goals import Goal
 from visray.output.image import check_destination
 from visray.progress import Patience
 from visray.quantities import BACKENDS

@@ -91,8 +91,7 @@ class Image:
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
-            facts = self._facts_in(path, gamma, exposure) | {"gamma": gamma, "exposure": exposure}
-            png.write_png(path, png.encode(self.display(gamma, exposure), facts, gamma == "srgb"))
+            png.write_png(path, self._encoded(self._facts_in(path, gamma, exposure), gamma, exposure))
             return
         names = list(self.layers) if layers is None else list(layers)
         if not names:
@@ -111,7 +110,10 @@ class Image:
 
     def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
         """The bytes of a PNG file."""
-        facts = self.provenance() | {"gamma": gamma, "exposure": exposure}
+        return self._encoded(self.provenance(), gamma, exposure)
+
+    def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float) -> bytes:
+        facts = facts | {"gamma": gamma, "exposure": exposure}
         return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
 
     def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from visray import clock
 from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
-from visray.halves import LUMINANCE
+from visray.output.curves import LUMINANCE
 from visray.pace import PASS_SECONDS
 from visray.progress import Bar, Patience
 from visray.reachable import DEEPEST

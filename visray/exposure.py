@@ -7,101 +7,40 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray import clock, images, integrator, llvm, tables
+from visray import clock, integrator
 from visray import film as films
-from visray.errors import UserError
-from visray.features import Features, features
 from visray.pace import LONGEST, Pace
 from visray.progress import Bar, Patience
-from visray.quantities import BACKENDS, Arrays
 from visray.sampling import Plan
-from visray.scene.scene import Scene, Settings
+from visray.scene.scene import Settings
+from visray.setup import Prepared, arrays, lanes, prepare
 
 
-@dataclass(frozen=True)
-class Set:
-    """A scene set up for rendering: its stage, and the pixels in the order of the lanes."""
-
-    scene: Scene
-    a: Arrays
-    features: Features
-    stage: integrator.Stage
-    order: np.ndarray
-    x: Any
-    y: Any
-
-
-def set_up(
-    scene: Scene,
-    backend: str = "llvm",
-    everything: bool = False,
-    plain: bool = False,
-    wrt: tuple[str, ...] = (),
-    attach: Callable[[tuple[tables.Kinship, ...], tables.Tables], None] | None = None,
-    without: tuple[str, ...] = (),
-) -> Set:
-    """The scene as a kernel sees it. `everything` and `plain` choose the slow twins of features and search; `without`
-    names effects that are left out.
-
-    wrt: the addresses that derivatives are taken by; `attach` enables them in the tables, before anything is computed.
-    """
-    a = arrays(backend, scene.settings.precision)
-    width, height = scene.film.width, scene.film.height
-    films.check_size(width, height)
-    kin, on = tables.kinships(scene), features(scene, wrt, everything, without)
-    packed = tables.pack(scene, a)
-    if attach is not None:
-        attach(kin, packed)
-    ready = tables.prepare(packed, kin, (width, height), a, images.pack(a, scene.textures))
-    stage = integrator.stage(ready, kin, scene, on, a, plain)
-    return Set(scene, a, on, stage, *lanes(a, width, height))
-
-
-def arrays(backend: str, precision: str) -> Arrays:
-    """The array types of a backend, or one line that says why it cannot be had."""
-    if backend not in BACKENDS:
-        raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
-    if backend == "llvm":
-        llvm.require()
-    elif not dr.has_backend(getattr(dr.JitBackend, {"cuda": "CUDA", "metal": "Metal"}[backend])):
-        raise UserError(f"backend = {backend!r}: this machine has no such device; use --backend llvm")
-    return Arrays.of(backend, precision)
-
-
-def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
-    """The pixels in the order of the lanes, and their columns and rows."""
-    order = films.tiled(width, height)
-    y, x = np.divmod(order, width)
-    x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
-    dr.eval(x, y)
-    return order, x, y
-
-
-def expose(made: Set, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
+def expose(prepared: Prepared, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
     """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
     patience = patience or Patience()
-    settings, n = made.scene.settings, len(made.order)
-    film, done, pace = films.Film.blank(made.a, n), 0, Pace()
-    passes = -(-settings.spp * n // max(first_pass(made), n))
+    settings, n = prepared.scene.settings, len(prepared.order)
+    film, done, pace = films.Film.blank(prepared.a, n), 0, Pace()
+    passes = -(-settings.spp * n // max(first_pass(prepared), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
         while done < settings.spp and not (done and patience.asked):
             count = min(count, settings.spp - done, LONGEST)
-            film = exposed_once(made, film, settings, done, count, pace)
+            film = exposed_once(prepared, film, settings, done, count, pace)
             done += count
             bar.at(done)
             count = max(1, round(pace.room() / n))
     return film, done
 
 
-def first_pass(made: Set) -> int:
+def first_pass(prepared: Prepared) -> int:
     """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample and what they meet."""
-    s = made.stage.scenery
+    s = prepared.kernel
     on, settings = s.features, s.settings
-    rays = 1 + sum(getattr(light, "samples", 1) for light in made.scene.lights.values())
+    rays = 1 + sum(getattr(light, "samples", 1) for light in prepared.scene.lights.values())
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
-    trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
+    trees, searched = s.geometry.tree is not None, any(b.kind.searched for b in s.batches)
     rays *= 1 + 4 * paths
     found = 2**25 // (rays * (8 if trees else 1) * (64 if searched else 1))
     # Small pictures are one pass, the same bit for bit each time, where that takes no more than about two seconds.
@@ -109,11 +48,16 @@ def first_pass(made: Set) -> int:
 
 
 def exposed_once(
-    made: Set, film: films.Film, settings: Settings, done: int, count: int, pace: Pace | None = None
+    prepared: Prepared, film: films.Film, settings: Settings, done: int, count: int, pace: Pace | None = None
 ) -> films.Film:
     """The film after one more pass, of which `pace` is told."""
     begun = clock.now()
-    plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
-    film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
-    (pace or Pace()).evaluated(begun, count * len(made.order), film)
+    plan = Plan.of(prepared.a, settings.seed, settings.spp, done, count)
+    film = film.plus(prepared.a, integrator.sample(prepared.kernel, plan, prepared.x, prepared.y), done, count)
+    (pace or Pace()).evaluated(begun, count * len(prepared.order), film)
     return film
+
+
+# TEMPORARY until the other branches are merged.
+Set = Prepared
+set_up = prepare

@@ -7,27 +7,28 @@ patch, and not what a moving silhouette or shadow edge adds: where that is left 
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray import integrator, tables
+from visray import integrator
+from visray.accel.policy import WRITTEN_OUT
+from visray.accel.search import closest
+from visray.direct import LightSample, light_sample
 from visray.errors import UserError
-from visray.exposure import expose, set_up
+from visray.exposure import expose
 from visray.film import Moments
 from visray.images import Atlas
-from visray.lighting import Beam, beam
-from visray.primitives.flat import Flat
-from visray.primitives.sphere import Sphere
-from visray.quantities import quantities
+from visray.interaction import interact
+from visray.kernel_scene import KernelScene
+from visray.pack import Index, Packed, Slot
 from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene import address as addresses
-from visray.scene.scene import Gradient, Scene
-from visray.scenery import site
-from visray.search import closest
+from visray.scene.scene import Scene
+from visray.setup import prepare
 
 
 class EdgeWarning(UserWarning):
@@ -35,77 +36,10 @@ class EdgeWarning(UserWarning):
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where the tables hold the number of an address: the arrays, the row, and the component or None for all three."""
-
-    arrays: tuple[Any, ...]
-    row: int
-    part: int | None
-
-    def read(self, values: Sequence[Any]) -> Any:
-        """The entry, out of arrays shaped like `arrays`, summed over them."""
-        entry = sum(np.array(v, float)[..., self.row] for v in values)
-        return float(entry) if entry.ndim == 0 else entry if self.part is None else float(entry[self.part])
-
-    def one_hot(self) -> list[np.ndarray]:
-        """Arrays that are 1 at the entry and 0 elsewhere."""
-        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
-        for h in hot:
-            h[(Ellipsis, self.row) if self.part is None else (self.part, self.row)] = 1
-        return hot
-
-
-def place(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, address: str) -> Place:
-    """Where the tables hold the number at `address`."""
-    parts = address.split(".")
-    head, name, field = (parts + ["", ""])[:3]
-    if isinstance(found := addresses.value(scene, address), dict) or is_dataclass(found):
-        raise UserError(f"{address}: is not one number or three; name one of its parts")
-    if head == "ambient":
-        return Place((t.ambient,), 0, int(name) if name else None)
-    if head == "background":
-        flat = not isinstance(scene.background, Gradient)
-        both = (t.background.top, t.background.bottom) if flat else (getattr(t.background, name or "top"),)
-        rest = name if flat else field
-        return Place(both, 0, int(rest) if rest else None)
-    if head == "camera":
-        table, row, field, rest = t.camera, 0, name, parts[2:]
-    elif head == "materials":
-        table, row, rest = t.materials, list({"default": None} | scene.materials).index(name), parts[3:]
-    elif head == "objects":
-        return _of_object(scene, kin, t, name, parts[2:])
-    elif head == "lights":
-        families, all_of = tables.troops(scene), t.lights
-        number = next(i for i, f in enumerate(families) if name in f.names)
-        table, row, rest = all_of[number], families[number].names.index(name), parts[3:]
-    elif address == "settings.occlusion.distance":
-        table, row, rest = t.occlusion, 0, parts[3:]
-    else:
-        raise UserError(f"{address}: is not a number that a picture depends on smoothly")
-    if field not in quantities(type(table)):
-        raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
-    return Place((getattr(table, field),), row, int(rest[0]) if rest else None)
-
-
-def _of_object(scene: Scene, kin: tuple[tables.Kinship, ...], t: tables.Tables, name: str, rest: list[str]) -> Place:
-    """Where the tables hold a number of an object."""
-    thing = scene.objects[name]
-    number = next(i for i, k in enumerate(kin) if name in k.names)
-    columns = thing.kind.columns(thing, t.objects[number])
-    for field, column in columns.items():
-        size = len(field.split("."))
-        if ".".join(rest[:size]) == field:
-            part = int(rest[size]) if rest[size:] else None
-            return Place((column,), kin[number].names.index(name), part)
-    known = ", ".join(columns) or "none of its own"
-    raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
-
-
-@dataclass(frozen=True)
 class Trace:
-    """One differentiable rendering: the places of the addresses, and the picture that hangs on them."""
+    """One differentiable rendering: the slots of the addresses, and the picture that hangs on them."""
 
-    places: dict[str, Place]
+    slots: dict[str, Slot]
     picture: Any
     order: np.ndarray
 
@@ -119,44 +53,44 @@ def _moves(scene: Scene, address: str) -> bool:
     return address.startswith(("objects.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
 
 
-def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], None], backend: str) -> Trace:
+def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], None], backend: str) -> Trace:
     """The picture, attached to the arrays that `mark` has enabled. Shape: (3, H W), in the order of lanes."""
-    places: dict[str, Place] = {}
+    slots: dict[str, Slot] = {}
 
-    def attach(kin: tuple[tables.Kinship, ...], packed: tables.Tables) -> None:
-        places.update({w: place(scene, kin, packed, w) for w in wrt})
-        for p in places.values():
-            mark(p)
+    def attach(packed: Packed) -> None:
+        index = Index(scene, packed)
+        slots.update({w: index.slot(w) for w in wrt})
+        for slot in slots.values():
+            mark(slot)
 
-    made = set_up(scene, backend, wrt=tuple(wrt), attach=attach)
-    s = made.stage.scenery
-    if s.features["coloured shadows"] and any(len(k.names) > tables.WRITTEN_OUT for k in s.kin):
-        most = tables.WRITTEN_OUT
+    prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
+    s = prepared.kernel
+    if s.features["coloured shadows"] and any(len(b) > WRITTEN_OUT for b in s.batches):
+        most = WRITTEN_OUT
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
-    clear = [k for k in s.kin if k.kind.searched and k.kind.closed]
+    clear = [b for b in s.batches if b.kind.searched and b.kind.closed]
     if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
         name = clear[0].names[0]
         raise UserError(f"objects.{name}: derivatives through the coloured shadow of a capped polynomial are not had")
-    if any(_moves(scene, w) for w in wrt) and (edges := _edges(made.stage, made.x, made.y)):
+    if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
-    plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)
-    m: Moments = integrator.sample(made.stage, plan, made.x, made.y)
-    return Trace(places, m.reference + m.total * (1 / made.a.F(spp)), made.order)
+    plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)
+    m: Moments = integrator.sample(s, plan, prepared.x, prepared.y)
+    return Trace(slots, m.reference + m.total * (1 / prepared.a.F(spp)), prepared.order)
 
 
-def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
+def _edges(s: KernelScene, x: Any, y: Any) -> str:
     """What edges there are in what is seen, or nothing: then no derivative is missing but within a pixel."""
-    s = stage.scenery
-    ray = integrator.camera_ray(stage, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
-    hit = closest(stage.watch, ray)
-    here = site(s, ray, hit, integrator.first_draw(stage, dr.width(x)))
-    lit = [_fully(beam(s, here, lamp)) for lamp in s.lamps if not lamp.kind.wide]
+    ray = integrator.camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
+    hit = closest(s.origin, ray)
+    here = interact(s, ray, hit, integrator.first_state(s, dr.width(x)))
+    lit = [_fully(light_sample(s, here, light)) for light in s.lights if not light.kind.wide]
     found = []
-    seen = np.unique(np.array(hit.index))
+    seen = np.unique(np.array(hit.row))
     if len(seen) > 1:
         found.append("silhouettes")
-    kinds = [k.kind for k in s.kin for _ in k.names]
-    if any(not issubclass(kinds[i], (Flat, Sphere)) for i in seen if i < len(kinds)):
+    creased = [b for b in s.batches if not b.kind.smooth]
+    if any(((seen >= b.base) & (seen < b.base + len(b))).any() for b in creased):
         found.append("creases")
     if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in lit):
         found.append("shadow edges")
@@ -166,12 +100,12 @@ def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:
         found.append("steps of a cartoon")
     # What samples, or rays by way of other surfaces, meet has edges of its own, unless there is nothing to meet.
     others = {"penumbras": "area lights", "occlusion": "sky occlusion", "closeness": "near occlusion", "paths": "paths"}
-    if len(kinds) > 1:
+    if sum(map(len, s.batches)) > 1:
         found += [what for what, effect in others.items() if s.features[effect]]
     return " and ".join(found) + " are in view" if found else ""
 
 
-def _fully(b: Beam) -> Any:
+def _fully(b: LightSample) -> Any:
     """Where all of the light arrives."""
     return b.reached if b.share is None else b.reached & (b.share.x == 1) & (b.share.y == 1) & (b.share.z == 1)
 
@@ -206,9 +140,9 @@ def gradient(
     worth = (loss or _mean)(picture)
     if not dr.is_array_v(worth) or not dr.grad_enabled(worth):
         # Nothing that was asked for reaches the loss: all derivatives are 0.
-        return {w: p.read([np.zeros(np.array(v).shape) for v in p.arrays]) for w, p in trace.places.items()}
+        return {w: p.read([np.zeros(np.array(v).shape) for v in p.arrays]) for w, p in trace.slots.items()}
     dr.backward(worth)
-    return {w: p.read([dr.grad(v) for v in p.arrays]) for w, p in trace.places.items()}
+    return {w: p.read([dr.grad(v) for v in p.arrays]) for w, p in trace.slots.items()}
 
 
 def derivative(
@@ -220,7 +154,7 @@ def derivative(
     """
     scene = adjusted(scene, precision=precision, spp=spp)
 
-    def mark(p: Place) -> None:
+    def mark(p: Slot) -> None:
         for array, hot in zip(p.arrays, p.one_hot()):
             dr.enable_grad(array)
             dr.set_grad(array, type(dr.detach(array))(hot))
@@ -245,10 +179,10 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     sides = []
     for sign in (1, -1):
         moved = middle + sign * width
-        made = set_up(addresses.replaced(scene, address, tuple(moved) if moved.ndim else float(moved)))
-        mean = np.array(expose(made)[0].mean).T
+        prepared = prepare(addresses.replaced(scene, address, tuple(moved) if moved.ndim else float(moved)))
+        mean = np.array(expose(prepared)[0].mean).T
         sides.append(np.empty_like(mean))
-        sides[-1][made.order] = mean
+        sides[-1][prepared.order] = mean
     return ((sides[0] - sides[1]) / (2 * width)).reshape(scene.film.height, scene.film.width, 3)
 
 

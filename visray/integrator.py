@@ -5,100 +5,78 @@ from typing import Any
 
 import drjit as dr
 
-from visray import paths, sampling, warp
-from visray.features import Features
+from visray import indirect, sampling, warp
+from visray.accel.search import RayOrigin, closest
+from visray.batches import Batch
 from visray.film import Moments
 from visray.geometry import UNIT_ROUNDOFF
-from visray.quantities import Arrays
-from visray.ray import Hit, Ray, unit
-from visray.sampling import Draw
-from visray.scene.scene import Scene
-from visray.scenery import Scenery, scenery, site
-from visray.search import Watch, closest
+from visray.interaction import interact
+from visray.kernel_scene import KernelScene
+from visray.pytree import rows
+from visray.ray import NO_ROW, NOTHING_KNOWN, Hit, Ray, unit
+from visray.sampling import SampleState
 from visray.shading import shade
-from visray.tables import Kinship, Ready, View
-from visray.trees import rows
 
 LENS = 1
 
 
-@dataclass(frozen=True)
-class Stage:
-    """A scene ready to be looked at: scenery, camera, and the watch kept from the camera's middle."""
-
-    scenery: Scenery
-    view: View
-    watch: Watch
-    opaque: Any
-
-
-def stage(
-    ready: Ready, kin: tuple[Kinship, ...], scene: Scene, features: Features, a: Arrays, plain: bool = False
-) -> Stage:
-    """The scene as the camera sees it."""
-    watch = Watch(a, kin, ready.groups, ready.view.o)
-    # Whether the film counts as covered where nothing is hit.
-    alpha = dr.opaque(a.F, float(not scene.film.transparent))
-    return Stage(scenery(ready, kin, scene, features, a, plain), ready.view, watch, alpha)
-
-
-def camera_ray(s: Stage, x: Any, y: Any) -> Ray:
+def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
     """The ray through the point (x, y) of the picture, in pixels from its top left corner."""
-    a = s.scenery.a
+    a = s.a
     d = dr.normalize(s.view.corner + x * s.view.right + y * s.view.down)
     return Ray(s.view.o, unit(d, a.W))
 
 
-def lens_ray(s: Stage, x: Any, y: Any, u: Any, v: Any) -> Ray:
+def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
     """The ray from the lens's point for (u, v) in the unit square to where the camera's ray through (x, y) is sharp."""
-    a = s.scenery.a
+    a = s.a
     across, up = warp.disk(a.D(u), a.D(v))
     aside = across * s.view.aside + up * s.view.above
     straight = s.view.corner + x * s.view.right + y * s.view.down
     return Ray(s.view.o + aside, unit(dr.normalize(straight - a.V(aside * s.view.sharp)), a.W))
 
 
-def first_draw(s: Stage, n: int) -> Draw:
+def first_state(s: KernelScene, n: int) -> SampleState:
     """The random numbers of the only sample of n pixels, where none are given."""
-    a = s.scenery.a
+    a = s.a
     plan = sampling.Plan.of(a, 0, 1, 0, 1)
     lane = dr.arange(a.U, n)
-    return Draw(s.scenery.settings.sampler, a.F, plan, sampling.mix(lane), plan.first + 0 * lane, 0 * lane)
+    return SampleState(s.settings.sampler, a.F, plan, sampling.mix(lane), plan.first + 0 * lane, 0 * lane)
 
 
-def radiance(s: Stage, ray: Ray, draw: Draw | None = None) -> tuple[Any, Any]:
+def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
     """The colour along a ray from the camera, and how much of it the film counts as covered."""
-    kept, on = s.scenery, s.scenery.features
-    draw = draw or first_draw(s, max(dr.width(ray.d), dr.width(ray.o)))
-    watch = Watch(kept.a, kept.kin, kept.groups, ray.o, shared=False) if on["defocus"] else s.watch
-    hit = closest(watch, ray, kept.plain)
-    here = site(kept, ray, hit, draw)
-    colour = shade(kept, here)
+    on = s.features
+    state = state or first_state(s, max(dr.width(ray.d), dr.width(ray.o)))
+    origin = RayOrigin(s.geometry, ray.o, shared=False) if on["defocus"] else s.origin
+    hit = closest(origin, ray, s.brute_force)
+    here = interact(s, ray, hit, state)
+    colour = shade(s, here)
     if on["paths"]:
-        lens = paths.lens(kept, here)
-        own = paths.weight_of_local(kept, here, lens)
-        colour = (colour if own is None else colour * own) + paths.onward(kept, here, ray, lens)
-    sky = kept.a.V(0) if kept.transparent else paths.background(kept, ray.d)
-    return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.opaque)
+        interface = indirect.interface(s, here)
+        own = indirect.weight_of_local(s, here, interface)
+        colour = (colour if own is None else colour * own) + indirect.indirect(s, here, ray, interface)
+    sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
+    return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 
-def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
+def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Moments:
     """The samples of one pass over the pixels (x, y): one lane a pixel, a symbolic loop over its samples.
 
     What no sample changes is no state of the loop: Dr.Jit would trace all of it once more, to take that out.
     """
-    a, n = s.scenery.a, dr.width(x)
+    a, n = s.a, dr.width(x)
     key = sampling.pixel_key(plan, x, y)
     left, top = a.F(x), a.F(y)
 
     def body(i: Any, cell: Any, reference: Any, total: Any, squares: Any, coverage: Any) -> tuple:
-        draw = Draw(s.scenery.settings.sampler, a.F, plan, key, i + plan.first, cell)
-        jx, jy = draw.pixel()
-        if s.scenery.features["defocus"]:
-            ray = lens_ray(s, left + jx, top + jy, *draw.stream(LENS).one())
+        state = SampleState(s.settings.sampler, a.F, plan, key, i + plan.first, cell)
+        jx, jy = state.pixel()
+        if s.features["defocus"]:
+            ray = lens_ray(s, left + jx, top + jy, *state.dimension(LENS).one())
         else:
             ray = camera_ray(s, left + jx, top + jy)
-        colour, covered = radiance(s, ray, draw)
+        colour, covered = radiance(s, ray, state)
         reference = dr.select(i == 0, dr.detach(colour), reference)
         delta = colour - reference
         squares = squares + dr.square(dr.detach(delta))
@@ -106,7 +84,7 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
         return i + 1, sampling.next_cell(plan, cell), reference, total + delta, squares, coverage
 
     colours = (dr.zeros(a.V, n) for _ in range(3))
-    covered = dr.zeros(a.F, n) if s.scenery.features["coverage"] else None
+    covered = dr.zeros(a.F, n) if s.features["coverage"] else None
     start = dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), *colours, covered
     done = dr.while_loop(start, lambda i, *_: i < plan.count, body, max_iterations=-1, label="samples")
     return Moments(*done[2:])
@@ -115,9 +93,13 @@ def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
 @dataclass(frozen=True)
 class FirstHit:
     """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is
-    hit. unresolved, residual: the certificate of what is searched for; None where nothing is."""
+    hit.
 
-    index: Any
+    object: its number in the scene, NO_ROW for none. unresolved, residual: the certificate of what is searched for;
+    None where nothing is.
+    """
+
+    object: Any
     distance: Any
     depth: Any
     p: Any
@@ -129,39 +111,47 @@ class FirstHit:
     residual: Any
 
 
-def first_hit(s: Stage, x: Any, y: Any) -> FirstHit:
+def first_hit(s: KernelScene, x: Any, y: Any) -> FirstHit:
     """What the ray through each pixel's centre hits first."""
-    a = s.scenery.a
+    a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
-    hit = closest(s.watch, ray)
-    here = site(s.scenery, ray, hit)
+    hit = closest(s.origin, ray)
+    here = interact(s, ray, hit)
     depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
     p, kd = a.V(here.surface.p), here.material.kd
     shown = (dr.select(hit.valid, x, 0) for x in (p, here.n, here.u, here.v, kd))
-    return FirstHit(hit.index, a.F(hit.t), depth, *shown, *certificate(s, ray, hit, here.surface.p))
+    return FirstHit(object_of(s, hit), a.F(hit.t), depth, *shown, *certificate(s, ray, hit, here.surface.p))
 
 
-def certificate(s: Stage, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
-    """Of the objects whose crossings are searched for: how many parts of a ray are unresolved, and the distance of the
+def object_of(s: KernelScene, hit: Hit) -> Any:
+    """The number in the scene of the object that is hit, NO_ROW for none."""
+    number = s.a.U(NO_ROW)
+    for batch in s.batches:
+        here = batch.has(hit.row)
+        own = dr.gather(s.a.U, batch.object, dr.select(here, hit.row - batch.base, 0))
+        number = dr.select(here, own, number)
+    return number
+
+
+def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
+    """Of the rows whose crossings are searched for: how many parts of a ray are unresolved, and the distance of the
     point p that is seen from its surface, to first order, in units in the last place of the largest coordinate, its own
     or the eye's."""
-    a, kept = s.scenery.a, s.scenery
-    if not any(k.kind.searched for k in kept.kin):
+    a, searched = s.a, [b for b in s.batches if b.kind.searched]
+    if not searched:
         return None, None
     unresolved, residual = dr.zeros(a.U, dr.width(ray.d)), dr.zeros(a.F, dr.width(ray.d))
-    base = 0
-    for number, (k, group) in enumerate(zip(kept.kin, kept.groups)):
-        n, first = len(k.names), base
-        base += n
-        if not k.kind.searched:
-            continue
+    for batch in searched:
 
-        def step(i: Any, total: Any, k: Kinship = k, number: int = number) -> tuple:
-            return (total + k.kind.unresolved(rows(s.watch.sights[number], i), ray),)
+        def step(i: Any, total: Any, batch: Batch = batch) -> tuple:
+            seen = batch.kind.seen(rows(batch.placed, i), ray.o)
+            return (total + batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved,)
 
-        unresolved = kept.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
-        here = (hit.index >= first) & (hit.index < base)
-        f, _ = k.kind.level(rows(group.placed, dr.select(here, hit.index - first, 0)), p)
+        n = len(batch)
+        unresolved = s.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
+        here = batch.has(hit.row)
+        placed = rows(batch.placed, dr.select(here, hit.row - batch.base, 0))
+        f, _ = batch.kind.surface_at(placed, p, batch.part(hit.part))
         largest = [dr.maximum(dr.maximum(dr.abs(v.x), dr.abs(v.y)), dr.abs(v.z)) for v in (p, ray.o)]
         ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(*largest)
         residual = dr.select(here, a.F(dr.abs(f) / dr.select(here, ulp, 1)), residual)

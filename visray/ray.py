@@ -1,10 +1,13 @@
-"""Rays, hits and surface points.
+"""Rays, hits, crossings and surface points.
 
 Single letters used everywhere: o origin, d unit direction, t distance, p point, n normal, l to the light, v to the eye,
 h half vector; F, V, D, W array types (see quantities.Arrays).
 
-No ray is ever moved off the surface it leaves. A ray says which object it leaves (`source`) and on which side of it
-it runs (`inside`), and that object answers with the crossings that are left. So there is no epsilon to choose.
+Rows are the objects of a scene as kernels number them: the batches one after the other. A `part` is a face of a row: a
+box's side, a cylinder's cap, a factor of a polynomial; of rows that have one part only it is not carried (None).
+
+No ray is ever moved off the surface it leaves. A ray says which row and part it leaves, and on which side of it it runs
+(`inside`), and that row answers with the crossings that are left. So there is no epsilon to choose.
 """
 
 from dataclasses import dataclass, replace
@@ -12,49 +15,86 @@ from typing import Any
 
 import drjit as dr
 
-NO_OBJECT = 0xFFFFFFFF
+NO_ROW = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
 class Ray:
     """A ray in world space, in double.
 
-    o: origin, one for all lanes or one a lane. d: unit to 2^-52, or in single, and then `exact` makes it so.
-    source: index of the object the ray leaves, or None. inside: whether it runs into that object, where it is closed.
+    o: origin, one for all lanes or one a lane.
+    d: unit to 2^-52, or in single, and then `exact` makes it so.
+    row, part: what the ray leaves, or None.
+    inside: whether it runs into that row, where it is closed.
     start: what is nearer than this, over `cosine` where it is given, lies flush with the surface that is left, and is
     not met; None: nothing is left.
-    error: bound on the distance of the ray's known end from the true point: the origin of a ray that looks for what is
-    first, the far end of one that asks what is between.
     """
 
     o: Any
     d: Any
-    source: Any = None
+    row: Any = None
     inside: Any = None
     start: Any = None
-    error: Any = None
     cosine: Any = None
+    part: Any = None
 
     def exact(self) -> "Ray":
-        """The same ray in double: d, start and error may come in single, where few rays need more."""
+        """The same ray in double: d and start may come in single, where few rays need more."""
         d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
-        double = type(d.x)
-        start, error, cosine = (None if x is None else double(x) for x in (self.start, self.error, self.cosine))
+        start, cosine = (None if x is None else type(d.x)(x) for x in (self.start, self.cosine))
         if cosine is not None:
             start /= dr.select(cosine > 0, cosine, 1)
-        return replace(self, d=d, start=start, error=error, cosine=None)
+        return replace(self, d=d, start=start, cosine=None)
 
 
 @dataclass(frozen=True)
 class Hit:
-    """What a search finds: the distance t (inf where nothing is hit) and the index of the object, or NO_OBJECT."""
+    """What a search finds: the distance t (inf where nothing is hit), the row (or NO_ROW) and the part of it."""
 
     t: Any
-    index: Any
+    row: Any
+    part: Any = None
 
     @property
     def valid(self) -> Any:
-        return self.index != NO_OBJECT
+        return self.row != NO_ROW
+
+
+@dataclass(frozen=True)
+class KnownEnds:
+    """What is known of the ends of a piece of a ray that one row is asked about. Masks are None where no ray has it.
+
+    on_start: it begins on the row's surface; inside: and runs into the row from there; start_part: on which part.
+    on_end: it ends on the row's surface; inward: and comes to it from within; end_part: on which part.
+    end_error: bound on the distance of the end from the true point, or None where there is no end.
+    """
+
+    on_start: Any = None
+    inside: Any = None
+    start_part: Any = None
+    on_end: Any = None
+    inward: Any = None
+    end_part: Any = None
+    end_error: Any = None
+
+
+NOTHING_KNOWN = KnownEnds()
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a piece of a ray first crosses a row's surface.
+
+    t: the distance, inf where it does not.
+    part: of the surface, or None where the kind has one only.
+    enters: whether the ray is outside up to there, or up to the end where it does not cross.
+    unresolved: on how many parts of the ray it is not known whether there is a crossing; 0 is expected.
+    """
+
+    t: Any
+    part: Any
+    enters: Any
+    unresolved: Any = 0
 
 
 @dataclass(frozen=True)

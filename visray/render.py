@@ -19,6 +19,7 @@ from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
 from visray.goals import Goal
 from visray.output.curves import LUMINANCE
+from visray.primitives.primitive import scalars
 from visray.output.image import Image, check_destination
 from visray.progress import Patience
 from visray.reachable import Files
@@ -219,7 +220,7 @@ def developed(made: Set, film: films.Film, done: int) -> tuple[dict[str, Any], d
 def _data_layers(made: Set, layers: tuple[str, ...]) -> dict[str, Any]:
     """The data layers, if any are asked for."""
     asked = set(layers) & set(DATA_LAYERS)
-    if asked - set(PROOF) or (asked and any(k.kind.searched for k in made.stage.scenery.kin)):
+    if asked - set(PROOF) or (asked and any(b.kind.searched for b in made.kernel.batches)):
         return _data(made)
     return {}
 
@@ -227,11 +228,8 @@ def _data_layers(made: Set, layers: tuple[str, ...]) -> dict[str, Any]:
 def _data(made: Set) -> dict[str, Any]:
     h = integrator.first_hit(made.stage, made.x, made.y)
     dr.eval(h)
-    # File order, not the order of the kernel's families; 0 is no object.
-    ids = np.zeros(len(made.scene.objects) + 1, np.uint32)
-    place = {name: i + 1 for i, name in enumerate(made.scene.objects)}
-    ids[:-1] = [place[name] for k in made.stage.scenery.kin for name in k.names]
-    number = ids[np.minimum(np.array(h.index), len(ids) - 1)]
+    # 0 is no object, which NO_ROW + 1 is as well.
+    number = np.array(h.object) + np.uint32(1)
     return {
         "Z": h.depth,
         "distance": h.distance,
@@ -286,11 +284,10 @@ def provenance(made: Set, done: int, seconds: float) -> dict[str, Any]:
 def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     """worldToCamera (x right, y up, z along the view) and worldToNDC (0, 0 top left to 1, 1), for row vectors."""
     c, f = scene.camera, scene.film
+    right, up, forward, _ = (np.array(v, float) for v in scalars(c).axes())
     o = np.array(c.origin, float)
-    forward = (np.array(c.target, float) - o) / np.linalg.norm(np.array(c.target, float) - o)
-    right = np.cross(forward, c.up) / np.linalg.norm(np.cross(forward, c.up))
     to_camera = np.eye(4)
-    to_camera[:3, :3] = np.stack([right, np.cross(right, forward), forward], axis=1)
+    to_camera[:3, :3] = np.stack([right, up, forward], axis=1)
     to_camera[3, :3] = -o @ to_camera[:3, :3]
     half = np.tan(np.radians(c.fov) / 2)
     to_ndc = np.array(

@@ -124,7 +124,7 @@ def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True)
-class Lot:
+class SampleSet:
     """So many points that are taken together: light samples, rays of one point. Opaque, of one entry each."""
 
     count: Any
@@ -132,21 +132,21 @@ class Lot:
     side: Any
 
     @staticmethod
-    def of(a: Arrays, n: int) -> "Lot":
+    def of(a: Arrays, n: int) -> "SampleSet":
         side = max(isqrt(n), 1)
-        return Lot(dr.opaque(a.U, n), dr.opaque(a.U, side * side), dr.opaque(a.F, side))
+        return SampleSet(dr.opaque(a.U, n), dr.opaque(a.U, side * side), dr.opaque(a.F, side))
 
     @staticmethod
-    def table(a: Arrays, counts: list[int]) -> "Lot":
-        """Lots of several sizes, an entry each."""
+    def table(a: Arrays, counts: list[int]) -> "SampleSet":
+        """Sets of several sizes, an entry each."""
         n = np.array(counts)
         side = np.array([max(isqrt(x), 1) for x in counts])
         whole = (a.put(a.U, v.astype(np.uint32)) for v in (n, side * side))
-        return Lot(*whole, a.put(a.F, side.astype(float)))
+        return SampleSet(*whole, a.put(a.F, side.astype(float)))
 
 
 @dataclass(frozen=True)
-class Draw:
+class SampleState:
     """The random numbers of one sample of each pixel.
 
     key: of the pixel, and of the path; index: which sample of the pixel it is; cell: the stratum it falls in.
@@ -168,41 +168,41 @@ class Draw:
             return in_cell(self.cell, True, self.plan.side, h, self.real)
         return in_cell(self.cell, self.index >= self.plan.cells, self.plan.side, h, self.real)
 
-    def along(self, salt: Any) -> "Draw":
-        """The random numbers of a path's further level: as many streams again, each unlike all others."""
-        return Draw(self.sampler, self.real, self.plan, mix(self.key + salt * _ODD), self.index, self.cell)
+    def along(self, salt: Any) -> "SampleState":
+        """The random numbers of a path's further level: as many dimensions again, each unlike all others."""
+        return SampleState(self.sampler, self.real, self.plan, mix(self.key + salt * _ODD), self.index, self.cell)
 
-    def stream(self, number: int) -> "Stream":
-        """The pairs of numbers for one purpose. Distinct numbers give independent streams."""
-        return Stream(self, mix(self.key ^ ((number * 0x632BE5AB) & 0xFFFFFFFF)))
+    def dimension(self, number: int) -> "Dimension":
+        """The pairs of numbers for one purpose. Distinct numbers give independent ones."""
+        return Dimension(self, mix(self.key ^ ((number * 0x632BE5AB) & 0xFFFFFFFF)))
 
 
 @dataclass(frozen=True)
-class Stream:
+class Dimension:
     """Pairs of numbers from the unit square for one purpose, of one sample of each pixel."""
 
-    draw: Draw
+    state: SampleState
     key: Any
 
     def one(self) -> tuple[Any, Any]:
         """One pair, unrelated to all others."""
-        d = self.draw
+        d = self.state
         if d.sampler == "sobol":
             return sobol(d.index, self.key, True, d.real)
         return in_cell(d.cell, True, d.plan.side, mix(self.key + (d.index + 1) * _ODD), d.real)
 
-    def loose(self, j: Any, lot: Lot) -> Any:
-        """A number for pair j of a lot that goes with no stratum."""
-        d = self.draw
-        h = mix(self.key + (d.index * lot.count + j + 1) * _ODD)
+    def loose(self, j: Any, points: SampleSet) -> Any:
+        """A number for pair j of a set that goes with no stratum."""
+        d = self.state
+        h = mix(self.key + (d.index * points.count + j + 1) * _ODD)
         return d.real(h >> 8) * 2.0**-24
 
-    def many(self, j: Any, lot: Lot) -> tuple[Any, Any]:
-        """Pair number j of a lot that is taken together."""
-        d = self.draw
-        whole = d.index * lot.count + j
+    def many(self, j: Any, points: SampleSet) -> tuple[Any, Any]:
+        """Pair number j of a set that is taken together."""
+        d = self.state
+        whole = d.index * points.count + j
         if d.sampler == "sobol":
             return sobol(whole, self.key, True, d.real)
         h = mix(self.key + (whole + 1) * _ODD)
-        spare = True if d.sampler == "independent" else j >= lot.cells
-        return in_cell(j, spare, lot.side, h, d.real)
+        spare = True if d.sampler == "independent" else j >= points.cells
+        return in_cell(j, spare, points.side, h, d.real)

@@ -11,8 +11,9 @@ from typing import Any
 import drjit as dr
 
 from visray import occlusion
-from visray.lighting import Beam, illuminated
-from visray.scenery import Scenery, Site
+from visray.direct import LightSample, direct
+from visray.interaction import Interaction
+from visray.kernel_scene import KernelScene
 
 # A cartoon has so many steps of diffuse light, and a highlight where it is at least half as bright as at its middle.
 STEPS = 4
@@ -38,77 +39,77 @@ def power(x: Any, exponent: Any, bits: int, fraction: bool, real: Any) -> Any:
     return result
 
 
-def shade(s: Scenery, site: Site) -> Any:
+def shade(s: KernelScene, at: Interaction) -> Any:
     """The colour of a surface as its ray sees it, without the light that other surfaces send."""
-    return MODES[s.settings.shading](s, site)
+    return MODES[s.settings.shading](s, at)
 
 
-def lit(s: Scenery, site: Site) -> Any:
+def lit(s: KernelScene, at: Interaction) -> Any:
     """The light that leaves the surface towards the ray's origin: ambient light, and that of all lights."""
-    a, on, m = s.a, s.features, site.material
+    a, on, m = s.a, s.features, at.material
     colour = dr.zeros(a.V, 1)
     if on["ambient"]:
         sky, near = s.ambient, s.glow
         if on["sky occlusion"]:
-            sky = sky * occlusion.sky(s, site)
+            sky = sky * occlusion.sky(s, at)
         if on["near occlusion"]:
-            near = near * occlusion.near(s, site)
+            near = near * occlusion.near(s, at)
         colour = colour + (sky + near) * m.ka
-    return colour + illuminated(s, site, answer)
+    return colour + direct(s, at, reflected)
 
 
-def answer(s: Scenery, site: Site, light: Any, b: Beam) -> Any:
-    """What a beam adds: its diffuse and specular parts, where it arrives and as far as it gets there."""
-    a, on, m = s.a, s.features, site.material
+def reflected(s: KernelScene, at: Interaction, light: Any, sample: LightSample) -> Any:
+    """What a light sample adds: its diffuse and specular parts, where it arrives and as far as it gets there."""
+    a, on, m = s.a, s.features, at.material
     mode = s.settings.shading
     colour = dr.zeros(a.V, 1)
     if on["diffuse"]:
         # A cosine may be rounded to beyond 1.
-        cosine = dr.minimum(dr.ceil(b.cosine * STEPS) * (1 / STEPS), 1) if mode == "toon" else b.cosine
+        cosine = dr.minimum(dr.ceil(sample.cosine * STEPS) * (1 / STEPS), 1) if mode == "toon" else sample.cosine
         colour = colour + light.intensity * light.Id * m.kd * cosine
     if on["specular"]:
-        gloss = power(_shine(s, site, b), m.shininess, on.shininess_bits, on["fractional shininess"], a.F)
+        gloss = power(_shine(s, at, sample), m.shininess, on.shininess_bits, on["fractional shininess"], a.F)
         if mode == "toon":
             gloss = dr.select(gloss >= 0.5, a.F(1), 0)
         colour = colour + light.intensity * light.Is * m.ks * gloss
-    if b.weight is not None:
-        colour = colour * b.weight
-    if b.share is not None:
-        colour = colour * b.share
-    return dr.select(b.reached, colour, 0)
+    if sample.weight is not None:
+        colour = colour * sample.weight
+    if sample.share is not None:
+        colour = colour * sample.share
+    return dr.select(sample.reached, colour, 0)
 
 
-def _shine(s: Scenery, site: Site, b: Beam) -> Any:
+def _shine(s: KernelScene, at: Interaction, sample: LightSample) -> Any:
     """The cosine that the highlight is a power of: n.h, or in Phong's own model r.v with r the mirrored l."""
     if s.settings.shading == "phong":
-        mirrored = (2 * b.cosine) * site.n - b.l
-        return dr.maximum(-dr.dot(mirrored, site.d), 0)
-    halfway = b.l - site.d
+        mirrored = (2 * sample.cosine) * at.n - sample.l
+        return dr.maximum(-dr.dot(mirrored, at.d), 0)
+    halfway = sample.l - at.d
     squared = dr.squared_norm(halfway)
-    return dr.maximum(dr.select(squared > 0, dr.dot(site.n, halfway) * dr.rsqrt(squared), 0), 0)
+    return dr.maximum(dr.select(squared > 0, dr.dot(at.n, halfway) * dr.rsqrt(squared), 0), 0)
 
 
-def _normal(s: Scenery, site: Site) -> Any:
+def _normal(s: KernelScene, at: Interaction) -> Any:
     """The normal's x, y, z from -1..1 as red, green, blue from 0..1."""
-    return 0.5 * site.n + 0.5
+    return 0.5 * at.n + 0.5
 
 
-def _depth(s: Scenery, site: Site) -> Any:
+def _depth(s: KernelScene, at: Interaction) -> Any:
     """White at the eye, mid-grey at the distance of the camera's target, black infinitely far."""
-    t = site.hit.t
+    t = at.hit.t
     if s.attached:
-        t = dr.select(site.hit.valid, dr.dot(site.surface.p - site.o, s.a.W(site.d)), t)
-    return s.a.V(dr.rcp(1 + s.a.F(t) * dr.rcp(s.middle)))
+        t = dr.select(at.hit.valid, dr.dot(at.surface.p - at.o, s.a.W(at.d)), t)
+    return s.a.V(dr.rcp(1 + s.a.F(t) * dr.rcp(s.view.middle)))
 
 
-def _uv(s: Scenery, site: Site) -> Any:
+def _uv(s: KernelScene, at: Interaction) -> Any:
     """u as red and v as green, each the part after the point."""
-    return s.a.V(site.u - dr.floor(site.u), site.v - dr.floor(site.v), 0)
+    return s.a.V(at.u - dr.floor(at.u), at.v - dr.floor(at.v), 0)
 
 
-def _albedo(s: Scenery, site: Site) -> Any:
+def _albedo(s: KernelScene, at: Interaction) -> Any:
     """kd, as no light changes it."""
-    return site.material.kd
+    return at.material.kd
 
 
 MODES = {

@@ -6,7 +6,7 @@ import drjit as dr
 
 from visray.images import WRAPS, Atlas, Row
 from visray.quantities import Arrays
-from visray.trees import rows
+from visray.pytree import rows
 
 
 def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) -> Any:

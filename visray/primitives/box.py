@@ -6,8 +6,8 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import Twin, boxed_reach, homogeneous
-from visray.primitives.solid import Solid, common, slab
+from visray.primitives.primitive import MitsubaShapes, boxed_reach, half_box, homogeneous, scalars
+from visray.primitives.solid import Interval, Solid, slab
 from visray.quantities import Point
 from visray.transforms import compose
 
@@ -18,6 +18,9 @@ class Box(Solid):
 
     uv: each face from 0 to 1, upright and unmirrored when looked at from outside (top and bottom with -z and +z up).
     """
+
+    # The faces: +x, -x, +y, -y, +z, -z.
+    parts = 6
 
     type: Literal["box"] = "box"
     min: Point = (-0.5, -0.5, -0.5)
@@ -32,49 +35,47 @@ class Box(Solid):
         return Frame(w(h.x, 0, 0), w(0, h.y, 0), w(0, 0, h.z), 0.5 * (self.min + self.max))
 
     @staticmethod
-    def reach(whole: Frame) -> Any:
-        return boxed_reach(whole)
+    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
+        return boxed_reach(whole), half_box(whole, "xyz")
 
     @staticmethod
-    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+    def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The common part of three slabs."""
-        return common(slab(o.x, d.x), common(slab(o.y, d.y), slab(o.z, d.z)))
+        x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))
+        return x.common(y.common(z))
 
     @staticmethod
-    def faces(p: Any) -> tuple[Any, Any]:
-        """Masks of the x and y faces; where neither holds it is a z face."""
-        a = dr.abs(p)
+    def part_at(q: Any, shape: tuple) -> Any:
+        a, u = dr.abs(q), dr.uint32_array_t(q.x)
         on_x = (a.x >= a.y) & (a.x >= a.z)
-        return on_x, ~on_x & (a.y >= a.z)
+        on_y = ~on_x & (a.y >= a.z)
+        lower = dr.select(on_x, q.x, dr.select(on_y, q.y, q.z)) < 0
+        return dr.select(on_x, u(0), dr.select(on_y, u(2), u(4))) + dr.select(lower, u(1), 0)
 
-    @classmethod
-    def depth(cls, p: Any) -> tuple[Any, Any]:
-        on_x, on_y = cls.faces(p)
-        on_z = ~(on_x | on_y)
-        axis = type(p)(
-            *(dr.select(m, dr.copysign(type(p.x)(1), x), 0) for m, x in zip((on_x, on_y, on_z), (p.x, p.y, p.z)))
-        )
-        return dr.dot(axis, p) - 1, axis
+    @staticmethod
+    def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        side = dr.select((part & 1) == 0, type(q.x)(1), -1)
+        axis = type(q)(*(dr.select((part >> 1) == i, side, 0) for i in range(3)))
+        return dr.dot(axis, q) - 1, axis
 
-    @classmethod
-    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
-        q = placed.point(p)
-        on_x, on_y = cls.faces(q)
-        u = dr.select(on_x, -dr.copysign(q.z, q.z * q.x), dr.select(on_y, q.x, dr.copysign(q.x, q.x * q.z)))
-        v = dr.select(on_y, -dr.copysign(q.z, q.z * q.y), q.y)
+    @staticmethod
+    def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        upper, on_x, on_y = (part & 1) == 0, part < 2, (part >> 1) == 1
+        u = dr.select(on_x, dr.select(upper, -q.z, q.z), dr.select(on_y | upper, q.x, -q.x))
+        v = dr.select(on_y, dr.select(upper, -q.z, q.z), q.y)
         return 0.5 + 0.5 * u, 0.5 + 0.5 * v
 
-    def mitsuba(self) -> Twin | str:
-        f = self.numbers().frame()
+    def mitsuba(self) -> MitsubaShapes | str:
+        f = scalars(self).frame()
         shapes = []
         for n, u, v in _FACES:
             face = Frame(*(f.x * e[0] + f.y * e[1] + f.z * e[2] for e in (u, v, n)), f.o)
             face = Frame(face.x, face.y, face.z, f.o + face.z)
             shapes.append({"type": "rectangle", "to_world": homogeneous(face, compose(self.transform))})
-        return Twin(shapes)
+        return MitsubaShapes(shapes)
 
 
-# Each face of the box: its normal, and the directions of u and v on it.
+# Each face of the box, by number: its normal, and the directions of u and v on it.
 _FACES = (
     ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),

@@ -7,6 +7,7 @@ from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
 from visray.primitives.box import Box
+from visray.primitives.primitive import Bounds
 from visray.primitives.sphere import Sphere
 from visray.quantities import Length, Point
 
@@ -28,10 +29,17 @@ class Clip:
         f = self.frame()
         return (f.scale,) * 3 if isinstance(f, Similarity) else (f.x.x, f.y.y, f.z.z)
 
-    def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
-        """Centre and radius of a sphere in the world that holds it."""
-        whole = self.frame().then(outer)
-        return whole.o, self.solid.reach(whole)
+    def bounds(self, outer: Frame | None) -> Bounds:
+        """A box and a ball in the world that hold it."""
+        return self.solid.bounds(self, outer)
+
+    def shape(self) -> tuple:
+        """As of a primitive."""
+        return ()
+
+    def extents(self, whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
+        """As of a primitive."""
+        return self.solid.extents(whole, shape)
 
     def flaws(self) -> list[tuple[str, str]]:
         """As of a primitive."""

@@ -6,11 +6,14 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
 from visray.primitives.revolved import Revolved, around, axial_frame
-from visray.primitives.solid import common, slab
+from visray.primitives.solid import Interval, slab
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
+
+# The parts of its surface.
+WALL, BASE = range(2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +22,8 @@ class Cone(Revolved):
 
     uv: u around the axis, eastwards; v along it from 0 at the base to 1 at the apex. On the base: the square around it.
     """
+
+    parts = 2
 
     type: Literal["cone"] = "cone"
     base: Point = (0.0, 0.0, 0.0)
@@ -31,7 +36,7 @@ class Cone(Revolved):
         return axial_frame(middle, self.axis, self.radius, self.height)
 
     @staticmethod
-    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+    def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """x^2 + y^2 <= w^2 with w = (1 - z)/2, cut by the slab, where w is not negative.
 
         Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so
@@ -39,7 +44,7 @@ class Cone(Revolved):
         a >= 0: inside between the roots, one of which is infinite for a ray parallel to the wall. a < 0: inside beyond
         one root, on the side to which w grows.
         """
-        t0, t1 = slab(o.z, d.z)
+        wall = dr.uint32_array_t(o.x)(WALL)
         shift = -(o.x * d.x + o.y * d.y + (o.z - 1) * d.z) * dr.rcp(squared)
         p = type(d)(o.x + shift * d.x, o.y + shift * d.y, (o.z - 1) + shift * d.z)
         w, dw = -0.5 * p.z, -0.5 * d.z
@@ -55,27 +60,28 @@ class Cone(Revolved):
         forward = dw > 0
         near = dr.select(a >= 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a >= 0, high, dr.select(forward, dr.inf, low)) + shift
-        return common((near, far), (t0, t1))
+        # The slab's other side has the apex only.
+        return Interval(near, far, wall, wall).common(slab(o.z, d.z, BASE, WALL))
 
     @staticmethod
-    def on_wall(p: Any) -> Any:
-        """Whether a point of the surface is on the wall, not on the base: the face it is less deep under."""
-        return dr.sqrt(p.x * p.x + p.y * p.y) - 0.5 * (1 - p.z) >= -1 - p.z
+    def part_at(q: Any, shape: tuple) -> Any:
+        """The face that a point is less deep under."""
+        u = dr.uint32_array_t(q.x)
+        return dr.select(dr.sqrt(q.x * q.x + q.y * q.y) - 0.5 * (1 - q.z) >= -1 - q.z, u(WALL), u(BASE))
 
-    @classmethod
-    def depth(cls, p: Any) -> tuple[Any, Any]:
-        wall, w, zero = cls.on_wall(p), 0.5 * (1 - p.z), 0 * p.z
-        f = dr.select(wall, 0.5 * (p.x * p.x + p.y * p.y - w * w), -1 - p.z)
+    @staticmethod
+    def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        wall, w, zero = part == WALL, 0.5 * (1 - q.z), 0 * q.z
+        f = dr.select(wall, 0.5 * (q.x * q.x + q.y * q.y - w * w), -1 - q.z)
         # At the apex itself the wall has no normal: the axis is the mean of all of them.
-        apex = (p.x == 0) & (p.y == 0)
-        slope = type(p)(p.x, p.y, dr.select(apex, 1, 0.5 * w))
-        return f, dr.select(wall, slope, type(p)(zero, zero, zero - 1))
+        apex = (q.x == 0) & (q.y == 0)
+        slope = type(q)(q.x, q.y, dr.select(apex, 1, 0.5 * w))
+        return f, dr.select(wall, slope, type(q)(zero, zero, zero - 1))
 
-    @classmethod
-    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
-        q = placed.point(p)
-        wall = cls.on_wall(q)
+    @staticmethod
+    def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        wall = part == WALL
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
 
-    def mitsuba(self) -> Twin | str:
-        return Twin([{"type": "cone", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])
+    def mitsuba(self) -> MitsubaShapes | str:
+        return MitsubaShapes([{"type": "cone", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])

@@ -6,11 +6,14 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
 from visray.primitives.revolved import Revolved, around, axial_frame
-from visray.primitives.solid import common, slab
+from visray.primitives.solid import Interval, slab
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
+
+# The parts of its surface.
+WALL, BOTTOM, TOP = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +22,8 @@ class Cylinder(Revolved):
 
     uv: u around the axis, eastwards; v along it from 0 to 1. On the caps: the square around the disk from 0 to 1.
     """
+
+    parts = 3
 
     type: Literal["cylinder"] = "cylinder"
     center: Point = (0.0, 0.0, 0.0)
@@ -30,9 +35,9 @@ class Cylinder(Revolved):
         return axial_frame(self.center, self.axis, self.radius, self.height)
 
     @staticmethod
-    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+    def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The wall's interval, recentred in the plane across the axis, cut by that of the caps."""
-        a = d.x * d.x + d.y * d.y
+        a, wall = d.x * d.x + d.y * d.y, dr.uint32_array_t(o.x)(WALL)
         scale = dr.rcp(a)
         middle = -(o.x * d.x + o.y * d.y) * scale
         x, y = o.x + middle * d.x, o.y + middle * d.y
@@ -41,26 +46,27 @@ class Cylinder(Revolved):
         inside = o.x * o.x + o.y * o.y <= 1
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
         far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
-        return common((near, far), slab(o.z, d.z))
+        return Interval(near, far, wall, wall).common(slab(o.z, d.z, BOTTOM, TOP))
 
     @staticmethod
-    def on_wall(p: Any) -> Any:
-        """Whether a point of the surface is on the wall, not on a cap: the face it is less deep under."""
-        return dr.sqrt(p.x * p.x + p.y * p.y) >= dr.abs(p.z)
+    def part_at(q: Any, shape: tuple) -> Any:
+        """The face that a point is less deep under."""
+        u = dr.uint32_array_t(q.x)
+        wall = dr.sqrt(q.x * q.x + q.y * q.y) >= dr.abs(q.z)
+        return dr.select(wall, u(WALL), dr.select(q.z < 0, u(BOTTOM), u(TOP)))
 
-    @classmethod
-    def depth(cls, p: Any) -> tuple[Any, Any]:
-        wall, zero = cls.on_wall(p), 0 * p.z
-        cap = dr.copysign(1 + zero, p.z)
-        f = dr.select(wall, 0.5 * (p.x * p.x + p.y * p.y - 1), dr.abs(p.z) - 1)
-        return f, dr.select(wall, type(p)(p.x, p.y, zero), type(p)(zero, zero, cap))
+    @staticmethod
+    def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        wall, zero = part == WALL, 0 * q.z
+        f = dr.select(wall, 0.5 * (q.x * q.x + q.y * q.y - 1), dr.select(part == TOP, q.z, -q.z) - 1)
+        cap = dr.select(part == TOP, 1 + zero, -1)
+        return f, dr.select(wall, type(q)(q.x, q.y, zero), type(q)(zero, zero, cap))
 
-    @classmethod
-    def uv(cls, placed: Any, p: Any) -> tuple[Any, Any]:
-        q = placed.point(p)
-        wall = cls.on_wall(q)
-        up = dr.copysign(q.y, q.y * q.z)
+    @staticmethod
+    def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        wall = part == WALL
+        up = dr.select(part == TOP, q.y, -q.y)
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
 
-    def mitsuba(self) -> Twin | str:
-        return Twin([{"type": "cylinder", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])
+    def mitsuba(self) -> MitsubaShapes | str:
+        return MitsubaShapes([{"type": "cylinder", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])

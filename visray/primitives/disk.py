@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -30,12 +30,12 @@ class Disk(Flat):
         return Frame(self.radius * s, self.radius * t, n, self.center)
 
     @staticmethod
-    def reach(whole: Frame) -> Any:
-        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
+    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
+        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest(), half_box(whole, "", "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
         return x * x + y * y <= 1
 
-    def mitsuba(self) -> Twin | str:
-        return Twin([{"type": "disk", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])
+    def mitsuba(self) -> MitsubaShapes | str:
+        return MitsubaShapes([{"type": "disk", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])

@@ -5,7 +5,7 @@ from typing import Any
 import drjit as dr
 
 from visray.primitives.primitive import Primitive, Seen
-from visray.ray import Ray
+from visray.ray import Crossing, KnownEnds, Ray
 
 
 def clear(path: Any, slope: Any, squared: Any, error: Any) -> Any:
@@ -16,10 +16,12 @@ def clear(path: Any, slope: Any, squared: Any, error: Any) -> Any:
 
 
 class Flat(Primitive):
-    """A flat shape. It is crossed once by a ray, and never by a ray that leaves it."""
+    """A flat shape. It is crossed once by a ray, and never by a ray that leaves it or ends on it."""
+
+    smooth = True
 
     @staticmethod
-    def gone(inside: Any) -> Any:
+    def never_rehit(inside: Any) -> Any:
         return True
 
     @staticmethod
@@ -28,8 +30,9 @@ class Flat(Primitive):
         raise TypeError("no within")
 
     @classmethod
-    def crossing(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
-        """(t, inside the shape, d . n, n . n) for a normal n of any length."""
+    def through(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
+        """Where a line goes through the plane: (t, whether that is in the shape, d . n, n . n) for a normal n of any
+        length."""
         local = seen.inverse.vector(d)
         # A ray in the plane has local.z = 0: t is then inf or NaN, both of which fail every comparison with a number.
         t = -seen.o.z / local.z
@@ -37,28 +40,21 @@ class Flat(Primitive):
         return t, inside, local.z, dr.squared_norm(seen.inverse.z)
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
-        t, within, slope, squared = cls.crossing(seen, ray.d)
-        met = within & (t > (0 if ray.start is None else ray.start))
-        if ray.error is not None:
-            met &= clear(t, slope, squared, ray.error)
-        if leaving is not None:
-            met &= ~leaving
-        return dr.select(met, t, dr.inf)
-
-    @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
-        t, within, slope, squared = cls.crossing(seen, ray.d)
-        free = arrives if leaving is None else arrives | leaving
-        # The end point is known to ray.error; a plane nearer to it than that is the plane the point lies on.
-        near = 0 if ray.start is None else ray.start
-        return within & (t > near) & clear(length - t, slope, squared, ray.error) & ~free
+    def crossing(cls, seen: Any, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
+        t, within, slope, squared = cls.through(seen, ray.d)
+        met = within & (t > begin)
+        if end is not None:
+            # A plane nearer to the end than that is known to be is the plane that the end lies on.
+            met &= clear(end - t, slope, squared, known.end_error)
+        for here in (known.on_start, known.on_end):
+            met = met if here is None else met & ~here
+        return Crossing(dr.select(met, t, dr.inf), None, slope < 0)
 
     @staticmethod
-    def level(placed: Any, p: Any) -> tuple[Any, Any]:
-        return placed.point(p).z, placed.z
+    def surface_at(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
+        return placed.inverse.point(p).z, placed.inverse.z
 
     @staticmethod
-    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
-        local = placed.point(p)
+    def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
+        local = placed.inverse.point(p)
         return 0.5 + 0.5 * local.x, 0.5 + 0.5 * local.y

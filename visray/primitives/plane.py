@@ -1,13 +1,13 @@
 """The infinite plane."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import drjit as dr
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
 from visray.quantities import Direction, Point
 from visray.transforms import compose
 
@@ -19,7 +19,7 @@ class Plane(Flat):
     uv: distances from `point` in world units along the plane's tangents (u east and v north on a floor).
     """
 
-    bounded: ClassVar[bool] = False
+    bounded = False
 
     type: Literal["plane"] = "plane"
     point: Point = (0.0, 0.0, 0.0)
@@ -34,9 +34,9 @@ class Plane(Flat):
         return (x == x) & (y == y)
 
     @staticmethod
-    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
-        local = placed.point(p)
+    def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
+        local = placed.inverse.point(p)
         return local.x, local.y
 
-    def mitsuba(self) -> Twin | str:
-        return Twin([{"type": "plane", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])
+    def mitsuba(self) -> MitsubaShapes | str:
+        return MitsubaShapes([{"type": "plane", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])

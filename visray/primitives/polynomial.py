@@ -2,7 +2,7 @@
 
 import cmath
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache
 from typing import Annotated, Any, Literal
@@ -15,11 +15,11 @@ from visray import polynomials, roots
 from visray.geometry import Frame, Inverse, Similarity, SimilarityInverse
 from visray.polynomials import Built, Form, Wrong
 from visray.primitives.clips import Ball, Block, Clip
-from visray.primitives.primitive import Primitive, scalars
+from visray.primitives.primitive import Bounds, Primitive, scalars
 from visray.primitives.sphere import globe
 from visray.quantities import Arrays, Name, Real, stacked
-from visray.ray import Ray
-from visray.roots import Crossing, Ends, Way
+from visray.ray import Crossing, KnownEnds, Ray
+from visray.roots import Way
 from visray.surfaces import CLASSICS
 
 
@@ -34,7 +34,7 @@ class Rows:
     tolerance: Any
     clip: Any
 
-    def placed(self, outer: Frame | None) -> "Placed":
+    def placed(self, outer: Frame | None) -> "PlacedPolynomial":
         """Where they are, and the slots with derivatives by the parameters."""
         slots, o = self.slots, self.clip.frame().o
         for p, slopes in zip(self.parameters, self.slopes):
@@ -42,15 +42,15 @@ class Rows:
                 # Zero, with the slope that a slot has.
                 slots = tuple(x + k * (p - dr.detach(p)) for x, k in zip(slots, slopes))
         inverse = Similarity(0 * o.x + 1, o).then(outer).inverse()
-        return Placed(inverse, slots, self.tolerance, tuple(map(dr.rcp, self.clip.half())))
+        return PlacedPolynomial(inverse, slots, self.tolerance, tuple(map(dr.rcp, self.clip.half())))
 
-    def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
-        """Centre and radius of a sphere in the world that holds the clip."""
-        return self.clip.sphere(outer)
+    def bounds(self, outer: Frame | None) -> Bounds:
+        """A box and a ball in the world that hold the clip."""
+        return self.clip.bounds(outer)
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedPolynomial:
     """A polynomial in the world: the way into coordinates about the clip's centre, the slots, the tolerance, and 1
     over the clip's half extents."""
 
@@ -65,10 +65,10 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Near:
+class SeenPolynomial:
     """A polynomial as seen from an origin, which is in coordinates about the clip's centre."""
 
-    placed: Placed
+    placed: PlacedPolynomial
     o: Any
 
 
@@ -163,9 +163,9 @@ class Polynomial(Primitive):
         wrong = [name for name in self.parameters if name not in there and (there or self.expression is None)]
         return [("parameters", f"{wrong[0]} is not in {of}; leave it out")] if wrong else []
 
-    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
-        centre, radius = (np.array(v, float) for v in scalars(self.limits()).sphere(self.outer_numbers()))
-        return centre - radius, centre + radius
+    def bounds(self, outer: Frame | None) -> Bounds:
+        # Of the host, as box_of asks; kernels have Rows.
+        return scalars(self.limits()).bounds(outer)
 
     @classmethod
     def table(cls, a: Arrays, things: list["Polynomial"]) -> Rows:
@@ -189,135 +189,88 @@ class Polynomial(Primitive):
         return {f"parameters.{name}": column for name, column in zip(thing.parameters, table.parameters)}
 
     @staticmethod
-    def gone(inside: Any) -> Any:
-        return False
-
-    @staticmethod
-    def seen(placed: Placed, o: Any) -> Near:
-        return Near(placed, placed.inverse.point(o))
+    def seen(placed: PlacedPolynomial, o: Any) -> SeenPolynomial:
+        return SeenPolynomial(placed, placed.inverse.point(o))
 
     @classmethod
-    def first(cls, seen: Near, ray: Ray, leaving: Any, inside: Any) -> Any:
-        near = 0 if ray.start is None else ray.start
-        if leaving is not None:
-            # On its own surface the ray may be as near as it likes.
-            near = dr.select(leaving, 0, near)
-        return cls._first(seen, seen.placed.inverse.vector(ray.d), near, dr.inf, Ends(leaving, inside))[0]
-
-    @classmethod
-    def unresolved(cls, seen: Near, ray: Ray) -> Any:
-        return cls._first(seen, seen.placed.inverse.vector(ray.d), 0, dr.inf, Ends())[1]
-
-    @classmethod
-    def blocks(cls, seen: Near, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
-        """Looked for from the end that is known to lie on the surface, if there is one."""
-        d = seen.placed.inverse.vector(ray.d)
-        near = 0 if ray.start is None else ray.start
-        if leaving is not None:
-            near = dr.select(leaving, 0, near)
-        back = arrives & (length < dr.inf)
-        o = dr.select(back, seen.o + dr.select(back, length, 0) * d, seen.o)
-        low, high = dr.select(back, 0, near), dr.select(back, length - near, length)
-        if leaving is None:
-            ends = Ends(back, inward)
-        else:
-            ends = Ends(back | leaving, dr.select(back, inward, inside), back & leaving)
-        return cls._first(Near(seen.placed, o), dr.select(back, -d, d), low, high, ends)[0] < high
-
-    @classmethod
-    def passage(cls, seen: Near, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
-        d = seen.placed.inverse.vector(ray.d)
-        if not cls.closed:
-            return super().passage(seen, ray, length, arrives, leaving)
-        (t0, t1), there, begin, end, chord = cls._part(seen, d, 0, length)
-        # Where the ray leaves the surface, or comes to it, rounding may add a crossing.
-        most = 2 + sum(f.degree for f in cls.form.factors)
-
-        def step(at: Any, negative: Any, inside: Any, count: Any, going: Any) -> tuple:
-            ends = Ends(count > 0, negative)
-            c = cls._crossing(seen, Way.of(seen.o, d, chord, at, end), going, ends)
-            to = dr.select(c.found, c.t, end)
-            inside += dr.select(c.negative, to - at, 0)
-            return to, c.negative ^ c.found, inside, count + 1, going & c.found & (count < most)
-
-        n = max(dr.width(d), dr.width(length), dr.width(seen.o))
-        zero, no = dr.zeros(type(end), n), dr.full(dr.mask_t(end), False, n)
-        state = zero + begin, no, zero, dr.zeros(dr.uint32_array_t(type(end)), n), no | there
-        _, last, inside, _, _ = dr.while_loop(state, lambda *state: state[-1], step, label="passage")
-        entered = (t0 > 0) | ~roots.below(cls.form, seen.placed.slots, seen.o)
-        if leaving is not None:
-            entered |= leaving
-        return entered & (~last | (t1 < length) | arrives), inside
-
-    @classmethod
-    def _crossing(cls, seen: Near, way: Way, active: Any, ends: Ends) -> Crossing:
-        """The first crossing of a way."""
-        return roots.first_crossing(cls.form, seen.placed.slots, way, active, ends, seen.placed.tolerance)
-
-    @classmethod
-    def _part(cls, seen: Near, d: Any, near: Any, far: Any) -> tuple:
-        """The line's interval in the clip; whether any of it lies between two distances, where that begins and ends,
-        and the interval again: lanes that have none take part with one of their own, so that all in them is finite.
-        """
-        unit = seen.placed.unit(d)
-        t0, t1 = cls.solid.interval(seen.placed.unit(seen.o), unit, dr.squared_norm(unit))
-        begin, end = dr.select(t0 > near, t0, near), dr.select(t1 < far, t1, far)
-        there = (t0 <= t1) & (begin < end)
-        begin, end, *chord = (dr.select(there, t, x) for t, x in ((begin, 0), (end, 0), (t0, -1), (t1, 1)))
-        return (t0, t1), there, begin, end, chord
-
-    @classmethod
-    def _first(cls, seen: Near, d: Any, near: Any, far: Any, ends: Ends) -> tuple[Any, Any]:
-        """The first crossing between the distances near and far, inf if there is none; and how many parts of the way
-        are unresolved."""
-        (t0, t1), there, begin, end, chord = cls._part(seen, d, near, far)
-        starts_in = t0 <= near
-        if ends.on_start is not None:
+    def crossing(cls, seen: SeenPolynomial, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
+        d, placed, count = seen.placed.inverse.vector(ray.d), seen.placed, len(cls.form.factors)
+        # The line in the clip, and what of it lies between the ends. Lanes that have nothing there take part with a
+        # piece of their own, so that all in them is finite.
+        unit, end = placed.unit(d), dr.inf if end is None else end
+        line = cls.solid.interval(placed.unit(seen.o), unit, dr.squared_norm(unit), ())
+        first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
+        there = (line.near <= line.far) & (first < last)
+        first, last, *chord = (
+            dr.select(there, t, x) for t, x in ((first, 0), (last, 0), (line.near, -1), (line.far, 1))
+        )
+        starts_in, on_clip, known_sides = line.near <= begin, None, known
+        if known.on_start is not None:
             # Who leaves the surface is in the clip, whatever rounding says.
-            starts_in |= ends.on_start
+            starts_in |= known.on_start
             if cls.closed:
-                capped = ends.on_start & cls._depths(seen.placed, seen.o)[2]
+                capped = known.on_start & cls._on_cap(placed, seen.o, known.start_part)
                 # A cap is convex: who leaves it outwards does not come back.
-                there &= ~(capped & ~ends.negative)
-                ends = Ends(ends.on_start & ~capped, ends.negative, ends.on_end)
-        c = cls._crossing(seen, Way.of(seen.o, d, chord, begin, end), there, ends)
+                there &= ~(capped & ~known.inside)
+                known_sides = replace(known, on_start=known.on_start & ~capped)
+        way = Way.of(seen.o, d, chord, first, last)
+        c = roots.first_crossing(cls.form, placed.slots, way, there, known_sides, placed.tolerance)
         if not cls.closed:
-            return c.t, c.unresolved
+            return c
         # A solid is entered through its cap, or left through it; but not where the way ends on it.
-        leaves = t1 < far
-        if ends.on_end is not None:
-            q = seen.o + dr.select(ends.on_end, far, 0) * d
-            leaves &= ~(ends.on_end & cls._depths(seen.placed, q)[2])
-        cap = dr.select(starts_in, dr.select(leaves, t1, dr.inf), t0)
-        through = there & c.negative & (~starts_in | ~c.found)
-        return dr.select(through, cap, c.t), c.unresolved
+        leaves = line.far < end
+        if known.on_end is not None:
+            q = seen.o + dr.select(known.on_end, end, 0) * d
+            on_clip = known.on_end & cls._on_cap(placed, q, known.end_part)
+            leaves &= ~on_clip
+        cap = dr.select(starts_in, dr.select(leaves, line.far, dr.inf), line.near)
+        through = there & ~c.enters & (~starts_in | (c.t == dr.inf))
+        # Before its cap the ray is outside, and so it is where it runs into nothing.
+        enters = dr.select(through, ~starts_in, c.enters | ~there)
+        u = dr.uint32_array_t(c.t)
+        face = u(0) if line.near_part is None else dr.select(starts_in, line.far_part, line.near_part)
+        part = dr.select(through, face + count, u(0) if c.part is None else c.part)
+        return Crossing(dr.select(through, cap, c.t), part, enters, c.unresolved)
 
     @classmethod
-    def _depths(cls, placed: Placed, q: Any) -> tuple[Any, Any, Any]:
-        """Signed distance and normal of the surface, and whether the clip is nearer: then it is the clip's, which of an
-        open surface is no part, so that its points are only as near as the clip."""
-        f, g = roots.level(cls.form, placed.slots, q, DIFFERENCE * dr.rcp(placed.scale[0]))
-        cap, normal = cls.solid.depth(placed.unit(q))
+    def _on_cap(cls, placed: PlacedPolynomial, q: Any, part: Any) -> Any:
+        """Whether a point of the surface is on a cap: by its part, or where that is not known, by what is nearer."""
+        return cls._surface(placed, q, None)[2] if part is None else part >= len(cls.form.factors)
+
+    @classmethod
+    def _surface(cls, placed: PlacedPolynomial, q: Any, part: Any) -> tuple[Any, Any, Any]:
+        """Signed distance and normal of a part of the surface, or of the nearest; and whether the clip is nearer than
+        it, or is that part. Of an open surface the clip is no part; its points are only as near as the clip."""
+        count = len(cls.form.factors)
+        f, g = roots.level(cls.form, placed.slots, q, DIFFERENCE * dr.rcp(placed.scale[0]), part if count > 1 else None)
+        unit = placed.unit(q)
+        face = None
+        if cls.solid.parts > 1:
+            nearest = cls.solid.part_at(unit, ())
+            face = nearest if part is None else dr.select(part >= count, part - count, nearest)
+        cap, normal = cls.solid.depth(unit, face, ())
         normal = placed.unit(normal)
         inverse = dr.rcp(dr.norm(normal))
         cap = cap * inverse
         on = cap > (f if cls.closed else dr.abs(f))
+        if cls.closed and part is not None:
+            on = part >= count
         f = dr.select(on, cap, f)
         return f, dr.select(on, normal * inverse, g) if cls.closed else g, on
 
     @classmethod
-    def level(cls, placed: Placed, p: Any) -> tuple[Any, Any]:
-        f, g, _ = cls._depths(placed, placed.inverse.point(p))
+    def surface_at(cls, placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
+        f, g, _ = cls._surface(placed, placed.inverse.point(p), part)
         g = placed.inverse.normal(g)
         inverse = dr.rcp(dr.norm(g))
         return f * dr.detach(inverse), g * inverse
 
     @classmethod
-    def sided(cls, placed: Placed, p: Any) -> Any:
-        return roots.sided(cls.form, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
+    def has_sides(cls, placed: PlacedPolynomial, p: Any) -> Any:
+        return roots.has_sides(cls.form, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
     @staticmethod
-    def uv(placed: Placed, p: Any) -> tuple[Any, Any]:
+    def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
         return globe(placed.inverse.point(p))
 
     def mitsuba(self) -> str:
@@ -332,7 +285,17 @@ DIFFERENCE = 2.0**-13
 @cache
 def _kind(form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type[Polynomial]:
     """The polynomials that share their code."""
-    return type("Polynomial", (Polynomial,), {"form": form, "closed": closed, "solid": clip.solid, "loose": loose})
+    count = len(form.factors)
+    facts = {
+        "form": form,
+        "closed": closed,
+        "solid": clip.solid,
+        "loose": loose,
+        "uses_part": closed,
+        "parts": count + clip.solid.parts if closed else count,
+        "crossings": 2 * closed + sum(f.degree for f in form.factors),
+    }
+    return type("Polynomial", (Polynomial,), facts)
 
 
 def _slopes(built: Built, known: dict[str, float], name: str) -> list[float]:

@@ -1,19 +1,27 @@
-"""What every primitive is, and the two families: flat ones and closed convex solids.
+"""What every primitive is: the contract between the kinds and everything that traces rays.
 
-A kind is one file. It declares its fields, says how its canonical shape is placed in the world (`frame`), and answers
-for that canonical shape; the family does the rest. A kind that fits neither family overrides the methods of Primitive.
+A kind is one file. It declares its fields and answers a few questions about one row, in kernels that serve all rows of
+its batch. All else is derived from these answers: closest and any hit, shadows in colour, media, CSG (accel/search.py,
+accel/crossings.py).
 
-How a ray meets an object, in three steps that share their work:
-    kind.placed(table, outer)   once a scene: what of the object depends on no ray
-    kind.seen(placed, o)        once an origin: camera and point lights are origins shared by all rays
-    kind.crossings(seen, d)     once a ray
+    rows.placed(outer)                 what depends on no ray: once a scene
+    rows.bounds(outer)                 a box and a ball in the world that hold the object
+    kind.seen(placed, o)               what depends on the ray's origin: once for rays that share it
+    kind.crossing(seen, ray, begin, end, known)
+                                       the first crossing between two distances, with what is known of its ends
+    kind.inside(placed, p)             whether a point is in a closed kind
+    kind.surface_at(placed, p, part)      (f, g): f is zero on the surface, below zero inside; g its gradient
+    kind.uv(placed, p, part)           texture coordinates of a point of the surface
 
-All of it is double. The distance t along the world ray is kept by affine maps, so local directions are not normalised.
+`placed` and `seen` are records of arrays, an entry a row or a lane; what rows have in common is in a pytree.Shared. All
+of it is double. The distance t along the world ray is kept by affine maps, so local directions are not normalised.
+The families Flat and Solid answer for kinds that are a canonical shape in a frame; a kind may be defined by another
+kind (torus.py).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -22,20 +30,39 @@ from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
 from visray.quantities import Arrays, Name, quantities, stacked
-from visray.ray import Ray
+from visray.ray import Crossing, KnownEnds, Ray
 from visray.transforms import Transform, compose
 
 
 @dataclass(frozen=True)
-class Seen:
-    """An object as seen from an origin: the inverse of its frame, and the origin in local coordinates."""
+class Bounds:
+    """A box (low, high) and a ball (centre, radius) in world units that hold an object, to within rounding."""
+
+    low: Any
+    high: Any
+    centre: Any
+    radius: Any
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An object in the world: the inverse of its frame, and what parameters its canonical shape has."""
 
     inverse: Any
+    shape: tuple = ()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object as seen from an origin: as Placed, and the origin in local coordinates."""
+
+    inverse: Any
+    shape: tuple
     o: Any
 
 
 @dataclass(frozen=True)
-class Twin:
+class MitsubaShapes:
     """The same object for Mitsuba: shapes as plain dicts, and how our (u, v) follow from Mitsuba's.
 
     A shape is a canonical one and an affine map `to_world` (4 x 4): a `rectangle`, `disk`, `cylinder`, `cone` or
@@ -56,10 +83,16 @@ class Primitive:
     material: Name = "default"
     transform: tuple[Transform, ...] = ()
 
-    closed: ClassVar[bool] = False
-    bounded: ClassVar[bool] = True
-    # Whether crossings are searched for, and come with a certificate (`unresolved`).
-    searched: ClassVar[bool] = False
+    # Facts, without types, as they are no fields. closed: the surface of a solid; bounded: a box holds it; smooth: it
+    # has no creases; searched: crossings are searched for, and come with a certificate; parts: how many its surface
+    # has; uses_part: crossings depend on the part that a ray leaves or ends on; crossings: a line has at most so many.
+    closed = False
+    bounded = True
+    smooth = False
+    searched = False
+    parts = 1
+    uses_part = False
+    crossings = 1
 
     @property
     def kind(self) -> "type[Primitive]":
@@ -67,19 +100,14 @@ class Primitive:
         return type(self)
 
     @classmethod
-    def columns(cls, thing: Any, table: Any) -> dict[str, Any]:
-        """The arrays of a table by the names of an object's numbers, as in addresses."""
-        return {name: getattr(table, name) for name in quantities(cls)}
-
-    @classmethod
     def table(cls, a: Arrays, things: list) -> Any:
         """The numbers of objects of this kind as arrays, an entry each."""
         return stacked(a, cls, things)
 
-    @staticmethod
-    def gone(inside: Any) -> Any:
-        """Whether a ray that leaves the object, and runs into it or not, never meets it again."""
-        raise TypeError("not known")
+    @classmethod
+    def columns(cls, thing: Any, table: Any) -> dict[str, Any]:
+        """The arrays of a table by the names of an object's numbers, as in addresses."""
+        return {name: getattr(table, name) for name in quantities(cls)}
 
     def flaws(self) -> list[tuple[str, str]]:
         """What no field alone can show to be wrong: pairs of a field and what is wrong with it."""
@@ -89,96 +117,72 @@ class Primitive:
         """The map from the canonical shape to the object, before its transform. Fields are Dr.Jit arrays here."""
         raise TypeError(f"{type(self).__name__} has no frame")
 
+    def shape(self) -> tuple:
+        """The parameters of the canonical shape: what of it no frame can change. Fields are Dr.Jit arrays here."""
+        return ()
+
     def placed(self, outer: Frame | None) -> Any:
-        """What of the object depends on no ray: by default the inverse of its frame."""
-        return self.frame().then(outer).inverse()
+        """What of the object depends on no ray."""
+        return Placed(self.frame().then(outer).inverse(), self.shape())
 
-    def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
-        """Centre and radius of a sphere in the world that holds the object."""
+    def bounds(self, outer: Frame | None) -> Bounds:
+        """A box and a ball in the world that hold the object. Domain: bounded kinds."""
         whole = self.frame().then(outer)
-        return whole.o, self.reach(whole)
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """The least corner and the greatest of a box in world units that holds the object, or None if it is
-        unbounded."""
-        if not self.bounded:
-            return None
-        centre, radius = (np.array(v, float) for v in self.numbers().sphere(self.outer_numbers()))
-        return centre - radius, centre + radius
-
-    def numbers(self) -> "Primitive":
-        """This object as `scalars`."""
-        return scalars(self)
-
-    def outer_numbers(self) -> Frame | None:
-        """The object's transform as a Frame of scalar values."""
-        whole = compose(self.transform)
-        return None if whole is None else Frame(*(Array3f64(*column) for column in whole.T))
+        radius, half = self.extents(whole, self.shape())
+        return Bounds(whole.o - half, whole.o + half, whole.o, radius)
 
     @staticmethod
-    def reach(whole: Frame | Similarity) -> Any:
-        """Radius of a sphere about the frame's origin that holds the placed canonical shape."""
-        raise TypeError("an unbounded primitive has no reach")
+    def extents(whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
+        """Radius of a ball about the frame's origin that holds the placed canonical shape, and half the sides of a box
+        about it that does."""
+        raise TypeError("an unbounded primitive has no extents")
 
     @staticmethod
-    def seen(placed: Any, o: Any) -> Seen:
+    def seen(placed: Any, o: Any) -> Any:
         """What of the object depends on the ray's origin only."""
-        return Seen(placed, placed.point(o))
+        return Seen(placed.inverse, placed.shape, placed.inverse.point(o))
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
-        """Distance of the first crossing with t > 0, inf if there is none.
+    def crossing(cls, seen: Any, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
+        """The first crossing at a distance above `begin` and below `end` (None: there is no end)."""
+        raise TypeError(f"{cls.__name__} has no crossing")
 
-        `leaving`: the ray starts on this object, and runs into it if `inside`; None if no ray does.
-        """
-        raise TypeError(f"{cls.__name__} has no first crossing")
-
-    @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
-        """Whether the object lies between the ray's origin and the point at `length`.
-
-        `arrives`: that point lies on this object; `inward`: the ray reaches it from within. leaving, inside: as in
-        first.
-        """
-        raise TypeError(f"{cls.__name__} has no blocks")
+    @staticmethod
+    def never_rehit(inside: Any) -> Any:
+        """Whether a ray that leaves the object, and runs into it or not, never meets it again."""
+        return False
 
     @classmethod
-    def runs_within(cls, seen: Seen, ray: Ray, outwards: Any, begin: Any, end: Any, error: Any) -> Any:
+    def runs_inside(cls, seen: Any, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
         """Whether a ray runs in the object between two distances, of which one is on its surface.
 
-        outwards: the ray's slope along the normal there, as seen by who goes away from there. error: how well that
-        point is known.
+        slope: that of the ray along the normal there, as seen by who goes away from there. error: how well that point
+        is known.
         """
-        return outwards < 0
+        return slope < 0
 
     @classmethod
-    def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
-        """For a ray that the object lies in the way of: whether it enters and leaves it on that way, and how long it is
-        inside. A point of the object's own surface counts as entered or left. A flat object has no inside.
-        """
-        return arrives & ~arrives, 0 * length
-
-    @classmethod
-    def unresolved(cls, seen: Any, ray: Ray) -> Any:
-        """How many parts of a ray are left of which it is not known whether the object is crossed there: 0 expected."""
-        raise TypeError(f"{cls.__name__} is not searched for")
+    def inside(cls, placed: Any, p: Any) -> Any:
+        """Whether a point is in the object. Domain: closed kinds."""
+        return cls.surface_at(placed, p)[0] < 0
 
     @staticmethod
-    def level(placed: Any, p: Any) -> tuple[Any, Any]:
-        """(f, g): a function that is zero on the surface and its world gradient at p, outwards."""
-        raise TypeError("no level")
+    def surface_at(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
+        """(f, g): a function that is zero on the surface and its world gradient at p, outwards. part: the one that p is
+        on; None: the nearest."""
+        raise TypeError("no surface")
 
     @staticmethod
-    def sided(placed: Any, p: Any) -> Any:
+    def has_sides(placed: Any, p: Any) -> Any:
         """Whether there is one normal at a point of the surface, and so two sides."""
         return True
 
     @staticmethod
-    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
+    def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
         """Texture coordinates of a point on the surface; v runs upwards."""
         raise TypeError("no uv")
 
-    def mitsuba(self) -> Twin | str:
+    def mitsuba(self) -> MitsubaShapes | str:
         """The same shape for Mitsuba, or why there is none."""
         return f"Mitsuba has no {self.type}"
 
@@ -187,6 +191,33 @@ def scalars(thing: Any) -> Any:
     """A record with its fields as scalar Dr.Jit values, so that the methods written for kernels serve the host."""
     sizes = quantities(type(thing))
     return replace(thing, **{k: Array3f64(*getattr(thing, k)) for k, q in sizes.items() if q.size == 3})
+
+
+def outer_frame(thing: Primitive) -> Frame | None:
+    """An object's transform as a Frame of scalar values."""
+    whole = compose(thing.transform)
+    return None if whole is None else Frame(*(Array3f64(*column) for column in whole.T))
+
+
+def box_of(thing: Primitive) -> tuple[np.ndarray, np.ndarray] | None:
+    """The least corner and the greatest of a box in world units that holds an object, or None if it is unbounded."""
+    if not thing.bounded:
+        return None
+    bounds = scalars(thing).bounds(outer_frame(thing))
+    return np.array(bounds.low, float), np.array(bounds.high, float)
+
+
+def half_box(frame: Frame | Similarity, straight: str, round: str = "") -> Any:
+    """Half the sides of the box that holds the image of a canonical shape about its frame's origin: the sum of an
+    interval from -1 to 1 along each of the axes named in `straight`, and of the unit ball over those in `round`."""
+    if isinstance(frame, Similarity):
+        return frame.scale
+    axes = {k: dr.abs(getattr(frame, k)) for k in straight + round}
+    half = sum((axes[k] for k in straight), 0)
+    if not round:
+        return half
+    squares = sum(axes[k] * axes[k] for k in round)
+    return half + type(squares)(*(dr.sqrt(x) for x in squares))
 
 
 def boxed_reach(whole: Frame) -> Any:

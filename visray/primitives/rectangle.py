@@ -8,7 +8,7 @@ import numpy as np
 
 from visray.geometry import Frame
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin, homogeneous
+from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
 from visray.quantities import Point, Vector
 from visray.transforms import compose
 
@@ -35,12 +35,13 @@ class Rectangle(Flat):
         return Frame(w, h, dr.normalize(dr.cross(w, h)), self.center)
 
     @staticmethod
-    def reach(whole: Frame) -> Any:
-        return dr.sqrt(dr.maximum(dr.squared_norm(whole.x + whole.y), dr.squared_norm(whole.x - whole.y)))
+    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
+        longest = dr.maximum(dr.squared_norm(whole.x + whole.y), dr.squared_norm(whole.x - whole.y))
+        return dr.sqrt(longest), half_box(whole, "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
         return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
 
-    def mitsuba(self) -> Twin | str:
-        return Twin([{"type": "rectangle", "to_world": homogeneous(self.numbers().frame(), compose(self.transform))}])
+    def mitsuba(self) -> MitsubaShapes | str:
+        return MitsubaShapes([{"type": "rectangle", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])

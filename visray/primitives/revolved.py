@@ -5,6 +5,7 @@ from typing import Any
 import drjit as dr
 
 from visray.geometry import Frame, tangents
+from visray.primitives.primitive import half_box
 from visray.primitives.solid import Solid
 
 
@@ -24,9 +25,9 @@ class Revolved(Solid):
     """A closed solid about the z axis of its frame, between z = -1 and z = 1, nowhere wider than 1."""
 
     @staticmethod
-    def reach(whole: Frame) -> Any:
+    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
         across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
         along = dr.norm(whole.z)
         # Upright cylinders reach the corner of their section; leaning the axis adds at most the plain sum.
         lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
-        return dr.sqrt(across * across + along * along + 2 * lean)
+        return dr.sqrt(across * across + along * along + 2 * lean), half_box(whole, "z", "xy")

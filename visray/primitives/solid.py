@@ -1,28 +1,49 @@
 """Closed convex solids: a ray is inside them on one interval."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 
-from visray.primitives.primitive import Primitive, Seen
-from visray.ray import Ray
+from visray.primitives.primitive import Placed, Primitive, Seen
+from visray.ray import Crossing, KnownEnds, Ray
 
 
-def slab(z: Any, dz: Any) -> tuple[Any, Any]:
-    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never."""
+@dataclass(frozen=True)
+class Interval:
+    """Where a line is inside a convex shape: from `near` to `far`, nowhere if near > far or either is NaN; and the
+    parts of the surface that it passes there, None where it has one only."""
+
+    near: Any
+    far: Any
+    near_part: Any = None
+    far_part: Any = None
+
+    def common(self, other: "Interval") -> "Interval":
+        """What two intervals have in common; (inf, -inf) where this one is empty or NaN."""
+        missed = ~(self.near <= self.far)
+        later, sooner = self.near > other.near, self.far < other.far
+        near, far = dr.select(later, self.near, other.near), dr.select(sooner, self.far, other.far)
+        parts = None, None
+        if self.near_part is not None:
+            parts = (
+                dr.select(later, self.near_part, other.near_part),
+                dr.select(sooner, self.far_part, other.far_part),
+            )
+        return Interval(dr.select(missed, dr.inf, near), dr.select(missed, -dr.inf, far), *parts)
+
+
+def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interval:
+    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never. The parts of
+    its two sides."""
     inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
     middle, half = -z * inverse, dr.abs(inverse)
     near = dr.select(dz == 0, dr.select(inside, -dr.inf, dr.inf), middle - half)
     far = dr.select(dz == 0, dr.select(inside, dr.inf, -dr.inf), middle + half)
-    return near, far
-
-
-def common(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
-    """What two intervals have in common; (inf, -inf) where the first is empty or NaN."""
-    (near, far), (t0, t1) = a, b
-    missed = ~(near <= far)
-    first, last = dr.select(near > t0, near, t0), dr.select(far < t1, far, t1)
-    return dr.select(missed, dr.inf, first), dr.select(missed, -dr.inf, last)
+    if low_part is None:
+        return Interval(near, far)
+    up, u = dz > 0, dr.uint32_array_t(z)
+    return Interval(near, far, *(dr.select(up, u(x), u(y)) for x, y in ((low_part, high_part), (high_part, low_part))))
 
 
 class Solid(Primitive):
@@ -32,70 +53,75 @@ class Solid(Primitive):
     """
 
     closed = True
+    crossings = 2
 
     @staticmethod
-    def gone(inside: Any) -> Any:
+    def never_rehit(inside: Any) -> Any:
         return ~inside
 
     @staticmethod
-    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
-        """Entry and exit (t0, t1) of the line o + t d through the canonical shape; t0 > t1 or NaN where it misses.
-
-        `squared` is |d|^2. The test is always `t0 <= t1`, which NaN fails.
-        """
+    def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
+        """The line o + t d in the canonical shape. `squared` is |d|^2. The test is always `near <= far`, which NaN
+        fails."""
         raise TypeError("no interval")
 
     @staticmethod
-    def depth(p: Any) -> tuple[Any, Any]:
-        """(f, g) on the canonical shape: f zero on the surface and negative inside, g its gradient."""
+    def part_at(q: Any, shape: tuple) -> Any:
+        """The part of the canonical shape's surface that is nearest to a point; None where it has one only."""
+        return None
+
+    @staticmethod
+    def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        """(f, g) on the canonical shape, for one part of its surface: f zero there and negative inside, g its
+        gradient."""
         raise TypeError("no depth")
 
+    @staticmethod
+    def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        """Texture coordinates of a point of a part of the canonical shape's surface."""
+        raise TypeError("no uv")
+
     @classmethod
-    def intervals(cls, seen: Seen, d: Any) -> tuple[Any, Any]:
-        """Entry and exit of the whole line; no entry where t0 > t1."""
+    def intervals(cls, seen: Seen, d: Any) -> Interval:
+        """Where the whole line is inside."""
         local = seen.inverse.vector(d)
-        return cls.interval(seen.o, local, seen.inverse.squared_length(local))
+        return cls.interval(seen.o, local, seen.inverse.squared_length(local), seen.shape)
 
     @classmethod
-    def first(cls, seen: Seen, ray: Ray, leaving: Any, inside: Any) -> Any:
-        t0, t1 = cls.intervals(seen, ray.d)
-        near = 0 if ray.start is None else ray.start
-        t = dr.select(t0 > near, t0, t1)
-        if leaving is not None:
-            t = dr.select(leaving, dr.select(inside, t1, dr.inf), t)
-            # From its own far side the ray may be as near as it likes.
-            near = near if ray.start is None else dr.select(leaving, 0, near)
-        return dr.select((t0 <= t1) & (t > near), t, dr.inf)
+    def crossing(cls, seen: Seen, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
+        line = cls.intervals(seen, ray.d)
+        entering = line.near > begin
+        if known.on_start is not None:
+            entering &= ~known.on_start
+        t = dr.select(entering, line.near, line.far)
+        ahead = (line.near <= line.far) & (t > begin)
+        if known.on_start is not None:
+            ahead &= ~known.on_start | known.inside
+        met = ahead if end is None else ahead & (t < end)
+        if known.on_end is not None:
+            # One of its two crossings is the end itself.
+            met = dr.select(known.on_end, ahead & entering & known.inward, met)
+        part = None if line.near_part is None else dr.select(entering, line.near_part, line.far_part)
+        return Crossing(dr.select(met, t, dr.inf), part, entering | ~ahead)
 
     @classmethod
-    def blocks(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, inward: Any, leaving: Any, inside: Any) -> Any:
-        t0, t1 = cls.intervals(seen, ray.d)
-        near = 0 if ray.start is None else ray.start
-        enters, leaves = t0 > near, t1 > near
-        if leaving is not None:
-            enters, leaves = enters & ~leaving, dr.select(leaving, inside, leaves)
-        other = (enters & (t0 < length)) | (leaves & (t1 < length))
-        return (t0 <= t1) & dr.select(arrives, inward & enters, other)
-
-    @classmethod
-    def runs_within(cls, seen: Seen, ray: Ray, outwards: Any, begin: Any, end: Any, error: Any) -> Any:
+    def runs_inside(cls, seen: Seen, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
         """By the depth of the middle: an edge has more than one normal."""
-        t0, t1 = cls.intervals(seen, ray.d)
-        middle = 0.5 * (dr.select(t0 > begin, t0, begin) + dr.select(t1 < end, t1, end))
-        there = (t0 <= t1) & (dr.abs(middle) < dr.inf)
-        f, g = cls.depth(seen.o + dr.select(there, middle, 0) * seen.inverse.vector(ray.d))
+        line = cls.intervals(seen, ray.d)
+        first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
+        middle = 0.5 * (first + last)
+        there = (line.near <= line.far) & (dr.abs(middle) < dr.inf)
+        q = seen.o + dr.select(there, middle, 0) * seen.inverse.vector(ray.d)
+        f, g = cls.depth(q, cls.part_at(q, seen.shape), seen.shape)
         return there & (f < -error * dr.norm(seen.inverse.normal(g)))
 
     @classmethod
-    def passage(cls, seen: Seen, ray: Ray, length: Any, arrives: Any, leaving: Any) -> tuple[Any, Any]:
-        t0, t1 = cls.intervals(seen, ray.d)
-        near = 0 if ray.start is None else ray.start
-        entered, left = t0 > near, arrives | (t1 < length)
-        if leaving is not None:
-            entered |= leaving
-        return entered & left, dr.select(t1 < length, t1, length) - dr.select(t0 > 0, t0, 0)
+    def surface_at(cls, placed: Placed, p: Any, part: Any = None) -> tuple[Any, Any]:
+        q = placed.inverse.point(p)
+        f, g = cls.depth(q, cls.part_at(q, placed.shape) if part is None else part, placed.shape)
+        return f, placed.inverse.normal(g)
 
     @classmethod
-    def level(cls, placed: Any, p: Any) -> tuple[Any, Any]:
-        f, g = cls.depth(placed.point(p))
-        return f, placed.normal(g)
+    def uv(cls, placed: Placed, p: Any, part: Any = None) -> tuple[Any, Any]:
+        q = placed.inverse.point(p)
+        return cls.uv_of(q, cls.part_at(q, placed.shape) if part is None else part, placed.shape)

@@ -7,8 +7,8 @@ import drjit as dr
 from drjit.scalar import Array3f64
 
 from visray.geometry import Frame, Similarity
-from visray.primitives.primitive import Twin, homogeneous
-from visray.primitives.solid import Solid
+from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous
+from visray.primitives.solid import Interval, Solid
 from visray.quantities import Length, Point
 from visray.transforms import compose
 
@@ -26,6 +26,8 @@ class Sphere(Solid):
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
     """
 
+    smooth = True
+
     type: Literal["sphere"] = "sphere"
     center: Point = (0.0, 0.0, 0.0)
     radius: Length = 1.0
@@ -34,29 +36,29 @@ class Sphere(Solid):
         return Similarity(self.radius, self.center)
 
     @staticmethod
-    def reach(whole: Frame | Similarity) -> Any:
-        return whole.longest()
+    def extents(whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
+        return whole.longest(), half_box(whole, "", "xyz")
 
     @staticmethod
-    def interval(o: Any, d: Any, squared: Any) -> tuple[Any, Any]:
+    def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """Recentred at the line's point nearest to the centre, where no digits cancel (Hearn and Baker; Haines)."""
         scale = dr.rcp(squared)
         middle = -dr.dot(o, d) * scale
         nearest = o + middle * d
         half = dr.sqrt((1 - dr.squared_norm(nearest)) * scale)
-        return middle - half, middle + half
+        return Interval(middle - half, middle + half)
 
     @staticmethod
-    def depth(p: Any) -> tuple[Any, Any]:
-        return 0.5 * (dr.squared_norm(p) - 1), p
+    def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        return 0.5 * (dr.squared_norm(q) - 1), q
 
     @staticmethod
-    def uv(placed: Any, p: Any) -> tuple[Any, Any]:
-        return globe(placed.point(p))
+    def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
+        return globe(q)
 
-    def mitsuba(self) -> Twin | str:
+    def mitsuba(self) -> MitsubaShapes | str:
         w, r = Array3f64, self.radius
         # Mitsuba's poles are on its z axis, its u begins at its x axis, and its v at the north pole.
         frame = Frame(w(-r, 0, 0), w(0, 0, r), w(0, r, 0), w(*self.center))
         whole = homogeneous(frame, compose(self.transform))
-        return Twin([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))
+        return MitsubaShapes([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))

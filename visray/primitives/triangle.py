@@ -8,7 +8,7 @@ import numpy as np
 
 from visray.geometry import Frame
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Twin
+from visray.primitives.primitive import Bounds, MitsubaShapes, outer_frame, scalars
 from visray.quantities import Point
 
 
@@ -75,18 +75,20 @@ class Triangle(Flat):
         a, b, c = (v if outer is None else outer.point(v) for v in (self.a, self.b, self.c))
         return Corners(a, b, c, dr.normalize(dr.cross(b - a, c - a)))
 
-    def sphere(self, outer: Frame | None) -> tuple[Any, Any]:
+    def bounds(self, outer: Frame | None) -> Bounds:
         p = self.placed(outer)
         centre = (p.a + p.b + p.c) / 3
         far = [dr.squared_norm(v - centre) for v in (p.a, p.b, p.c)]
-        return centre, dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), far[2]))
+        radius = dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), far[2]))
+        low, high = (f(f(p.a, p.b), p.c) for f in (dr.minimum, dr.maximum))
+        return Bounds(low, high, centre, radius)
 
     @staticmethod
     def seen(placed: Corners, o: Any) -> SeenCorners:
         return SeenCorners(placed.a - o, placed.b - o, placed.c - o, placed.n)
 
     @classmethod
-    def crossing(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any, Any]:
+    def through(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any, Any]:
         a, b, c = (_beside(d, v) for v in (seen.a, seen.b, seen.c))
         wa, wb, wc = _area(b, c), _area(c, a), _area(a, b)
         whole = wa + wb + wc
@@ -96,16 +98,16 @@ class Triangle(Flat):
         return t, inside & (whole != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
 
     @staticmethod
-    def level(placed: Corners, p: Any) -> tuple[Any, Any]:
+    def surface_at(placed: Corners, p: Any, part: Any = None) -> tuple[Any, Any]:
         return dr.dot(p - placed.a, placed.n), placed.n
 
     @staticmethod
-    def uv(placed: Corners, p: Any) -> tuple[Any, Any]:
+    def uv(placed: Corners, p: Any, part: Any = None) -> tuple[Any, Any]:
         x, y = placed.b - placed.a, placed.c - placed.a
         local = Frame(x, y, dr.cross(x, y), placed.a).inverse().point(p)
         return local.x, local.y
 
-    def mitsuba(self) -> Twin | str:
-        corners = self.numbers().placed(self.outer_numbers())
+    def mitsuba(self) -> MitsubaShapes | str:
+        corners = scalars(self).placed(outer_frame(self))
         corners = np.array([corners.a, corners.b, corners.c], float)
-        return Twin([{"type": "mesh", "vertices": corners, "faces": np.array([[0, 1, 2]])}])
+        return MitsubaShapes([{"type": "mesh", "vertices": corners, "faces": np.array([[0, 1, 2]])}])

@@ -1,41 +1,22 @@
 """Where rays first cross the surface of a form."""
 
 import operator
-from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
 import drjit as dr
 
 from visray.polynomials import Form
+from visray.ray import NOTHING_KNOWN, Crossing, KnownEnds
 from visray.roots.along import Way, along
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """The first crossing of a way: its distance where it is `found`; negative: whether the surface's function is below
-    zero at the beginning; unresolved: as in Isolated."""
-
-    t: Any
-    found: Any
-    negative: Any
-    unresolved: Any
-
-
-@dataclass(frozen=True)
-class Ends:
-    """What is known of a way's ends. on_start: it begins on the surface, and runs on where the function is below zero
-    (`negative`) or not; on_end: it ends on the surface. Crossings within the rounding of such an end are not met."""
-
-    on_start: Any = None
-    negative: Any = None
-    on_end: Any = None
-
-
 def first_crossing(
-    form: Form, slots: tuple, way: Way, active: Any, ends: Ends = Ends(), tolerance: Any = None
+    form: Form, slots: tuple, way: Way, active: Any, known: KnownEnds = NOTHING_KNOWN, tolerance: Any = None
 ) -> Crossing:
-    """Where the way first crosses the surface of a form, with the values `slots`.
+    """Where the way first crosses the surface of a form, with the values `slots`; its parts are the form's factors. It
+    enters where the form is not below zero at the beginning. Crossings within the rounding of an end that is known to
+    lie on the surface are not met.
 
     tolerance: how far off s may be, where it is more than rounding; degrees 1 and 2 are not concerned. None: none,
     and no code for it.
@@ -47,27 +28,28 @@ def first_crossing(
     # A way that begins within rounding of a zero begins on the side that it runs to.
     signs = [p.runs_below(x, dr.abs(x) <= o) for x, o, p in zip(at_start, off, courses)]
     floors = [0 * x for x in at_start]
-    if ends.on_start is not None:
+    if known.on_start is not None:
         near = _nearest(at_start, off)
         # All of the value there is rounding: that of the point, and its own.
-        floors = [dr.select(ends.on_start & n, dr.abs(x) + o, 0) for n, x, o in zip(near, at_start, off)]
-    if ends.on_end is not None:
+        floors = [dr.select(known.on_start & n, dr.abs(x) + o, 0) for n, x, o in zip(near, at_start, off)]
+    if known.on_end is not None:
         at_end, off = [p.value(way.last) for p in courses], [p.off_at(way.last) for p in courses]
-        sizes = [dr.select(ends.on_end & n, dr.abs(x) + o, 0) for n, x, o in zip(_nearest(at_end, off), at_end, off)]
+        sizes = [dr.select(known.on_end & n, dr.abs(x) + o, 0) for n, x, o in zip(_nearest(at_end, off), at_end, off)]
         floors = [dr.maximum(f, size) for f, size in zip(floors, sizes)]
     negative = reduce(operator.xor, signs) ^ (form.sign < 0)
-    if ends.on_start is not None:
-        wrong = ends.on_start & (negative != ends.negative)
+    if known.on_start is not None:
+        wrong = known.on_start & (negative != known.inside)
         signs = [s ^ (wrong & n) for s, n in zip(signs, near)]
         negative = negative ^ wrong
-    found, t, unresolved = active & ~active, dr.inf, 0
-    for course, sign, floor in zip(courses, signs, floors):
-        there, s, left = course.first(sign, floor, active, ends.on_start, tolerance)
-        there &= way.begun(s)
-        distance = dr.select(there, way.distance(s), dr.inf)
-        t = distance if len(courses) == 1 else dr.minimum(t, distance)
-        found, unresolved = found | there, unresolved + left
-    return Crossing(t, found, negative, unresolved)
+    t, part, unresolved = dr.inf, None, 0
+    for number, (course, sign, floor) in enumerate(zip(courses, signs, floors)):
+        there, s, left = course.first(sign, floor, active, known.on_start, tolerance)
+        distance = dr.select(there & way.begun(s), way.distance(s), dr.inf)
+        if len(courses) > 1:
+            u = dr.uint32_array_t(distance)
+            part = u(0) if part is None else dr.select(distance < t, u(number), part)
+        t, unresolved = distance if number == 0 else dr.minimum(t, distance), unresolved + left
+    return Crossing(t, part, ~negative, unresolved)
 
 
 def _nearest(values: list, off: list) -> list:

@@ -14,13 +14,7 @@ from visray.roots.numbers import Slope
 SMALLEST = 2.0**-500
 
 
-def below(form: Form, slots: tuple, q: Any) -> Any:
-    """Whether the product of a form's factors, each once, is below zero at a point."""
-    signs = [interpret(factor.code, slots, tuple(q)) < 0 for factor in form.factors]
-    return reduce(operator.xor, signs) ^ (form.sign < 0)
-
-
-def sided(form: Form, slots: tuple, q: Any, reach: Any) -> Any:
+def has_sides(form: Form, slots: tuple, q: Any, reach: Any) -> Any:
     """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
     found = []
     for factor in form.factors:
@@ -35,22 +29,24 @@ def _sloped(factor: Factor, slots: tuple, q: Any) -> Slope:
     return interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), tuple(axes))
 
 
-def level(form: Form, slots: tuple, q: Any, step: Any) -> tuple[Any, Any]:
+def level(form: Form, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
 
-    Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
+    part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
     """
-    found = []
+    levels = []
     for factor in form.factors:
         s = _sloped(factor, slots, q)
         g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
-        found.append(_unit(factor, slots, q, step, s.x, g))
-    f, g = found[0]
+        levels.append(_unit(factor, slots, q, step, s.x, g))
+    f, g = levels[0]
     others = type(f)(-1 if form.sign < 0 else 1)
-    for near, normal in found[1:]:
-        nearer = dr.abs(near) < dr.abs(f)
-        others = dr.mulsign(others, dr.select(nearer, f, near))
-        f, g = dr.select(nearer, near, f), dr.select(nearer, normal, g)
+    for number, (distance, normal) in enumerate(levels[1:], 1):
+        nearer = dr.abs(distance) < dr.abs(f)
+        if part is not None:
+            nearer = dr.select(part < len(levels), part == number, nearer)
+        others = dr.mulsign(others, dr.select(nearer, f, distance))
+        f, g = dr.select(nearer, distance, f), dr.select(nearer, normal, g)
     return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
 
 

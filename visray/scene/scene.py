@@ -71,6 +71,7 @@ class Settings:
     `misses`: what a secondary ray finds that hits nothing, the background or the scene's `ambient`. `local`: whether
     the own colour of a transparent surface is weighted with 1 - kt, or stands in full. `area`: whether area lights
     light from every sample, or, as in the original, from their centre with a shadow from every sample.
+    `accelerator`: how rays find what they hit; the picture is the same bit for bit.
     """
 
     __pydantic_config__ = STRICT
@@ -85,6 +86,7 @@ class Settings:
     misses: Literal["background", "ambient"] = "background"
     local: Literal["weighted", "full"] = "weighted"
     area: Literal["samples", "centre"] = "samples"
+    accelerator: Literal["auto", "none", "tree"] = "auto"
     occlusion: Occlusion = field(default_factory=Occlusion)
     scatter: Scatter = field(default_factory=Scatter)
 

@@ -10,11 +10,11 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
-from visray.exposure import Set, set_up
-from visray.ray import NO_OBJECT, Hit, Ray, Surface, unit
+from visray.accel.search import RayOrigin, closest
+from visray.interaction import surface_of
+from visray.ray import NO_ROW, Hit, Ray, Surface, unit
 from visray.scene.scene import Scene
-from visray.scenery import feel
-from visray.search import Watch, closest
+from visray.setup import Prepared, prepare
 
 
 @dataclass(frozen=True)
@@ -71,17 +71,16 @@ class Ours:
     """A scene as visray sees it; `names` are its objects in the order of its indices."""
 
     def __init__(self, scene: Scene):
-        self.made: Set = set_up(scene)
-        self.a, self.stage = self.made.a, self.made.stage
-        self.scenery = self.stage.scenery
-        self.names = tuple(name for k in self.scenery.kin for name in k.names)
+        self.prepared: Prepared = prepare(scene)
+        self.a, self.kernel = self.prepared.a, self.prepared.kernel
+        self.names = tuple(name for batch in self.kernel.batches for name in batch.names)
         self.centre = np.array(scene.camera.origin, float)
 
     def pixel_rays(self) -> Rays:
         """The rays through the centres of the pixels, row by row."""
-        film = self.made.scene.film
+        film = self.prepared.scene.film
         y, x = np.divmod(np.arange(film.width * film.height, dtype=np.uint32), np.uint32(film.width))
-        ray = integrator.camera_ray(self.stage, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
+        ray = integrator.camera_ray(self.kernel, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
         return Rays(np.zeros((1, 3), np.float32), rows(ray.d).astype(np.float32))
 
     def triples(self, v: np.ndarray) -> Any:
@@ -93,13 +92,13 @@ class Ours:
         a = self.a
         leaving = () if source is None else (a.U(source.astype(np.uint32)), dr.full(a.B, False, len(d)))
         shared = len(o) == 1 and not o.any()
-        ray = Ray(self.stage.view.o if shared else self.triples(self.centre + o), unit(self.triples(d), a.W), *leaving)
-        watch = self.stage.watch if shared else Watch(a, self.scenery.kin, self.scenery.groups, ray.o)
-        hit = closest(watch, ray)
-        surface, _, u, v = feel(self.scenery, ray, hit)
+        ray = Ray(self.kernel.view.o if shared else self.triples(self.centre + o), unit(self.triples(d), a.W), *leaving)
+        origin = self.kernel.origin if shared else RayOrigin(self.kernel.geometry, ray.o)
+        hit = closest(origin, ray)
+        surface, _, u, v = surface_of(self.kernel, ray, hit)
         dr.eval(hit, surface, u, v)
-        index = np.array(hit.index).astype(np.int64)
-        index[index == NO_OBJECT] = -1
+        index = np.array(hit.row).astype(np.int64)
+        index[index == NO_ROW] = -1
         uv = np.stack([np.array(u, float), np.array(v, float)], 1)
         return Look(ray, hit, surface, Answers(index, np.array(hit.t), rows(surface.n), uv))
 
@@ -109,4 +108,4 @@ class Ours:
 
     def colours(self, look: Look) -> np.ndarray:
         """The light along rays from the camera. Shapes: (N, 3)."""
-        return rows(integrator.radiance(self.stage, look.ray)[0])
+        return rows(integrator.radiance(self.kernel, look.ray)[0])

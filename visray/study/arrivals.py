@@ -7,13 +7,15 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray import integrator, tables, trees
-from visray.lighting import beam, spread
+from visray import integrator, pytree
+from visray.accel.search import RayOrigin, Target, occluded, transmittance
+from visray.direct import area_light, light_sample
+from visray.interaction import Interaction, interact
+from visray.kernel_scene import PreparedLight
 from visray.lights.light import AreaLight, Light
-from visray.ray import NO_OBJECT, Ray
-from visray.sampling import Lot
-from visray.scenery import Lamp, Site, site
-from visray.search import End, Watch, blocked, transmitted
+from visray.quantities import stacked
+from visray.ray import NO_ROW, Ray
+from visray.sampling import SampleSet
 from visray.study.answers import Look, Ours, rows
 from visray.study.ways import Ways
 
@@ -31,23 +33,23 @@ class Arrival:
 
 def beams(ours: Ours, look: Look) -> Iterator[Arrival]:
     """The arrivals of all lights that are no area lights, in the order of the scene."""
-    here = _site(ours, look)
-    for lamp in _lamps(ours):
-        b = beam(ours.scenery, here, lamp)
-        share = None if b.share is None else np.broadcast_to(rows(b.share), (len(look.answers.t), 3))
-        yield Arrival(np.array(b.reached), np.array(b.cosine, float), share)
+    here = _interaction(ours, look)
+    for light in _lights(ours):
+        sample = light_sample(ours.kernel, here, light)
+        share = None if sample.share is None else np.broadcast_to(rows(sample.share), (len(look.answers.t), 3))
+        yield Arrival(np.array(sample.reached), np.array(sample.cosine, float), share)
 
 
 def beam_of_point(ours: Ours, look: Look, light: AreaLight, point: np.ndarray) -> Arrival:
     """The arrival of one point of an area light, from the centre, by the kernel that takes many at random."""
     a, row = ours.a, table(ours, light)
     away = a.W(*(ours.centre + point).tolist()) - row.position
-    lamp = Lamp(type(light), Pinned(row, away), Lot.of(a, 1), 1, 0, None)
+    pinned = PreparedLight(type(light), Pinned(row, away), SampleSet.of(a, 1), 1, 0, None)
 
-    def answer(_: Any, __: Site, ___: Any, b: Any) -> Any:
-        return a.V(dr.select(b.reached, a.F(1), 0), b.cosine, 0)
+    def reflected(_: Any, __: Interaction, ___: Any, sample: Any) -> Any:
+        return a.V(dr.select(sample.reached, a.F(1), 0), sample.cosine, 0)
 
-    reached, cosine, _ = rows(spread(ours.scenery, _site(ours, look), lamp, answer)).T
+    reached, cosine, _ = rows(area_light(ours.kernel, _interaction(ours, look), pinned, reflected)).T
     return Arrival(reached > 0, cosine)
 
 
@@ -64,26 +66,24 @@ class Pinned:
         return w(self.away)
 
 
-def _site(ours: Ours, look: Look) -> Site:
-    return site(ours.scenery, look.ray, look.hit, integrator.first_draw(ours.stage, len(look.answers.t)))
+def _interaction(ours: Ours, look: Look) -> Interaction:
+    return interact(ours.kernel, look.ray, look.hit, integrator.first_state(ours.kernel, len(look.answers.t)))
 
 
-def _lamps(ours: Ours) -> list[Lamp]:
-    """All lights of the scene in its order, those of crowds one by one."""
-    scene, s = ours.made.scene, ours.scenery
-    place = {name: i for i, name in enumerate(scene.lights)}
-    found = {lamp.number: lamp for lamp in s.lamps}
-    for crowd in s.crowds:
-        names = next(t.names for t in tables.troops(scene) if t.kind is crowd.kind)
-        for i, name in enumerate(names):
-            light = trees.rows(crowd.table, dr.opaque(ours.a.U, i))
-            found[place[name]] = Lamp(crowd.kind, light, None, 0, place[name], None)
-    return [found[i] for i in sorted(found)]
+def _lights(ours: Ours) -> list[PreparedLight]:
+    """All lights of the scene in its order, those that are looped over one by one."""
+    lights = {light.number: light for light in ours.kernel.lights}
+    for batch in ours.kernel.looped_lights:
+        columns = next(c for c in ours.prepared.packed.lights if c.kind is batch.kind)
+        for i, place in enumerate(columns.place):
+            row = pytree.rows(batch.table, dr.opaque(ours.a.U, i))
+            lights[place] = PreparedLight(batch.kind, row, None, 0, place, None)
+    return [lights[i] for i in sorted(lights)]
 
 
 def table(ours: Ours, light: Light) -> Any:
     """A light as the methods of its kind take it."""
-    return tables.stacked(ours.a, type(light), [light])
+    return stacked(ours.a, type(light), [light])
 
 
 def sends(ours: Ours, light: Light, ways: Ways) -> np.ndarray:
@@ -98,7 +98,7 @@ def flush(ours: Ours, p: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.
     Shapes: (3) from the centre, (objects) -> (K), (K, 3).
     """
     place = ours.a.W(*(ours.centre + p).tolist())
-    levels = [k.kind.level(g.placed, place) for k, g in zip(ours.scenery.kin, ours.scenery.groups)]
+    levels = [batch.kind.surface_at(batch.placed, place) for batch in ours.kernel.batches]
     f = np.concatenate([np.array(f, float) for f, _ in levels])
     n = np.concatenate([rows(g) for _, g in levels])
     size = np.linalg.norm(n, axis=1)
@@ -111,34 +111,32 @@ def clear(ours: Ours, look: Look, ways: Ways, active: np.ndarray, arrives: bool 
 
     `arrives`: the ways begin at points that stand for those hit, and are on the same surfaces.
     """
-    if not ours.made.scene.settings.shadows:
+    if not ours.prepared.scene.settings.shadows:
         return np.ones(len(ways.p), bool)
-    watch, ray, end = _search(ours, look, ways, arrives)
-    return ~np.array(blocked(watch, ray, end, ours.a.B(active)))
+    return ~np.array(occluded(*_search(ours, look, ways, arrives), ours.a.B(active)))
 
 
 def shares(ours: Ours, look: Look, ways: Ways, active: np.ndarray) -> np.ndarray:
     """What transparent objects leave of light on the ways from points that stand for those hit. Shapes: (N, 3)."""
-    watch, ray, end = _search(ours, look, ways, True)
-    tints = tuple((g.material.kt, g.material.dmax) for g in ours.scenery.groups)
-    return rows(transmitted(watch, ray, end, ours.a.B(active), tints, False))
+    tints = tuple((batch.material.kt, batch.material.dmax) for batch in ours.kernel.batches)
+    return rows(transmittance(*_search(ours, look, ways, True), ours.a.B(active), tints, False))
 
 
-def _search(ours: Ours, look: Look, ways: Ways, arrives: bool) -> tuple[Watch, Ray, End]:
+def _search(ours: Ours, look: Look, ways: Ways, arrives: bool) -> tuple[RayOrigin, Ray, Target]:
     """What kernels search on: from the light to the points, or to a light that is infinitely far away."""
     a, n = ours.a, len(ways.p)
     within = a.B(look.within())
     if ways.far:
-        nothing = dr.zeros(a.D, n)
-        ray = Ray(ours.triples(ours.centre + ways.p), ours.triples(ways.l), error=nothing)
-        end = End(a.D(ways.length))
+        ray = Ray(ours.triples(ours.centre + ways.p), ours.triples(ways.l))
+        target = Target(a.D(ways.length), dr.zeros(a.D, n))
         if arrives:
             # What lies flush with the surface is not met: the point is off by its error.
             cosine = a.D(np.abs((look.answers.n * ways.l).sum(1)))
             start = look.surface.error / dr.select(cosine > 0, cosine, 1)
-            ray = Ray(ray.o, ray.d, source=look.hit.index, inside=within, start=start, error=nothing)
+            ray = Ray(ray.o, ray.d, row=look.hit.row, inside=within, start=start, part=look.hit.part)
     else:
-        ray = Ray(ours.triples(ours.centre + ways.end), ours.triples(-ways.l), error=look.surface.error)
-        index = look.hit.index if arrives else dr.opaque(a.U, NO_OBJECT, n)
-        end = End(a.D(ways.length), index, within & arrives)
-    return Watch(a, ours.scenery.kin, ours.scenery.groups, ray.o, shared=False), ray, end
+        ray = Ray(ours.triples(ours.centre + ways.end), ours.triples(-ways.l))
+        row = look.hit.row if arrives else dr.opaque(a.U, NO_ROW, n)
+        # Where the end is on no row, its part is not read.
+        target = Target(a.D(ways.length), look.surface.error, row, within & arrives, look.hit.part)
+    return RayOrigin(ours.kernel.geometry, ray.o, shared=False), ray, target

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from visray.primitives.primitive import Primitive, Twin
+from visray.primitives.primitive import Primitive, MitsubaShapes
 from visray.scene.scene import Scene
 from visray.study.facets import Facets, around, facets
 from visray.study.rounding import BOUND, Extents
@@ -19,11 +19,11 @@ from visray.transforms import compose
 SMALLEST_SQUARE, LARGEST_SQUARE = 2.0**-16, 2.0**40
 
 
-def twins(scene: Scene) -> tuple[dict[str, Twin], dict[str, str]]:
+def twins(scene: Scene) -> tuple[dict[str, MitsubaShapes], dict[str, str]]:
     """The twins of the objects, and of those that have none, why."""
     answers = {name: thing.mitsuba() for name, thing in scene.objects.items()}
     return (
-        {name: a for name, a in answers.items() if isinstance(a, Twin)},
+        {name: a for name, a in answers.items() if isinstance(a, MitsubaShapes)},
         {name: a for name, a in answers.items() if isinstance(a, str)},
     )
 
@@ -47,7 +47,7 @@ class Part:
     tilt: float = 0.0
 
 
-def parts(made: list[Twin], centre: np.ndarray) -> list[list[Part]]:
+def parts(made: list[MitsubaShapes], centre: np.ndarray) -> list[list[Part]]:
     """The shapes of twins, moved so that `centre` is the origin."""
     counts = Counter(shape["type"] for twin in made for shape in twin.shapes)
 

@@ -58,7 +58,7 @@ class Found:
 
 def compare(seen: Comparison) -> Found:
     """Every light of a scene that has no area lights, as both see it."""
-    mine, yours = seen.ours.made.scene, seen.theirs.scene
+    mine, yours = seen.ours.prepared.scene, seen.theirs.scene
     found = Found(Shadows(0, 0, 0, 0), [], [], [])
     counts = np.zeros(4, int)
     pairs = zip(mine.lights.items(), yours.lights.values(), arrivals.beams(seen.ours, seen.look))

@@ -9,18 +9,18 @@ import numpy as np
 
 from visray import clock
 from visray.errors import UserError
-from visray.exposure import set_up
+from visray.accel.search import RayOrigin, Target, closest, occluded
 from visray.geometry import facing
+from visray.interaction import surface_of
 from visray.polynomials import Wrong
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
-from visray.ray import Ray
+from visray.ray import NOTHING_KNOWN, Ray
 from visray.scene.scene import Scene, Settings
-from visray.scenery import feel
-from visray.search import End, Watch, blocked, closest
+from visray.setup import prepare
 from visray.study.exact.known_surface import Bundle, Surface
 from visray.study.ray_sets import Leaving
-from visray.trees import rows
+from visray.pytree import rows
 
 TIMED, RUNS = 1 << 17, 5
 
@@ -74,21 +74,21 @@ class Kernel:
             ends="open",
         )
         try:
-            made = set_up(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
+            prepared = prepare(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
         except Wrong as error:
             raise UserError(str(error)) from None
-        self.a, self.scenery, self.far = made.a, made.stage.scenery, 10 * surface.radius
+        self.a, self.kernel, self.far = prepared.a, prepared.kernel, 10 * surface.radius
 
     def triples(self, v: np.ndarray) -> Any:
         return self.a.W(np.ascontiguousarray(v.T, float))
 
-    def watch(self, o: Any) -> Watch:
-        return Watch(self.a, self.scenery.kin, self.scenery.groups, o, shared=False)
+    def origin(self, o: Any) -> RayOrigin:
+        return RayOrigin(self.kernel.geometry, o, shared=False)
 
     def look(self, rays: Bundle) -> tuple:
         ray = Ray(self.triples(rays.o), self.triples(rays.d))
-        hit = closest(self.watch(ray.o), ray)
-        surface = feel(self.scenery, ray, hit)[0]
+        hit = closest(self.origin(ray.o), ray)
+        surface = surface_of(self.kernel, ray, hit)[0]
         return ray, hit, surface
 
     def first(self, rays: Bundle) -> tuple[np.ndarray, np.ndarray | None]:
@@ -100,18 +100,19 @@ class Kernel:
         first, hit, surface = self.look(leaving.first)
         n, within = facing(surface.n, self.a.V(first.d))
         d = self.triples(leaving.rays.d)
-        ray = Ray(surface.p, d, hit.index, within, surface.error, None, dr.dot(self.a.W(n), d))
+        ray = Ray(surface.p, d, hit.row, within, surface.error, dr.dot(self.a.W(n), d), hit.part)
         dr.eval(ray)
-        watch = self.watch(ray.o)
-        again = closest(watch, ray)
-        between = blocked(watch, ray, End(self.a.D(self.far)), self.a.B(True))
+        origin = self.origin(ray.o)
+        again = closest(origin, ray)
+        between = occluded(origin, ray, Target(self.a.D(self.far), self.a.D(0)), self.a.B(True))
         t = dr.select(hit.valid, again.t, dr.nan)
         return np.array(t), np.array(between)
 
     def unresolved(self, rays: Bundle) -> int | None:
         ray = Ray(self.triples(rays.o), self.triples(rays.d))
-        kind, placed = self.scenery.kin[0].kind, rows(self.scenery.groups[0].placed, self.a.U(0))
-        return int(np.count_nonzero(np.array(kind.unresolved(kind.seen(placed, ray.o), ray))))
+        batch = self.kernel.batches[0]
+        seen = batch.kind.seen(rows(batch.placed, self.a.U(0)), ray.o)
+        return int(np.count_nonzero(np.array(batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved)))
 
     def seconds(self, rays: Bundle) -> float | None:
         repeat = np.resize(np.arange(len(rays)), TIMED)
@@ -124,7 +125,7 @@ class Kernel:
                 dr.sync_thread()
                 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
                     dr.kernel_history_clear()
-                    dr.eval(closest(self.watch(ray.o), ray))
+                    dr.eval(closest(self.origin(ray.o), ray))
                     spent = clock.ran(dr.kernel_history([dr.KernelType.JIT]))
                 best = min(best, spent)
         finally:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visray.geometry import gamma
-from visray.primitives.primitive import Primitive
+from visray.primitives.primitive import Primitive, box_of
 from visray.study import arrivals, emission
 from visray.study.answers import Ours
 from visray.study.comparison import Comparison, most, part
@@ -93,7 +93,7 @@ def _passed(
     met, nothing = np.isfinite(t), np.zeros(len(t))
     if not thing.closed:
         return met, nothing, nothing
-    low, high = (np.array(corner) - theirs.centre for corner in thing.bounds())
+    low, high = (np.array(corner) - theirs.centre for corner in box_of(thing))
     # From beyond the object back to where the way began.
     beyond = np.linalg.norm(0.5 * (low + high) - ways.p, axis=1) + np.linalg.norm(high - low)
     whole = ways.cut(beyond)

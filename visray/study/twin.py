@@ -11,7 +11,7 @@ import numpy as np
 
 from visray.lights.light import Light
 from visray.materials import Material
-from visray.primitives.primitive import Twin
+from visray.primitives.primitive import MitsubaShapes
 from visray.scene.scene import Gradient, Scene
 from visray.study import emission
 from visray.study.answers import Answers, Rays
@@ -24,7 +24,7 @@ from visray.study.ways import Ways
 class Theirs:
     """The scene in Mitsuba. `names` gives the order of the indices, `made` each object's twin."""
 
-    def __init__(self, scene: Scene, names: tuple[str, ...], made: dict[str, Twin], centre: np.ndarray):
+    def __init__(self, scene: Scene, names: tuple[str, ...], made: dict[str, MitsubaShapes], centre: np.ndarray):
         mi.set_variant(VARIANT)
         self.scene, self.centre, self.names = scene, centre, names
         self.materials = {"default": Material()} | scene.materials

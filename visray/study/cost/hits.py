@@ -7,10 +7,11 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator, warp
-from visray.exposure import Set
-from visray.ray import NO_OBJECT, Ray, unit
-from visray.scenery import Scenery, Site, site
-from visray.search import End, Watch, blocked, closest
+from visray.accel.search import RayOrigin, Target, closest, occluded
+from visray.interaction import Interaction, interact
+from visray.kernel_scene import KernelScene
+from visray.ray import NO_ROW, Ray, unit
+from visray.setup import Prepared
 from visray.study.answers import rows
 from visray.study.cost.records import Geometry
 
@@ -23,15 +24,15 @@ class View:
     Shapes: (N), (N), (N, 3).
     """
 
-    scenery: Scenery
-    site: Site
+    kernel: KernelScene
+    at: Interaction
     names: tuple[str, ...]
     index: np.ndarray
     t: np.ndarray
     n: np.ndarray
 
 
-def geometry(made: Set, truth: Set, seed: int = 0) -> Geometry:
+def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
     """First hits along the rays through the truth's pixel centres in double, and whether what is seen is hidden.
 
     Both are the same scene with other knobs; objects are told by their names, as knobs may change their order. From
@@ -40,8 +41,8 @@ def geometry(made: Set, truth: Set, seed: int = 0) -> Geometry:
     Those that run below the surface as one of them sees it are left out: neither would have drawn them.
     """
     a = truth.a
-    ray = integrator.camera_ray(truth.stage, a.F(truth.x) + 0.5, a.F(truth.y) + 0.5).exact()
-    right, found = _view(truth, ray), _view(made, ray)
+    ray = integrator.camera_ray(truth.kernel, a.F(truth.x) + 0.5, a.F(truth.y) + 0.5).exact()
+    right, found = _view(truth, ray), _view(prepared, ray)
     place = {name: i for i, name in enumerate(right.names)}
     index = np.array([place[name] for name in found.names] + [-1])[found.index]
     same = (index == right.index) & (index >= 0)
@@ -49,9 +50,9 @@ def geometry(made: Set, truth: Set, seed: int = 0) -> Geometry:
     steps, angles = np.abs(found.t[same] - t) / np.spacing(t), _angles(found.n[same], n)
 
     u, v = np.random.default_rng(seed).uniform(size=(2, len(same)))
-    normal = dr.select(right.site.hit.valid, a.W(right.site.n), a.W(0, 0, 1))
+    normal = dr.select(right.at.hit.valid, a.W(right.at.n), a.W(0, 0, 1))
     d = unit(warp.cosine(normal, a.D(u), a.D(v)), a.W)
-    active = a.B(same) & (dr.dot(a.W(right.site.n), d) > 0) & (dr.dot(a.W(found.site.n), d) > 0)
+    active = a.B(same) & (dr.dot(a.W(right.at.n), d) > 0) & (dr.dot(a.W(found.at.n), d) > 0)
     dr.eval(d, active)
     hidden, open_ = _hidden(found, d, active), ~_hidden(right, d, active)
     return Geometry(
@@ -66,14 +67,14 @@ def geometry(made: Set, truth: Set, seed: int = 0) -> Geometry:
     )
 
 
-def _view(made: Set, ray: Ray) -> View:
+def _view(prepared: Prepared, ray: Ray) -> View:
     """What the rays from the camera hit first."""
-    s = made.stage.scenery
-    here = site(s, ray, closest(made.stage.watch, ray, s.plain))
+    s = prepared.kernel
+    here = interact(s, ray, closest(s.origin, ray, s.brute_force))
     dr.eval(here.hit, here.surface, here.n, here.within)
-    index = np.array(here.hit.index).astype(np.int64)
-    index[index == NO_OBJECT] = -1
-    names = tuple(name for k in s.kin for name in k.names)
+    index = np.array(here.hit.row).astype(np.int64)
+    index[index == NO_ROW] = -1
+    names = tuple(name for batch in s.batches for name in batch.names)
     # One normal may be that of all rays.
     n = np.broadcast_to(rows(here.surface.n), (len(index), 3))
     return View(s, here, names, index, np.array(here.hit.t), n)
@@ -87,7 +88,8 @@ def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 def _hidden(view: View, d: Any, active: Any) -> np.ndarray:
     """Whether rays from what is seen meet anything, of those that are active."""
-    s, here = view.scenery, view.site
-    watch = Watch(s.a, s.kin, s.groups, here.surface.p, shared=False)
-    ray = here.leaving(d, dr.dot(s.a.W(here.n), d), s.a.D(0))
-    return np.array(blocked(watch, ray, End(dr.full(s.a.D, dr.inf, dr.width(d))), active, s.plain))
+    s, here = view.kernel, view.at
+    origin = RayOrigin(s.geometry, here.surface.p, shared=False)
+    ray = here.leaving(d, dr.dot(s.a.W(here.n), d))
+    far = Target(dr.full(s.a.D, dr.inf, dr.width(d)), s.a.D(0))
+    return np.array(occluded(origin, ray, far, active, s.brute_force))

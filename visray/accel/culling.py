@@ -8,9 +8,9 @@ from typing import Any
 
 import drjit as dr
 
+from visray.batches import Batch
 from visray.geometry import UNIT_ROUNDOFF, extent, gamma
 from visray.quantities import Arrays
-from visray.tables import Group
 
 
 @dataclass(frozen=True)
@@ -101,21 +101,20 @@ class Ground:
         return least <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
 
 
-def ground(a: Arrays, kind: type, group: Group, o: Any) -> Ground:
+def ground(a: Arrays, batch: Batch, o: Any) -> Ground:
     """The guard of an unbounded flat object, for rays from `o`."""
-    f, g = kind.level(group.placed, o)
+    f, g = batch.kind.surface_at(batch.placed, o)
     # The slope in single is off by two conversions and five operations at most, of the sum of the sizes of its terms.
     margin = 8 * UNIT_ROUNDOFF["single"] * extent(g)
-    on = flush(group, f, g, o)
+    on = flush(batch, f, g, o)
     return Ground(a.V32(dr.select(f < 0, -g, g)), a.F32(dr.select(on, dr.inf, margin)))
 
 
-def flush(group: Group, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
-    """Whether the points p, known to `error`, lie on objects to within rounding, by their level f
-    and its gradient g."""
-    return dr.abs(f) <= (rounding(group, p) + error) * dr.norm(g)
+def flush(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
+    """Whether the points p, known to `error`, lie on rows to within rounding, by their f and g (Primitive.surface)."""
+    return dr.abs(f) <= (rounding(batch, p) + error) * dr.norm(g)
 
 
-def rounding(group: Group, p: Any) -> Any:
+def rounding(batch: Batch, p: Any) -> Any:
     """How far points near objects are off by rounding."""
-    return gamma(32) * (extent(p) + (extent(group.placed.o) if group.radius is None else group.radius))
+    return gamma(32) * (extent(p) + (extent(batch.placed.inverse.o) if batch.radius is None else batch.radius))

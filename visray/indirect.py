@@ -9,114 +9,109 @@ All of the light that is refracted is reflected where the angle is beyond the cr
 """
 
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import Any
 
 import drjit as dr
 
-from visray import tables, warp
-from visray.guards import flush
-from visray.ray import NO_OBJECT, Hit, Ray, unit
-from visray.scenery import Scenery, Site, site
-from visray.search import Watch, closest
+from visray import warp
+from visray.accel.culling import flush
+from visray.accel.policy import FEW
+from visray.accel.search import RayOrigin, closest
+from visray.batches import Batch
+from visray.interaction import Interaction, interact
+from visray.kernel_scene import KernelScene
+from visray.pytree import leaves, rows
+from visray.ray import NO_ROW, Hit, Ray, unit
 from visray.shading import shade
-from visray.tables import Group, Kinship
-from visray.trees import leaves, rows
 
 LOBE, SCATTER = 5, 6
 
 
 @dataclass(frozen=True)
-class Lens:
-    """The solid that rays pass at a surface, and what lies around it there.
+class Interface:
+    """What rays pass at a refracting surface.
 
-    ratio: the index of refraction on the viewer's side over that beyond. buried: it lies in a smaller transparent
-    solid, whose index holds there, so that nothing is seen of its surface.
+    ratio: the index of refraction on the viewer's side over that beyond. hidden: the surface lies in a smaller
+    transparent solid, whose index holds there, so that nothing is seen of it; None where no solid can.
     """
 
     ratio: Any
-    buried: Any
+    hidden: Any
 
 
-def weight_of_local(s: Scenery, site: Site, lens: Lens | None) -> Any:
-    """How much of a surface's own colour is seen: 1 - kt, and nothing of one that is buried; None for all of it."""
+def weight_of_local(s: KernelScene, at: Interaction, interface: Interface | None) -> Any:
+    """How much of a surface's own colour is seen: 1 - kt, and nothing of one that is hidden; None for all of it."""
     if not s.features["refraction"]:
         return None
-    kt = site.material.kt
+    kt = at.material.kt
     weight = 1 - kt if s.settings.local == "weighted" else s.a.V(1) + 0 * kt
-    if lens is None or lens.buried is None:
+    if interface is None or interface.hidden is None:
         return weight
-    return dr.select(lens.buried, 0, weight)
+    return dr.select(interface.hidden, 0, weight)
 
 
 @dataclass(frozen=True)
 class Medium:
-    """What lies on one side of a surface: the index of refraction, the size and the number of the solid it is of."""
+    """What lies on one side of a surface: the index of refraction, the size and the row of the solid it is of."""
 
     ior: Any
     size: Any
-    index: Any
+    row: Any
 
-    def or_in(self, where: Any, ior: Any, size: Any, index: Any) -> "Medium":
+    def or_in(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
         """The medium where another solid is as well: the smaller one's index holds; of equals, the first one's."""
-        other = where & ((size < self.size) | ((size == self.size) & (index < self.index)))
-        return Medium(*(dr.select(other, x, y) for x, y in ((ior, self.ior), (size, self.size), (index, self.index))))
+        other = where & ((size < self.size) | ((size == self.size) & (row < self.row)))
+        return Medium(*(dr.select(other, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
 
 
-def lens(s: Scenery, site: Site) -> Lens | None:
+def interface(s: KernelScene, at: Interaction) -> Interface | None:
     """What a ray goes through at the surface. Where transparent solids overlap, the index of the smaller
-    one holds (by the spheres around them): so an inner one counts, wherever it stands in the file."""
+    one holds (by the balls around them): so an inner one counts, wherever it stands in the file."""
     if not s.features["refraction"]:
         return None
-    a, n = s.a, dr.width(site.surface.p)
-    nothing = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_OBJECT, n))
+    a, n = s.a, dr.width(at.surface.p)
+    nothing = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_ROW, n))
     before, beyond = nothing, nothing
     closed = dr.full(a.B, False, n)
-    for base, k, group in _closed(s):
-        here = (site.hit.index >= base) & (site.hit.index < base + len(k.names))
+    for batch in (b for b in s.batches if b.kind.closed):
+        here = batch.has(at.hit.row)
         closed |= here
-        size = dr.gather(a.D, group.radius, dr.select(here, site.hit.index - base, 0))
-        own = site.material.ior, size, site.hit.index
-        before, beyond = before.or_in(here & site.within, *own), beyond.or_in(here & ~site.within, *own)
+        size = dr.gather(a.D, batch.radius, dr.select(here, at.hit.row - batch.base, 0))
+        own = at.material.ior, size, at.hit.row
+        before, beyond = before.or_in(here & at.within, *own), beyond.or_in(here & ~at.within, *own)
         if s.features["nested media"]:
-            before, beyond = _others(s, site, base, k, group, before, beyond)
+            before, beyond = _others(s, at, batch, before, beyond)
     # A sheet has no inside: light goes straight through, but where a solid begins or ends flush with it.
     ratio = before.ior / beyond.ior
     if not s.features["nested media"]:
-        return Lens(ratio, None)
-    return Lens(ratio, closed & (before.index == beyond.index) & (_most(site.material.kt) > 0))
-
-
-def _closed(s: Scenery) -> list[tuple[int, Kinship, Group]]:
-    """The families of solids, each with the number of its first object."""
-    starts = accumulate((len(k.names) for k in s.kin), initial=0)
-    return [(base, k, group) for base, k, group in zip(starts, s.kin, s.groups) if k.kind.closed]
+        return Interface(ratio, None)
+    return Interface(ratio, closed & (before.row == beyond.row) & (_most(at.material.kt) > 0))
 
 
 def _others(
-    s: Scenery, site: Site, base: int, k: Kinship, group: Group, before: Medium, beyond: Medium
+    s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyond: Medium
 ) -> tuple[Medium, Medium]:
-    """The media on both sides, where the solids of a family count too, but for that of the surface itself.
+    """The media on both sides, where the solids of a batch count too, but for that of the surface itself.
 
     One whose surface lies flush with it is on the one side or the other, as the ray leaves or enters it there.
     """
-    size = len(k.names)
+    size = len(batch)
 
     def step(i: Any, *state: Any) -> tuple:
         before, beyond = Medium(*state[:3]), Medium(*state[3:])
-        one, material = rows((replace(group, material=None, texture=None, tree=None), group.material), i)
-        p, index = dr.detach(site.surface.p), i + base
-        f, g = k.kind.level(one.placed, p)
-        there = (_most(material.kt) > 0) & (site.hit.index != index)
-        on, outwards = flush(one, f, g, p, site.surface.error), dr.dot(g, s.a.W(dr.detach(site.d))) > 0
-        it = material.ior, one.radius, index
-        before = before.or_in(there & dr.select(on, outwards, f < 0), *it)
-        beyond = beyond.or_in(there & dr.select(on, ~outwards, f < 0), *it)
+        one, material = batch.geometry(i), rows(batch.material, i)
+        p, row = dr.detach(at.surface.p), i + batch.base
+        f, g = batch.kind.surface_at(one.placed, p)
+        there = (_most(material.kt) > 0) & (at.hit.row != row)
+        on, outwards = flush(one, f, g, p, at.surface.error), dr.dot(g, s.a.W(dr.detach(at.d))) > 0
+        inside, solid = batch.kind.inside(one.placed, p), (material.ior, one.radius, row)
+        before = before.or_in(there & dr.select(on, outwards, inside), *solid)
+        beyond = beyond.or_in(there & dr.select(on, ~outwards, inside), *solid)
         return (*leaves(before), *leaves(beyond))
 
     state = (*leaves(before), *leaves(beyond))
-    if size > tables.FEW:
-        state = s.repeated(size, dr.opaque(s.a.U, size), site.hit.valid, state, step)
+    if size > FEW:
+        state = s.repeated(size, dr.opaque(s.a.U, size), at.hit.valid, state, step)
     else:
         for i in range(size):
             state = step(s.a.U(i), *state)
@@ -145,25 +140,27 @@ class Bounce:
     scattered: Any
 
 
-def scattered(s: Scenery, site: Site, j: Any) -> Bounce:
+def scattered(s: KernelScene, at: Interaction, j: Any) -> Bounce:
     """Ray number j of those that a matte surface scatters."""
-    draw = site.draw.stream(SCATTER)
-    u, v = draw.one() if j is None else draw.many(j, s.lots["scatter"])
-    d = warp.cosine(site.n, u, v)
+    dimension = at.sample.dimension(SCATTER)
+    u, v = dimension.one() if j is None else dimension.many(j, s.sets["scatter"])
+    d = warp.cosine(at.n, u, v)
     yes = dr.full(s.a.B, True, dr.width(d))
-    ray = site.leaving(unit(d, s.a.W), s.a.D(dr.dot(site.n, d))).exact()
-    return Bounce(ray, site.material.kd, yes, yes)
+    ray = at.leaving(unit(d, s.a.W), s.a.D(dr.dot(at.n, d))).exact()
+    return Bounce(ray, at.material.kd, yes, yes)
 
 
-def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, scatters: Any, j: Any = None) -> Bounce:
+def bounce(
+    s: KernelScene, at: Interaction, ray: Ray, interface: Interface | None, mirrors: Any, scatters: Any, j: Any = None
+) -> Bounce:
     """How a path goes on: `mirrors` and `scatters` are how many more reflections or refractions, and scatterings, it
     may have."""
-    a, on, m = s.a, s.features, site.material
+    a, on, m = s.a, s.features, at.material
     kr = _strength(m.kr) if on["reflection"] else a.F(0)
     kt = _strength(m.kt) if on["refraction"] else a.F(0)
     shiny = kr + kt > 0
     matte = (_most(m.kr) + _most(m.kt) == 0) & (_strength(m.kd) > 0) if on["scatter"] else None
-    n = dr.select(site.within, -site.surface.exact, site.surface.exact)
+    n = dr.select(at.within, -at.surface.exact, at.surface.exact)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
     if on["reflection"]:
@@ -172,39 +169,38 @@ def bounce(s: Scenery, site: Site, ray: Ray, lens: Lens | None, mirrors: Any, sc
         chance = dr.select(shiny, kt / (kr + kt), 0)
         chosen = kt > 0
         if on["reflection"]:
-            chosen = site.draw.stream(LOBE).one()[0] < chance
+            chosen = at.sample.dimension(LOBE).one()[0] < chance
             weight = weight / dr.select(chosen, 1, 1 - chance)
-        left = 1 - dr.square(lens.ratio) * (1 - dr.square(cosine))
+        left = 1 - dr.square(interface.ratio) * (1 - dr.square(cosine))
         passes = left > 0
-        bent = lens.ratio * ray.d + (lens.ratio * cosine - dr.sqrt(dr.select(passes, left, 0))) * n
+        bent = interface.ratio * ray.d + (interface.ratio * cosine - dr.sqrt(dr.select(passes, left, 0))) * n
         weight = dr.select(chosen, m.kt / dr.select(chosen, chance, 1), weight)
         through = chosen & passes
         d = dr.select(through, bent, d)
-        if lens.buried is not None:
-            straight = dr.select(lens.buried, ray.d, d)
-            d, weight, through = straight, dr.select(lens.buried, 1, weight), through | lens.buried
+        if (hidden := interface.hidden) is not None:
+            d, weight, through = dr.select(hidden, ray.d, d), dr.select(hidden, 1, weight), through | hidden
     alive = shiny & (mirrors > 0)
-    inside = site.within ^ through
-    ray = replace(site.leaving(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
-    onward = Bounce(ray, weight, alive, a.B(False))
+    inside = at.within ^ through
+    ray = replace(at.leaving(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
+    further = Bounce(ray, weight, alive, a.B(False))
     if on["scatter"]:
-        onward = _either(matte & (scatters > 0), scattered(s, site, j), onward)
-    lit = onward.alive & site.hit.valid & (_strength(onward.weight) > 0)
-    return Bounce(onward.ray, onward.weight, lit, onward.scattered)
+        further = _either(matte & (scatters > 0), scattered(s, at, j), further)
+    lit = further.alive & at.hit.valid & (_strength(further.weight) > 0)
+    return Bounce(further.ray, further.weight, lit, further.scattered)
 
 
 def _either(first: Any, x: Bounce, y: Bounce) -> Bounce:
     """x where `first` holds, and y elsewhere."""
-    ray = Ray(*(dr.select(first, p, q) for p, q in zip(_parts(x.ray), _parts(y.ray))))
+    ray = _ray(*(dr.select(first, p, q) for p, q in zip(_state(x.ray), _state(y.ray))))
     return Bounce(ray, dr.select(first, x.weight, y.weight), first | y.alive, first)
 
 
-def missed(s: Scenery, d: Any) -> Any:
+def missed(s: KernelScene, d: Any) -> Any:
     """What a secondary ray sees that hits nothing."""
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
 
 
-def background(s: Scenery, d: Any) -> Any:
+def background(s: KernelScene, d: Any) -> Any:
     """The sky in a direction: linear in its y, from bottom to top."""
     if not s.features["background"]:
         return s.a.V(0)
@@ -212,12 +208,12 @@ def background(s: Scenery, d: Any) -> Any:
     return dr.fma(s.sky.top - s.sky.bottom, up, s.sky.bottom)
 
 
-def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
+def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | None) -> Any:
     """The light that comes to a surface by way of others, as the ray sees it.
 
     One loop over the levels of one path after the other; written out where derivatives are asked for.
     """
-    a, settings, lot, n = s.a, s.settings, s.lots["scatter"], dr.width(first.surface.p)
+    a, settings, rays, n = s.a, s.settings, s.sets["scatter"], dr.width(first.surface.p)
     mirrors, scatters = (dr.full(a.U, 0, n) + x for x in s.levels)
     # What never changes is no state of the loop (as in integrator.sample): there is one path, and nothing scatters.
     first_number = dr.zeros(a.U, n) if s.features["scatter"] else None
@@ -225,26 +221,26 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
     b = bounce(s, first, ray, glass, mirrors, scatters, a.U(0))
     # Of what the eye sees, only a matte surface has more than one path.
     split = b.alive & b.scattered
-    count = dr.select(split, lot.count, 1)
-    share = dr.select(split, dr.rcp(a.F(lot.count)), 1)
+    count = dr.select(split, rays.count, 1)
+    share = dr.select(split, dr.rcp(a.F(rays.count)), 1)
 
     def begun(number: Any, b: Bounce, alive: Any) -> tuple:
         left = _left(a, b, mirrors, scatters)
-        return number, dr.zeros(a.U, n), *left, *_parts(b.ray), b.weight * share, alive
+        return number, dr.zeros(a.U, n), *left, *_state(b.ray), b.weight * share, alive
 
     def level(number: Any, i: Any, mirrors: Any, scatters: Any, *rest: Any) -> tuple:
-        *parts, weight, alive, total = rest
-        path = Ray(*parts)
-        hit = closest(Watch(a, s.kin, s.groups, path.o, shared=False), path, s.plain, alive)
-        hit = Hit(hit.t, dr.select(alive, hit.index, NO_OBJECT))
-        here = site(s, path, hit, first.draw.along(1 + (0 if number is None else number) + (i << 16)))
-        glass = lens(s, here)
+        *state, weight, alive, total = rest
+        path = _ray(*state)
+        hit = closest(RayOrigin(s.geometry, path.o, shared=False), path, s.brute_force, alive)
+        hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
+        here = interact(s, path, hit, first.sample.along(1 + (0 if number is None else number) + (i << 16)))
+        glass = interface(s, here)
         colour, own = shade(s, here), weight_of_local(s, here, glass)
         colour = dr.select(hit.valid, colour if own is None else colour * own, missed(s, path.d))
         total = dr.select(alive, total + weight * colour, total)
         b = bounce(s, here, path, glass, mirrors, scatters)
         left = _left(a, b, mirrors, scatters)
-        return number, i + 1, *left, *_parts(b.ray), weight * b.weight, alive & b.alive, total
+        return number, i + 1, *left, *_state(b.ray), weight * b.weight, alive & b.alive, total
 
     def step(*state: Any) -> tuple:
         number, *rest, alive, total = level(*state)
@@ -268,8 +264,14 @@ def onward(s: Scenery, first: Site, ray: Ray, glass: Lens | None) -> Any:
     return total
 
 
-def _parts(ray: Ray) -> tuple:
-    return ray.o, ray.d, ray.source, ray.inside, ray.start
+def _state(ray: Ray) -> tuple:
+    """A ray as the state of a loop: its part only where hits have any."""
+    state = ray.o, ray.d, ray.row, ray.inside, ray.start
+    return state if ray.part is None else (*state, ray.part)
+
+
+def _ray(o: Any, d: Any, row: Any, inside: Any, start: Any, part: Any = None) -> Ray:
+    return Ray(o, d, row, inside, start, part=part)
 
 
 def _left(a: Any, b: Bounce, mirrors: Any, scatters: Any) -> tuple:

@@ -1,0 +1,1 @@
+"""How rays find what they hit."""

@@ -1,0 +1,73 @@
+"""Which accelerator serves which rays: one decision, that kernels follow and `visray explain` shows.
+
+Four ways lead to a row. Written out: its guard is in the kernel's code, one after the other. Looped: rows are asked in
+a loop. Tree: rows are found in a bounding volume hierarchy. (Lists of rows by cells of directions, for rays that share
+an origin, have their place here when they come.) Every way gives the same answers, bit for bit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Accelerator = Literal["auto", "none", "tree"]
+
+# So many rows are written out; more hang in the tree. Written out they cost a few cycles each, but each takes a
+# millisecond to compile, wherever rays start anew.
+WRITTEN_OUT = 32
+# For rays that share their origin it pays for twice as many.
+WRITTEN_OUT_SHARED = 64
+# Up to so many of a batch, not only their guards but all that is done with them.
+FEW = 12
+
+
+@dataclass(frozen=True)
+class Size:
+    """A batch as the policy sees it."""
+
+    rows: int
+    bounded: bool
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The numbers of the batches that are written out, looped over, and in the tree, and why, in words."""
+
+    written: tuple[int, ...]
+    looped: tuple[int, ...]
+    tree: tuple[int, ...]
+    reason: str
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ways = {"written out": self.written, "loop": self.looped, "tree": self.tree}
+        return " and ".join(way for way, batches in ways.items() if batches) or "nothing to find"
+
+
+def plan(sizes: Sequence[Size], accelerator: Accelerator, shared: bool) -> Plan:
+    """How rays find rows. shared: they share their origin."""
+    numbers = range(len(sizes))
+    limit = WRITTEN_OUT_SHARED if shared else WRITTEN_OUT
+    bounded = [i for i in numbers if sizes[i].bounded]
+    small = {i for i in numbers if sizes[i].rows <= limit}
+    if accelerator == "none":
+        few = {i for i in numbers if sizes[i].rows <= FEW}
+        return _plan(numbers, few, set(), "settings.accelerator is none: every row is asked")
+    if accelerator == "tree":
+        return _plan(numbers, small - set(bounded), set(bounded), "settings.accelerator is tree")
+    total = sum(sizes[i].rows for i in bounded)
+    if total <= limit:
+        return _plan(numbers, small, set(), f"{total} bounded rows are no more than {limit}")
+    # The tree is the same for all rays: it holds what is too much for those that share no origin.
+    written: set[int] = set()
+    for i in sorted(bounded, key=lambda i: sizes[i].rows):
+        if sum(sizes[j].rows for j in written) + sizes[i].rows <= WRITTEN_OUT:
+            written.add(i)
+    tree = set(bounded) - written
+    return _plan(numbers, small - tree, tree, f"{total} bounded rows are more than {limit}")
+
+
+def _plan(numbers: range, written: set[int], tree: set[int], reason: str) -> Plan:
+    """The plan where what is neither written out nor in the tree is looped over."""
+    looped = (i for i in numbers if i not in written | tree)
+    return Plan(tuple(sorted(written)), tuple(looped), tuple(sorted(tree)), reason)

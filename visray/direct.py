@@ -1,0 +1,170 @@
+"""Direct light: on its way to a point from points, from afar and from shapes, with its shadows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from visray.accel.culling import Cone
+from visray.accel.search import RayOrigin, Target, occluded, transmittance
+from visray.geometry import extent, gamma
+from visray.interaction import Interaction
+from visray.kernel_scene import KernelScene, LightBatch, PreparedLight
+from visray.pytree import rows
+from visray.ray import Ray, inverse_length
+
+# Dimensions of random numbers from here on belong to lights.
+DIMENSION = 16
+
+
+@dataclass(frozen=True)
+class LightSample:
+    """Light on its way to a point: unit direction to the light, cosine with the normal, whether any arrives.
+
+    weight: what attenuation and aim leave of it; share: what transparent objects leave; None where that is all.
+    """
+
+    l: Any
+    cosine: Any
+    reached: Any
+    weight: Any = None
+    share: Any = None
+
+
+def direct(s: KernelScene, at: Interaction, reflected: Callable) -> Any:
+    """What all lights add: the sum of reflected(s, at, light's row, light sample)."""
+    colour = dr.zeros(s.a.V, 1)
+    for light in s.lights:
+        if light.kind.wide:
+            colour = colour + area_light(s, at, light, reflected)
+        else:
+            colour = colour + reflected(s, at, light.light, light_sample(s, at, light))
+    for batch in s.looped_lights:
+        colour = colour + _looped(s, at, batch, reflected)
+    return colour
+
+
+def _looped(s: KernelScene, at: Interaction, batch: LightBatch, reflected: Callable) -> Any:
+    """What the lights of a batch add, one after the other."""
+
+    def step(i: Any, colour: Any) -> tuple:
+        row, points = rows(batch.table, i), rows(batch.points, i)
+        light = PreparedLight(batch.kind, row, points, 0, batch.number, None)
+        if batch.kind.wide:
+            return (colour + area_light(s, at, light, reflected, i),)
+        return (colour + reflected(s, at, row, light_sample(s, at, light)),)
+
+    black = dr.zeros(s.a.V, dr.width(at.surface.p))
+    return s.repeated(0, batch.count, at.hit.valid, (black,), step)[0]
+
+
+def area_light(s: KernelScene, at: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
+    """What an area light adds: the mean over its samples of what each point of it would.
+
+    With settings.area "centre" as in the original: what its middle adds, weakened by the mean of all shadows.
+    """
+    a, n, row = s.a, dr.width(at.surface.p), light.light
+    dimension = at.sample.along(salt).dimension(DIMENSION + light.number)
+    base = a.V(row.position - at.surface.p)
+    middle = None if s.settings.area == "samples" else _along(s, at, row, base)
+    origin = None
+    if s.features["shadows"]:
+        origin = at.origin.toward(Cone.around(a, base, row.reach()))
+
+    def step(j: Any, colour: Any) -> tuple:
+        sample = _along(s, at, row, base + row.offset(a.V, *dimension.many(j, light.points)), origin, middle)
+        return (colour + reflected(s, at, row, sample),)
+
+    total = s.repeated(light.samples, light.points.count, at.hit.valid, (dr.zeros(a.V, n),), step)
+    return total[0] * dr.rcp(a.F(light.points.count))
+
+
+def _along(
+    s: KernelScene, at: Interaction, row: Any, way: Any, origin: RayOrigin | None = None,
+    middle: LightSample | None = None,
+) -> LightSample:  # fmt: skip
+    """The light along `way` from a point of an area light, in the precision of shading; its shadow is looked for from
+    `origin`. `middle`: the light sample to shade with, which takes only its shadow from this one."""
+    a = s.a
+    squared = dr.squared_norm(way)
+    inverse = dr.select(squared > 0, dr.rsqrt(squared), 0) if a.precision == "single" else inverse_length(way, None)
+    l = way * inverse
+    distance = squared * inverse
+    cosine = dr.dot(at.n, l)
+    reached = at.hit.valid & (cosine > 0)
+    sample = LightSample(l, cosine, reached, attenuation(s, row, distance))
+    if middle is not None:
+        sample = LightSample(middle.l, middle.cosine, reached & middle.reached, middle.weight)
+    if origin is None:
+        return sample
+    # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
+    longest = distance + a.F(row.reach())
+    error = gamma(8, a.precision) * longest + a.F(gamma(9) * extent(row.position))
+    return _shadowed(s, origin, at.leaving(l, cosine), Target(distance, error, loose=True), sample)
+
+
+def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> LightSample:
+    """What arrives of a light that is a point, or infinitely far away."""
+    if not light.kind.placed:
+        return _from_afar(s, at, light.light)
+    a, row = s.a, light.light
+    from_light = at.surface.p - row.position
+    inverse = inverse_length(from_light, a.F32 if a.precision == "single" else None)
+    d = from_light * inverse
+    distance = dr.squared_norm(from_light) * inverse
+    l = a.V(-d)
+    cosine = dr.dot(at.n, l)
+    reached = at.hit.valid & (cosine > 0)
+    weight, aim = attenuation(s, row, a.F(distance)), row.aim(d)
+    if aim is not None:
+        aim = a.F(aim)
+        reached &= aim > 0
+        weight = aim if weight is None else weight * aim
+    sample = LightSample(l, cosine, reached, weight)
+    if not s.features["shadows"]:
+        return sample
+    if light.origin is None:
+        error = gamma(8) * (extent(row.position) + distance)
+        return _shadowed(s, at.origin, at.leaving(-d, cosine), Target(distance, error, loose=True), sample)
+    # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
+    # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
+    error = at.surface.error + gamma(8) * (extent(row.position) + distance)
+    length = distance - a.D(a.F(error) / cosine)
+    target = Target(length, error, at.hit.row, at.within, at.hit.part)
+    return _shadowed(s, light.origin, Ray(row.position, d), target, sample)
+
+
+def _from_afar(s: KernelScene, at: Interaction, row: Any) -> LightSample:
+    """What arrives of a directional light."""
+    a = s.a
+    d = -dr.normalize(row.direction)
+    l = a.V(d)
+    cosine = dr.dot(at.n, l)
+    weight = None
+    if s.features["attenuation"]:
+        weight = dr.select(row.a > 0, dr.rcp(row.a), 1)
+    sample = LightSample(l, cosine, at.hit.valid & (cosine > 0), weight)
+    if not s.features["shadows"]:
+        return sample
+    everywhere = dr.zeros(a.D, dr.width(at.surface.p))
+    ray = at.leaving(d + everywhere, cosine)
+    return _shadowed(s, at.origin, ray, Target(everywhere + dr.inf, everywhere), sample)
+
+
+def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
+    """1 / (a + b d + c d^2), or 1 where a = b = c = 0; None where no light has any."""
+    if not s.features["attenuation"]:
+        return None
+    weight = row.a + distance * (row.b + distance * row.c)
+    return dr.select(weight > 0, dr.rcp(weight), 1)
+
+
+def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sample: LightSample) -> LightSample:
+    """The light sample with what is left of it beyond the objects on its way."""
+    if not s.features["coloured shadows"]:
+        hidden = occluded(origin, ray, target, sample.reached, s.brute_force)
+        return LightSample(sample.l, sample.cosine, sample.reached & ~hidden, sample.weight)
+    tints = tuple((b.material.kt, b.material.dmax) for b in s.batches)
+    share = transmittance(origin, ray, target, sample.reached, tints, s.attached, s.brute_force)
+    return LightSample(sample.l, sample.cosine, sample.reached, sample.weight, share)

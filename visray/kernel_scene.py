@@ -1,0 +1,226 @@
+"""A scene as kernels read it: one record, made of the packed numbers.
+
+Structure is Python, values are opaque: which kinds, lights and effects there are decides the code of a kernel, and
+every number enters it as data.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import drjit as dr
+
+from visray.accel import policy
+from visray.accel.search import Geometry, RayOrigin
+from visray.batches import Batch, placed
+from visray.camera import View
+from visray.features import Features
+from visray.images import Atlas
+from visray.lights.light import Light
+from visray.materials import Material
+from visray.pack import LightColumns, Packed
+from visray.pytree import evaluated, leaves, mapped, rows
+from visray.quantities import Arrays
+from visray.sampling import SampleSet
+from visray.scene.scene import Gradient, Scene, Settings
+
+# So many objects times lights are written out; more lights are looped over. Written out, a light's shadow rays are
+# found faster, but each of its objects takes 10 ms to compile.
+WRITTEN_OUT_LIGHTS = 96
+
+
+@dataclass(frozen=True)
+class PreparedLight:
+    """A light: its kind, its row, the set of its points that are taken together, its number among all, and the origin
+    of its rays.
+
+    origin: None for lights whose shadow rays start at the points they light. samples: how many, for Python.
+    """
+
+    kind: type[Light]
+    light: Any
+    points: SampleSet | None
+    samples: int
+    number: int
+    origin: RayOrigin | None
+
+
+@dataclass(frozen=True)
+class LightBatch:
+    """Many lights of one kind, looped over: their table, the sample sets of area lights, how many they are, and the
+    number of the first of them."""
+
+    kind: type[Light]
+    table: Any
+    points: SampleSet | None
+    count: Any
+    number: int
+
+
+@dataclass(frozen=True)
+class KernelScene:
+    """What kernels read of a scene.
+
+    geometry: what rays can meet. view, origin: the camera, and what is seen from its middle.
+    lights, looped_lights: those that are written out, and those that are looped over.
+    sky, ambient, glow: background, ambient light of the scene, that of all lights together.
+    reach: as far as near occlusion looks. blank: a material of zeros.
+    levels: how many reflections, and scatterings, are followed. sets: the rays that are taken together, by effect.
+    coverage: whether the film counts as covered where nothing is hit. attached: derivatives are asked for.
+    brute_force: searches without the tests that reject most rows, and without a tree: the slow twin.
+    """
+
+    a: Arrays
+    features: Features
+    settings: Settings
+    geometry: Geometry
+    view: View
+    origin: RayOrigin
+    lights: tuple[PreparedLight, ...]
+    looped_lights: tuple[LightBatch, ...]
+    sky: Gradient
+    ambient: Any
+    glow: Any
+    reach: Any
+    blank: Material
+    levels: tuple[Any, Any]
+    atlas: Atlas | None
+    sets: dict[str, SampleSet]
+    coverage: Any
+    transparent: bool
+    attached: bool
+    brute_force: bool
+
+    @property
+    def batches(self) -> tuple[Batch, ...]:
+        return self.geometry.batches
+
+    @property
+    def scenery(self):
+        return self
+
+    @property
+    def starts_at_points(self) -> bool:
+        """Whether rays start at the points that are shaded."""
+        on = self.features
+        far = any(l.origin is None for l in self.lights) or self.looped_lights
+        return bool(far and on["shadows"]) or on["sky occlusion"] or on["near occlusion"]
+
+    def repeated(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
+        """`state` after body(j, *state) for j from 0 to n - 1; n is `count` as opaque data.
+
+        A loop, but written out where derivatives are asked for: Dr.Jit 1.5 has none through loops within loops.
+        """
+        if self.attached:
+            for j in range(n):
+                state = body(self.a.U(j), *state)
+            return state
+        start = (dr.zeros(self.a.U, max(map(dr.width, state))), *state)
+        onwards = lambda j, *state: (j + 1, *body(j, *state))  # noqa: E731 - a step and its count
+        return dr.while_loop(start, lambda j, *_: (j < count) & active, onwards, label="repeated")[1:]
+
+
+def kernel_scene(
+    packed: Packed,
+    scene: Scene,
+    features: Features,
+    a: Arrays,
+    atlas: Atlas | None,
+    brute_force: bool = False,
+    before: tuple[Packed, KernelScene] | None = None,
+) -> KernelScene:
+    """The scene as kernels read it, evaluated. Derivatives flow through it.
+
+    before: the packed numbers of a scene of the same structure and what was made of them; batches whose columns are the
+    same are taken from there.
+    """
+    settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
+    geometry = _geometry(packed, a, settings, before)
+    geometry = replace(
+        geometry, batches=tuple(replace(b, material=_needed(b.material, features)) for b in geometry.batches)
+    )
+    view = packed.camera.view(scene.film.width, scene.film.height, a)
+    glow = _glow(packed.lights, a)
+    evaluated((view, glow))
+    attached = dr.grad_enabled(leaves((geometry.batches, tuple(l.numbers for l in packed.lights), view,
+                                       packed.background, packed.ambient, glow, packed.occlusion)))  # fmt: skip
+    lights, looped = _lights(packed, geometry, features, a, attached)
+    counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
+    return KernelScene(
+        a=a,
+        features=features,
+        settings=settings,
+        geometry=geometry,
+        view=view,
+        origin=RayOrigin(geometry, view.o),
+        lights=lights,
+        looped_lights=looped,
+        sky=packed.background,
+        ambient=packed.ambient,
+        glow=glow,
+        reach=packed.occlusion.distance,
+        blank=mapped(lambda x: type(x)(0), _needed(rows(packed.materials, a.U(0)), features)),
+        levels=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
+        atlas=atlas,
+        sets={name: SampleSet.of(a, n) for name, n in counts.items()},
+        coverage=dr.opaque(a.F, float(not scene.film.transparent)),
+        transparent=scene.film.transparent,
+        attached=attached,
+        brute_force=brute_force,
+    )
+
+
+def _geometry(packed: Packed, a: Arrays, settings: Settings, before: tuple[Packed, KernelScene] | None) -> Geometry:
+    """All batches placed in the world, and the tree over them."""
+    batches: list[Batch] = []
+    old = {}
+    if before is not None and before[0].materials is packed.materials:
+        old = {id(columns): batch for columns, batch in zip(before[0].batches, before[1].batches)}
+    base = 0
+    for columns in packed.batches:
+        batches.append(old.get(id(columns)) or placed(columns, base, packed.materials))
+        base += len(columns)
+    if before is not None and len(old) and all(new is last for new, last in zip(batches, before[1].batches)):
+        return before[1].geometry
+    return Geometry.of(a, tuple(batches), settings.accelerator)
+
+
+# The fields of a material that only some effects read.
+READERS = {"kr": ("reflection", "scatter"), "kt": ("refraction", "coloured shadows", "scatter"), "ior": ("refraction",),
+           "dmax": ("coloured shadows",)}  # fmt: skip
+
+
+def _needed(material: Material, features: Features) -> Material:
+    """The materials without what no effect reads."""
+    unread = [name for name, effects in READERS.items() if not any(features[e] for e in effects)]
+    return replace(material, **dict.fromkeys(unread))
+
+
+def _glow(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
+    """The ambient light of all lights together."""
+    total = a.V(0)
+    for table in (l.numbers for l in lights):
+        each = table.intensity * table.Ia
+        total = total + a.V(*(dr.sum(c) for c in each))
+    return total
+
+
+def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
+    """The lights that are written out, and the kinds of those that are looped over."""
+    objects = sum(len(b) for b in geometry.batches if len(b) <= policy.WRITTEN_OUT)
+    count = sum(len(l.names) for l in packed.lights)
+    many = not attached and count > 2 and count * (1 + objects) > WRITTEN_OUT_LIGHTS
+    written, looped = {}, []
+    for columns in packed.lights:
+        kind, table, samples = columns.kind, columns.numbers, columns.samples
+        if many and len(samples) > 1:
+            points = SampleSet.table(a, list(samples)) if kind.wide else None
+            looped.append(LightBatch(kind, table, points, dr.opaque(a.U, len(samples)), columns.place[0]))
+            continue
+        for i, place in enumerate(columns.place):
+            light = rows(table, a.U(i))
+            near = kind.placed and not kind.wide
+            origin = RayOrigin(geometry, light.position) if near and features["shadows"] else None
+            points = SampleSet.of(a, samples[i]) if kind.wide else None
+            written[place] = PreparedLight(kind, light, points, samples[i], place, origin)
+    return tuple(written[place] for place in sorted(written)), tuple(looped)

@@ -1,0 +1,304 @@
+"""The numbers of a scene as arrays: what kernels read, what derivatives are taken by, and what an update changes.
+
+`pack` turns a Scene into columns, batch by batch: objects that share their code, and lights that do. Names become
+numbers. `Packed` is a Dr.Jit PyTree: derivatives are taken by its arrays. `Index` says where they hold an address.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.camera import Camera
+from visray.errors import UserError
+from visray.geometry import Frame
+from visray.lights.light import Light
+from visray.materials import Material
+from visray.primitives.primitive import Primitive
+from visray.pytree import evaluated, mapped
+from visray.quantities import Arrays, quantities, stacked
+from visray.scene import address as addresses
+from visray.scene.scene import Gradient, Occlusion, Scene
+from visray.transforms import compose
+
+NO_TEXTURE = 0xFFFFFFFF
+
+
+class Names:
+    """The names of a batch's rows: one each, or a prefix and a number."""
+
+    def __init__(self, listed: tuple[str, ...] = (), prefix: str = "", count: int | None = None):
+        self.listed, self.prefix, self.count = listed, prefix, len(listed) if count is None else count
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, row: int) -> str:
+        if not 0 <= row < self.count:
+            raise IndexError(row)
+        return self.listed[row] if self.listed else f"{self.prefix}{row}"
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return {name: row for row, name in enumerate(self.listed)}
+
+    def row(self, name: str) -> int | None:
+        """The row of a name, or None where no row has it."""
+        if self.listed:
+            return self._rows.get(name)
+        number = name.removeprefix(self.prefix)
+        fits = name.startswith(self.prefix) and number.isdecimal() and str(int(number)) == number
+        return int(number) if fits and int(number) < self.count else None
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Rows of a kind that share their code, as arrays. They come from objects of a scene, or from any other source of
+    columns.
+
+    kind: one class; rows with a transform and rows without are two batches. names: Names, of the rows.
+    numbers: the kind's table. outer: the rows' transforms, or None. material, texture: numbers of the rows' own.
+    object: the number of each row's object, in the order of the scene.
+    """
+
+    kind: type[Primitive]
+    names: Names
+    numbers: Any
+    outer: Frame | None
+    material: Any
+    texture: Any
+    object: Any
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True)
+class LightColumns:
+    """Lights of one kind as arrays. samples: of each, as Python knows them; place: its number in the scene."""
+
+    kind: type[Light]
+    names: Names
+    numbers: Light
+    samples: tuple[int, ...]
+    place: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Packed:
+    """All numbers of a scene. Shapes: one entry an object, a material or a light of one kind; one entry for camera,
+    background and settings."""
+
+    batches: tuple[Columns, ...]
+    lights: tuple[LightColumns, ...]
+    materials: Material
+    camera: Camera
+    background: Gradient
+    ambient: Any
+    occlusion: Occlusion
+
+
+def structure(scene: Scene) -> tuple:
+    """What decides the code of a scene's objects and lights: for each its name, its kind, and whether it has a
+    transform."""
+    things = tuple((name, x.kind, bool(x.transform)) for name, x in scene.objects.items())
+    return things, tuple((name, type(x)) for name, x in scene.lights.items())
+
+
+def pack(scene: Scene, a: Arrays) -> Packed:
+    """The scene's numbers as arrays; batches in the order of their first objects."""
+    materials = _materials(scene)
+    things: dict[tuple, list[tuple[int, str]]] = {}
+    for number, (name, thing) in enumerate(scene.objects.items()):
+        things.setdefault((thing.kind, bool(thing.transform)), []).append((number, name))
+    lights: dict[type, list[tuple[int, str]]] = {}
+    for number, (name, light) in enumerate(scene.lights.items()):
+        lights.setdefault(type(light), []).append((number, name))
+    sky = scene.background
+    sky = sky if isinstance(sky, Gradient) else Gradient(top=sky, bottom=sky)
+    return evaluated(
+        Packed(
+            batches=tuple(_batch(scene, a, kind, places) for (kind, _), places in things.items()),
+            lights=tuple(_lights(scene, a, kind, places) for kind, places in lights.items()),
+            materials=stacked(a, Material, list(materials.values())),
+            camera=stacked(a, Camera, [scene.camera]),
+            background=stacked(a, Gradient, [sky]),
+            ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
+            occlusion=stacked(a, Occlusion, [scene.settings.occlusion]),
+        )
+    )
+
+
+def _materials(scene: Scene) -> dict[str, Material]:
+    return {"default": Material()} | scene.materials
+
+
+def _batch(scene: Scene, a: Arrays, kind: type[Primitive], places: list[tuple[int, str]]) -> Columns:
+    """The objects at these places, which share their code."""
+    objects, names = np.array([number for number, _ in places], np.uint32), tuple(name for _, name in places)
+    things = [scene.objects[name] for name in names]
+    materials = _materials(scene)
+    index = {name: i for i, name in enumerate(materials)}
+    texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
+    painted = {name: texture[m.texture] for name, m in materials.items()}
+    outer = None
+    if things[0].transform:
+        matrices = np.stack([compose(x.transform) for x in things])
+        outer = Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
+    return Columns(
+        kind=kind,
+        names=Names(names),
+        numbers=kind.table(a, things),
+        outer=outer,
+        material=a.put(a.U, np.array([index[x.material] for x in things], np.uint32)),
+        texture=a.put(a.U, np.array([painted[x.material] for x in things], np.uint32)),
+        object=a.put(a.U, objects),
+    )
+
+
+def _lights(scene: Scene, a: Arrays, kind: type[Light], places: list[tuple[int, str]]) -> LightColumns:
+    lights = [scene.lights[name] for _, name in places]
+    return LightColumns(
+        kind=kind,
+        names=Names(tuple(name for _, name in places)),
+        numbers=stacked(a, kind, lights),
+        samples=tuple(getattr(x, "samples", 1) for x in lights),
+        place=tuple(number for number, _ in places),
+    )
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where arrays hold the number of an address: the arrays, the row, and the component or None for all three."""
+
+    arrays: tuple[Any, ...]
+    row: int
+    part: int | None
+
+    def read(self, values: tuple | list) -> Any:
+        """The entry, out of arrays shaped like `arrays`, summed over them."""
+        entry = sum(np.array(v, float)[..., self.row] for v in values)
+        return float(entry) if entry.ndim == 0 else entry if self.part is None else float(entry[self.part])
+
+    def one_hot(self) -> list[np.ndarray]:
+        """Arrays that are 1 at the entry and 0 elsewhere."""
+        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
+        for h in hot:
+            h[(Ellipsis, self.row) if self.part is None else (self.part, self.row)] = 1
+        return hot
+
+
+class Index:
+    """From addresses to the arrays and rows of a packed scene: for derivatives, and for what an update changes."""
+
+    def __init__(self, scene: Scene, packed: Packed):
+        self.scene, self.packed = scene, packed
+
+    def row_of(self, section: tuple[Columns, ...] | tuple[LightColumns, ...], name: str) -> tuple[int, int]:
+        """The batch of an object or a light, and its row there."""
+        for number, batch in enumerate(section):
+            if (row := batch.names.row(name)) is not None:
+                return number, row
+        raise KeyError(name)
+
+    def slot(self, address: str) -> Slot:
+        """Where the number at `address` is; raises UserError where a picture does not depend on it smoothly."""
+        parts, packed = address.split("."), self.packed
+        head, name, field = (parts + ["", ""])[:3]
+        if isinstance(there := addresses.value(self.scene, address), dict) or is_dataclass(there):
+            raise UserError(f"{address}: is not one number or three; name one of its parts")
+        if head == "ambient":
+            return Slot((packed.ambient,), 0, int(name) if name else None)
+        if head == "background":
+            flat, sky = not isinstance(self.scene.background, Gradient), packed.background
+            both = (sky.top, sky.bottom) if flat else (getattr(sky, name or "top"),)
+            rest = name if flat else field
+            return Slot(both, 0, int(rest) if rest else None)
+        if head == "camera":
+            table, row, field, rest = packed.camera, 0, name, parts[2:]
+        elif head == "materials":
+            table, row, rest = packed.materials, list(_materials(self.scene)).index(name), parts[3:]
+        elif head == "objects":
+            return self._of_object(name, parts[2:])
+        elif head == "lights":
+            number, row = self.row_of(packed.lights, name)
+            table, rest = packed.lights[number].numbers, parts[3:]
+        elif address == "settings.occlusion.distance":
+            table, row, rest = packed.occlusion, 0, parts[3:]
+        else:
+            raise UserError(f"{address}: is not a number that a picture depends on smoothly")
+        if field not in quantities(type(table)):
+            raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
+        return Slot((getattr(table, field),), row, int(rest[0]) if rest else None)
+
+    def _of_object(self, name: str, rest: list[str]) -> Slot:
+        """Where the number of an object is."""
+        thing = self.scene.objects[name]
+        number, row = self.row_of(self.packed.batches, name)
+        batch = self.packed.batches[number]
+        columns = batch.kind.columns(thing, batch.numbers)
+        for field, column in columns.items():
+            size = len(field.split("."))
+            if ".".join(rest[:size]) == field:
+                return Slot((column,), row, int(rest[size]) if rest[size:] else None)
+        known = ", ".join(columns) or "none of its own"
+        raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
+
+
+def updated(packed: Packed, old: Scene, new: Scene, addressed: Mapping[str, Any], a: Arrays) -> Packed | None:
+    """The packed numbers of `new`, a scene that differs from `old` at the given addresses only: arrays that nothing
+    changed are the same ones. None where more than numbers changed, and all is to be packed anew."""
+    sections = {address.partition(".")[0] for address in addressed}
+    if sections & {"textures", "film"} or structure(old)[1] != structure(new)[1]:
+        return None
+    index, batches = Index(old, packed), list(packed.batches)
+    changed: dict[int, dict[int, str]] = {}
+    for name in {address.split(".")[1] for address in addressed if address.startswith("objects.")}:
+        before, after = old.objects[name], new.objects[name]
+        if (before.kind, bool(before.transform)) != (after.kind, bool(after.transform)):
+            return None
+        number, row = index.row_of(packed.batches, name)
+        changed.setdefault(number, {})[row] = name
+    for number, names in changed.items():
+        places = [(index_of, name) for index_of, name in enumerate(names.values())]
+        few = _batch(new, a, batches[number].kind, places)
+        at = a.put(a.U, np.array(list(names), np.uint32))
+        few = replace(few, object=dr.gather(a.U, batches[number].object, at))
+        batches[number] = _scattered(batches[number], few, at)
+    fresh = pack(replace(new, objects={}), a)
+    kept = {
+        "materials": "materials" in sections,
+        "lights": "lights" in sections,
+        "camera": "camera" in sections,
+        "background": "background" in sections,
+        "ambient": "ambient" in sections,
+        "occlusion": "settings" in sections,
+    }
+    if "materials" in sections and _textures(old) != _textures(new):
+        return None
+    return replace(
+        packed,
+        batches=tuple(batches),
+        **{name: getattr(fresh, name) for name, differs in kept.items() if differs},
+    )
+
+
+def _textures(scene: Scene) -> list[tuple[str, str | None]]:
+    return [(name, m.texture) for name, m in _materials(scene).items()]
+
+
+def _scattered(columns: Columns, few: Columns, at: Any) -> Columns:
+    """The columns with the rows at `at` replaced."""
+    sources: list = []
+    mapped(lambda x: sources.append(x) or x, replace(few, names=None))
+    source = iter(sources)
+
+    def put(x: Any) -> Any:
+        new = type(x)(x)
+        dr.scatter(new, next(source), at)
+        return new
+
+    return replace(mapped(put, replace(columns, names=None)), names=columns.names)

@@ -15,18 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from visray import tables
-from visray.features import features
+from visray.accel.crossings import Piece, occludes, way_inside
 from visray.geometry import gamma
+from visray.interaction import surface_of
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
-from visray.quantities import Arrays
-from visray.ray import Hit, Ray
-from visray.scene.scene import Scene
-from visray.scenery import feel, scenery
+from visray.pytree import rows
+from visray.ray import NOTHING_KNOWN, Crossing, Hit, KnownEnds, Ray
+from visray.scene.scene import Film, Scene, Settings
+from visray.setup import prepare
 from visray.transforms import Rotate, Scale, Translate, compose
-from visray.trees import rows
 
 Real = np.longdouble
 PI = 4 * np.arctan(Real(1))
@@ -469,17 +468,19 @@ def inverse(m: np.ndarray) -> np.ndarray:
 
 
 class Lineup:
-    """Many objects of one kind in one table, each with its own rays: lane i belongs to object i // per."""
+    """Many objects of one kind in one batch, each with its own rays: lane i belongs to object i // per."""
 
     def __init__(self, things: list, per: int, precision: str = "double"):
-        self.things, self.per, self.a = things, per, Arrays.of("llvm", precision)
-        scene = Scene(objects={f"o{i}": x for i, x in enumerate(things)})
-        self.kin = tables.kinships(scene)
-        assert len(self.kin) == 1
-        self.kind = self.kin[0].kind
-        ready = tables.prepare(tables.pack(scene, self.a), self.kin, (1, 1), self.a)
-        self.group, self.groups = ready.groups[0], ready.groups
-        self.scenery = scenery(ready, self.kin, scene, features(scene), self.a, plain=False)
+        self.things, self.per = things, per
+        scene = Scene(
+            film=Film(width=1, height=1),
+            objects={f"o{i}": x for i, x in enumerate(things)},
+            settings=Settings(precision=precision),
+        )
+        self.prepared = prepare(scene)
+        self.a, self.kernel = self.prepared.a, self.prepared.kernel
+        (self.batch,) = self.kernel.batches
+        self.kind = self.batch.kind
         self.index = self.a.U(np.repeat(np.arange(len(things), dtype=np.uint32), per))
 
     def ray(self, o: np.ndarray, d: np.ndarray, **more: Any) -> Ray:
@@ -487,15 +488,39 @@ class Lineup:
         o, d = (self.a.W(np.ascontiguousarray(v.reshape(-1, 3).T)) for v in (o, d))
         return Ray(o, d, **more)
 
+    def placed(self) -> Any:
+        """Each lane's object."""
+        return rows(self.batch.placed, self.index)
+
     def seen(self, o: Any) -> Any:
-        return self.kind.seen(rows(self.group.placed, self.index), o)
+        return self.kind.seen(self.placed(), o)
+
+    def crossing(self, ray: Ray, leaving: Any = None) -> Crossing:
+        """The first crossing; `leaving`: the ray begins on the object's surface, on the side that it says."""
+        known = NOTHING_KNOWN if leaving is None else KnownEnds(leaving, ray.inside, ray.part)
+        return self.kind.crossing(self.seen(ray.o), ray, 0, None, known)
 
     def first(self, ray: Ray, leaving: Any = None) -> Any:
-        return self.kind.first(self.seen(ray.o), ray, leaving, ray.inside)
+        """The distance of the first crossing."""
+        return self.crossing(ray, leaving).t
 
-    def surface(self, ray: Ray, t: Any) -> tuple:
+    def piece(self, ray: Ray, length: Any, **known: Any) -> Piece:
+        """Each ray up to a distance, with what is known of its ends (KnownEnds)."""
+        known = {"end_error": self.a.D(0)} | known
+        return Piece(self.kind, self.placed(), self.seen(ray.o), ray, 0, length, KnownEnds(**known))
+
+    def occludes(self, ray: Ray, length: Any, **known: Any) -> Any:
+        """Whether the object is in the way up to a distance."""
+        return occludes(self.piece(ray, length, **known))
+
+    def way_inside(self, ray: Ray, length: Any, **known: Any) -> tuple[Any, Any]:
+        """Whether each ray goes through the object up to a distance, and how long it is inside."""
+        return way_inside(self.piece(ray, length, **known))
+
+    def surface(self, ray: Ray, t: Any, part: Any = None) -> tuple:
         """Surface, u and v where the rays have run t; lanes that miss are to be ignored."""
-        s, _, u, v = feel(self.scenery, ray, Hit(t, self.index))
+        part = self.crossing(ray).part if part is None else part
+        s, _, u, v = surface_of(self.kernel, ray, Hit(t, self.index, part))
         return s, u, v
 
 
@@ -540,7 +565,7 @@ def distortion(thing: Any) -> tuple[float, float]:
     ratio |x||y||z| / |det| of the frame's columns, once for the products and once for the determinant.
     """
     # Of a polynomial only the clip has one.
-    frame = (scalars(thing.clip) if isinstance(thing, Polynomial) else thing.numbers()).frame()
+    frame = (scalars(thing.clip) if isinstance(thing, Polynomial) else scalars(thing)).frame()
     columns = np.eye(3) if not hasattr(frame, "x") else np.array([frame.x, frame.y, frame.z], float).reshape(3, 3).T
     m, _ = outer(thing)
     whole = m @ columns

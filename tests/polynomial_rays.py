@@ -11,13 +11,13 @@ import flint
 import numpy as np
 from samples import array
 
-from visray.exposure import set_up
+from visray.accel.search import RayOrigin, Target, closest, occluded
+from visray.interaction import surface_of
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
-from visray.ray import NO_OBJECT, Ray
+from visray.ray import NO_ROW, Ray
 from visray.scene.scene import Scene, Settings
-from visray.scenery import feel
-from visray.search import End, Watch, blocked, closest
+from visray.setup import prepare
 
 U = 2.0**-53
 PHI = Fraction(10**80 + isqrt(5 * 10**160), 2 * 10**80)
@@ -43,8 +43,9 @@ class Rig:
     """Objects ready for rays, all in double."""
 
     def __init__(self, *things: Any):
-        made = set_up(Scene(objects={f"o{i}": x for i, x in enumerate(things)}, settings=Settings(precision="double")))
-        self.a, self.scenery = made.a, made.stage.scenery
+        named = {f"o{i}": x for i, x in enumerate(things)}
+        self.prepared = prepare(Scene(objects=named, settings=Settings(precision="double")))
+        self.a, self.kernel = self.prepared.a, self.prepared.kernel
 
     def ray(self, o: np.ndarray, d: np.ndarray, source: Any = None, inside: Any = None) -> Ray:
         a, n = self.a, len(d)
@@ -54,48 +55,46 @@ class Rig:
             inside = a.B(np.broadcast_to(np.asarray(inside, bool), n).copy())
         return Ray(o, d, source, inside)
 
-    def watch(self, ray: Ray) -> Watch:
-        return Watch(self.a, self.scenery.kin, self.scenery.groups, ray.o, shared=False)
+    def origin(self, ray: Ray) -> RayOrigin:
+        return RayOrigin(self.kernel.geometry, ray.o, shared=False)
 
-    def first(self, o: Any, d: Any, source: Any = None, inside: Any = None, plain: bool = False) -> tuple:
+    def first(self, o: Any, d: Any, source: Any = None, inside: Any = None, brute_force: bool = False) -> tuple:
         """t and index of what is hit first."""
         ray = self.ray(o, d, source, inside)
-        hit = closest(self.watch(ray), ray, plain)
+        hit = closest(self.origin(ray), ray, brute_force)
         dr.eval(hit)
-        return np.array(hit.t), np.array(hit.index)
+        return np.array(hit.t), np.array(hit.row)
 
-    def felt(self, o: Any, d: Any, source: Any = None, inside: Any = None) -> tuple:
+    def surfaces(self, o: Any, d: Any, source: Any = None, inside: Any = None) -> tuple:
         """t, point, normal, u and v of what is hit first."""
         ray = self.ray(o, d, source, inside)
-        hit = closest(self.watch(ray), ray)
-        s, _, u, v = feel(self.scenery, ray, hit)
+        hit = closest(self.origin(ray), ray)
+        s, _, u, v = surface_of(self.kernel, ray, hit)
         dr.eval(hit, s, u, v)
         return np.array(hit.t), array(s.p), array(s.n), np.array(u), np.array(v)
 
-    def blocked(self, o: Any, d: Any, length: Any, end: Any = None, inward: Any = None, **leaves: Any) -> np.ndarray:
+    def occluded(self, o: Any, d: Any, length: Any, end: Any = None, inward: Any = None, **leaves: Any) -> np.ndarray:
         a, ray = self.a, self.ray(o, d, **leaves)
         if end is not None:
             end, inward = a.U(np.full(len(d), end, np.uint32)), a.B(np.ascontiguousarray(inward))
-        active = dr.full(a.B, True, len(d))
-        plain = [
-            np.array(blocked(self.watch(ray), ray, End(a.D(length), end, inward), active, p)) for p in (False, True)
-        ]
-        assert np.array_equal(*plain)
-        return plain[0]
+        active, target = dr.full(a.B, True, len(d)), Target(a.D(length), a.D(0), end, inward)
+        hidden = [np.array(occluded(self.origin(ray), ray, target, active, slow)) for slow in (False, True)]
+        assert np.array_equal(*hidden)
+        return hidden[0]
 
     def walked(self, o: np.ndarray, d: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
         """All crossings, inf where there are no more, and the normals there: each looked for from the one before, on
         the side to which the ray went through it. Shapes: (most, N), (most, N, 3)."""
-        start, total, source, inside = o, np.zeros(len(d)), np.full(len(d), NO_OBJECT), np.zeros(len(d), bool)
+        start, total, source, inside = o, np.zeros(len(d)), np.full(len(d), NO_ROW), np.zeros(len(d), bool)
         times, normals = [], []
         for _ in range(most):
-            t, p, n, _, _ = self.felt(start, d, source, inside)
+            t, p, n, _, _ = self.surfaces(start, d, source, inside)
             met = np.isfinite(t)
             total = np.where(met & np.isfinite(total), total + np.where(met, t, 0), np.inf)
             times.append(total)
             normals.append(n)
             start = np.where(np.isfinite(total)[:, None], p, 1e3 + 0 * p)
-            source, inside = np.where(met, 0, NO_OBJECT), (n * d).sum(1) < 0
+            source, inside = np.where(met, 0, NO_ROW), (n * d).sum(1) < 0
         return np.array(times), np.array(normals)
 
 
@@ -132,7 +131,7 @@ def departures(rig: Rig, rng: np.random.Generator, radius: float, n: int) -> tup
     """Points as kernels know them, and directions over both sides, half of them at less than 3 degrees to the surface;
     and whether they run to where f < 0."""
     o, d = rays_at(rng, 40 * n, radius, 3.0)
-    t, p, m, _, _ = rig.felt(o, d)
+    t, p, m, _, _ = rig.surfaces(o, d)
     met = np.isfinite(t) & (np.linalg.norm(p, axis=1) < 0.98 * radius)
     p, m = p[met][:n], m[met][:n]
     assert len(p) == n

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from visray.accel.crossings import Piece, occludes, way_inside
+from visray.accel.search import Geometry
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
@@ -465,6 +466,12 @@ def inverse(m: np.ndarray) -> np.ndarray:
     for _ in range(2):
         x = x + x @ (np.eye(3) - m @ x)
     return x
+
+
+def geometry_of(scene: Scene, precision: str = "single") -> Geometry:
+    """What rays can meet in a scene."""
+    settings = replace(scene.settings, precision=precision)
+    return prepare(replace(scene, film=Film(width=1, height=1), settings=settings)).kernel.geometry
 
 
 class Lineup:

@@ -30,12 +30,14 @@ from samples import Lineup, array, polynomial_sphere
 from test_render import compiled
 
 import visray as vr
-from visray import tables
+from visray.accel.search import RayOrigin, closest
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
-from visray.ray import NO_OBJECT
+from visray.primitives.primitive import box_of
+from visray.pack import pack
+from visray.quantities import Arrays
+from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
-from visray.search import Watch, closest
 from visray.surfaces import CLASSICS
 
 # Where both of two searches miss, distances are inf - inf.
@@ -142,7 +144,7 @@ def test_the_heart_is_met_on_its_equator() -> None:
     o = p + 10 ** rng.uniform(-0.5, 1, (n, 1)) * unit(outwards + 0.7 * unit(rng.normal(size=(n, 3))))
     length = np.linalg.norm(p - o, axis=1)
     rig = Rig(Polynomial(surface="heart"))
-    t, _, normal, _, _ = rig.felt(o, unit(p - o))
+    t, _, normal, _, _ = rig.surfaces(o, unit(p - o))
     assert (np.abs(t - length) <= 1e-12 * length).all()
     assert np.abs(np.linalg.norm(normal, axis=1) - 1).max() < 1e-6
     o = 0.3 * rng.uniform(-1, 1, (n, 3))
@@ -171,7 +173,7 @@ def test_a_ray_that_leaves_the_heart_meets_its_equator_where_it_is() -> None:
     rig = Rig(Polynomial(surface="heart"))
     o = 0.3 * rng.uniform(-1, 1, (n, 3))
     d = unit(rng.normal(size=(n, 3)))
-    _, start, _, _, _ = rig.felt(o, d)
+    _, start, _, _, _ = rig.surfaces(o, d)
     angle = rng.uniform(0, 2 * np.pi, n)
     p = np.stack([np.cos(angle), 2 / 3 * np.sin(angle), 0 * angle], 1)
     length = np.linalg.norm(p - start, axis=1)
@@ -234,13 +236,13 @@ def test_rays_in_the_surface_have_an_answer(expression: str, points: Callable, w
     p, d = np.stack(points(c, s), 1), unit(np.stack(ways(c, s), 1))
     rig = Rig(surface(expression, 3.0), surface(expression, 3.0, ends="capped", centre=(0.5, 0.0, 0.0)))
     for o, leaves in ((p, (None, None)), (p - 5 * d, (None, None)), (p, (0, True)), (p, (0, False)), (p, (1, True))):
-        t, q, n, _, _ = rig.felt(o, d, *leaves)
+        t, q, n, _, _ = rig.surfaces(o, d, *leaves)
         assert not np.isnan(t).any() and (t > 0).all()
         met = np.isfinite(t)
         assert np.isfinite(np.concatenate([q[met], n[met]])).all()
         assert (np.abs(np.linalg.norm(n[met], axis=1) - 1) < 1e-6).all()
         assert (np.linalg.norm(q[met] - (0.25, 0, 0), axis=1) < 3.3).all()
-        assert np.isin(rig.blocked(o, d, np.full(len(d), 2.0)), [True, False]).all()
+        assert np.isin(rig.occluded(o, d, np.full(len(d), 2.0)), [True, False]).all()
 
 
 # What must not change an answer
@@ -278,8 +280,8 @@ def test_a_far_centre_costs_only_what_the_rays_lose(away: float) -> None:
     o, d = rays_at(rng, n, 1.5)
     # Rounded so that the far origin is exactly the near one, moved.
     o = np.round(o * 2.0**24) / 2.0**24
-    (t, _, m, _, _), near = far.felt(o + centre, d), Rig(surface(TORUS, 1.5))
-    s, _, k, _, _ = near.felt(o, d)
+    (t, _, m, _, _), near = far.surfaces(o + centre, d), Rig(surface(TORUS, 1.5))
+    s, _, k, _, _ = near.surfaces(o, d)
     assert np.array_equal(np.isfinite(s), np.isfinite(t))
     hit = np.isfinite(s)
     assert hit.sum() > 300
@@ -308,7 +310,7 @@ def test_a_transform_is_the_substitution_by_hand() -> None:
     text = text.replace("/0.5)", "*2)")
     by_hand = surface(text, 5.0, away)
     o, d = rays_at(rng, n, 4.0)
-    (t, _, m, _, _), (s, _, k, _, _) = (Rig(thing).felt(o + away, d) for thing in (moved, by_hand))
+    (t, _, m, _, _), (s, _, k, _, _) = (Rig(thing).surfaces(o + away, d) for thing in (moved, by_hand))
     assert np.array_equal(np.isfinite(s), np.isfinite(t))
     hit = np.isfinite(s)
     slope = np.abs((k * d).sum(1))
@@ -327,12 +329,12 @@ def test_the_guarded_search_is_the_plain_one_bit_for_bit() -> None:
         vr.Sphere(center=(0.0, 0.0, -2.0)),
     )
     o, d = rays_at(rng, n, 3.0)
-    source = np.where(rng.random(n) < 0.5, NO_OBJECT, rng.integers(0, 5, n))
+    source = np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, 5, n))
     inside = rng.random(n) < 0.5
     fast, slow = (rig.first(o, d, source, inside, plain) for plain in (False, True))
     assert fast[0].tobytes() == slow[0].tobytes() and np.array_equal(fast[1], slow[1])
     assert len(np.unique(fast[1])) == 6
-    assert 0.1 < rig.blocked(o, d, rng.uniform(0, 5, n)).mean() < 0.9
+    assert 0.1 < rig.occluded(o, d, rng.uniform(0, 5, n)).mean() < 0.9
 
 
 # Clips
@@ -418,7 +420,7 @@ def test_rays_that_leave_the_surface_never_meet_their_own_point(expression: str,
     rng, rig = np.random.default_rng(16), Rig(surface(expression, radius))
     p, d, inside = departures(rig, rng, radius, 20_000)
     t = rig.first(p, d, 0, inside)[0]
-    hidden = rig.blocked(p, d, np.full(len(d), 10 * radius), source=0, inside=inside)
+    hidden = rig.occluded(p, d, np.full(len(d), 10 * radius), source=0, inside=inside)
     assert np.array_equal(hidden, np.isfinite(t))
     false, leaks, open_ = 0, 0, 0
 
@@ -440,7 +442,7 @@ def test_rays_that_leave_the_surface_never_meet_their_own_point(expression: str,
 
 
 @pytest.mark.parametrize("name", ["heart", "torus", "hyperboloid", "capped"])
-def test_blocked_is_that_the_first_hit_is_nearer(name: str) -> None:
+def test_occluded_is_that_the_first_hit_is_nearer(name: str) -> None:
     """For ends anywhere; and for ends on the surface, which rays reach from either side: an end is hidden where what
     is met first is not the end itself."""
     rng, n = np.random.default_rng(17), 20_000
@@ -454,14 +456,14 @@ def test_blocked_is_that_the_first_hit_is_nearer(name: str) -> None:
     o, d = rays_at(rng, n, 1.5)
     t = rig.first(o, d)[0]
     length = np.where(np.isfinite(t), t, 2.0) * rng.uniform(0.5, 1.5, n)
-    assert np.array_equal(rig.blocked(o, d, length), t < length)
+    assert np.array_equal(rig.occluded(o, d, length), t < length)
     # Points of the surface, as other rays know them.
-    t, p, m, _, _ = rig.felt(*rays_at(rng, n, 1.5))
+    t, p, m, _, _ = rig.surfaces(*rays_at(rng, n, 1.5))
     there = np.isfinite(t)
     o, p, m = o[there], p[there], m[there]
     length, d = np.linalg.norm(p - o, axis=1), unit(p - o)
     inward = (m * d).sum(1) > 0
-    hidden = rig.blocked(o, d, length, 0, inward)
+    hidden = rig.occluded(o, d, length, 0, inward)
     times, _ = rig.walked(o, d, 10)
     before = (times < length * (1 - 1e-7)).sum(0)
     # Where the end is approached from its proper side, and nothing else is near it.
@@ -477,11 +479,11 @@ def test_a_point_without_a_slope_is_not_on_the_surface(thing: Polynomial) -> Non
     that each ray has, and an object around a light hides it."""
     rng, rig = np.random.default_rng(20), Rig(thing)
     line = Lineup([thing], 1)
-    assert abs(line.kind.level(line.group.placed, line.a.W(0.0, 0.0, 0.0))[0][0]) > 0.1
+    assert abs(line.kind.surface_at(line.placed(), line.a.W(0.0, 0.0, 0.0))[0][0]) > 0.1
     d = unit(rng.normal(size=(5000, 3)))
     ray = rig.ray(np.zeros((1, 3)), d)
     ray = replace(ray, o=rig.a.W(0.0, 0.0, 0.0))
-    shared = closest(Watch(rig.a, rig.scenery.kin, rig.scenery.groups, ray.o), ray)
+    shared = closest(RayOrigin(rig.kernel.geometry, ray.o), ray)
     t = rig.first(np.zeros(3), d)[0]
     assert np.isfinite(t).mean() > 0.3 and np.array_equal(np.array(shared.t), t)
 
@@ -494,25 +496,24 @@ def test_the_way_inside_a_solid_is_that_of_the_exact_roots(expression: str) -> N
     line = Lineup([surface(expression, radius, ends="capped")], n)
     o, d = rays_at(rng, n, radius, 5.0)
     length = np.where(rng.random(n) < 0.5, 1e3, rng.uniform(0, 2 * radius, n))
-    ray, no = line.ray(o, d), dr.full(line.a.B, False, n)
-    seen, far = line.seen(ray.o), line.a.D(length)
-    whole, inside = (np.array(x) for x in line.kind.passage(seen, ray, far, no, None))
-    blocks = np.array(line.kind.blocks(seen, ray, far, no, no, None, None))
+    ray, far = line.ray(o, d), line.a.D(length)
+    through, inside = (np.array(x) for x in line.way_inside(ray, far))
+    occludes = np.array(line.occludes(ray, far))
     for i in range(n):
         b = o[i] @ d[i]
         half = np.sqrt(max(b * b - o[i] @ o[i] + radius**2, 0))
         begin, end = max(-b - half, 0), min(-b + half, length[i])
         if begin >= end:
-            assert not blocks[i]
+            assert not occludes[i]
             continue
         f = along(expression, o[i], d[i])
         cuts = np.array([begin, *(t for t in real_roots(f) if begin < t < end), end])
         below = np.array([float(f(rational(m))) < 0 for m in (cuts[1:] + cuts[:-1]) / 2])
         assert abs((np.diff(cuts) * below).sum() - inside[i]) < 1e-9
-        assert blocks[i] == (len(cuts) > 2 or (below[0] and begin > 0) or (below[-1] and end < length[i]))
-        if blocks[i]:
+        assert occludes[i] == (len(cuts) > 2 or (below[0] and begin > 0) or (below[-1] and end < length[i]))
+        if occludes[i]:
             starts, ends = below[0] and begin == 0, below[-1] and end == length[i]
-            assert whole[i] == (not starts and not ends)
+            assert through[i] == (not starts and not ends)
 
 
 # What is compiled
@@ -535,11 +536,11 @@ def test_polynomials_of_one_form_share_their_code() -> None:
     }
 
     def count(thing: Polynomial) -> int:
-        return len(tables.kinships(Scene(objects={"a": mine, "b": thing})))
+        return len(pack(Scene(objects={"a": mine, "b": thing}), Arrays.of()).batches)
 
     assert {k: count(v) for k, v in same.items()} == dict.fromkeys(same, 1)
     assert {k: count(v) for k, v in others.items()} == dict.fromkeys(others, 2)
-    assert mine.kind is not Polynomial and issubclass(mine.kind, Polynomial) and not mine.kind.gone(True)
+    assert mine.kind is not Polynomial and issubclass(mine.kind, Polynomial) and not mine.kind.never_rehit(True)
 
 
 VIEW = Scene(
@@ -594,7 +595,7 @@ def test_crossings_are_no_farther_off_than_the_tolerance(name: str) -> None:
     """20 000 rays: those that hit are the same, and the distances within the tolerance times half the chord, which is
     at most that of the clip's sphere; the looser the farther off."""
     thing, rng = LOOSE[name], np.random.default_rng(32)
-    low, high = thing.bounds()
+    low, high = box_of(thing)
     reach = 0.5 * float((high - low).max())
     o, d = rays_at(rng, 20_000, reach)
     o = o + 0.5 * (low + high)
@@ -694,7 +695,7 @@ def test_normals_and_uv_are_those_of_the_exact_gradient(name: str) -> None:
     else:
         thing, text, names = Polynomial(surface=name), CLASSICS[name].expression, CLASSICS[name].parameters
     rig = Rig(thing)
-    t, p, n, u, v = rig.felt(*rays_at(rng, 6000, thing.limits().radius))
+    t, p, n, u, v = rig.surfaces(*rays_at(rng, 6000, thing.limits().radius))
     met = np.flatnonzero(np.isfinite(t))[:800]
     p, n, u, v = p[met], n[met], u[met], v[met]
     exact = gradient(text, p, **names)

@@ -17,6 +17,7 @@ from samples import (
     direction,
     distortion,
     gap,
+    geometry_of,
     instances,
     inverse,
     norm,
@@ -30,16 +31,14 @@ from samples import (
     unit,
 )
 
-from visray import tables
+from visray.accel.search import RayOrigin, closest
 from visray.geometry import gamma
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import scalars
+from visray.primitives.primitive import box_of, outer_frame, scalars
 from visray.primitives.solid import Solid
-from visray.quantities import Arrays
 from visray.ray import Ray
 from visray.scene.scene import Scene
-from visray.search import Watch, closest
 from visray.transforms import Scale
 
 OBJECTS, RAYS = 250, 64
@@ -189,11 +188,11 @@ def test_bounds_and_sphere_hold_the_object_and_little_more(name: str, moved: boo
     r = run(name, moved)
     for i, thing in enumerate(r.things):
         if name == "Plane":
-            assert thing.bounds() is None
+            assert box_of(thing) is None
             continue
-        low, high = thing.bounds()
-        numbers = scalars(thing.clip) if name == "Polynomial" else thing.numbers()
-        centre, radius = (np.array(x, float) for x in numbers.sphere(thing.outer_numbers()))
+        low, high = box_of(thing)
+        ball = scalars(thing).bounds(outer_frame(thing))
+        centre, radius = np.array(ball.centre, float), np.array(ball.radius, float)
         p, e = r.p[i][r.hit[i]], r.error[i][r.hit[i]][:, None]
         # The corners come out of at most 12 roundings of numbers no greater than these.
         m, offset = outer(thing)
@@ -212,7 +211,8 @@ def test_bounds_and_sphere_hold_the_object_and_little_more(name: str, moved: boo
 def test_solid_is_entered_before_it_is_left_and_the_middle_is_inside(name: str, moved: bool) -> None:
     r = run(name, moved)
     ray = r.line.ray(r.o, r.d)
-    t0, t1 = (np.array(t).reshape(r.count, r.per) for t in r.line.kind.intervals(r.line.seen(ray.o), ray.d))
+    line = r.line.kind.intervals(r.line.seen(ray.o), ray.d)
+    t0, t1 = (np.array(t).reshape(r.count, r.per) for t in (line.near, line.far))
     assert np.array_equal((t0 <= t1) & (t1 > 0), r.hit)
     for i, thing in enumerate(r.things):
         hit = r.hit[i]
@@ -485,8 +485,7 @@ def _least(thing) -> float:
 
 
 def uv_at(r: Run, p: np.ndarray) -> np.ndarray:
-    placed = tables.rows(r.line.group.placed, r.line.index)
-    uv = r.line.kind.uv(placed, r.line.a.W(np.ascontiguousarray(p.reshape(-1, 3).T)))
+    uv = r.line.kind.uv(r.line.placed(), r.line.a.W(np.ascontiguousarray(p.reshape(-1, 3).T)))
     return np.stack([np.array(x).reshape(r.count, r.per) for x in uv])
 
 
@@ -545,7 +544,7 @@ CORNERS = (
 @pytest.mark.parametrize(("thing", "p", "uv"), CORNERS)
 def test_uv_by_hand(thing, p: tuple, uv: tuple) -> None:
     line = Lineup([thing], 1)
-    found = line.kind.uv(line.group.placed, line.a.W(*map(float, p)))
+    found = line.kind.uv(line.placed(), line.a.W(*map(float, p)))
     # Frame, local point and angle: 20 roundings of numbers of order one.
     assert np.allclose([x[0] for x in found], uv, rtol=0, atol=4 * gamma(20))
 
@@ -585,12 +584,9 @@ def test_degenerate_rays_give_no_nan_and_agree_where_the_answer_is_sure(name: st
     is an answer: t > 0 or inf, a point on the surface, a finite normal."""
     thing, (o, d) = PLAIN[name], lattice_rays()
     line = Lineup([thing], len(o))
-    ray = line.ray(o, d, error=dr.full(line.a.D, U, len(o)))
-    for t in (line.first(Ray(ray.o, ray.d)), line.first(ray)):
-        t = np.array(t)
-        assert not np.isnan(t).any() and (t > 0).all()
     ray = line.ray(o, d)
     t = line.first(ray)
+    assert not np.isnan(np.array(t)).any() and (np.array(t) > 0).all()
     s, u, v = line.surface(ray, t)
     hit = np.isfinite(np.array(t))
     for x in (s.p.x, s.p.y, s.p.z, s.n.x, s.n.y, s.n.z, s.error, u, v):
@@ -606,13 +602,10 @@ def test_degenerate_rays_give_no_nan_and_agree_where_the_answer_is_sure(name: st
 
 @PLAIN_EACH
 def test_degenerate_shadow_rays_have_an_answer_that_agrees(name: str) -> None:
-    """`blocks` from lattice points over a length of 1: blocked exactly where the twin crosses before 1."""
+    """`occludes` from lattice points over a length of 1: blocked exactly where the twin crosses before 1."""
     thing, (o, d) = PLAIN[name], lattice_rays()
     line, n = Lineup([thing], len(o)), len(o)
-    a = line.a
-    ray = line.ray(o, d, error=dr.full(a.D, U, n))
-    no = dr.full(a.B, False, n)
-    found = np.array(line.kind.blocks(line.seen(ray.o), ray, dr.full(a.D, 1, n), no, no, None, None))
+    found = np.array(line.occludes(line.ray(o, d), dr.full(line.a.D, 1, n), end_error=line.a.D(U)))
     exact = truth(thing, o, d)
     far = np.abs(exact.t - 1) > 4 * gamma(ROUNDINGS)
     sure = exact.sure & (far | (exact.what == 0))
@@ -668,12 +661,12 @@ def mesh(corners: np.ndarray, faces: np.ndarray) -> Scene:
     )
 
 
-def missed(scene: Scene, o: np.ndarray, d: np.ndarray, plain: bool = False) -> int:
+def missed(scene: Scene, o: np.ndarray, d: np.ndarray, brute_force: bool = False) -> int:
     """How many rays hit nothing. o: one origin, or one a ray."""
-    a, kin = Arrays.of("llvm", "single"), tables.kinships(scene)
-    ready = tables.prepare(tables.pack(scene, a), kin, (1, 1), a)
+    geometry = geometry_of(scene)
+    a = geometry.a
     o, d = (a.W(np.ascontiguousarray(np.atleast_2d(v).T)) for v in (o, d))
-    return int((~np.isfinite(np.array(closest(Watch(a, kin, ready.groups, o), Ray(o, d), plain).t))).sum())
+    return int((~np.isfinite(np.array(closest(RayOrigin(geometry, o), Ray(o, d), brute_force).t))).sum())
 
 
 def inside_ball(rng: np.random.Generator, n: int, radius: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from samples import (
     aimed,
     array,
     gap,
+    geometry_of,
     instances,
     inverse,
     norm,
@@ -26,7 +27,8 @@ from samples import (
 )
 
 import visray as vr
-from visray import tables
+from visray.accel import policy
+from visray.accel.search import RayOrigin, Target, closest, occluded
 from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import PointLight
@@ -34,9 +36,9 @@ from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere
 from visray.primitives.solid import Solid
 from visray.quantities import Arrays
-from visray.ray import NO_OBJECT, Ray
+from visray.ray import NO_ROW, Ray
 from visray.scene.scene import Film, Scene
-from visray.search import End, Watch, blocked, closest
+from visray.setup import prepare
 from visray.transforms import Translate
 
 A = Arrays.of("llvm", "single")
@@ -93,7 +95,7 @@ def many(rng: np.random.Generator) -> tuple[Scene, np.ndarray]:
 
 def objects_in_order(scene: Scene) -> list:
     """The objects in the order of the kernel's families."""
-    return [scene.objects[n] for k in tables.kinships(scene) for n in k.names]
+    return [scene.objects[name] for batch in geometry_of(scene).batches for name in batch.names]
 
 
 def rays_at(rng: np.random.Generator, scene: Scene, o: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -128,41 +130,34 @@ class World:
         scene, o = make(rng)
         return World(scene, o, *rays_at(rng, scene, o, n))
 
-    def ready(self) -> tuple[tuple, Any]:
-        kin = tables.kinships(self.scene)
-        return kin, tables.prepare(tables.pack(self.scene, A), kin, (1, 1), A)
-
-    def searched(self, shared: bool, plain: bool) -> tuple[np.ndarray, ...]:
-        """t and index of the first object, for rays half of which leave one; and whether the target is hidden."""
-        kin, ready = self.ready()
+    def searched(self, shared: bool, brute_force: bool) -> tuple[np.ndarray, ...]:
+        """t and row of the first object, for rays half of which leave one; and whether the target is hidden."""
         n, count = len(self.d), len(self.scene.objects)
         o = triples(self.o if shared else np.broadcast_to(self.o, self.d.shape))
         d, rng = triples(self.d), np.random.default_rng(1)
-        source = A.U(np.where(rng.random(n) < 0.5, NO_OBJECT, rng.integers(0, count, n)).astype(np.uint32))
-        watch = Watch(A, kin, ready.groups, o)
-        hit = closest(watch, Ray(o, d, source=source, inside=A.B(rng.random(n) < 0.5)), plain)
+        source = A.U(np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, count, n)).astype(np.uint32))
+        origin = RayOrigin(geometry_of(self.scene), o)
+        hit = closest(origin, Ray(o, d, row=source, inside=A.B(rng.random(n) < 0.5)), brute_force)
         length, end, inward = self.ends(rng)
-        shaft = Ray(o, d, error=A.D(1e-15 * length))
-        active = A.B(rng.random(n) < 0.9)
-        hidden = blocked(watch, shaft, End(A.D(length), A.U(end.astype(np.uint32)), A.B(inward)), active, plain)
+        target = Target(A.D(length), A.D(1e-15 * length), A.U(end.astype(np.uint32)), A.B(inward))
+        hidden = occluded(origin, Ray(o, d), target, A.B(rng.random(n) < 0.9), brute_force)
         dr.eval(hit, hidden)
-        return np.array(hit.t), np.array(hit.index), np.array(hidden)
+        return np.array(hit.t), np.array(hit.row), np.array(hidden)
 
     def ends(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where shadow rays end: at the first object, or behind its entry and seen from within, or at no object."""
         if self.first is None:
-            self.first = self.seen(plain=True)
+            self.first = self.seen(brute_force=True)
         t, index = self.first
         what = np.where(np.isfinite(t), rng.integers(0, 3, len(t)), 2)
-        return np.choose(what, [t, 2 * t, self.length]), np.where(what < 2, index, NO_OBJECT), what == 1
+        return np.choose(what, [t, 2 * t, self.length]), np.where(what < 2, index, NO_ROW), what == 1
 
-    def seen(self, plain: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """t and index of the first object, for rays from the camera."""
-        kin, ready = self.ready()
+    def seen(self, brute_force: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """t and row of the first object, for rays from the camera."""
         o = triples(self.o)
-        hit = closest(Watch(A, kin, ready.groups, o), Ray(o, triples(self.d)), plain)
+        hit = closest(RayOrigin(geometry_of(self.scene), o), Ray(o, triples(self.d)), brute_force)
         dr.eval(hit)
-        return np.array(hit.t), np.array(hit.index)
+        return np.array(hit.t), np.array(hit.row)
 
 
 def triples(v: np.ndarray) -> Any:
@@ -187,7 +182,7 @@ def test_filtered_search_is_the_plain_one_bit_for_bit(make: Callable, shared: bo
         assert same(fast, w.searched(shared, True))
         hits, hidden = hits + np.isfinite(fast[0]).sum(), hidden + fast[2].sum()
         if shared:
-            assert same(w.seen(), w.seen(plain=True))
+            assert same(w.seen(), w.seen(brute_force=True))
     assert hits > RAYS and hidden > RAYS / 10
 
 
@@ -206,8 +201,8 @@ def test_looped_search_is_the_written_out_one_bit_for_bit(
     """Nothing written out: every bounded family hangs in a tree, planes and the plain search are looped over."""
     worlds = [World.of(make, seed) for seed in SEEDS]
     written = [w.searched(shared, False) for w in worlds]
-    monkeypatch.setattr(tables, "WRITTEN_OUT", 0)
-    monkeypatch.setattr(tables, "GATHERED", 0)
+    monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
+    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
     for w, before in zip(worlds, written):
         assert same(before, w.searched(shared, False))
         assert same(before, w.searched(shared, True))
@@ -221,7 +216,7 @@ def test_gathered_objects_are_the_written_out_ones_bit_for_bit(make: Callable, m
     w = replace(w, scene=replace(w.scene, objects=objects), first=None)
     written = w.searched(True, False)
     assert same(written, w.searched(True, True)) and same(written, w.searched(False, False))
-    monkeypatch.setattr(tables, "FEW", 0)
+    monkeypatch.setattr(policy, "FEW", 0)
     assert same(written, w.searched(True, False))
 
 
@@ -265,7 +260,7 @@ def test_the_object_found_is_the_first_by_the_twins(make: Callable) -> None:
     clear = sure & ((high[first, np.arange(len(t))] < second) | np.isinf(second))
     assert clear.mean() > 0.9
     none = np.isinf(low.min(0))
-    assert np.array_equal(index[clear & none], np.full((clear & none).sum(), NO_OBJECT))
+    assert np.array_equal(index[clear & none], np.full((clear & none).sum(), NO_ROW))
     found = clear & ~none
     assert np.array_equal(index[found], first[found])
     slack = gamma(2) * t[found]
@@ -276,7 +271,7 @@ def test_the_object_found_is_the_first_by_the_twins(make: Callable) -> None:
 def test_ties_go_to_the_object_that_comes_first() -> None:
     """Equal spheres, and sheets in one plane, the first of them last in space: the index is that of the first, written
     out and in a tree."""
-    for count in (2, tables.WRITTEN_OUT + 8):
+    for count in (2, policy.WRITTEN_OUT + 8):
         balls = [Sphere(center=(0, 0, -3)) for _ in range(count)]
         sheets = [Rectangle(center=(-0.01 * i, 0, -2), width=(4, 0, 0), height=(0, 4, 0)) for i in range(count)]
         for things in (balls, sheets):
@@ -290,8 +285,7 @@ def test_ties_go_to_the_object_that_comes_first() -> None:
 def test_search_of_nothing() -> None:
     w = World(Scene(), np.zeros(3), np.tile([0.0, 0, -1], (64, 1)), np.full(64, 2.0))
     o = triples(w.o)
-    kin, ready = w.ready()
-    hit = closest(Watch(A, kin, ready.groups, o), Ray(o, triples(w.d)))
+    hit = closest(RayOrigin(geometry_of(w.scene), o), Ray(o, triples(w.d)))
     assert not np.array(hit.valid).any()
 
 
@@ -410,10 +404,9 @@ def test_no_object_shades_its_own_lit_side(name: str) -> None:
     light = p + leave.d * reach * 10 ** rng.uniform(-3, 4, leave.d.shape[:2])[..., None]
     d = p - light
     length = np.linalg.norm(d, axis=2)
-    n = length.size
-    ray = line.ray(light, d / length[..., None], error=dr.full(a.D, 0, n))
-    yes, no = dr.full(a.B, True, n), dr.full(a.B, False, n)
-    assert not np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, no, None, None)).any()
+    yes, no = (dr.full(a.B, x, length.size) for x in (True, False))
+    ray = line.ray(light, d / length[..., None])
+    assert not np.array(line.occludes(ray, a.D(length.ravel()), on_end=yes, inward=no)).any()
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -431,14 +424,14 @@ def test_a_wall_seen_from_within_is_lit_from_within_only(name: str) -> None:
         assert sure.mean() > 0.8
         d = enter.p[:, None] - light
         length = np.linalg.norm(d, axis=2)
-        ray = line.ray(light, d / length[..., None], error=dr.full(a.D, 0, length.size))
+        ray = line.ray(light, d / length[..., None])
         yes = dr.full(a.B, True, length.size)
-        found = np.array(line.kind.blocks(line.seen(ray.o), ray, a.D(length.ravel()), yes, yes, None, None))
+        found = np.array(line.occludes(ray, a.D(length.ravel()), on_end=yes, inward=yes))
         found = found.reshape(length.shape)
         assert (found[sure] == hidden).all()
 
 
-def test_blocked_by_what_lies_between_and_by_nothing_else() -> None:
+def test_occluded_by_what_lies_between_and_by_nothing_else() -> None:
     """By hand: a ball between, beside, behind the point, behind the light; the point's own object; lights inside."""
     ball, floor = Sphere(center=(0, 5, 0), radius=1), Plane()
     scene = Scene(objects={"ball": ball, "floor": floor, "box": Box(min=(10, 4, -1), max=(12, 6, 1))})
@@ -457,17 +450,16 @@ def test_blocked_by_what_lies_between_and_by_nothing_else() -> None:
     light, p = (np.array([c[i] for c in cases], float) for i in (0, 1))
     d = p - light
     length = np.linalg.norm(d, axis=1)
-    kin = tables.kinships(scene)
-    ready = tables.prepare(tables.pack(scene, A), kin, (1, 1), A)
     o = triples(light)
-    shaft = Ray(o, triples(d / length[:, None]), error=A.D(np.full(len(p), 1e-14)))
+    ray = Ray(o, triples(d / length[:, None]))
     end, inward = A.U(np.array([c[2] for c in cases], np.uint32)), A.B(np.array([c[3] for c in cases]))
     active = dr.full(A.B, True, len(p))
-    for plain in (False, True):
-        watch = Watch(A, kin, ready.groups, o)
-        found = np.array(blocked(watch, shaft, End(A.D(length), end, inward), active, plain))
+    target = Target(A.D(length), A.D(np.full(len(p), 1e-14)), end, inward)
+    for brute_force in (False, True):
+        origin = RayOrigin(geometry_of(scene), o)
+        found = np.array(occluded(origin, ray, target, active, brute_force))
         assert found.tolist() == [c[4] for c in cases]
-        none = blocked(watch, shaft, End(A.D(length), end, inward), dr.full(A.B, False, len(p)), plain)
+        none = occluded(origin, ray, target, dr.full(A.B, False, len(p)), brute_force)
         assert not np.array(none).any()
 
 

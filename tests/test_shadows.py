@@ -21,9 +21,8 @@ from samples import (
 from test_search import crowd
 from test_shading import BLACK, DARK, PRECISIONS, along, seen
 
-from visray import tables
+from visray.accel import policy
 from visray.camera import Camera
-from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
@@ -32,6 +31,7 @@ from visray.primitives.flat import Flat
 from visray.primitives.solid import Solid
 from visray.render import render
 from visray.scene.scene import Film, Scene, Settings
+from visray.setup import prepare
 from visray.transforms import Matrix, Rotate, Translate
 
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
@@ -92,7 +92,7 @@ class Room:
     def seen(self, scene: Scene, plain: bool = False) -> np.ndarray:
         """The floor's colours at its points, from below all things."""
         step = self.size * (0.5 * self.n + 0.1 * np.cross(self.n, (0.3, 0.5, 0.7)))
-        return along(set_up(scene, plain=plain), self.p + step, np.broadcast_to(-step, self.p.shape)).astype(float)
+        return along(prepare(scene, brute_force=plain), self.p + step, np.broadcast_to(-step, self.p.shape)).astype(float)
 
     @property
     def lamp(self) -> Any:
@@ -316,7 +316,8 @@ def test_things_that_overlap_multiply(how: str, written: bool, precision: str, m
     """16 things of one material, so that none can be told from another by it: each counts for itself, the product of
     all; and in any order, written out or in trees."""
     if not written:
-        monkeypatch.setattr(tables, "WRITTEN_OUT", 0)
+        monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
+        monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
     rng = np.random.default_rng(5)
     room = Room.of(rng, 1500, how)
     things, dmax, kt = several(rng, room), 3 * room.size, (0.9, 0.8, 0.7)
@@ -326,7 +327,7 @@ def test_things_that_overlap_multiply(how: str, written: bool, precision: str, m
         scene = scene_of(objects, {"l": room.lamp}, {"glass": glass(dmax, kt)}, precision=precision)
         pictures.append(room.seen(scene))
         assert room.check(pictures[-1], chords, dmax, [kt] * len(things), precision) > 0.8
-    pictures.append(room.seen(scene, plain=True))
+    pictures.append(room.seen(scene, brute_force=True))
     for other in pictures[1:]:
         assert (np.abs(pictures[0] - other) <= gamma(2 * len(things), precision) * other).all()
     assert (np.sum([c.met for c in chords], axis=0) >= 4).mean() > 0.2
@@ -347,7 +348,7 @@ def test_many_things_in_trees_multiply(how: str) -> None:
     materials = {"glass": glass(dmax, kt), "blue": glass(dmax, (0.0, 0.5, 1.0))}
     objects = {"floor": room.floor} | {f"t{i}": replace(x, material=n) for i, (x, n) in enumerate(zip(things, names))}
     scene = scene_of(objects, {"l": room.lamp}, materials)
-    found, plain = room.seen(scene), room.seen(scene, plain=True)
+    found, plain = room.seen(scene), room.seen(scene, brute_force=True)
     assert (np.abs(found - plain) <= gamma(2 * 105, "single") * plain).all()
     chords = room.chords(things, "single")
     # The way to a small light is known in single: at one of 105 edges, more often than elsewhere.
@@ -566,7 +567,7 @@ def test_guards_leave_no_shadow_out(kt: float) -> None:
             "bulb": SphereLight(position=c, radius=3 * scale, samples=8),
         }
         scene = scene_of(things, lamps, {"m": replace(WHITE, kt=(kt, kt, kt), dmax=10 * scale)})
-        fast, plain = (along(set_up(scene, plain=p), o, d) for p in (False, True))
+        fast, plain = (along(prepare(scene, brute_force=p), o, d) for p in (False, True))
         assert (np.abs(fast - plain) <= (gamma(2 * len(things), "single") if kt else 0) * plain).all()
         lit += (plain > 0).mean()
     assert lit > 4 * 0.2

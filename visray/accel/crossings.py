@@ -38,7 +38,8 @@ class Piece:
         if on_start is None:
             turned = KnownEnds(back, known.inward, known.end_part)
         else:
-            part = None if known.end_part is None else dr.select(back, known.end_part, known.start_part)
+            known_parts = known.end_part is not None and known.start_part is not None
+            part = dr.select(back, known.end_part, known.start_part) if known_parts else None
             inside = dr.select(back, known.inward, known.inside)
             turned = KnownEnds(back | on_start, inside, part, back & on_start, known.inside, known.start_part)
         ends = dr.select(back, 0, begin), dr.select(back, self.end - begin, self.end)

@@ -4,8 +4,9 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray import tables
-from visray.guards import Cone, ground, guard
+from samples import geometry_of
+
+from visray.accel.culling import Cone, ground, guard
 from visray.primitives import Plane
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
@@ -78,9 +79,7 @@ def test_a_plane_that_a_ray_meets_is_near_its_cone_and_a_candidate(cones: tuple)
         n = np.cross(d[i], rng.normal(size=3))
         n = n / np.linalg.norm(n) + 10 ** rng.uniform(-6, 1) * d[i]
         scene = Scene(objects={"p": Plane(point=tuple((o[i] + t[i] * d[i]).tolist()), normal=tuple(n.tolist()))})
-        kin = tables.kinships(scene)
-        group = tables.prepare(tables.pack(scene, A), kin, (1, 1), A).groups[0]
-        g = ground(A, Plane, group, triples(o[i : i + 1]))
+        g = ground(A, geometry_of(scene).batches[0], triples(o[i : i + 1]))
         cone = Cone.around(A, triples(way[i : i + 1]), A.D(float(radius[i])))
         dr.eval(g, cone)
         assert np.array(g.candidate(A.V32(triples(d[i : i + 1])))).all()

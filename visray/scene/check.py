@@ -21,7 +21,7 @@ from visray.scene.garbage import uncollected
 from visray.scene.messages import hint, line, lines, printable
 from visray.scene.scene import ADAPTER, Scene
 from visray.scene.validated import plain, remember, validated
-from visray.transforms import Transform, compose
+from visray.transforms import Transform, bounds, compose
 
 DEFAULT_MATERIAL = "default"
 # The sections whose entries are named elsewhere in a scene, and what stands in for an entry that is wrong.
@@ -211,9 +211,9 @@ def _camera_flaws(camera: Camera) -> list[str]:
 
 def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
     """Why the composed transform has no inverse in double arithmetic, or None."""
-    whole = compose(steps)
-    if whole is None:
+    if not steps or _clearly_invertible(steps):
         return None
+    whole = compose(steps)
     if not np.isfinite(whole).all():
         return "the steps together overflow double precision"
     x, y, z = whole[:, :3].T
@@ -226,3 +226,12 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
     if not (volume > uncertain and sys.float_info.min <= volume <= sys.float_info.max):
         return "the steps together have no inverse in double precision; they flatten the object"
     return None
+
+
+def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
+    """Whether bounds show that all that is asked of a transform holds, by far more than rounding can change: a composed entry is
+    off by at most gamma(4 n + 6) times the greatest factor."""
+    least, most, far = bounds(steps)
+    if not (least > 2 / FARTHEST and max(most, far) < FARTHEST / 2):
+        return False
+    return (least / most) ** 3 > 100 * gamma(4 * len(steps) + 6)

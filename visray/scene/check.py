@@ -67,7 +67,7 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     scene = _accepted(raw)
     if scene is not None:
         return scene, []
-    raw = {name: {k: _plain(v) for k, v in part.items()} if isinstance(part, dict) else part for name, part in raw.items()}
+    raw = {name: _without_instances(part) for name, part in raw.items()}
     try:
         scene = ADAPTER.validate_python(raw)
     except ValidationError as error:
@@ -75,8 +75,12 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     return scene, flaws(scene)
 
 
+def _without_instances(part: Any) -> Any:
+    return {name: _plain(thing) for name, thing in part.items()} if isinstance(part, dict) else part
+
+
 def _plain(thing: Any) -> Any:
-    return plain(thing) if is_dataclass(thing) else thing
+    return plain(thing) if is_dataclass(type(thing)) else thing
 
 
 @uncollected()
@@ -100,7 +104,7 @@ def _accepted(raw: dict) -> Scene | None:
         return None
     for name, things in sections.items():
         for key, equal in getattr(new, name).items():
-            remember(things[key] if is_dataclass(things[key]) else equal, equal)
+            remember(things[key] if is_dataclass(type(things[key])) else equal, equal)
     return scene
 
 
@@ -229,8 +233,8 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
 
 
 def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
-    """Whether bounds show that all that is asked of a transform holds, by far more than rounding can change: a composed entry is
-    off by at most gamma(4 n + 6) times the greatest factor."""
+    """Whether bounds show that all that is asked of a transform holds, by far more than rounding can change: that moves
+    a composed entry by at most gamma(4 n + 6) times the greatest factor."""
     least, most, far = bounds(steps)
     if not (least > 2 / FARTHEST and max(most, far) < FARTHEST / 2):
         return False

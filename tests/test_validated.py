@@ -4,6 +4,7 @@ import copy
 import gc
 import json
 import pickle
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,9 +15,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_scene_load import FILES, everything
+from test_seed_format import MATT
 
 import visray as vr
 from visray import transforms
+from visray.cli.common import opened
 from visray.primitives import rectangle, triangle
 from visray.scene import check, validated
 from visray.scene.address import changed
@@ -120,8 +123,24 @@ def test_only_what_changed_is_validated(watched: Watched, assignments: dict, exp
     assert watched.since() == {}
 
 
-def spoilt(scene: vr.Scene, section: str, name: object, thing: object) -> Callable[[], None]:
-    return lambda: getattr(scene, section).update({name: thing})
+def test_the_command_line_validates_once(watched: Watched, tmp_path: Path) -> None:
+    path = tmp_path / "scene.json"
+    path.write_text(dump(small()))
+    watched.since()
+    scene = opened(path, None, False, ["objects.ball.radius=3", "settings.spp=2"], size=(4, 4))
+    rendered(scene)
+    assert watched.since() == ALL | {"objects.ball": 2}
+
+
+def test_an_original_scene_is_validated_once(watched: Watched, tmp_path: Path) -> None:
+    ball = {"name": "a", "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": MATT}
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps({"scene": "x", "typeScene": "VIRTUALWORLD", "objects": [ball]}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = load(path)
+    rendered(replace(scene, film=vr.Film(width=4, height=4), settings=vr.Settings(spp=1)))
+    assert set(watched.since().values()) == {1}
 
 
 WRONG = {
@@ -162,7 +181,7 @@ def test_what_is_taken_from_a_dict_is_missed() -> None:
     scene = small()
     rendered(scene)
     del scene.materials["red"]
-    with pytest.raises(vr.UserError, match='objects.ball.material = "red": unknown material'):
+    with pytest.raises(vr.UserError, match=r'objects\.ball\.material = "red": unknown material'):
         rendered(scene)
 
 
@@ -221,7 +240,7 @@ def test_a_copy_is_validated_by_itself(again: Callable, watched: Watched) -> Non
 
 def test_a_replaced_copy_is_judged_anew() -> None:
     scene = checked(small())
-    with pytest.raises(vr.UserError, match="objects.ball.radius = 0: must be greater than 0"):
+    with pytest.raises(vr.UserError, match=r"objects\.ball\.radius = 0: must be greater than 0"):
         checked(replace(scene, objects={"ball": replace(scene.objects["ball"], radius=0)}))
 
 

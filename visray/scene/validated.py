@@ -1,13 +1,13 @@
 """Memory of the textures, materials, lights and objects that have passed validation, so that each is validated once.
 
-The kinds are frozen: an instance that holds no list and no dict says the same as long as it lives. Instances are known
-by identity: copies, also those by dataclasses.replace or pickle, are new ones. Polynomials have a dict of parameters,
-and are validated every time.
+The kinds are frozen: an instance that can be hashed holds no list and no dict, and says the same as long as it lives.
+Instances are known by identity: copies, also those by dataclasses.replace or pickle, are new ones. Polynomials have a
+dict of parameters, and are validated every time.
 """
 
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any, get_origin
+from typing import Any
 from weakref import ref
 
 # Types of values that hold no others.
@@ -38,21 +38,15 @@ def validated(thing: Any) -> Any | None:
 
 def remember(thing: Any, equal: Any) -> None:
     """Remembers what an instance was validated to, if neither can change any more. `thing` may be `equal` itself."""
-    if not _lasting(type(equal)):
+    try:
+        hash(equal)
+        if thing is not equal:
+            hash(thing)
+    except TypeError:
         return
     if thing is not equal:
-        try:
-            hash(thing)
-        except TypeError:
-            return
         _enter(thing, equal)
     _enter(equal, None)
-
-
-@cache
-def _lasting(kind: type) -> bool:
-    """Whether validated instances of a kind hold no dict, as those of polynomials do; lists have become tuples."""
-    return not any(get_origin(f.type) is dict for f in fields(kind))
 
 
 def _enter(thing: Any, equal: Any | None) -> None:

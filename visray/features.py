@@ -6,11 +6,10 @@ derivative that was asked for could tell. `everything` forces all of them; the p
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from visray.materials import Material
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Primitive
 from visray.scene.scene import Gradient, Scene
 
 
@@ -44,7 +43,7 @@ class Features:
 @dataclass(frozen=True)
 class Rule:
     """When an effect is called for: the addresses that call for it, why there may be none, and the fields it is made
-    of.
+    of. The scene that a rule is asked of has only the materials that are used (used_materials).
 
     A derivative by one of `fields` calls for the effect as well, a term that is zero may have a slope; but not where it
     is not `possible`. `needs`: the effect that this one only refines.
@@ -65,7 +64,7 @@ def used_materials(scene: Scene) -> dict[str, Material]:
 
 
 def _materials(scene: Scene, test: Callable[[Material], object]) -> list[str]:
-    return [f"materials.{n}" for n, m in used_materials(scene).items() if test(m)]
+    return [f"materials.{n}" for n, m in scene.materials.items() if test(m)]
 
 
 def _lights(scene: Scene, test: Callable) -> list[str]:
@@ -114,12 +113,10 @@ def _coloured(scene: Scene) -> list[str]:
 
 def _nested(scene: Scene) -> list[str]:
     """Transparent things, where there are two or more and a solid among them."""
-    clear = {f"objects.{n}": o for n, o in scene.objects.items() if any(_material_of(scene, o).kt)}
-    return list(clear) if len(clear) > 1 and any(o.closed for o in clear.values()) else []
-
-
-def _material_of(scene: Scene, thing: Primitive) -> Material:
-    return scene.materials.get(thing.material) or Material()
+    through = {n for n, m in scene.materials.items() if any(m.kt)}
+    clear = {n: o for n, o in scene.objects.items() if o.material in through} if through else {}
+    nested = len(clear) > 1 and any(o.closed for o in clear.values())
+    return [f"objects.{n}" for n in clear] if nested else []
 
 
 def _scatter(scene: Scene) -> list[str]:
@@ -142,7 +139,7 @@ def _near(scene: Scene) -> list[str]:
 
 
 def _bilinear(scene: Scene) -> list[str]:
-    named = {m.texture for m in used_materials(scene).values()}
+    named = {m.texture for m in scene.materials.values()}
     return [f"textures.{n}" for n, t in scene.textures.items() if n in named and getattr(t, "filter", "") == "bilinear"]
 
 
@@ -245,7 +242,9 @@ def features(
 
     `without`: effects that are left out although called for, with those that need them, to find what each costs.
     """
-    most = max([m.shininess for m in used_materials(scene).values()], default=0)
+    # Once, as there may be very many objects.
+    scene = replace(scene, materials=used_materials(scene))
+    most = max([m.shininess for m in scene.materials.values()], default=0)
     # A multiple of four, so that a small change of an exponent is a change of data, not of code.
     bits = max(8, 4 * -(-int(most).bit_length() // 4))
     found: dict[str, Feature] = {}

@@ -1,7 +1,7 @@
 """Frames, affine maps, rounding bounds: the arithmetic under every primitive.
 
-All functions take Dr.Jit arrays of any backend and width, and are written once for tables (one entry an object), for
-single rows and for one row a lane.
+All functions but those of plain numbers take Dr.Jit arrays of any backend and width, and are written once for tables
+(one entry an object), for single rows and for one row a lane.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,15 @@ def gamma(n: int, precision: str = "double") -> float:
     """Bound of the relative error of n successive roundings, n u / (1 - n u). Source: Higham, lemma 3.1."""
     nu = n * UNIT_ROUNDOFF[precision]
     return nu / (1 - nu)
+
+
+def clearly_across(v: tuple[float, float, float], w: tuple[float, float, float]) -> bool:
+    """Whether two vectors are more than a millionth of a radian from parallel, found without arrays. Rounding changes
+    the product's square by less than 1e-14 of the squares of both."""
+    (a, b, c), (d, e, f) = v, w
+    product = (b * f - c * e) ** 2 + (c * d - a * f) ** 2 + (a * e - b * d) ** 2
+    both = (a * a + b * b + c * c) * (d * d + e * e + f * f)
+    return 1e-200 < both < 1e200 and product > 1e-12 * both
 
 
 def extent(v: Any) -> Any:

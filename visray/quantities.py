@@ -7,8 +7,11 @@ precisions it enters a kernel: `geometry` is always double, `shading` is single 
 `Arrays` is the only door to Dr.Jit's array types: no other module names a backend.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from importlib import import_module
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import drjit as dr
@@ -68,14 +71,15 @@ Name = Annotated[str, Field(strict=True, pattern=r"^[^.\s]([^.]*[^.\s])?$")]
 Count = Annotated[int, Field(strict=True, gt=0)]
 
 
-def quantities(kind: type) -> dict[str, Quantity]:
+@cache
+def quantities(kind: type) -> Mapping[str, Quantity]:
     """The numeric fields of a kind, in the order of declaration."""
     found = {}
     for f in fields(kind):
         marks = [m for m in getattr(f.type, "__metadata__", ()) if isinstance(m, Quantity)]
         if marks:
             found[f.name] = marks[0]
-    return found
+    return MappingProxyType(found)
 
 
 BACKENDS = {"llvm": "drjit.llvm.ad", "cuda": "drjit.cuda.ad", "metal": "drjit.metal.ad"}

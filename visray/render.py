@@ -105,7 +105,7 @@ def render(
     pictures = rasters(made, colours | data, layers)
     proof = _proof(pictures)
     _warn(proof, made)
-    facts = provenance(made, done, clock.now() - now) | more | proof | {"scene_hash": named}
+    facts = provenance(made, named, done, clock.now() - now) | more | proof
     if goal:
         del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
@@ -130,8 +130,9 @@ def _warn(proof: dict[str, Any], made: Set) -> None:
     if proof.get("unresolved", 0) > UNRESOLVED * pixels:
         text = f"{proof['unresolved']} parts of rays could not be told from rounding; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
-    loose = any(getattr(thing, "tolerance", 0) for thing in made.scene.objects.values())
-    if proof.get("residual_ulps", 0) > LARGEST_RESIDUAL and not loose:
+    if proof.get("residual_ulps", 0) <= LARGEST_RESIDUAL:
+        return
+    if not any(getattr(thing, "tolerance", 0) for thing in made.scene.objects.values()):
         text = f"what is seen is up to {proof['residual_ulps']:.2g} ulp off its surface; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
 
@@ -258,11 +259,11 @@ def _raster(made: Set, name: str, values: Any) -> np.ndarray:
     return picture.reshape(height, width, *picture.shape[1:])
 
 
-def provenance(made: Set, done: int, seconds: float) -> dict[str, Any]:
-    """How the picture was made."""
+def provenance(made: Set, named: str, done: int, seconds: float) -> dict[str, Any]:
+    """How the picture was made; `named`: the hash of the scene as it was asked for."""
     s = made.scene.settings
     return {
-        "scene_hash": made.scene.hash(),
+        "scene_hash": named,
         "seed": s.seed,
         "sampler": s.sampler,
         "spp": done,

@@ -1,5 +1,10 @@
-"""Transforms of an object: a list of steps, the first one applied first."""
+"""Transforms of an object: a list of steps, the first one applied first.
 
+A step has its `affine` map as a 3 x 4 matrix, and `bounds`, found without arrays: of the factors by which it changes
+lengths, from below and from above, and of the distance by which it moves the origin.
+"""
+
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Union
 
@@ -18,7 +23,24 @@ def _scale_triple(s: float | Triple) -> float | Triple:
 Row = tuple[Real, Real, Real, Real]
 
 
+def _sizes(rows: tuple[Row, Row, Row]) -> tuple[float, float]:
+    """The volume of the linear part's columns, and the root of the sum of its squares."""
+    (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows
+    squares = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+    return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)), math.sqrt(squares)
+
+
+def _clearly_invertible(rows: tuple[Row, Row, Row]) -> bool:
+    """Whether a short look shows it: the least factor of a length is at least volume / size^2, and here 1e-10 size.
+    Rounding moves the volume by no more than 1e-15 size^3."""
+    volume, size = _sizes(rows)
+    cube = size * size * size
+    return 1e-200 < cube < 1e200 and volume > 1e-10 * cube
+
+
 def _invertible(rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
+    if _clearly_invertible(rows):
+        return rows
     linear = np.array(rows, float)[:, :3]
     # A matrix whose inverse would lose every digit of a double is singular for our purpose.
     if not np.linalg.cond(linear) < 1 / np.finfo(float).eps:
@@ -36,6 +58,9 @@ class Translate:
     def affine(self) -> np.ndarray:
         return np.c_[np.eye(3), np.array(self.translate, float)]
 
+    def bounds(self) -> tuple[float, float, float]:
+        return 1.0, 1.0, sum(map(abs, self.translate))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
@@ -46,6 +71,10 @@ class Scale:
 
     def affine(self) -> np.ndarray:
         return np.c_[np.diag(np.broadcast_to(np.array(self.scale, float), 3)), np.zeros(3)]
+
+    def bounds(self) -> tuple[float, float, float]:
+        factors = [abs(s) for s in (self.scale if isinstance(self.scale, tuple) else (self.scale,))]
+        return min(factors), max(factors), 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +91,9 @@ class Rotate:
         angle = np.radians(self.rotate)
         return np.c_[np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross, np.zeros(3)]
 
+    def bounds(self) -> tuple[float, float, float]:
+        return 1.0, 1.0, 0.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class Matrix:
@@ -72,6 +104,12 @@ class Matrix:
 
     def affine(self) -> np.ndarray:
         return np.array(self.matrix, float)
+
+    def bounds(self) -> tuple[float, float, float]:
+        if not _clearly_invertible(self.matrix):
+            return 0.0, math.inf, math.inf
+        volume, size = _sizes(self.matrix)
+        return volume / (size * size), size, sum(abs(row[3]) for row in self.matrix)
 
 
 STEPS = {"translate": Translate, "scale": Scale, "rotate": Rotate, "matrix": Matrix}
@@ -103,3 +141,12 @@ def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:
     for step in steps:
         whole = np.vstack([step.affine(), [0, 0, 0, 1]]) @ whole
     return whole[:3]
+
+
+def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
+    """Those of all steps together."""
+    least, most, far = 1.0, 1.0, 0.0
+    for step in steps:
+        low, high, moved = step.bounds()
+        least, most, far = least * low, most * high, far * high + moved
+    return least, most, far

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import drjit as dr
 import numpy as np
 
-from visray.geometry import Frame
+from visray.geometry import Frame, clearly_across
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import Bounds, MitsubaShapes, outer_frame, scalars
 from visray.quantities import Point
@@ -62,6 +62,8 @@ class Triangle(Flat):
     c: Point
 
     def flaws(self) -> list[tuple[str, str]]:
+        if clearly_across(*(tuple(q - p for p, q in zip(self.a, v)) for v in (self.b, self.c))):
+            return []
         a, b, c = (np.array(v, float) for v in (self.a, self.b, self.c))
         ab, ac = np.linalg.norm(b - a), np.linalg.norm(c - a)
         flat = np.linalg.norm(np.cross(b - a, c - a)) <= 8 * np.finfo(float).eps * ab * ac

@@ -1,15 +1,16 @@
 """Addresses: `objects.ball.center.1` names a value in a scene, in files, on the command line and in Python alike."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any, get_args
 
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
-from visray.scene.check import examined
+from visray.scene.check import examined, parts
 from visray.scene.messages import bare, hint, is_union, printable
 from visray.scene.scene import Scene
 from visray.scene.source import parse
+from visray.scene.validated import plain
 
 
 def value(scene: Scene, address: str) -> Any:
@@ -23,8 +24,9 @@ def replaced(scene: Scene, address: str, new: Any) -> Scene:
 
 
 def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
-    """A checked copy of the scene with all the assignments made, in order; it is checked once, at the end."""
-    raw = asdict(scene)
+    """A checked copy of the scene with all the assignments made, in order; it is checked once, at the end, and what
+    none of them touches is kept as it is."""
+    raw = parts(scene)
     for address, new in assignments.items():
         _found(raw, address)
         raw = _with(raw, address.split("."), _plain(new))
@@ -60,12 +62,12 @@ def _word(written: str) -> Any:
         return written
 
 
-def _keys(whole: Any) -> list[str]:
+def _keys(whole: Any) -> Collection[str]:
     """What can follow the address of `whole`."""
     if is_dataclass(whole):
         return [f.name for f in fields(whole)]
     if isinstance(whole, dict):
-        return list(whole)
+        return whole.keys()
     return [str(i) for i in range(len(whole))] if isinstance(whole, (tuple, list)) else []
 
 
@@ -76,16 +78,16 @@ def _entry(whole: Any, key: str) -> Any:
 
 
 def _found(whole: Any, address: str) -> Any:
-    parts = address.split(".")
-    for i, part in enumerate(parts):
-        keys = _keys(whole)
-        if part not in keys:
-            owner = ".".join(parts[:i]) or "the scene"
-            what = f"{owner} has no {part!r}; {hint(part, keys)}"
-            if not keys and not isinstance(whole, (dict, tuple)):
-                what = f"{owner} is a single value; leave .{'.'.join(parts[i:])} out"
+    keys = address.split(".")
+    for i, key in enumerate(keys):
+        there = _keys(whole)
+        if key not in there:
+            owner = ".".join(keys[:i]) or "the scene"
+            what = f"{owner} has no {key!r}; {hint(key, there)}"
+            if not there and not isinstance(whole, (dict, tuple)):
+                what = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
             raise UserError(printable(f"{address}: {what}"))
-        whole = _entry(whole, part)
+        whole = _entry(whole, key)
     return whole
 
 
@@ -98,11 +100,13 @@ def _plain(new: Any) -> Any:
     return tuple(map(_plain, new)) if isinstance(new, (tuple, list)) else new
 
 
-def _with(whole: Any, parts: list[str], new: Any) -> Any:
-    """A copy of nested dicts and tuples with another value at the end of `parts`."""
-    if not parts:
+def _with(whole: Any, keys: list[str], new: Any) -> Any:
+    """A copy of nested dicts and tuples with another value at the end of `keys`. An instance on the way becomes a dict,
+    so that what is around a new value is checked with it."""
+    if not keys:
         return new
-    key, *rest = parts
+    key, *rest = keys
+    whole = plain(whole) if is_dataclass(whole) else whole
     if isinstance(whole, dict):
         return whole | {key: _with(whole[key], rest, new)}
     i = int(key)

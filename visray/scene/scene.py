@@ -1,7 +1,6 @@
 """The scene: plain numbers, frozen, the same in a file and in Python."""
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, Union
 
@@ -113,7 +112,7 @@ class Scene:
 
     def hash(self) -> str:
         """The SHA-256 of the scene's canonical JSON: equal scenes have equal hashes."""
-        return hashlib.sha256(json.dumps(ADAPTER.dump_python(self, mode="json")).encode()).hexdigest()
+        return hashlib.sha256(ADAPTER.dump_json(self)).hexdigest()
 
 
 ADAPTER = TypeAdapter(Scene)

@@ -1,12 +1,14 @@
 """Reads JSON files strictly, with errors that say where."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
+from visray.scene.garbage import uncollected
 
 # Every whole number of this many digits has a double near it; longer ones may overflow.
 LONGEST_INTEGER = 300
@@ -18,6 +20,18 @@ class Source:
 
     raw: Any
     repeated: tuple[str, ...] = ()
+
+
+class _Repeated(Exception):
+    """A key is written twice in an object."""
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict:
+    """A JSON object whose keys are all different."""
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        raise _Repeated
+    return made
 
 
 class _Object(dict):
@@ -49,17 +63,25 @@ def read(path: str | Path) -> Source:
     return parse(text, str(path))
 
 
+@uncollected()
 def parse(text: str, name: str) -> Source:
     """The content of a JSON text; `name` stands before what is wrong with it."""
     try:
-        tree = json.loads(text, object_pairs_hook=_Object, parse_int=_integer)
+        return Source(_loaded(text, name, _once))
+    except _Repeated:
+        repeated: list[str] = []
+        return Source(_plain(_loaded(text, name, _Object), "", repeated), tuple(repeated))
+
+
+def _loaded(text: str, name: str, made: Callable[[list], dict]) -> Any:
+    """The content of a JSON text, with `made` from the pairs of each object."""
+    try:
+        return json.loads(text, object_pairs_hook=made, parse_int=_integer)
     except json.JSONDecodeError as error:
         what = error.msg[0].lower() + error.msg[1:]
         raise UserError(f"{name}: line {error.lineno}, column {error.colno}: is not JSON: {what}") from None
     except RecursionError:
         raise UserError(f"{name}: is nested too deeply") from None
-    repeated: list[str] = []
-    return Source(_plain(tree, "", repeated), tuple(repeated))
 
 
 def _integer(digits: str) -> int | float:

@@ -1,0 +1,180 @@
+"""What the host does before a picture of very many objects: reading, checking, packing, preparing.
+
+    python reference/bench_scene.py --before PATH -o reference/bench_scene.json
+
+30,000 spheres, 96 x 64 pixels, 1 sample. Each figure is the least of several processes; with `--before`, an older
+checkout and this one take turns. Kernels come from Dr.Jit's cache on disk, which a first process of each fills; imports
+do not count. `cpu` is the time of the process's own threads, which tells more on a busy machine.
+
+Stages: load (a file), check (what load has given), check_new and check_again (a scene of Python objects), features,
+hash, pack, prepare. Frames: from_file and from_objects are the first picture of a process, in a process of their own;
+second and moved follow from_objects: the same scene, and one with another radius of one sphere.
+"""
+
+import argparse
+import json
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parents[1]
+SIZE, RUNS, OBJECTS = (96, 64), 5, 30_000
+PARTS = ("stages", "file", "objects")
+
+
+def content(count: int) -> dict:
+    """A cloud of small spheres, as in a scene file."""
+    draw = random.Random(1)
+    spheres = {
+        f"s{i}": {
+            "type": "sphere",
+            "center": [draw.uniform(-10, 10) for _ in range(3)],
+            "radius": draw.uniform(0.02, 0.1),
+            "material": "paint",
+        }
+        for i in range(count)
+    }
+    return {
+        "camera": {"origin": [0, 0, 40]},
+        "film": {"width": SIZE[0], "height": SIZE[1]},
+        "settings": {"spp": 1},
+        "materials": {"paint": {}},
+        "lights": {"key": {"type": "point", "position": [10, 20, 30]}},
+        "objects": spheres,
+    }
+
+
+def written(raw: dict) -> Any:
+    """The same scene of Python objects, which nothing has checked yet."""
+    import visray as vr
+
+    def given(entry: dict) -> dict:
+        return {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items() if k != "type"}
+
+    return vr.Scene(
+        camera=vr.Camera(**given(raw["camera"])),
+        film=vr.Film(**raw["film"]),
+        settings=vr.Settings(**raw["settings"]),
+        materials={"paint": vr.Material()},
+        lights={"key": vr.PointLight(**given(raw["lights"]["key"]))},
+        objects={name: vr.Sphere(**given(entry)) for name, entry in raw["objects"].items()},
+    )
+
+
+class Watch:
+    """Seconds on the clock and of the processor, by name."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, dict[str, float]] = {}
+
+    def time(self, name: str, work: Callable[[], Any]) -> Any:
+        begun = time.perf_counter(), time.process_time()
+        result = work()
+        ended = time.perf_counter(), time.process_time()
+        self.found[name] = {"seconds": ended[0] - begun[0], "cpu": ended[1] - begun[1]}
+        return result
+
+
+def stages(path: Path) -> dict:
+    """What each stage takes, one after the other."""
+    from visray import tables
+    from visray.features import features
+    from visray.quantities import Arrays
+    from visray.scene.load import checked, load
+
+    watch, a = Watch(), Arrays.of()
+    scene = watch.time("load", lambda: load(path))
+    watch.time("check", lambda: checked(scene))
+    own = written(json.loads(path.read_text()))
+    watch.time("check_new", lambda: checked(own))
+    watch.time("check_again", lambda: checked(own))
+    watch.time("features", lambda: features(scene))
+    watch.time("hash", scene.hash)
+    kin = tables.kinships(scene)
+    packed = watch.time("pack", lambda: tables.pack(scene, a))
+    watch.time("prepare", lambda: tables.prepare(packed, kin, SIZE, a))
+    return watch.found
+
+
+def frame(scene: Any) -> Any:
+    import visray as vr
+
+    return vr.render(scene, layers=["RGB"], progress=False)
+
+
+def first_of_file(path: Path) -> dict:
+    watch = Watch()
+    watch.time("from_file", lambda: frame(path))
+    return watch.found
+
+
+def frames_of_objects(path: Path) -> dict:
+    from dataclasses import replace
+
+    scene, watch = written(json.loads(path.read_text())), Watch()
+    watch.time("from_objects", lambda: frame(scene))
+    watch.time("second", lambda: frame(scene))
+    scene.objects["s0"] = replace(scene.objects["s0"], radius=0.05)
+    watch.time("moved", lambda: frame(scene))
+    return watch.found
+
+
+def measured(checkout: Path, path: Path, part: str) -> dict:
+    """One part, in a process of its own with the package of a checkout."""
+    command = [sys.executable, __file__, "--part", part, "--scene", str(path)]
+    done = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": str(checkout)}, cwd=checkout, check=True, capture_output=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def least(runs: list[dict]) -> dict:
+    """The least of each figure."""
+    return {name: {unit: min(run[name][unit] for run in runs) for unit in ("seconds", "cpu")} for name in runs[0]}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--before", type=Path, help="an older checkout to compare with")
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--objects", type=int, default=OBJECTS)
+    parser.add_argument("--part", choices=PARTS, help=argparse.SUPPRESS)
+    parser.add_argument("--scene", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.part:
+        import visray  # noqa: F401 - imports do not count
+
+        work = {"stages": stages, "file": first_of_file, "objects": frames_of_objects}[options.part]
+        print(json.dumps(work(options.scene)))
+        return
+    checkouts = {"now": HERE} | ({"before": options.before.resolve()} if options.before else {})
+    runs: dict[str, dict[str, list]] = {name: {part: [] for part in PARTS} for name in checkouts}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "spheres.json"
+        path.write_text(json.dumps(content(options.objects)))
+        for turn in range(options.runs + 1):
+            for part in PARTS:
+                for name, checkout in checkouts.items():
+                    found = measured(checkout, path, part)
+                    if turn:  # the first one fills Dr.Jit's cache
+                        runs[name][part].append(found)
+    figures = {name: {k: v for part in PARTS for k, v in least(parts[part]).items()} for name, parts in runs.items()}
+    for stage in figures["now"]:
+        print(f"{stage:13s}" + "".join(f"  {n} {f[stage]['seconds']:.3f} s (cpu {f[stage]['cpu']:.3f})"
+                                       for n, f in figures.items()))  # fmt: skip
+    if options.output:
+        from machine import machine
+
+        report = machine() | {"objects": options.objects, "size": SIZE, "runs": options.runs, "least": figures}
+        options.output.write_text(json.dumps(report, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -12,10 +12,11 @@ from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations
 
 from visray.cli import main
 from visray.errors import UserError
-from visray.exposure import expose, set_up
+from visray.exposure import expose
 from visray.features import RULES, features
 from visray.scene.load import dump
 from visray.scene.scene import Scene
+from visray.setup import prepare
 from visray.study import ablation
 from visray.study.ablation import BRIEF, FEWEST, LONGEST, MOST, Cost, Picture, Spread, cost, fitting, left_out, reduced
 
@@ -30,7 +31,7 @@ def small(scene: Scene) -> Scene:
 def test_what_is_left_out_leaves_the_kernel_of_the_scene_without_it(effect: str) -> None:
     """Instruction by instruction the kernel of the scene that does not call for the effect."""
     before, after = (change(MATTE) for change in STEPS[effect])
-    assert kernel(left_out(after, effect))["hash"] == kernel(set_up(before))["hash"]
+    assert kernel(left_out(after, effect))["hash"] == kernel(prepare(before))["hash"]
 
 
 def test_effects_are_left_out_with_those_that_refine_them() -> None:
@@ -49,7 +50,7 @@ def test_effects_are_left_out_with_those_that_refine_them() -> None:
 
 
 def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
-    made = set_up(small(MATTE))
+    made = prepare(small(MATTE))
     one, other = Picture.of(made), Picture.of(made)
     assert one.mark != other.mark and one.mark >= 2**31 > made.scene.film.width
     assert all(p.compiled()[1] > 0 for p in (one, other))

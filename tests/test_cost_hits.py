@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import visray as vr
-from visray.exposure import Set, set_up
 from visray.primitives.clips import Ball
+from visray.setup import Prepared, prepare
 from visray.study.cost.hits import geometry
 from visray.study.cost.records import Geometry
 
@@ -26,9 +26,9 @@ VIEW = vr.Scene(
 )
 
 
-def made(precision: str = "double", plain: bool = False, **objects: Any) -> Set:
+def made(precision: str = "double", brute_force: bool = False, **objects: Any) -> Prepared:
     settings = replace(VIEW.settings, precision=precision)
-    return set_up(replace(VIEW, objects=VIEW.objects | objects, settings=settings), plain=plain)
+    return prepare(replace(VIEW, objects=VIEW.objects | objects, settings=settings), brute_force=brute_force)
 
 
 def test_the_same_scene_has_the_same_geometry() -> None:
@@ -37,7 +37,7 @@ def test_the_same_scene_has_the_same_geometry() -> None:
     found = geometry(made(), truth)
     assert found == Geometry(rays=96 * 80, leaving=found.leaving, **NOTHING)
     assert found.leaving > 5000
-    assert geometry(made(plain=True), truth) == found
+    assert geometry(made(brute_force=True), truth) == found
     single = made("single")
     assert {k: v for k, v in vars(geometry(single, single)).items() if k in NOTHING} == NOTHING
 
@@ -49,11 +49,11 @@ def test_single_precision_is_that_of_shading() -> None:
     assert 1e-8 < found.angle < 1e-6
 
 
-def of_heart(tolerance: float = 0.0) -> Set:
+def of_heart(tolerance: float = 0.0) -> Prepared:
     """The heart alone, which fills much of the picture."""
     camera = vr.Camera(origin=(3.7, 2.0, 2.7), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     film = vr.Film(width=160, height=160)
-    return set_up(vr.Scene(camera=camera, film=film, objects={"heart": replace(HEART, tolerance=tolerance)}))
+    return prepare(vr.Scene(camera=camera, film=film, objects={"heart": replace(HEART, tolerance=tolerance)}))
 
 
 def test_the_looser_crossings_are_the_more_is_wrong() -> None:
@@ -83,7 +83,7 @@ def test_objects_are_told_by_name() -> None:
         )
         for x in (1e-9, 0.0)
     )
-    order = [[name for k in x.stage.scenery.kin for name in k.names] for x in (loose, truth)]
+    order = [[name for batch in x.kernel.batches for name in batch.names] for x in (loose, truth)]
     assert order[0] != order[1]
     found = geometry(loose, truth)
     assert (found.lost, found.added, found.other) == (0, 0, 0)
@@ -97,7 +97,7 @@ def test_what_is_not_there_is_counted() -> None:
     less, more = geometry(small, truth), geometry(truth, small)
     assert less.lost == more.added > 100 and (less.added, more.lost) == (0, 0)
     assert less.ulps <= 64 and less.angle < 1e-15
-    named = set_up(replace(truth.scene, objects={"marble" if k == "ball" else k: v for k, v in VIEW.objects.items()}))
+    named = prepare(replace(truth.scene, objects={"marble" if k == "ball" else k: v for k, v in VIEW.objects.items()}))
     with pytest.raises(KeyError, match="marble"):
         geometry(named, truth)
 

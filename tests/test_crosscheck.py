@@ -16,7 +16,7 @@ from visray.lights import KINDS as LIGHT_KINDS
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
-from visray.primitives.primitive import Twin
+from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study import arrivals
@@ -332,7 +332,7 @@ def _moved(thing: object, by: float) -> object:
 def test_twins_are_plain() -> None:
     for thing in ONE.values():
         twin = thing.mitsuba()
-        assert isinstance(twin, Twin)
+        assert isinstance(twin, MitsubaShapes)
         assert all(isinstance(shape, dict) for shape in twin.shapes)
 
 
@@ -495,7 +495,7 @@ def test_many_lights_in_a_loop_pass() -> None:
     ring = [(3 * np.cos(t), 3.0, 3 * np.sin(t)) for t in turns]
     lamps = {f"p{i}": PointLight(position=tuple(map(float, p)), intensity=0.1) for i, p in enumerate(ring)}
     s = scene(GROUND, lights=lamps)
-    assert Ours(s).scenery.crowds
+    assert Ours(s).kernel.looped_lights
     report = checked(s, rays=1000)
     assert report.passed, (failures(report), report.examples)
     assert report.shadows.rays > 26 * 4000

@@ -3,7 +3,6 @@
 import drjit as dr
 import numpy as np
 import pytest
-
 from samples import geometry_of
 
 from visray.accel.culling import Cone, ground, guard

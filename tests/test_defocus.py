@@ -12,18 +12,19 @@ from test_render import SHOW
 
 from visray import integrator
 from visray.camera import Camera
-from visray.exposure import expose, set_up
+from visray.exposure import expose
 from visray.features import features
 from visray.geometry import gamma
 from visray.primitives import Plane, Sphere
 from visray.scene.scene import Film, Scene, Settings
+from visray.setup import prepare
 
 CAMERA = Camera(origin=(0.5, 2.0, 6.0), target=(0.0, 0.5, -1.0), up=(0.1, 1.0, 0.0), fov=40.0, aperture=0.8, focus=5.0)
 
 
 def film_of(scene: Scene, **more: Any) -> np.ndarray:
     """The picture by rows. Shape: (H, W, 3)."""
-    made = set_up(scene, **more)
+    made = prepare(scene, **more)
     mean = np.array(expose(made)[0].mean).T
     picture = np.empty_like(mean)
     picture[made.order] = mean
@@ -34,10 +35,10 @@ def lens_rays(
     camera: Camera, x: Any, y: Any, u: Any, v: Any, precision: str = "double"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Origins and directions of the rays for points of the picture and points of the unit square. Shapes: (N, 3)."""
-    made = set_up(Scene(camera=camera, film=Film(width=30, height=20), settings=Settings(precision=precision)))
+    made = prepare(Scene(camera=camera, film=Film(width=30, height=20), settings=Settings(precision=precision)))
     n = np.broadcast(x, y, u, v).size
     x, y, u, v = (made.a.F(np.array(np.broadcast_to(w, n), float)) for w in (x, y, u, v))
-    ray = integrator.lens_ray(made.stage, x, y, u, v)
+    ray = integrator.lens_ray(made.kernel, x, y, u, v)
     dr.eval(ray)
     return array(ray.o), array(ray.d)
 
@@ -57,10 +58,10 @@ def test_a_lens_without_width_is_the_pinhole_bit_for_bit(precision: str) -> None
         assert features(scene, ("camera.aperture",))["defocus"] and not features(scene)["defocus"]
         assert film_of(scene).tobytes() == film_of(scene, wrt=("camera.aperture",)).tobytes()
     # And the rays themselves.
-    made = set_up(replace(SHOW, settings=Settings(precision=precision)))
+    made = prepare(replace(SHOW, settings=Settings(precision=precision)))
     rng = np.random.default_rng(1)
     x, y, u, v = (made.a.F(rng.uniform(0, 16, 1000)) for _ in range(4))
-    thin, point = integrator.lens_ray(made.stage, x, y, u / 16, v / 16), integrator.camera_ray(made.stage, x, y)
+    thin, point = integrator.lens_ray(made.kernel, x, y, u / 16, v / 16), integrator.camera_ray(made.kernel, x, y)
     assert np.array_equal(array(thin.d), array(point.d))
     assert np.array_equal(array(thin.o), np.broadcast_to(array(point.o), array(thin.o).shape))
 

@@ -17,8 +17,9 @@ from test_gradients import ROUNDING, parts
 from test_paths import SIGMAS, plain
 
 import visray as vr
-from visray.exposure import expose, set_up
+from visray.exposure import expose
 from visray.geometry import gamma
+from visray.setup import prepare
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 SKY = vr.Gradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))
@@ -213,7 +214,7 @@ def attached(scene: vr.Scene, addresses: tuple[str, ...]) -> tuple[dict[str, Any
 
 def picture(scene: vr.Scene) -> np.ndarray:
     """The ordinary picture, as the loss sees the other one. Shape: (3, H W)."""
-    made = set_up(scene)
+    made = prepare(scene)
     mean = np.array(expose(made)[0].mean)
     rows = np.empty_like(mean)
     rows[:, made.order] = mean

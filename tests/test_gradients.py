@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import visray as vr
-from visray import tables
+from visray.accel import policy
 
 ROUNDING = 1e-8
 PAINT = vr.Material(ka=(0.2, 0.1, 0.1), kd=(0.5, 0.2, 0.3), ks=(0.4, 0.5, 0.6), shininess=17.3)
@@ -123,8 +123,8 @@ def test_kinds_with_creases_are_right_on_a_face_but_warn(kind, thing, addresses)
 
 def test_looped_objects_have_the_derivatives_of_written_out_ones(monkeypatch):
     written = vr.gradient(CROWD, ADDRESSES)
-    monkeypatch.setattr(tables, "WRITTEN_OUT", 0)
-    monkeypatch.setattr(tables, "GATHERED", 0)
+    monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
+    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
     looped = vr.gradient(CROWD, ADDRESSES)
     for address in ADDRESSES:
         np.testing.assert_allclose(looped[address], written[address], rtol=ROUNDING, atol=ROUNDING)

@@ -11,15 +11,15 @@ from samples import SAMPLES, inverse, outer, real, unit
 from test_sampling import SIGMA
 from test_shading import BLACK, DARK, PRECISIONS, seen
 
-from visray import scenery
+from visray import kernel_scene
 from visray.errors import UserError
-from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import KINDS, DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
 from visray.scene.check import checked
 from visray.scene.scene import Scene, Settings
+from visray.setup import prepare
 from visray.transforms import Rotate, Translate
 
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
@@ -459,7 +459,7 @@ def both_ways(scene: Scene, o: Any, d: Any, monkeypatch: pytest.MonkeyPatch) -> 
     """Colours with the lights written out, and looped over."""
     found = []
     for limit in (10**9, 0):
-        monkeypatch.setattr(scenery, "CROWD", limit)
+        monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", limit)
         found.append(seen(scene, o, d).astype(float))
     return found[0], found[1]
 
@@ -500,7 +500,7 @@ def test_wide_lights_looped_over_have_the_means_of_those_written_out(
 @pytest.mark.parametrize("looped", [False, True], ids=["written out", "looped over"])
 def test_each_light_draws_samples_of_its_own(looped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of four lights that are alike, the variance of the sum is four times that of one, not sixteen times."""
-    monkeypatch.setattr(scenery, "CROWD", 0 if looped else 10**9)
+    monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", 0 if looped else 10**9)
     light = DiskLight(position=(-0.4, 1.5, 0.7), radius=0.8, samples=3)
     four, one = (
         at(scene_of({f"l{i}": light for i in range(n)}, shadows=False), (0, 0, 0), LANES).var() for n in (4, 1)
@@ -509,14 +509,14 @@ def test_each_light_draws_samples_of_its_own(looped: bool, monkeypatch: pytest.M
     assert abs(four / one / 4 - 1) < 2 * SIGMA * sqrt(4 / LANES)
 
 
-def test_a_crowd_begins_where_it_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than CROWD lights times objects, the first of them counted once more; a kind with one light never."""
+def test_lights_are_looped_over_from_where_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """More than WRITTEN_OUT_LIGHTS lights times objects, the first of them counted once more; a kind with one light never."""
     lights = {f"l{i}": PointLight(position=(float(i), 5.0, 0.0)) for i in range(5)}
     lights["one"] = SMALL[SpotLight]((0.0, 4.0, 0.0))
-    for limit, crowds in ((6 * 3, 0), (6 * 3 - 1, 1)):
-        monkeypatch.setattr(scenery, "CROWD", limit)
-        kept = set_up(scene_of(lights, {"floor": Plane(), "ball": Sphere()})).stage.scenery
-        assert (len(kept.crowds), len(kept.lamps)) == (crowds, 1 if crowds else 6)
+    for limit, looped in ((6 * 3, 0), (6 * 3 - 1, 1)):
+        monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", limit)
+        kernel = prepare(scene_of(lights, {"floor": Plane(), "ball": Sphere()})).kernel
+        assert (len(kernel.looped_lights), len(kernel.lights)) == (looped, 1 if looped else 6)
 
 
 # Ambient light
@@ -526,7 +526,7 @@ def test_a_crowd_begins_where_it_is_said_to(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.__name__)
 def test_ambient_light_of_each_kind_gets_everywhere(kind: type, looped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sum of intensity Ia, neither weakened nor shadowed, in a closed box that no light gets into otherwise."""
-    monkeypatch.setattr(scenery, "CROWD", 0 if looped else 10**9)
+    monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", 0 if looped else 10**9)
     lights = some_lights(np.random.default_rng(9), kind, 1.0)
     objects = {"floor": Plane(), "box": Box(min=(-0.5, -0.5, -0.5), max=(0.5, 0.5, 0.5))}
     d = np.random.default_rng(10).normal(size=(100, 3))
@@ -595,7 +595,7 @@ def test_lights_flush_with_ceilings_light_the_room_as_if_they_hung_free(
 ) -> None:
     """Six ceilings of all kinds in one plane, and lights in it: the picture of the floor is that without a ceiling.
     At no pixel does rounding put one of them before a light."""
-    monkeypatch.setattr(scenery, "CROWD", 0 if looped else 10**9)
+    monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", 0 if looped else 10**9)
     rng = np.random.default_rng(12)
     goal = np.c_[rng.uniform(-3, 3, (4000, 1)), np.zeros((4000, 1)), rng.uniform(-3, 3, (4000, 1))]
     o, m = np.array([0.5, 1.0, 2.5]), replace(WHITE, kt=(kt, kt, kt))
@@ -646,7 +646,7 @@ def test_a_light_on_an_edge_lights_all_that_the_thing_does_not_hide(
 ) -> None:
     """Point lights on an edge, a corner or a rim, where a surface has two normals: a ball all around is dark where the
     way from the light runs through the thing, by its twin, and lit elsewhere."""
-    monkeypatch.setattr(scenery, "CROWD", 0 if looped else 10**9)
+    monkeypatch.setattr(kernel_scene, "WRITTEN_OUT_LIGHTS", 0 if looped else 10**9)
     rng = np.random.default_rng(16)
     for thing, place in EDGES.values():
         thing = replace(thing, transform=turn)

@@ -23,7 +23,7 @@ from test_paths import (
     walk,
 )
 
-from visray import tables
+from visray.accel import policy
 from visray.features import features
 from visray.geometry import gamma
 from visray.materials import Material
@@ -44,7 +44,7 @@ def media(objects: dict, precision: str = "double", **more: Any) -> Scene:
 def ratios(scene: Scene, o: Any, d: Any, levels: int) -> list[tuple[str, float, bool]]:
     """What one ray meets, the ratio of the indices there, and whether the surface is buried in another solid."""
     steps = walk(scene, o, d, levels)
-    return [(str(s.what[0]), float(s.ratio[0]), bool(s.buried[0])) for s in steps]
+    return [(str(s.what[0]), float(s.ratio[0]), bool(s.hidden[0])) for s in steps]
 
 
 def check(found: list, *expected: tuple) -> None:
@@ -186,7 +186,7 @@ def test_a_buried_mirror_does_not_reflect() -> None:
     scene = scene_of(balls, glass, "double", background=SKY, depth=20)
     # From within the right ball, through the buried surface.
     steps = walk(scene, (0.2, 0, 0), np.tile((1.0, 0.1, 0), (500, 1)), 1)
-    assert (steps[0].what == "left").all() and steps[0].buried.all()
+    assert (steps[0].what == "left").all() and steps[0].hidden.all()
     assert np.ptp(steps[0].d, axis=0).max() == 0 and (steps[0].weight == 1).all()
     # From within the left one at its own surface in the open, half of them are reflected.
     steps = walk(scene, (-1, 0, 0), np.tile((-1.0, 0.1, 0), (500, 1)), 1)
@@ -309,7 +309,7 @@ def test_the_order_of_the_file_changes_nothing() -> None:
 
 @PRECISIONS
 def test_looped_solids_refract_as_written_out_ones(precision: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than tables.WRITTEN_OUT solids of a family are looped over and hang in a tree."""
+    """More than policy.WRITTEN_OUT solids of a family are looped over and hang in a tree."""
     rng = np.random.default_rng(22)
     names = list(MEDIA)
     objects = {
@@ -319,8 +319,9 @@ def test_looped_solids_refract_as_written_out_ones(precision: str, monkeypatch: 
     objects["box"] = Box(min=(-1, -0.2, -1), max=(1, 0.3, 1), material="flint")
     o, d = rays_at(rng, 2000, 1.5)
     written = seen(media(objects, precision), o, d)
-    monkeypatch.setattr(tables, "WRITTEN_OUT", 3)
-    monkeypatch.setattr(tables, "FEW", 3)
+    monkeypatch.setattr(policy, "WRITTEN_OUT", 3)
+    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 3)
+    monkeypatch.setattr(policy, "FEW", 3)
     looped = seen(media(objects, precision), o, d)
     assert np.array_equal(written, looped)
     assert (np.abs(written - sky(unit(d)[:, 1])).max(1) > 0.01).mean() > 0.4

@@ -11,12 +11,12 @@ from test_sampling import SIGMA
 from test_shading import BLACK, PRECISIONS, along, seen
 from test_shadows import SOLIDS, alone, looks, triple
 
-from visray.exposure import set_up
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
 from visray.scene.scene import Occlusion, Scene, Settings
+from visray.setup import prepare
 
 SAMPLERS = ("stratified", "sobol", "independent")
 WHITE = Material(ka=(1.0, 1.0, 1.0), kd=BLACK)
@@ -74,7 +74,7 @@ def test_without_rays_all_of_the_light_gets_everywhere(precision: str, everythin
     """0 rays are no division by 0, forced or not; and it is the same for each of both terms alone."""
     box = FLOOR | {"box": Box(min=(-1, -1, -1), max=(1, 1, 1))}
     for sky, near in ((0, 0), (4, 0), (0, 4)):
-        made = set_up(scene_of(box, precision=precision, sky=sky, near=near, distance=10.0), everything=everything)
+        made = prepare(scene_of(box, precision=precision, sky=sky, near=near, distance=10.0), everything=everything)
         step = np.array([0.03, 0.1, 0.02])
         found = along(made, step, np.tile(-step, (50, 1)))
         assert (found[:, 0] == (0 if sky else 1)).all()
@@ -312,6 +312,6 @@ def test_occlusion_by_many_things_is_that_of_the_plain_search() -> None:
         things[f"b{i}"] = Box(min=triple(3 * c[::-1]), max=triple(3 * c[::-1] + rng.uniform(0.1, 0.5, 3)))
     scene = scene_of(things, sky=8, near=8, distance=2.0)
     d = rng.normal(size=(LANES, 3))
-    fast, plain = (along(set_up(scene, plain=p), (0.5, 3.0, 6.0), d - (0.5, 3.0, 6.0)) for p in (False, True))
+    fast, plain = (along(prepare(scene, brute_force=p), (0.5, 3.0, 6.0), d - (0.5, 3.0, 6.0)) for p in (False, True))
     assert np.array_equal(fast, plain)
     assert len(np.unique(fast[:, 1])) > 1000

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from samples import SAMPLES, array
 
-from visray import integrator, paths
+from visray import indirect, integrator
+from visray.accel.search import RayOrigin, closest
 from visray.camera import Camera
-from visray.exposure import Set, set_up
 from visray.geometry import gamma
+from visray.interaction import interact
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.ray import Ray
 from visray.render import render
 from visray.scene.scene import Film, Gradient, Scatter, Scene, Settings
-from visray.scenery import site
-from visray.search import Watch, closest
+from visray.setup import Prepared, prepare
 from visray.textures import CheckerTexture
 from visray.transforms import Rotate
 
@@ -49,24 +49,23 @@ def triples(a: Any, o: Any, d: Any) -> tuple[Any, Any]:
     return tuple(a.W(np.ascontiguousarray(v.T)) for v in (o, d / np.linalg.norm(d, axis=1, keepdims=True)))
 
 
-def along(made: Set, o: Any, d: Any) -> np.ndarray:
+def along(made: Prepared, o: Any, d: Any) -> np.ndarray:
     """The colours along rays, one sample of each, in double. Each ray has random numbers of its own. Shape: (N, 3)."""
     o, d = triples(made.a, o, d)
-    kept = made.stage.scenery
-    watch = Watch(made.a, kept.kin, kept.groups, o, shared=False)
-    colour = array(integrator.radiance(replace(made.stage, watch=watch), Ray(o, d))[0])
+    origin = RayOrigin(made.kernel.geometry, o, shared=False)
+    colour = array(integrator.radiance(replace(made.kernel, origin=origin), Ray(o, d))[0])
     return np.broadcast_to(colour, (np.shape(d)[1], 3)).astype(float)
 
 
 def seen(scene: Scene, o: Any, d: Any, everything: bool = False) -> np.ndarray:
     """The colours along rays; `everything`: with all effects in the kernel."""
-    return along(set_up(scene, everything=everything), o, d)
+    return along(prepare(scene, everything=everything), o, d)
 
 
 @dataclass(frozen=True)
 class Step:
     """What rays do at a level. what: the object that they hit, or ""; p: where; d: how they leave; weight: of what
-    comes from there; ratio: of the indices before and beyond; buried: whether the surface counts as none; alive:
+    comes from there; ratio: of the indices before and beyond; hidden: whether the surface counts as none; alive:
     whether they go on."""
 
     what: np.ndarray
@@ -74,26 +73,26 @@ class Step:
     d: np.ndarray
     weight: np.ndarray
     ratio: np.ndarray
-    buried: np.ndarray
+    hidden: np.ndarray
     alive: np.ndarray
 
 
 def walk(scene: Scene, o: Any, d: Any, levels: int) -> list[Step]:
-    """The ways of rays, level by level, as paths.onward goes them."""
-    made = set_up(scene)
-    a, s = made.a, made.stage.scenery
-    names = np.array([name for k in s.kin for name in k.names] + [""])
+    """The ways of rays, level by level, as indirect.indirect goes them."""
+    made = prepare(scene)
+    a, s = made.a, made.kernel
+    names = np.array([name for batch in s.batches for name in batch.names] + [""])
     ray, steps = Ray(*triples(a, o, d)), []
     n = np.shape(ray.d)[1]
     for level in range(levels):
-        hit = closest(Watch(a, s.kin, s.groups, ray.o, shared=False), ray)
-        here = site(s, ray, hit, integrator.first_draw(made.stage, n).along(a.U(level)))
-        lens = paths.lens(s, here)
-        b = paths.bounce(s, here, ray, lens, a.U(1), a.U(0))
-        ratio, buried = (a.D(1), None) if lens is None else (lens.ratio, lens.buried)
+        hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
+        here = interact(s, ray, hit, integrator.first_state(made.kernel, n).along(a.U(level)))
+        interface = indirect.interface(s, here)
+        b = indirect.bounce(s, here, ray, interface, a.U(1), a.U(0))
+        ratio, hidden = (a.D(1), None) if interface is None else (interface.ratio, interface.hidden)
         each = [array(v) for v in (here.surface.p, b.ray.d, b.weight)]
-        lanes = [np.broadcast_to(np.array(v), n) for v in (ratio, a.B(False) if buried is None else buried, b.alive)]
-        steps.append(Step(names[np.minimum(np.array(hit.index), len(names) - 1)], *each, *lanes))
+        lanes = [np.broadcast_to(np.array(v), n) for v in (ratio, a.B(False) if hidden is None else hidden, b.alive)]
+        steps.append(Step(names[np.minimum(np.array(hit.row), len(names) - 1)], *each, *lanes))
         ray = b.ray
         dr.eval(ray)
     return steps

@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from visray import integrator, paths
+from visray import indirect, integrator
+from visray.accel.search import RayOrigin, closest
 from visray.camera import Camera
+from visray.direct import DIMENSION, area_light
 from visray.geometry import UNIT_ROUNDOFF, gamma
-from visray.lighting import STREAM, spread
+from visray.interaction import interact
 from visray.lights import DiskLight
 from visray.materials import Material
 from visray.primitives import Box, Disk, Plane, Sphere
+from visray.pytree import rows as lanes_of
 from visray.ray import Ray
 from visray.scene.scene import Film, Scene, Settings
-from visray.scenery import site
-from visray.search import Watch, closest
 from visray.study import arrivals
 from visray.study.answers import Ours, Rays, rows
 from visray.study.comparison import Comparison
@@ -32,7 +33,6 @@ from visray.study.shadows import moved
 from visray.study.twin import Theirs
 from visray.study.ways import Ways
 from visray.transforms import Rotate, Translate
-from visray.trees import rows as lanes_of
 
 COUNT = 20_000
 EYE = (0.8, 1.1, 4.0)
@@ -67,16 +67,16 @@ class Level:
 
 def levels(ours: Ours, o: np.ndarray, d: np.ndarray, count: int) -> Iterator[Level]:
     """The levels of paths, from the centre + o. Of each level, only those that are alive are in the next."""
-    a, s = ours.a, ours.scenery
+    a, s = ours.a, ours.kernel
     ray = Ray(ours.triples(ours.centre + o), ours.triples(d / np.linalg.norm(d, axis=1, keepdims=True)))
     off = np.ones(len(d))
     for _ in range(count):
         n = dr.width(ray.d)
-        hit = closest(Watch(a, s.kin, s.groups, ray.o, shared=False), ray)
-        here = site(s, ray, hit, integrator.first_draw(ours.stage, n))
-        b = paths.bounce(s, here, ray, paths.lens(s, here), dr.full(a.U, count, n), dr.zeros(a.U, n))
+        hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
+        here = interact(s, ray, hit, integrator.first_state(ours.kernel, n))
+        b = indirect.bounce(s, here, ray, indirect.interface(s, here), dr.full(a.U, count, n), dr.zeros(a.U, n))
         dr.eval(hit, here.surface, b.ray, b.alive)
-        index = np.where(np.array(hit.valid), np.array(hit.index).astype(np.int64), -1)
+        index = np.where(np.array(hit.valid), np.array(hit.row).astype(np.int64), -1)
         alive = np.broadcast_to(np.array(b.alive), n)
         normal, onward = rows(here.surface.exact), rows(b.ray.d)
         found = (rows(ray.o) - ours.centre, rows(ray.d), off, index, np.array(hit.t), normal, onward)
@@ -456,14 +456,14 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     )
     ours, theirs = pair_of(scene)
     seen = Comparison(ours, theirs, ours.pixel_rays())
-    a, lamp = ours.a, ours.scenery.lamps[0]
-    here = site(ours.scenery, seen.look.ray, seen.look.hit, integrator.first_draw(ours.stage, len(seen.a.t)))
-    mean = spread(ours.scenery, here, lamp, lambda s, site, light, b: a.V(dr.select(b.reached, a.F(1), 0), 0, 0))
+    a, light = ours.a, ours.kernel.lights[0]
+    here = interact(ours.kernel, seen.look.ray, seen.look.hit, integrator.first_state(ours.kernel, len(seen.a.t)))
+    mean = area_light(ours.kernel, here, light, lambda s, at, row, b: a.V(dr.select(b.reached, a.F(1), 0), 0, 0))
     mine = rows(mean)[:, 0] * samples
-    stream, yours, near = here.draw.along(0).stream(STREAM + lamp.number), 0, False
+    dimension, yours, near = here.sample.along(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
-        away = rows(lamp.light.offset(a.W, *map(a.D, stream.many(dr.opaque(a.U, j), lamp.lot))))
-        ways = Ways.between(seen.points(), rows(lamp.light.position) + away - ours.centre)
+        away = rows(light.light.offset(a.W, *map(a.D, dimension.many(dr.opaque(a.U, j), light.points))))
+        ways = Ways.between(seen.points(), rows(light.light.position) + away - ours.centre)
         cosine = np.where(seen.a.hit, np.abs((ways.l * seen.a.n).sum(1)), 1)
         reached, edge = _reached(seen, ways, seen.shift.start(ways.p) / cosine)
         yours, near = yours + reached.astype(int), near | edge

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import drjit as dr
 import flint
 import numpy as np
 import pytest
@@ -31,10 +30,10 @@ from test_render import compiled
 
 import visray as vr
 from visray.accel.search import RayOrigin, closest
+from visray.pack import pack
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import box_of
-from visray.pack import pack
 from visray.quantities import Arrays
 from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings

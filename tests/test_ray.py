@@ -6,7 +6,7 @@ from samples import array, norm, real
 
 from visray.geometry import gamma
 from visray.quantities import Arrays
-from visray.ray import NO_OBJECT, Hit, inverse_length, unit
+from visray.ray import NO_ROW, Hit, inverse_length, unit
 
 N = 200_000
 
@@ -65,5 +65,5 @@ def test_unit_of_the_worst_single_direction() -> None:
 
 def test_hit_is_valid_where_there_is_an_object() -> None:
     a = Arrays.of("llvm", "single")
-    hit = Hit(a.D([1, np.inf, 2]), a.U(np.array([0, NO_OBJECT, 7], np.uint32)))
+    hit = Hit(a.D([1, np.inf, 2]), a.U(np.array([0, NO_ROW, 7], np.uint32)))
     assert np.array(hit.valid).tolist() == [True, False, True]

@@ -9,7 +9,19 @@ import numpy as np
 import pytest
 
 from visray.quantities import Arrays
-from visray.sampling import Draw, Lot, Plan, first_cell, in_cell, mix, next_cell, pascal, pixel_key, scrambled, sobol
+from visray.sampling import (
+    Plan,
+    SampleSet,
+    SampleState,
+    first_cell,
+    in_cell,
+    mix,
+    next_cell,
+    pascal,
+    pixel_key,
+    scrambled,
+    sobol,
+)
 
 A = Arrays.of("llvm", "single")
 # Chance of a false alarm of each test below: 1e-6 one-sided is 4.75 standard errors; 5 for two-sided ones.
@@ -34,7 +46,7 @@ def points(pixels: np.ndarray, seed: int, spp: int, passes: list[int]) -> tuple[
         key = pixel_key(p, x, y)
         cell = first_cell(p, key, A.F)
         for i in range(count):
-            u, v = Draw("stratified", A.F, p, key, dr.opaque(A.U, i) + p.first, cell).pixel()
+            u, v = SampleState("stratified", A.F, p, key, dr.opaque(A.U, i) + p.first, cell).pixel()
             dr.eval(u, v, cell)
             found.append(np.stack([np.array(u), np.array(v)], 1))
             cells.append(np.array(cell))
@@ -185,7 +197,7 @@ def test_a_seed_and_a_sample_count_are_data_not_code() -> None:
     def draw(seed: int, spp: int, first: int, count: int) -> None:
         p = plan(seed, spp, first, count)
         key = pixel_key(p, x, y)
-        dr.eval(Draw("stratified", A.F, p, key, p.first, next_cell(p, first_cell(p, key, A.F))).pixel())
+        dr.eval(SampleState("stratified", A.F, p, key, p.first, next_cell(p, first_cell(p, key, A.F))).pixel())
 
     draw(1, 4, 0, 4)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
@@ -272,7 +284,7 @@ EACH = pytest.mark.parametrize("sampler", SAMPLERS)
 class Samples:
     """The random numbers of each sample of some pixels in a row, a lane each."""
 
-    draw: Draw
+    draw: SampleState
     shape: tuple[int, int]
     cell: np.ndarray
 
@@ -284,7 +296,7 @@ class Samples:
         i, x = A.U(np.repeat(np.arange(count, dtype=np.uint32), pixels)), dr.tile(dr.arange(A.U, pixels), count)
         key = pixel_key(p, x, x * 0 + 9)
         cell = (first_cell(p, key, A.F) + i * p.step) % int(p.cells[0])
-        return Samples(Draw(sampler, A.F, p, key, i + p.first, cell), (count, pixels), np.array(cell))
+        return Samples(SampleState(sampler, A.F, p, key, i + p.first, cell), (count, pixels), np.array(cell))
 
     def values(self, pairs: list) -> np.ndarray:
         """Pairs of arrays, evaluated together. Shape: (number of pairs, 2, samples, pixels)."""
@@ -293,22 +305,22 @@ class Samples:
 
     def lot(self, stream: int, n: int) -> np.ndarray:
         """The n points of a lot. Shape: (n, 2, samples, pixels)."""
-        lot = Lot.of(A, n)
-        return self.values([self.draw.stream(stream).many(A.U(j), lot) for j in range(n)])
+        lot = SampleSet.of(A, n)
+        return self.values([self.draw.dimension(stream).many(A.U(j), lot) for j in range(n)])
 
 
-def singles(d: Draw) -> list:
+def singles(d: SampleState) -> list:
     """Pairs for the purposes of which a path has one each: pixel, lens, lobe, scatter; and those of its next levels."""
     levels = [d, d.along(A.U(1)), d.along(A.U(2)), d.along(A.U(1 | 1 << 16))]
-    return [d.pixel(), d.stream(1).one()] + [level.stream(n).one() for level in levels for n in (5, 6, 8)]
+    return [d.pixel(), d.dimension(1).one()] + [level.dimension(n).one() for level in levels for n in (5, 6, 8)]
 
 
 LOTS = (2, 3, 7, 16, 17, 18)
 
 
-def lots(d: Draw) -> list:
+def lots(d: SampleState) -> list:
     """A pair each of the lots of occlusion, lights and paths."""
-    return [d.stream(n).many(A.U(2), Lot.of(A, 4)) for n in LOTS]
+    return [d.dimension(n).many(A.U(2), SampleSet.of(A, 4)) for n in LOTS]
 
 
 def place(points: np.ndarray, side: int) -> np.ndarray:

@@ -38,7 +38,6 @@ from visray.primitives.solid import Solid
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, Ray
 from visray.scene.scene import Film, Scene
-from visray.setup import prepare
 from visray.transforms import Translate
 
 A = Arrays.of("llvm", "single")

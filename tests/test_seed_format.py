@@ -41,6 +41,7 @@ from visray.materials import Material
 from visray.polynomials import exact
 from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.clips import Ball
+from visray.primitives.primitive import scalars
 from visray.quantities import FARTHEST
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scene, Settings
@@ -466,7 +467,7 @@ def test_pictures_on_a_fitted_plane(pair: Pair, normal: list[float]) -> None:
     plane = {"type": "fittedplane", "normal": normal, "pmin": [-1, -2], "pmax": [3, 4]}
     made, _ = pair.convert(globe("map.png") | plane)
     thing = made.objects["globe"]
-    placed = thing.numbers().placed(None)
+    placed = scalars(thing).placed(None)
     for x, z in product((-1, -0.5, 2, 3), (-2, 0, 1.5, 4)):
         y = -(normal[0] * x + normal[2] * z) / normal[1]
         u, row = (x - -1) / (3 - -1), (z - -2) / (4 - -2)
@@ -477,7 +478,7 @@ def test_pictures_on_a_sphere(pair: Pair) -> None:
     """u and v as in the original for a sphere at the origin, row 0 at the north pole."""
     picture(pair.scene.parent, "map.png")
     made, _ = pair.convert(globe("map.png") | {"center": [0, 0, 0], "radius": 2})
-    placed = made.objects["globe"].numbers().placed(None)
+    placed = scalars(made.objects["globe"]).placed(None)
     for longitude, latitude in product((-170, -90, -1, 0, 45, 90, 179), (-89, -30, 0, 1, 60, 89)):
         a, b = radians(longitude), radians(latitude)
         x, y, z = 2 * cos(b) * cos(a), 2 * sin(b), 2 * cos(b) * sin(a)

@@ -10,8 +10,8 @@ import pytest
 from samples import array, norm, real
 
 from visray import integrator
+from visray.accel.search import RayOrigin
 from visray.camera import Camera
-from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
@@ -19,7 +19,7 @@ from visray.primitives import Box, Disk, Plane, Rectangle, Sphere
 from visray.quantities import Arrays
 from visray.ray import Ray
 from visray.scene.scene import Film, Gradient, Scene, Settings
-from visray.search import Watch
+from visray.setup import Prepared, prepare
 from visray.shading import power
 from visray.transforms import Rotate, Translate
 
@@ -29,23 +29,23 @@ BLACK, DARK = (0.0, 0.0, 0.0), {"ambient": (0.0, 0.0, 0.0), "background": (0.0, 
 
 def seen(scene: Scene, o: Any, d: Any, everything: bool = False) -> np.ndarray:
     """The colours along rays (N, 3) from one origin or many."""
-    made = set_up(scene, everything=everything)
+    made = prepare(scene, everything=everything)
     return along(made, o, d)
 
 
-def along(made: Set, o: Any, d: Any) -> np.ndarray:
+def along(made: Prepared, o: Any, d: Any) -> np.ndarray:
     d = np.atleast_2d(np.array(d, float))
     d = d / np.linalg.norm(d, axis=1, keepdims=True)
     o, d = (made.a.W(np.ascontiguousarray(np.atleast_2d(np.array(v, float)).T)) for v in (o, d))
-    watch = Watch(made.a, made.stage.scenery.kin, made.stage.scenery.groups, o)
-    return array(integrator.radiance(replace(made.stage, watch=watch), Ray(o, d))[0])
+    origin = RayOrigin(made.kernel.geometry, o)
+    return array(integrator.radiance(replace(made.kernel, origin=origin), Ray(o, d))[0])
 
 
 def pixels(scene: Scene, everything: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Colours through the centres of all pixels, with their rays: colours, origin, directions."""
-    made = set_up(scene, everything=everything)
-    ray = integrator.camera_ray(made.stage, made.a.F(made.x) + 0.5, made.a.F(made.y) + 0.5)
-    colour, _ = integrator.radiance(made.stage, ray)
+    made = prepare(scene, everything=everything)
+    ray = integrator.camera_ray(made.kernel, made.a.F(made.x) + 0.5, made.a.F(made.y) + 0.5)
+    colour, _ = integrator.radiance(made.kernel, ray)
     dr.eval(colour, ray.d)
     n = len(made.order)
     return np.broadcast_to(array(colour), (n, 3)), array(ray.o), array(ray.d)

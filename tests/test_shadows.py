@@ -92,7 +92,9 @@ class Room:
     def seen(self, scene: Scene, plain: bool = False) -> np.ndarray:
         """The floor's colours at its points, from below all things."""
         step = self.size * (0.5 * self.n + 0.1 * np.cross(self.n, (0.3, 0.5, 0.7)))
-        return along(prepare(scene, brute_force=plain), self.p + step, np.broadcast_to(-step, self.p.shape)).astype(float)
+        return along(prepare(scene, brute_force=plain), self.p + step, np.broadcast_to(-step, self.p.shape)).astype(
+            float
+        )
 
     @property
     def lamp(self) -> Any:

@@ -1,19 +1,12 @@
 """A scene set up for rendering, and its film after so many samples."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-import drjit as dr
-import numpy as np
-
 from visray import clock, integrator
 from visray import film as films
 from visray.pace import LONGEST, Pace
 from visray.progress import Bar, Patience
 from visray.sampling import Plan
 from visray.scene.scene import Settings
-from visray.setup import Prepared, arrays, lanes, prepare
+from visray.setup import Prepared, arrays, lanes, prepare  # noqa: F401
 
 
 def expose(prepared: Prepared, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:

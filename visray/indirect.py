@@ -14,8 +14,8 @@ from typing import Any
 import drjit as dr
 
 from visray import warp
+from visray.accel import policy
 from visray.accel.culling import flush
-from visray.accel.policy import FEW
 from visray.accel.search import RayOrigin, closest
 from visray.batches import Batch
 from visray.interaction import Interaction, interact
@@ -88,9 +88,7 @@ def interface(s: KernelScene, at: Interaction) -> Interface | None:
     return Interface(ratio, closed & (before.row == beyond.row) & (_most(at.material.kt) > 0))
 
 
-def _others(
-    s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyond: Medium
-) -> tuple[Medium, Medium]:
+def _others(s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyond: Medium) -> tuple[Medium, Medium]:
     """The media on both sides, where the solids of a batch count too, but for that of the surface itself.
 
     One whose surface lies flush with it is on the one side or the other, as the ray leaves or enters it there.
@@ -110,7 +108,7 @@ def _others(
         return (*leaves(before), *leaves(beyond))
 
     state = (*leaves(before), *leaves(beyond))
-    if size > FEW:
+    if size > policy.FEW:
         state = s.repeated(size, dr.opaque(s.a.U, size), at.hit.valid, state, step)
     else:
         for i in range(size):

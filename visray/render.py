@@ -19,8 +19,8 @@ from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
 from visray.goals import Goal
 from visray.output.curves import LUMINANCE
-from visray.primitives.primitive import scalars
 from visray.output.image import Image, check_destination
+from visray.primitives.primitive import scalars
 from visray.progress import Patience
 from visray.reachable import Files
 from visray.scene.load import checked, load

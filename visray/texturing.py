@@ -5,8 +5,8 @@ from typing import Any
 import drjit as dr
 
 from visray.images import WRAPS, Atlas, Row
-from visray.quantities import Arrays
 from visray.pytree import rows
+from visray.quantities import Arrays
 
 
 def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) -> Any:

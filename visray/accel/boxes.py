@@ -7,11 +7,11 @@ SAH, the surface area heuristic, takes the ratio of their areas for the chance t
 child. Source: Goldsmith and Salmon 1987; bins: Wald 2007.
 """
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 
-import os
 LEAF = int(os.environ.get("LEAF", 4))
 DEPTH = 32  # nodes on a way from the root to a leaf at most: 2^DEPTH rows fit, wherever they are
 BINS = 16  # a large node may be split at as many places along each axis, less one

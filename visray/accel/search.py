@@ -266,9 +266,7 @@ def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:
     return dr.if_stmt(state, mask, change, lambda *state: state, label=label)
 
 
-def closest(
-    origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any = True, within: Any = dr.inf
-) -> Hit:
+def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any = True, within: Any = dr.inf) -> Hit:
     """The first row along each ray, nearer than `within`. Ties go to the row of the lowest number."""
     a, ray = origin.a, detached(ray)
     n = max(dr.width(ray.d), dr.width(origin.o))

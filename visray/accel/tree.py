@@ -145,11 +145,15 @@ class Walk:
 
                 def each(*state: Any, batch: int = batch) -> tuple:
                     if "loop" in VARIANT:
+
                         def step(at, left, *state):
                             row = dr.gather(u, tree.rows, at)
                             state = visit(batch, state, row, True)
                             return (at + 1, dr.select(done(state), 0, left - 1), *state)
-                        return dr.while_loop((first + 0, more + 1, *state), lambda at, left, *_: left > 0, step, label="rows")[2:]
+
+                        return dr.while_loop(
+                            (first + 0, more + 1, *state), lambda at, left, *_: left > 0, step, label="rows"
+                        )[2:]
                     for slot in range(LEAF):
                         there = more >= slot
                         row = dr.gather(u, tree.rows, first + slot, there)
@@ -174,7 +178,11 @@ class Walk:
                     if k < len(tree.batches) - 1:
                         inside &= first < tree.begins[k]
                     call = lambda *s, batch=batch: visit(batch, s, row, inside)
-                    state = call(*state) if len(tree.batches) == 1 else dr.if_stmt(state, inside, call, lambda *s: s, label="batch")
+                    state = (
+                        call(*state)
+                        if len(tree.batches) == 1
+                        else dr.if_stmt(state, inside, call, lambda *s: s, label="batch")
+                    )
                 last = more == 0
                 nxt = dr.select(last, stack.read(top), word + 1 - (1 << FIRST_BITS))
                 top = dr.select(last, top - 1, top)
@@ -190,7 +198,11 @@ class Walk:
 
         def body_if(word: Any, top: Any, stack: Any, limit: Any, *state: Any) -> tuple:
             return dr.if_stmt(
-                (word, top, stack, limit, *state), is_leaf(word), at_leaf, lambda w, t, s, l, *st: (*at_node(w, t, s, l), *st), label="node"
+                (word, top, stack, limit, *state),
+                is_leaf(word),
+                at_leaf,
+                lambda w, t, s, l, *st: (*at_node(w, t, s, l), *st),
+                label="node",
             )
 
         def body_while(word: Any, top: Any, stack: Any, limit: Any, *state: Any) -> tuple:
@@ -208,4 +220,5 @@ class Walk:
 
 def _x(a):
     import drjit.llvm.ad as L
+
     return L.ArrayXf

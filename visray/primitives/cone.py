@@ -84,4 +84,6 @@ class Cone(Revolved):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        return MitsubaShapes([{"type": "cone", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])
+        return MitsubaShapes(
+            [{"type": "cone", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+        )

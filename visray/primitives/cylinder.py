@@ -69,4 +69,6 @@ class Cylinder(Revolved):
         return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        return MitsubaShapes([{"type": "cylinder", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])
+        return MitsubaShapes(
+            [{"type": "cylinder", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+        )

@@ -38,4 +38,6 @@ class Disk(Flat):
         return x * x + y * y <= 1
 
     def mitsuba(self) -> MitsubaShapes | str:
-        return MitsubaShapes([{"type": "disk", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])
+        return MitsubaShapes(
+            [{"type": "disk", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+        )

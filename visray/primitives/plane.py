@@ -39,4 +39,6 @@ class Plane(Flat):
         return local.x, local.y
 
     def mitsuba(self) -> MitsubaShapes | str:
-        return MitsubaShapes([{"type": "plane", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])
+        return MitsubaShapes(
+            [{"type": "plane", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+        )

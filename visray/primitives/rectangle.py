@@ -46,4 +46,6 @@ class Rectangle(Flat):
         return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        return MitsubaShapes([{"type": "rectangle", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}])
+        return MitsubaShapes(
+            [{"type": "rectangle", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+        )

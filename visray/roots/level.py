@@ -32,7 +32,8 @@ def _sloped(factor: Factor, slots: tuple, q: Any) -> Slope:
 def level(form: Form, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
 
-    part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a singular point, the normal is that of differences over `step`.
+    part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a
+    singular point, the normal is that of differences over `step`.
     """
     levels = []
     for factor in form.factors:

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from visray.primitives.primitive import Primitive, MitsubaShapes
+from visray.primitives.primitive import MitsubaShapes, Primitive
 from visray.scene.scene import Scene
 from visray.study.facets import Facets, around, facets
 from visray.study.rounding import BOUND, Extents

@@ -8,19 +8,19 @@ import drjit as dr
 import numpy as np
 
 from visray import clock
-from visray.errors import UserError
 from visray.accel.search import RayOrigin, Target, closest, occluded
+from visray.errors import UserError
 from visray.geometry import facing
 from visray.interaction import surface_of
 from visray.polynomials import Wrong
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
+from visray.pytree import rows
 from visray.ray import NOTHING_KNOWN, Ray
 from visray.scene.scene import Scene, Settings
 from visray.setup import prepare
 from visray.study.exact.known_surface import Bundle, Surface
 from visray.study.ray_sets import Leaving
-from visray.pytree import rows
 
 TIMED, RUNS = 1 << 17, 5
 

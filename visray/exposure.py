@@ -1,7 +1,7 @@
 """A scene set up for rendering, and its film after so many samples."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -11,11 +11,11 @@ from visray import clock, images, integrator, llvm, tables
 from visray import film as films
 from visray.errors import UserError
 from visray.features import Features, features
-from visray.pace import LONGEST, Pace
+from visray.pace import Pace
 from visray.progress import Bar, Patience
 from visray.quantities import BACKENDS, Arrays
 from visray.sampling import Plan
-from visray.scene.scene import Scene, Settings
+from visray.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -77,19 +77,37 @@ def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
     return order, x, y
 
 
-def expose(made: Set, progress: bool = False, patience: Patience | None = None) -> tuple[films.Film, int]:
-    """The film after all samples, and how many it has: fewer than asked for after Ctrl-C, but at least one pass."""
-    patience = patience or Patience()
+def part(made: Set, lanes: np.ndarray) -> Set:
+    """The scene set up for some of its pixels: those of these lanes, which are numbers or a mask."""
+    x, y = (made.a.put(made.a.U, np.array(v)[lanes]) for v in (made.x, made.y))
+    return replace(made, order=made.order[lanes], x=x, y=y)
+
+
+def blank(made: Set) -> films.Film:
+    """A film for the pixels of a set, without samples."""
+    return films.Film.blank(made.a, made.order, films.Origin(made.scene, made.a))
+
+
+def expose(
+    made: Set, progress: bool = False, patience: Patience | None = None, film: films.Film | None = None
+) -> tuple[films.Film, int]:
+    """The film after all samples, and how many a pixel has: fewer than asked for after Ctrl-C, but at least one pass.
+
+    film: one to go on from, of the same picture and pixels. The bits are those of all samples at once, however they are
+    cut into passes and films, and whatever the number of threads. Error: none (tests/test_same_bits.py).
+    """
+    patience, pace = patience or Patience(), Pace()
+    if film is None:
+        film = blank(made)
+    film.check(films.Origin(made.scene, made.a), made.order)
     settings, n = made.scene.settings, len(made.order)
-    film, done, pace = films.Film.blank(made.a, n), 0, Pace()
     passes = -(-settings.spp * n // max(first_pass(made), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
-        while done < settings.spp and not (done and patience.asked):
-            count = min(count, settings.spp - done, LONGEST)
-            film = exposed_once(made, film, settings, done, count, pace)
-            done += count
-            bar.at(done)
+        while (done := int(film.counts.min())) < settings.spp and not (done and patience.asked):
+            target = min(done + count, settings.spp)
+            film = exposed_once(made, film, np.maximum(film.counts, target), pace)
+            bar.at(target)
             count = max(1, round(pace.room() / n))
     return film, done
 
@@ -104,16 +122,20 @@ def first_pass(made: Set) -> int:
     trees, searched = any(g.tree is not None for g in s.groups), any(k.kind.searched for k in s.kin)
     rays *= 1 + 4 * paths
     found = 2**25 // (rays * (8 if trees else 1) * (64 if searched else 1))
-    # Small pictures are one pass, the same bit for bit each time, where that takes no more than about two seconds.
+    # Small pictures are one pass, which is traced once, where that takes no more than about two seconds.
     return max(found, min(2**18, 2**27 // rays), 1)
 
 
-def exposed_once(
-    made: Set, film: films.Film, settings: Settings, done: int, count: int, pace: Pace | None = None
-) -> films.Film:
-    """The film after one more pass, of which `pace` is told."""
-    begun = clock.now()
-    plan = Plan.of(made.a, settings.seed, settings.spp, done, count)
-    film = film.plus(made.a, integrator.sample(made.stage, plan, made.x, made.y), done, count)
-    (pace or Pace()).evaluated(begun, count * len(made.order), film)
+def exposed_once(made: Set, film: films.Film, targets: int | np.ndarray, pace: Pace | None = None) -> films.Film:
+    """The film after one more pass, which brings its lanes to so many samples, and of which `pace` is told. Domain: no
+    lane has more than its target."""
+    begun, settings = clock.now(), made.scene.settings
+    first, more = film.counts, targets - film.counts
+    samples = int(more.sum())
+    if (first == first[0]).all() and (more == more[0]).all():
+        # Numbers for all lanes are a kernel of their own, without a load from memory for each lane.
+        first, more = int(first[0]), int(more[0])
+    plan = Plan.of(made.a, settings.seed, settings.spp, first, more)
+    film = film.after(integrator.sample(made.stage, plan, made.x, made.y, film.moments), targets)
+    (pace or Pace()).evaluated(begun, samples, film.moments)
     return film

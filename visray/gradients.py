@@ -16,7 +16,6 @@ import numpy as np
 from visray import integrator, tables
 from visray.errors import UserError
 from visray.exposure import expose, set_up
-from visray.film import Moments
 from visray.images import Atlas
 from visray.lighting import Beam, beam
 from visray.primitives.flat import Flat
@@ -140,8 +139,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Place], 
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(made.stage, made.x, made.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(made.a, scene.settings.seed, spp, 0, spp)
-    m: Moments = integrator.sample(made.stage, plan, made.x, made.y)
-    return Trace(places, m.reference + m.total * (1 / made.a.F(spp)), made.order)
+    return Trace(places, integrator.attached(made.stage, plan, made.x, made.y), made.order)
 
 
 def _edges(stage: integrator.Stage, x: Any, y: Any) -> str:

@@ -16,14 +16,17 @@ from visray import clock, integrator
 from visray import film as films
 from visray.exposure import Set, first_pass
 from visray.film import Film
+from visray.moments import Moments
 from visray.output.curves import LUMINANCE
-from visray.pace import LONGEST, Pace
+from visray.pace import Pace
 from visray.sampling import Plan
 
 # Of the normal distribution, for 95 %.
 QUANTILE = 1.959964
 # Nothing seen in n tries: the chance is less than so much over n, with 95 %.
 UNSEEN = 3.0
+# A pass has samples of so many lanes at least, where they need many: a lane's own run one after the other.
+FEWEST_LANES = 64
 
 
 @dataclass(frozen=True)
@@ -81,16 +84,21 @@ def ratio_of_squares(d: float) -> float:
 
 
 class Halves:
-    """Both halves: their film, the lanes of A before those of B; `counts`, the samples of each lane."""
+    """Both halves: their film, the lanes of A before those of B. Its bits depend on the seed and on how many samples
+    each lane has, not on the passes that took them (tests/test_same_bits.py)."""
 
     def __init__(self, made: Set):
         self.made, self.n = made, len(made.order)
         films.check_size(made.scene.film.width, made.scene.film.height, 2)
-        self.film = Film.blank(made.a, 2 * self.n)
-        self.counts = np.zeros(2 * self.n, np.int64)
+        self.film = Film.blank(made.a, np.tile(made.order, 2))
         self.pace = Pace()
         # Of each lane, seconds of a sample in the last pass that it was in: where there is more noise they take longer.
         self.rates = np.zeros(2 * self.n)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """The samples of each lane. Shape: (2 N)."""
+        return self.film.counts
 
     def compiled(self) -> None:
         """Makes the kernel of a pass, with a few samples that are thrown away."""
@@ -101,7 +109,9 @@ class Halves:
         """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each
         pass how many seconds there are for it. Returns whether all were done."""
         while (targets > self.counts).any():
-            if not self._extend(np.minimum(targets, self.counts + LONGEST), left):
+            room = first_pass(self.made) if self.pace.rate is None else self.pace.room()
+            longest = max(int(min(room, targets.max() * FEWEST_LANES) / FEWEST_LANES), 1)
+            if not self._extend(np.minimum(targets, self.counts + longest), left):
                 return False
         return True
 
@@ -131,19 +141,19 @@ class Halves:
         begun = clock.now()
         # Of one lane the kernel would be another.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
-        a, before = self.made.a, self.counts[lanes]
-        count = targets[lanes] - before
-        found, at, plan = self._moments(lanes, before, count)
-        old = Film(*(dr.gather(type(x), x, at) for x in _parts(self.film)))
-        new = old.plus(a, found, plan.first, plan.count)
-        for whole, part in zip(_parts(self.film), _parts(new)):
-            dr.scatter(whole, part, at)
+        counts, moments = self.counts.copy(), self.film.moments
+        before, counts[lanes] = counts[lanes], targets[lanes]
+        count = counts[lanes] - before
+        old, new, at = self._sampled(lanes, before, count)
+        for whole, was, part in zip(moments.parts, old.parts, new.parts):
+            if part is not was:
+                dr.scatter(whole, part, at)
         samples = int(count.sum())
-        self.rates[lanes] = self.pace.evaluated(begun, samples, self.film) / samples
-        self.counts[lanes] = targets[lanes]
+        self.rates[lanes] = self.pace.evaluated(begun, samples, moments) / samples
+        self.film = self.film.after(moments, counts)
 
-    def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
-        """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan."""
+    def _sampled(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
+        """The moments of lanes before and after `count` samples from `first` on, and the lanes as opaque numbers."""
         made, a, n = self.made, self.made.a, self.n
         at = a.put(a.U, lanes.astype(np.uint32))
         second = at >= dr.opaque(a.U, n)
@@ -152,7 +162,8 @@ class Halves:
         seeds = dr.select(second, other, one)
         x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
         plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-        return integrator.sample(made.stage, plan, x, y), at, plan
+        old = Moments(*(dr.gather(type(x), x, at) for x in self.film.moments.parts))
+        return old, integrator.sample(made.stage, plan, x, y, old), at
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
         """The halves' pixels. Shapes: (3, N)."""
@@ -216,7 +227,3 @@ def windowed(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
         padded = np.pad(x, ways)
         x = sum(k * padded[(slice(None),) * axis + (slice(i, i + n),)] for i, k in enumerate(kernel))
     return x
-
-
-def _parts(film: Film) -> tuple:
-    return film.mean, film.squares, film.coverage

@@ -1,14 +1,15 @@
 """Radiance and layers along rays, composed from the effects that are present."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 
 from visray import paths, sampling, warp
 from visray.features import Features
-from visray.film import Moments
 from visray.geometry import UNIT_ROUNDOFF
+from visray.moments import BLOCK, Moments, offset
 from visray.quantities import Arrays
 from visray.ray import Hit, Ray, unit
 from visray.sampling import Draw
@@ -82,34 +83,66 @@ def radiance(s: Stage, ray: Ray, draw: Draw | None = None) -> tuple[Any, Any]:
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.opaque)
 
 
-def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Moments:
-    """The samples of one pass over the pixels (x, y): one lane a pixel, a symbolic loop over its samples.
+def sample(s: Stage, plan: sampling.Plan, x: Any, y: Any, moments: Moments) -> Moments:
+    """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over its blocks, and in
+    that one over the samples of a block.
 
-    What no sample changes is no state of the loop: Dr.Jit would trace all of it once more, to take that out.
+    What no sample changes is no state of the loops: Dr.Jit would trace all of it once more, to take that out.
     """
+    a, end = s.scenery.a, plan.first + plan.count
+    key, seen = _seen(s, plan, x, y)
+    covers = s.scenery.features["coverage"]
+
+    def step(i: Any, cell: Any, *state: Any) -> tuple:
+        more = Moments(None, None, None, *state).plus(offset(i) == 0, *seen(i, cell))
+        return i + 1, sampling.next_cell(plan, cell), *more.parts[3:]
+
+    def block(i: Any, cell: Any, mean: Any, squares: Any, coverage: Any, *state: Any) -> tuple:
+        stop = dr.minimum(end, (i | (BLOCK - 1)) + 1)
+        i, cell, *state = dr.while_loop((i, cell, *state), lambda i, *_: i < stop, step, label="samples")
+        return i, cell, *Moments(mean, squares, coverage, *state).joined(a, offset(i) == 0, i - BLOCK, BLOCK).parts
+
+    before = moments if covers else replace(moments, coverage=None, open_coverage=None)
+    start = dr.zeros(a.U, dr.width(x)) + plan.first, sampling.first_cell(plan, key, a.F), *before.parts
+    _, _, *state = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
+    after = Moments(*state)
+    return after if covers else replace(after, coverage=moments.coverage, open_coverage=moments.open_coverage)
+
+
+def attached(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> Any:
+    """The mean colour of the samples of one pass over the pixels (x, y), with its derivatives: one loop over all
+    samples, as Dr.Jit 1.5 has no derivatives of loops within loops."""
     a, n = s.scenery.a, dr.width(x)
-    key = sampling.pixel_key(plan, x, y)
+    key, seen = _seen(s, plan, x, y)
+
+    def step(i: Any, cell: Any, reference: Any, total: Any) -> tuple:
+        colour, _ = seen(i + plan.first, cell)
+        reference = dr.select(i == 0, dr.detach(colour), reference)
+        return i + 1, sampling.next_cell(plan, cell), reference, total + (colour - reference)
+
+    start = dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), dr.zeros(a.V, n), dr.zeros(a.V, n)
+    _, _, reference, total = dr.while_loop(
+        start, lambda i, *_: i < plan.count, step, max_iterations=-1, label="samples"
+    )
+    return reference + total * (1 / a.F(plan.count))
+
+
+def _seen(s: Stage, plan: sampling.Plan, x: Any, y: Any) -> tuple[Any, Callable[[Any, Any], tuple[Any, Any]]]:
+    """The keys of the pixels (x, y), and what a sample of them sees, by its index and stratum: its colour, and how much
+    of it is covered."""
+    a, key = s.scenery.a, sampling.pixel_key(plan, x, y)
     left, top = a.F(x), a.F(y)
 
-    def body(i: Any, cell: Any, reference: Any, total: Any, squares: Any, coverage: Any) -> tuple:
-        draw = Draw(s.scenery.settings.sampler, a.F, plan, key, i + plan.first, cell)
+    def seen(index: Any, cell: Any) -> tuple[Any, Any]:
+        draw = Draw(s.scenery.settings.sampler, a.F, plan, key, index, cell)
         jx, jy = draw.pixel()
         if s.scenery.features["defocus"]:
             ray = lens_ray(s, left + jx, top + jy, *draw.stream(LENS).one())
         else:
             ray = camera_ray(s, left + jx, top + jy)
-        colour, covered = radiance(s, ray, draw)
-        reference = dr.select(i == 0, dr.detach(colour), reference)
-        delta = colour - reference
-        squares = squares + dr.square(dr.detach(delta))
-        coverage = None if coverage is None else coverage + covered
-        return i + 1, sampling.next_cell(plan, cell), reference, total + delta, squares, coverage
+        return radiance(s, ray, draw)
 
-    colours = (dr.zeros(a.V, n) for _ in range(3))
-    covered = dr.zeros(a.F, n) if s.scenery.features["coverage"] else None
-    start = dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), *colours, covered
-    done = dr.while_loop(start, lambda i, *_: i < plan.count, body, max_iterations=-1, label="samples")
-    return Moments(*done[2:])
+    return key, seen
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def render(
             colours, done, more = found.layers, 0, found.facts
         else:
             film, done = expose(made, progress, patience)
-            colours, more = developed(made, film, done)
+            colours, more = developed(made, film)
             data = _data_layers(made, layers)
         check_numbers(made, colours["RGB"])
     if goal and not colours["RGB"].any():
@@ -200,19 +200,19 @@ def check_numbers(made: Set, mean: np.ndarray) -> None:
     raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
 
 
-def developed(made: Set, film: films.Film, done: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def developed(made: Set, film: films.Film) -> tuple[dict[str, Any], dict[str, Any]]:
     """Colour, coverage and variance of a film, and what it tells of its error: no more than that of independent
     samples."""
     transparent = made.scene.film.transparent
     found = {"RGB": np.array(film.mean)}
-    found |= {"A": np.array(film.coverage) / done if transparent else np.ones(len(made.order))}
-    if done == 1:
+    found |= {"A": np.array(film.coverage) / film.counts if transparent else np.ones(len(made.order))}
+    if film.counts.min() == 1:
         return found, {}
-    found["variance"] = np.array(film.squares) / (done - 1)
+    found["variance"] = np.array(film.squares) / (film.counts - 1)
     luminance = float((LUMINANCE @ found["RGB"]).mean())
     if luminance <= 0:
         return found, {}
-    square = float(found["variance"].mean()) / done
+    square = float((found["variance"] / film.counts).mean())
     return found, {"error_at_most": float(np.sqrt(square) / luminance)}
 
 

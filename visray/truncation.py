@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import numpy as np
 
-from visray.exposure import Set
+from visray.exposure import Set, part
 from visray.halves import QUANTILE, Halves, windowed
 
 # Pixels that are looked at, at most and at least, and samples of each in each half at most; where they are few, more.
@@ -57,11 +57,11 @@ def truncation(
     some = np.flatnonzero(share)
     # What chose the pixels must not say what is found there.
     scene = replace(made.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
-    part = _part(replace(made, scene=scene), some)
-    a, b = _means(part, counts[some], deep)
+    looked = part(replace(made, scene=scene), some)
+    a, b = _means(looked, counts[some], deep)
     found = []
     for depth in depths:
-        left, right = (u - v for u, v in zip((a, b), _means(part, counts[some], depth)))
+        left, right = (u - v for u, v in zip((a, b), _means(looked, counts[some], depth)))
         products = (left * right).mean(0) * share[some]
         square, spread = float(products.sum()), QUANTILE * np.sqrt(np.square(products).sum())
         found.append(Truncation(depth, square, square - spread, square + spread))
@@ -91,19 +91,13 @@ def _differing(made: Set, lanes: np.ndarray, depths: tuple[int, int], count: int
     """The lanes about which so many samples of these differ by depth."""
     if not len(lanes):
         return lanes
-    film, part = made.scene.film, _part(made, lanes)
+    film, looked = made.scene.film, part(made, lanes)
     once = np.repeat([count, 0], len(lanes))
-    shallow, whole = (_at(part, depth, once).means()[0] for depth in depths)
+    shallow, whole = (_at(looked, depth, once).means()[0] for depth in depths)
     picture = np.zeros(len(made.order))
-    picture[part.order] = (shallow != whole).any(0)
+    picture[looked.order] = (shallow != whole).any(0)
     near = windowed(picture.reshape(film.height, film.width), np.ones(AROUND)) > 0
     return np.flatnonzero(near.ravel()[made.order])
-
-
-def _part(made: Set, some: np.ndarray) -> Set:
-    """A set of some of the lanes."""
-    x, y = (made.a.put(made.a.U, np.array(v)[some]) for v in (made.x, made.y))
-    return replace(made, order=made.order[some], x=x, y=y)
 
 
 def _means(made: Set, counts: np.ndarray, depth: int) -> tuple[np.ndarray, np.ndarray]:

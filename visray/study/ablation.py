@@ -27,9 +27,8 @@ from rich.table import Table
 
 from visray import clock
 from visray.errors import UserError
-from visray.exposure import Set, exposed_once, set_up
+from visray.exposure import Set, blank, exposed_once, set_up
 from visray.features import Feature
-from visray.film import Film
 from visray.lights import PointLight
 from visray.lights.light import Light
 from visray.progress import Bar, Patience
@@ -162,13 +161,13 @@ class Picture:
 
     def kernels(self) -> list[dict[str, Any]]:
         """Makes the picture in one pass; what Dr.Jit says of the kernels that did."""
-        made, settings = self.made, self.made.scene.settings
-        film = Film.blank(made.a, len(made.order))
+        made = self.made
+        film = blank(made)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             # Anew each time: were it kept, the next kernel would be traced in another order.
             x = marked(made.a, made.x, self.mark)
-            exposed_once(replace(made, x=x), film, settings, 0, settings.spp)
+            exposed_once(replace(made, x=x), film, made.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 
     def seconds(self) -> float:

@@ -80,7 +80,7 @@ def reduced(scene: Scene, longest: int) -> Scene:
 
 def blank(made: Set, pictures: int) -> Film:
     """An unexposed film for several pictures side by side."""
-    return Film.blank(made.a, pictures * len(made.order))
+    return Film.blank(made.a, np.tile(made.order, pictures))
 
 
 def exposed(made: Set, film: Film, seeds: Sequence[int], done: int, count: int, mark: int) -> tuple[Film, list[dict]]:
@@ -94,8 +94,8 @@ def exposed(made: Set, film: Film, seeds: Sequence[int], done: int, count: int, 
         dr.kernel_history_clear()
         x = ablation.marked(a, x, mark)
         plan = replace(Plan.of(a, 0, spp, done, count), seed=numbers)
-        film = film.plus(a, integrator.sample(made.stage, plan, x, y), done, count)
-        dr.eval(film)
+        film = film.after(integrator.sample(made.stage, plan, x, y, film.moments), done + count)
+        dr.eval(film.moments)
         dr.sync_thread()
         return film, dr.kernel_history([dr.KernelType.JIT])
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from visray import clock
 from visray.errors import UserError
-from visray.exposure import expose, exposed_once, set_up
-from visray.film import Film
+from visray.exposure import blank, expose, exposed_once, set_up
 from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import Estimate
 from visray.progress import Patience
@@ -262,6 +261,6 @@ class _Tuning:
 def _compiled(scene: Scene) -> None:
     """Makes the kernels of a render, by a small picture: first passes and further ones."""
     made = set_up(reduced(scene, SMALLEST))
-    film = Film.blank(made.a, len(made.order))
-    for done in range(2):
-        film = exposed_once(made, film, made.scene.settings, done, 1)
+    film = blank(made)
+    for count in (1, 2):
+        film = exposed_once(made, film, count)

@@ -14,7 +14,6 @@ from test_render import compiled
 
 import visray as vr
 from visray import exposure
-from visray import film as films
 from visray.cli import main
 from visray.exposure import expose, set_up
 from visray.features import RULES, features
@@ -374,10 +373,10 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
     def spoilt(*pixels: tuple[int, int]) -> Callable:
         def exposed(made: Any, *rest: Any) -> Any:
             film = once(made, *rest)
-            mean = np.array(film.mean)
+            mean = np.array(film.moments.mean)
             for x, y in pixels:
                 mean[1, np.flatnonzero(made.order == y * 21 + x)[0]] = value
-            return films.Film(made.a.W(mean), film.squares, film.coverage)
+            return replace(film, moments=replace(film.moments, mean=made.a.W(mean)))
 
         return exposed
 
@@ -395,9 +394,9 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
     def broken(h: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
         take(h, lanes, targets)
-        mean = np.array(h.film.mean)
+        mean = np.array(h.film.moments.mean)
         mean[1, np.flatnonzero(made.order == 7 * 21 + 10)[0]] = value
-        h.film = films.Film(h.made.a.W(mean), h.film.squares, h.film.coverage)
+        h.film = replace(h.film, moments=replace(h.film.moments, mean=h.made.a.W(mean)))
 
     made = set_up(scene)
     with monkeypatch.context() as patch:

@@ -13,7 +13,7 @@ from PIL import Image as Pillow
 
 from visray import integrator, lighting, occlusion, paths, shading, texturing, warp
 from visray.camera import Camera
-from visray.exposure import Set, expose, set_up
+from visray.exposure import Set, blank, expose, set_up
 from visray.features import RULES, features
 from visray.gradients import gradient
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
@@ -207,7 +207,7 @@ def exposed(scene: Scene, everything: bool) -> dict[str, np.ndarray]:
     made = set_up(scene, everything=everything)
     film, done = expose(made)
     assert done == scene.settings.spp
-    return rasters(made, developed(made, film, done)[0], ("RGB", "A", "variance"))
+    return rasters(made, developed(made, film)[0], ("RGB", "A", "variance"))
 
 
 def kernel(made: Set) -> dict[str, Any]:
@@ -360,7 +360,7 @@ def traced(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     made = set_up(scene)
     with monkeypatch.context() as patch:
         patch.setattr(dr, "while_loop", counted)
-        integrator.sample(made.stage, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y)
+        integrator.sample(made.stage, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y, blank(made).moments)
     return times
 
 

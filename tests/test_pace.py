@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from visray import clock, pace
-from visray.exposure import exposed_once, set_up
-from visray.film import Film as Exposure
+from visray.exposure import blank, exposed_once, set_up
 from visray.pace import GROWTH, PASS_SECONDS, SURE, TRACED, Pace
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
@@ -55,9 +54,9 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(clock, "ran", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
     try:
-        film, found = Exposure.blank(made.a, len(made.order)), Pace()
-        for done in range(3):
-            film = exposed_once(made, film, scene.settings, done, 1, found)
+        film, found = blank(made), Pace()
+        for count in (1, 2, 3):
+            film = exposed_once(made, film, count, found)
             assert found.rate == pytest.approx(3 / 64**2)
     finally:
         dr.set_thread_count(before)
@@ -76,8 +75,8 @@ def test_whoever_counts_kernels_has_them_all() -> None:
     made = set_up(scene)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        film = Exposure.blank(made.a, len(made.order))
-        for done in range(3):
-            film = exposed_once(made, film, scene.settings, done, 1, Pace())
+        film = blank(made)
+        for count in (1, 2, 3):
+            film = exposed_once(made, film, count, Pace())
         kernels = dr.kernel_history([dr.KernelType.JIT])
     assert sum(k["operation_count"] > 100 for k in kernels) == 3

@@ -139,7 +139,8 @@ class Film:
                     raise ValueError("arrays of several lengths")
         except OSError as error:
             raise UserError(f"{name}: cannot be read, {error.strerror or error}") from error
-        except (zipfile.BadZipFile, KeyError, ValueError, EOFError) as error:
+        # RuntimeError: of zip files that are encrypted, or packed in a way that Python does not know.
+        except (zipfile.BadZipFile, KeyError, ValueError, EOFError, RuntimeError) as error:
             raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
         found = Origin(facts=facts)
         here = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}

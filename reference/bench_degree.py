@@ -23,17 +23,18 @@ import visray  # noqa: F401  # isort: skip - before Dr.Jit, because it chooses t
 import drjit as dr
 import numpy as np
 from machine import machine
+from visray.search import closest
 
 from visray import roots
 from visray.camera import Camera
-from visray.exposure import expose, set_up
 from visray.integrator import camera_ray
 from visray.lights import PointLight
+from visray.passes import expose
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.render import adjusted
 from visray.scene.scene import Film, Scene
-from visray.search import closest
+from visray.setup import prepare
 
 SIZE, RUNS, DEGREES = 512, 9, range(2, 21, 2)
 # From here the clip is seen whole, along no symmetry of the surfaces.
@@ -91,11 +92,11 @@ def of_degree(n: int) -> dict:
     begun = time.perf_counter()
     surface.built()
     built = time.perf_counter() - begun
-    made = set_up(scene(surface))
-    stage, a = made.stage, made.a
+    prepared = prepare(scene(surface))
+    stage, a = prepared.kernel, prepared.a
 
     def look() -> Any:
-        return closest(stage.watch, camera_ray(stage, a.F(made.x) + 0.5, a.F(made.y) + 0.5))
+        return closest(stage.origin, camera_ray(stage, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5))
 
     seconds, compiled, operations = spent(look)
     if np.isnan(compiled):
@@ -120,17 +121,17 @@ def exponent(rows: list[dict]) -> float:
 def precision(name: str) -> dict:
     """Time and error of the three choices for a known surface."""
     surface = Polynomial(surface=name)
-    made = {p: set_up(scene(surface, precision=p, spp=SAMPLES)) for p in ("single", "double")}
+    made = {p: prepare(scene(surface, precision=p, spp=SAMPLES)) for p in ("single", "double")}
     found: dict = {"surface": name}
 
     def look(p: str) -> Any:
         m = made[p]
-        return closest(m.stage.watch, camera_ray(m.stage, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5))
+        return closest(m.kernel.origin, camera_ray(m.kernel, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5))
 
     m = made["single"]
-    ray = camera_ray(m.stage, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5)
-    o, d = np.array(m.stage.watch.o, float).ravel(), np.array(ray.d, float)
-    t = {"double": np.array(closest(m.stage.watch, ray).t), "single": _in_single(m, surface, o, d)[1]}
+    ray = camera_ray(m.kernel, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5)
+    o, d = np.array(m.kernel.origin.o, float).ravel(), np.array(ray.d, float)
+    t = {"double": np.array(closest(m.kernel.origin, ray).t), "single": _in_single(m, surface, o, d)[1]}
     for p in made:
         found[f"{p}_ns"] = 1e9 * spent(lambda p=p: look(p))[0] / SIZE**2
         found[f"{p}_picture_ns"] = 1e9 * spent(lambda p=p: expose(made[p])[0])[0] / SIZE**2 / SAMPLES

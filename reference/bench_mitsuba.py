@@ -26,7 +26,8 @@ import mitsuba as mi
 import numpy as np
 from machine import machine
 
-from visray.exposure import expose, set_up
+from visray.passes import expose
+from visray.setup import prepare
 
 SIZE, RUNS, THREADS = 512, 7, 2
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
@@ -108,10 +109,10 @@ def seconds(work) -> float:
 
 def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
     """Median seconds of both, measured by turns, with a new seed each time."""
-    made, scene, seed = set_up(ours(balls, spp, panel)), theirs(balls, panel), iter(range(1000))
+    prepared, scene, seed = prepare(ours(balls, spp, panel)), theirs(balls, panel), iter(range(1000))
 
     def visray() -> None:
-        expose(vary(made, next(seed)))
+        expose(vary(prepared, next(seed)))
 
     def mitsuba() -> None:
         dr.eval(mi.render(scene, spp=spp, seed=next(seed)))
@@ -134,10 +135,10 @@ def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
     }
 
 
-def vary(made, seed: int):
+def vary(prepared, seed: int):
     """The same set-up with another seed."""
-    scene = made.scene
-    return replace(made, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
+    scene = prepared.scene
+    return replace(prepared, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
 
 
 def from_start(out: Path) -> dict:

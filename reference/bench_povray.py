@@ -40,10 +40,11 @@ import numpy as np
 from bench_mitsuba import vary
 from machine import machine
 from PIL import Image
-
-from visray.exposure import expose, set_up
-from visray.integrator import camera_ray
 from visray.search import closest
+
+from visray.integrator import camera_ray
+from visray.passes import expose
+from visray.setup import prepare
 
 SIZE, LARGE, SMALL, RUNS, THREADS, SAMPLES = 512, 2048, 64, 5, 2, (1, 4, 16)
 # Directions to the eye and the lamp in units of the clip sphere's radius: along no symmetry of a surface.
@@ -198,17 +199,19 @@ def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
 
 def rendering(surface: Surface, size: int, spp: int, **settings) -> Work:
     """How long a warm picture of visray takes, each with another seed."""
-    made, seeds = set_up(ours(surface, size, spp, **settings)), iter(range(1000))
-    return lambda: timed(lambda: expose(vary(made, next(seeds))))
+    prepared, seeds = prepare(ours(surface, size, spp, **settings)), iter(range(1000))
+    return lambda: timed(lambda: expose(vary(prepared, next(seeds))))
 
 
 def intersecting(surface: Surface, size: int) -> Work:
     """How long visray takes to find what the rays through all pixels' centres hit, and nothing else."""
-    made = set_up(ours(surface, size, 1, shadows=False))
-    a = made.a
+    prepared = prepare(ours(surface, size, 1, shadows=False))
+    a = prepared.a
 
     def work() -> None:
-        dr.eval(closest(made.stage.watch, camera_ray(made.stage, a.F(made.x) + 0.5, a.F(made.y) + 0.5)).t)
+        dr.eval(
+            closest(prepared.kernel.watch, camera_ray(prepared.kernel, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5)).t
+        )
         dr.sync_thread()
 
     return lambda: timed(work)

@@ -83,10 +83,11 @@ class Watch:
 
 def stages(path: Path) -> dict:
     """What each stage takes, one after the other."""
-    from visray import tables
     from visray.features import features
+    from visray.pack import pack
     from visray.quantities import Arrays
     from visray.scene.load import checked, load
+    from visray.setup import prepare
 
     watch, a = Watch(), Arrays.of()
     scene = watch.time("load", lambda: load(path))
@@ -96,9 +97,8 @@ def stages(path: Path) -> dict:
     watch.time("check_again", lambda: checked(own))
     watch.time("features", lambda: features(scene))
     watch.time("hash", scene.hash)
-    kin = tables.kinships(scene)
-    packed = watch.time("pack", lambda: tables.pack(scene, a))
-    watch.time("prepare", lambda: tables.prepare(packed, kin, SIZE, a))
+    watch.time("pack", lambda: pack(scene, a))
+    watch.time("prepare", lambda: prepare(scene))
     return watch.found
 
 

@@ -29,7 +29,8 @@ from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, vary
 from machine import machine
 from PIL import Image
 
-from visray.exposure import Set, expose, set_up
+from visray.passes import expose
+from visray.setup import Prepared, prepare
 from visray.study.ablation import Picture
 
 HERE = Path(__file__).resolve().parent
@@ -42,15 +43,16 @@ CHILD = """
 import json, statistics, time, visray
 import drjit as dr
 from bench_mitsuba import THREADS, ours, ring, seconds, vary
-from visray.exposure import expose, set_up
+from visray.passes import expose
+from visray.setup import prepare
 dr.set_thread_count(THREADS)
-made = set_up(ours(ring(), 16))
+prepared = prepare(ours(ring(), 16))
 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
-    expose(made)
+    expose(prepared)
     operations = max(k["operation_count"] for k in dr.kernel_history([dr.KernelType.JIT]))
 def measured(i):
     begun = time.process_time()
-    return seconds(lambda: expose(vary(made, i))), time.process_time() - begun
+    return seconds(lambda: expose(vary(prepared, i))), time.process_time() - begun
 times, busy = zip(*[measured(i) for i in range(18)][3:])
 print(json.dumps([statistics.median(times), min(busy), operations]))
 """
@@ -103,25 +105,25 @@ def changes(picture: str) -> dict[str, Change]:
     }
 
 
-def kernel(made: Set) -> tuple[int, float]:
+def kernel(prepared: Prepared) -> tuple[int, float]:
     """Operations and compile seconds."""
-    found = [Picture.of(made).compiled() for _ in range(COMPILED)]
+    found = [Picture.of(prepared).compiled() for _ in range(COMPILED)]
     return found[0][0], median(s for _, s in found)
 
 
-def row(name: str, matte: Set, made: Set) -> dict:
+def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
     """A scene beside the matte one."""
-    operations, compiled = kernel(made)
+    operations, compiled = kernel(prepared)
     times = []
     for seed in range(-1, PAIRS):
-        order = (matte, made) if seed % 2 else (made, matte)
+        order = (matte, prepared) if seed % 2 else (prepared, matte)
         pair = {id(m): seconds(lambda m=m, s=seed: expose(vary(m, s + 1))) for m in order}
-        times.append((pair[id(matte)], pair[id(made)]))
+        times.append((pair[id(matte)], pair[id(prepared)]))
     ratios = [b / a for a, b in times[1:]]
-    before, after = (set(m.features.names()) for m in (matte, made))
+    before, after = (set(m.features.names()) for m in (matte, prepared))
     return {
         "scene": name,
-        "adds": [n for n in made.features.names() if n not in before],
+        "adds": [n for n in prepared.features.names() if n not in before],
         "lacks": [n for n in matte.features.names() if n not in after],
         "operations": operations,
         "compile_s": compiled,
@@ -133,14 +135,14 @@ def row(name: str, matte: Set, made: Set) -> dict:
 
 def table() -> list[dict]:
     """The matte scene, and those with an effect more or less."""
-    matte = set_up(ours(ring(), SPP))
+    matte = prepare(ours(ring(), SPP))
     kernel(matte)  # with the first kernel, LLVM itself starts
-    rows = [row("matte", matte, set_up(ours(ring(), SPP)))]
+    rows = [row("matte", matte, prepare(ours(ring(), SPP)))]
     with tempfile.TemporaryDirectory() as folder:
         picture = str(Path(folder, "noise.png"))
         Image.fromarray(np.random.default_rng(0).integers(0, 256, (256, 256, 3), np.uint8)).save(picture)
         for name, change in changes(picture).items():
-            rows.append(row(name, matte, set_up(change(ours(ring(), SPP)))))
+            rows.append(row(name, matte, prepare(change(ours(ring(), SPP)))))
             sys.stderr.write(f"{name}: {rows[-1]['ratio']:.2f}\n")
     return rows
 

@@ -12,8 +12,8 @@ from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations
 
 from visray.cli import main
 from visray.errors import UserError
-from visray.exposure import expose
 from visray.features import RULES, features
+from visray.passes import expose
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.setup import prepare

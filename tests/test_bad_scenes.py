@@ -14,12 +14,12 @@ from test_render import compiled
 
 import visray as vr
 from visray import exposure
-from visray import film as films
 from visray.cli import main
-from visray.exposure import expose, set_up
 from visray.features import RULES, features
 from visray.halves import Halves
+from visray.passes import expose
 from visray.render import check_numbers
+from visray.setup import prepare
 
 GLASS = vr.Material(
     ka=(0.1, 0.1, 0.1), kd=(0.2, 0.3, 0.2), ks=HALF, shininess=20.5, kt=(0.6, 0.8, 0.7), ior=1.5, dmax=2.0
@@ -204,7 +204,7 @@ def many_lights(scene: vr.Scene) -> vr.Scene:
 @pytest.mark.parametrize("crowd", [forest, many_lights])
 def test_crowds(crowd: Callable[[vr.Scene], vr.Scene], full: vr.Scene) -> None:
     scene = crowd(full)
-    stage = set_up(scene).stage.scenery
+    stage = prepare(scene).kernel
     assert any(g.tree is not None for g in stage.groups) and bool(stage.crowds) == (crowd is many_lights)
     assert np.ptp(picture(scene)) > 0.01
 
@@ -374,10 +374,10 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
     def spoilt(*pixels: tuple[int, int]) -> Callable:
         def exposed(made: Any, *rest: Any) -> Any:
             film = once(made, *rest)
-            mean = np.array(film.mean)
+            mean = np.array(film.moments.mean)
             for x, y in pixels:
                 mean[1, np.flatnonzero(made.order == y * 21 + x)[0]] = value
-            return films.Film(made.a.W(mean), film.squares, film.coverage)
+            return replace(film, moments=replace(film.moments, mean=made.a.W(mean)))
 
         return exposed
 
@@ -395,16 +395,16 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
     def broken(h: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
         take(h, lanes, targets)
-        mean = np.array(h.film.mean)
+        mean = np.array(h.film.moments.mean)
         mean[1, np.flatnonzero(made.order == 7 * 21 + 10)[0]] = value
-        h.film = films.Film(h.made.a.W(mean), h.film.squares, h.film.coverage)
+        h.film = replace(h.film, moments=replace(h.film.moments, mean=h.made.a.W(mean)))
 
-    made = set_up(scene)
+    made = prepare(scene)
     with monkeypatch.context() as patch:
         patch.setattr(Halves, "take", broken)
         with pytest.raises(vr.UserError, match=r"^pixel 10, 7, which shows objects.ball: is not a number;"):
             vr.render(scene, error=0.05, progress=False)
     # With every number sound, nothing is refused.
     monkeypatch.setattr(exposure, "exposed_once", once)
-    made = set_up(scene)
+    made = prepare(scene)
     check_numbers(made, np.array(expose(made)[0].mean))

@@ -160,7 +160,7 @@ def test_all_errors_of_a_file_at_once(tmp_path, capsys):
 # The command line, which says when it has made a pass.
 TELLING = """
 import sys
-import visray.exposure as exposure
+import visray.passes as passes
 from visray.cli import main
 
 whole = exposure.exposed_once

@@ -12,9 +12,9 @@ from test_render import SHOW
 
 from visray import integrator
 from visray.camera import Camera
-from visray.exposure import expose
 from visray.features import features
 from visray.geometry import gamma
+from visray.passes import expose
 from visray.primitives import Plane, Sphere
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare

@@ -17,8 +17,8 @@ from test_gradients import ROUNDING, parts
 from test_paths import SIGMAS, plain
 
 import visray as vr
-from visray.exposure import expose
 from visray.geometry import gamma
+from visray.passes import expose
 from visray.setup import prepare
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)

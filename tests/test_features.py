@@ -13,19 +13,20 @@ from PIL import Image as Pillow
 
 from visray import integrator, lighting, occlusion, paths, shading, texturing, warp
 from visray.camera import Camera
-from visray.exposure import Set, expose, set_up
 from visray.features import RULES, features
 from visray.gradients import gradient
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
 from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
 from visray.materials import Material
+from visray.passes import blank, expose
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
 from visray.render import developed, rasters
 from visray.sampling import Plan
 from visray.scene.address import replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.setup import Prepared, prepare
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate
 
@@ -204,13 +205,13 @@ EACH = pytest.mark.parametrize("case", CASES)
 
 
 def exposed(scene: Scene, everything: bool) -> dict[str, np.ndarray]:
-    made = set_up(scene, everything=everything)
+    made = prepare(scene, everything=everything)
     film, done = expose(made)
     assert done == scene.settings.spp
-    return rasters(made, developed(made, film, done)[0], ("RGB", "A", "variance"))
+    return rasters(made, developed(made, film)[0], ("RGB", "A", "variance"))
 
 
-def kernel(made: Set) -> dict[str, Any]:
+def kernel(made: Prepared) -> dict[str, Any]:
     """What Dr.Jit says of the kernel that renders the samples: the greatest there is."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
@@ -219,7 +220,7 @@ def kernel(made: Set) -> dict[str, Any]:
 
 
 def operations(scene: Scene, everything: bool = False) -> int:
-    return kernel(set_up(scene, everything=everything))["operation_count"]
+    return kernel(prepare(scene, everything=everything))["operation_count"]
 
 
 @EACH
@@ -357,10 +358,10 @@ def traced(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
         return whole(state, condition, once_more, **more)
 
-    made = set_up(scene)
+    made = prepare(scene)
     with monkeypatch.context() as patch:
         patch.setattr(dr, "while_loop", counted)
-        integrator.sample(made.stage, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y)
+        integrator.sample(made.kernel, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y, blank(made).moments)
     return times
 
 
@@ -413,11 +414,11 @@ PARTS = {
 def test_what_is_absent_is_out_of_reach(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel is the same, instruction by instruction, where the functions of all absent effects are no more."""
     scene = STEPS[effect][1](MATTE) if effect in STEPS else MATTE
-    found, on = kernel(set_up(scene))["hash"], set(features(scene).names())
+    found, on = kernel(prepare(scene))["hash"], set(features(scene).names())
     for (module, name), effects in PARTS.items():
         if not effects & on:
             monkeypatch.delattr(module, name)
-    assert kernel(set_up(scene))["hash"] == found
+    assert kernel(prepare(scene))["hash"] == found
 
 
 def test_what_is_present_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -430,7 +431,7 @@ def test_what_is_present_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in PARTS:
         monkeypatch.setattr(*part, watched(part, getattr(*part)))
     for _, change in STEPS.values():
-        expose(set_up(change(MATTE)))
+        expose(prepare(change(MATTE)))
     assert reached == {part for part, effects in PARTS.items() if effects}
 
 
@@ -483,7 +484,7 @@ def plus(scene: Scene, address: str, step: float) -> Scene:
 def mean_after(scene: Scene, address: str, step: float) -> float:
     moved = plus(scene, address, step)
     moved = replace(moved, settings=replace(moved.settings, precision="double"))
-    return float(np.array(expose(set_up(moved, everything=True))[0].mean).mean())
+    return float(np.array(expose(prepare(moved, everything=True))[0].mean).mean())
 
 
 @pytest.mark.parametrize("address", SLOPES)

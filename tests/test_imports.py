@@ -26,7 +26,7 @@ scene.scene
 scene
 features progress output.files output.curves output.exr output.rounding output.png output.image output
 bvh images
-tables sampling film texturing
+tables sampling moments film texturing
 guards
 search
 scenery

@@ -510,7 +510,7 @@ def test_each_light_draws_samples_of_its_own(looped: bool, monkeypatch: pytest.M
 
 
 def test_lights_are_looped_over_from_where_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than WRITTEN_OUT_LIGHTS lights times objects, the first of them counted once more; a kind with one light never."""
+    """More than so many lights times objects, the first of them counted once more; a kind with one light never."""
     lights = {f"l{i}": PointLight(position=(float(i), 5.0, 0.0)) for i in range(5)}
     lights["one"] = SMALL[SpotLight]((0.0, 4.0, 0.0))
     for limit, looped in ((6 * 3, 0), (6 * 3 - 1, 1)):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from visray import clock, pace
-from visray.exposure import exposed_once, set_up
-from visray.film import Film as Exposure
 from visray.pace import GROWTH, PASS_SECONDS, SURE, TRACED, Pace
+from visray.passes import blank, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
+from visray.setup import prepare
 
 
 def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> Pace:
@@ -51,13 +51,13 @@ def test_what_took_no_time_tells_little() -> None:
 def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
     """As Dr.Jit's history has them, on one thread too, where they run before dr.eval returns: no compiling, no wait."""
     scene = Scene(film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=256))
-    before, made, told = dr.thread_count(), set_up(scene), []
+    before, made, told = dr.thread_count(), prepare(scene), []
     monkeypatch.setattr(clock, "ran", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
     try:
-        film, found = Exposure.blank(made.a, len(made.order)), Pace()
-        for done in range(3):
-            film = exposed_once(made, film, scene.settings, done, 1, found)
+        film, found = blank(made), Pace()
+        for count in (1, 2, 3):
+            film = exposed_once(made, film, count, found)
             assert found.rate == pytest.approx(3 / 64**2)
     finally:
         dr.set_thread_count(before)
@@ -73,11 +73,11 @@ def test_kernels_ran_so_many_seconds() -> None:
 
 def test_whoever_counts_kernels_has_them_all() -> None:
     scene = Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(spp=4))
-    made = set_up(scene)
+    made = prepare(scene)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        film = Exposure.blank(made.a, len(made.order))
-        for done in range(3):
-            film = exposed_once(made, film, scene.settings, done, 1, Pace())
+        film = blank(made)
+        for count in (1, 2, 3):
+            film = exposed_once(made, film, count, Pace())
         kernels = dr.kernel_history([dr.KernelType.JIT])
     assert sum(k["operation_count"] > 100 for k in kernels) == 3

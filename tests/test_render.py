@@ -14,18 +14,20 @@ from visray import exposure, integrator, pace
 from visray import film as films
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.exposure import expose, exposed_once, set_up
 from visray.film import Film as Exposure
-from visray.film import Moments, check_size, tiled
+from visray.film import check_size, tiled
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
+from visray.moments import BLOCK, Moments
+from visray.passes import blank, expose, exposed_once
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
 from visray.render import LAYERS, PROOF, PURSUED, render
 from visray.sampling import Plan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings
+from visray.setup import prepare
 from visray.transforms import Rotate
 
 BLACK = (0.0, 0.0, 0.0)
@@ -131,27 +133,22 @@ def test_a_new_effect_does_compile() -> None:
 
 
 def in_passes(scene: Scene, counts: list[int]) -> tuple[Exposure, Any]:
-    made, done = set_up(scene), 0
-    film = Exposure.blank(made.a, len(made.order))
-    for count in counts:
-        film = exposed_once(made, film, scene.settings, done, count)
-        done += count
+    made = prepare(scene)
+    film = blank(made)
+    for count in np.cumsum(counts):
+        film = exposed_once(made, film, int(count))
     return film, made
 
 
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_one_pass_and_many_make_the_same_picture(precision: str) -> None:
-    """Up to the rounding of the sums: each pass of k samples sums k differences in the shading precision."""
+    """Bit for bit (test_same_bits.py has more)."""
     scene = replace(SHOW, settings=Settings(spp=24, precision=precision))
     whole, _ = in_passes(scene, [24])
-    largest = np.abs(np.array(whole.mean)).max() + np.sqrt(np.array(whole.squares)).max()
     for counts in ([1] * 24, [5, 1, 7, 11], [12, 12]):
         parts, _ = in_passes(scene, counts)
-        bound = gamma(2 * 24 + 4, precision) * largest
-        assert np.abs(np.array(parts.mean) - np.array(whole.mean)).max() <= bound
-        # Squares of differences: sums of 24, each off by twice as much.
-        assert np.abs(np.array(parts.squares) - np.array(whole.squares)).max() <= 24 * 4 * bound * largest
-        assert np.array_equal(np.array(parts.coverage), np.array(whole.coverage))
+        for name in ("mean", "squares", "coverage"):
+            assert np.array_equal(np.array(getattr(parts, name)), np.array(getattr(whole, name))), name
 
 
 def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,25 +156,25 @@ def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.Mo
     monkeypatch.setattr(exposure, "first_pass", lambda made: 5 * len(made.order))
     monkeypatch.setattr(pace, "PASS_SECONDS", 1e-9)
     monkeypatch.setattr(pace, "TRACED", 0)
-    counts = []
+    passes = []
     once = exposure.exposed_once
-    monkeypatch.setattr(exposure, "exposed_once", lambda *a: counts.append(a[4]) or once(*a))
+    monkeypatch.setattr(exposure, "exposed_once", lambda *a: passes.append(int(a[2].max())) or once(*a))
     parts = picture(SHOW, spp=24)
-    assert len(counts) > 3 and sum(counts) == 24
-    assert np.abs(whole - parts).max() <= gamma(2 * 24 + 4, "single") * 2 * max(1, whole.max())
+    assert len(passes) > 3 and passes[-1] == 24
+    assert np.array_equal(whole, parts)
 
 
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_mean_and_variance_are_those_of_the_samples(precision: str) -> None:
     """Against NumPy over 16 pictures of one sample each: the same samples one by one."""
-    spp, made = 16, set_up(replace(SHOW, settings=Settings(spp=16, precision=precision)))
+    spp, made = 16, prepare(replace(SHOW, settings=Settings(spp=16, precision=precision)))
     single = []
     for i in range(spp):
-        m = integrator.sample(made.stage, Plan.of(made.a, 0, spp, i, 1), made.x, made.y)
-        single.append(np.array(m.reference, float))
-        assert not np.array(m.total).any() and not np.array(m.squares).any()
+        colour = integrator.attached(made.kernel, Plan.of(made.a, 0, spp, i, 1), made.x, made.y)
+        single.append(np.array(colour, float))
+    samples, first = np.array(single), exposed_once(made, blank(made), 1)
+    assert np.array_equal(np.array(first.mean), samples[0]) and not np.array(first.squares).any()
     film, _ = expose(made)
-    samples = np.array(single)
     # Sums of 16 differences and of their squares, in the shading precision, of numbers up to the greatest.
     most = samples.max() + 1
     bound = gamma(2 * spp + 4, precision) * most
@@ -201,28 +198,25 @@ def test_a_constant_pixel_has_no_variance_at_all() -> None:
 
 
 def test_film_joins_moments_as_numpy_does() -> None:
-    """Random samples of any size and offset, in random passes: mean and squares against 80 bits."""
-    a, rng, n = Arrays.of("llvm", "double"), np.random.default_rng(2), 500
+    """Random samples of any size and offset, in eleven blocks and a part of one: mean and squares against 80 bits."""
+    a, rng, n, count = Arrays.of("llvm", "double"), np.random.default_rng(2), 500, 11 * BLOCK + 7
     for offset in (0.0, 1.0, 1e6):
-        counts = rng.integers(1, 30, 12)
-        x = offset + 10 ** rng.uniform(-3, 0, (1, 1, n)) * rng.normal(size=(counts.sum(), 3, n))
-        film, done = Exposure.blank(a, n), 0
-        for count in counts:
-            part = x[done : done + count]
-            delta = part - part[0]
-            covered = np.full(n, float(count))
-            m = Moments(a.W(part[0].copy()), a.W(delta.sum(0)), a.W((delta**2).sum(0)), a.D(covered))
-            film = film.plus(a, m, int(done), int(count))
-            done += count
+        x = offset + 10 ** rng.uniform(-3, 0, (1, 1, n)) * rng.normal(size=(count, 3, n))
+        moments = Moments.blank(a, n)
+        for i, sample in enumerate(x):
+            moments = moments.plus(a.B(i % BLOCK == 0), a.W(sample.copy()), 1)
+            moments = moments.joined(a, a.B(i % BLOCK == BLOCK - 1), i + 1 - BLOCK, BLOCK)
+            dr.eval(moments)
+        found = moments.closed(a, a.U(count))
         exact = x.astype(np.longdouble)
-        mean, squares = exact.mean(0), exact.var(0) * done
-        spread = np.sqrt(squares / done).astype(float)
-        # The mean: its own roundings, 12 passes; the squares: each pass's sums of up to 30, of spread^2 and of the
-        # rounding of the mean times the spread.
-        assert (np.abs(np.array(film.mean) - mean) <= gamma(4 * 12) * (np.abs(mean) + spread)).all()
-        slack = gamma(60) * 3 * squares + done * spread * gamma(48) * (np.abs(mean) + spread)
-        assert (np.abs(np.array(film.squares) - squares) <= slack).all()
-        assert np.array_equal(np.array(film.coverage), np.full(n, float(done)))
+        mean, squares = exact.mean(0), exact.var(0) * count
+        spread = np.sqrt(squares / count).astype(float)
+        # The mean: its own roundings, 12 joins; the squares: each block's sums, of spread^2 and of the rounding of the
+        # mean times the spread.
+        assert (np.abs(np.array(found.mean) - mean) <= gamma(4 * 12) * (np.abs(mean) + spread)).all()
+        slack = gamma(2 * BLOCK) * 3 * squares + count * spread * gamma(48) * (np.abs(mean) + spread)
+        assert (np.abs(np.array(found.squares) - squares) <= slack).all()
+        assert np.array_equal(np.array(found.coverage), np.full(n, float(count)))
 
 
 def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,11 +224,11 @@ def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(exposure, "first_pass", lambda made: 2 * len(made.order))
     once, passes = exposure.exposed_once, []
 
-    def interrupted(made, film, settings, done, count, pace):
-        passes.append(count)
+    def interrupted(made, film, targets, pace):
+        passes.append(int((targets - film.counts)[0]))
         if len(passes) == 2:
             signal.raise_signal(signal.SIGINT)
-        return once(made, film, settings, done, count, pace)
+        return once(made, film, targets, pace)
 
     monkeypatch.setattr(exposure, "exposed_once", interrupted)
     image = render(SHOW, spp=1000, progress=False, layers=("RGB",))

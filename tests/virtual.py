@@ -30,13 +30,13 @@ class Machine:
         self.pending = self.last = 0.0
         sample, sync = integrator.sample, dr.sync_thread
 
-        def sampled(stage: integrator.Stage, plan: Plan, x: Any, y: Any) -> Any:
+        def sampled(stage: integrator.Stage, plan: Plan, x: Any, y: Any, moments: Any) -> Any:
             rays = sum(int(np.array(lot.count).sum()) for lot in stage.scenery.lots.values())
             samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
             self.pending += rate * samples * (1 + rays / 3)
             self.now += tracing
             self.passes += 1
-            return sample(stage, plan, x, y)
+            return sample(stage, plan, x, y, moments)
 
         def synced() -> None:
             sync()

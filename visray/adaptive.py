@@ -6,6 +6,11 @@ error is met or the time is spent. So what a pixel's own samples say never decid
 number, which depends on all pixels alike: the picture has no bias but by that number, of order 1 / pixels.
 
 Samples are powers of two of Owen-scrambled Sobol points: of a sequence that goes on, any first 2^k are stratified.
+
+A picture to an error is the same bit for bit each time, with any number of threads: its decisions are taken by samples,
+the clock only tells the forecast of seconds. In a time, and until Ctrl-C, as many samples are taken as there is time
+for, so that pictures differ from run to run; but a lane that has equally many has the same bits. Error: none
+(tests/test_same_bits.py).
 """
 
 import sys
@@ -17,17 +22,16 @@ import numpy as np
 
 from visray.allocation import LEAST_POWER, POWER, Allocation, around
 from visray.errors import UserError
-from visray.exposure import Set, first_pass
 from visray.goals import Goal
 from visray.halves import Estimate, Halves
+from visray.passes import first_pass
 from visray.progress import Bar, Patience
 from visray.reachable import Files, Floor, rounded_off, unavoidable
+from visray.setup import Prepared
 from visray.truncation import Truncation
 
 # The pilot goes on as long as it is no more than such a share of all samples, from so many of a lane to so many.
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
-# The error is looked at again when there are twice the samples, or four times, where that takes no more seconds.
-SHORT = 0.5
 # Ctrl-C waits so many seconds for the first samples, and where they take longer, for none.
 WAITED = 2.0
 # Of an estimate that must not be above what is asked for.
@@ -58,10 +62,10 @@ class NoNumber(Exception):
 class Pursuit:
     """Brings a picture to its goal. found: the error that it has reached; floor: what samples do not take away."""
 
-    def __init__(self, made: Set, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
+    def __init__(self, prepared: Prepared, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
         self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
-        self.halves = Halves(made)
-        self.floor = Floor(Truncation(made.scene.settings.depth, 0.0, 0.0, 0.0))
+        self.halves = Halves(prepared)
+        self.floor = Floor(Truncation(prepared.scene.settings.depth, 0.0, 0.0, 0.0))
         # Samples of each lane, and the mean square error then, while all have equally many.
         self.seen: dict[int, float] = {}
 
@@ -81,9 +85,10 @@ class Pursuit:
         self._tell(allocation)
         # Without noise a time would be spent for nothing.
         while not self._reached() and (goal.error is not None or self.found.square > 0):
-            # Long rounds are many samples too many, where the error falls faster than was expected.
-            short = halves.pace.seconds(3 * halves.counts.sum()) < SHORT
-            targets = np.tile(allocation.targets(self._outlook(allocation, 4 if short else 2)[0]), 2)
+            # The error is looked at again when there are twice the samples, or four times, where that is soon: long
+            # rounds are many samples too many, where the error falls faster than was expected.
+            soon = 3 * halves.counts.sum() <= first_pass(halves.prepared)
+            targets = np.tile(allocation.targets(self._outlook(allocation, 4 if soon else 2)[0]), 2)
             if not (targets > halves.counts).any():
                 return
             done = halves.extend(targets, self._left)
@@ -99,7 +104,7 @@ class Pursuit:
         """As many samples of each pixel as tell who needs how many more; and what they tell."""
         halves = self.halves
         # Whatever happens, each pixel has that: what takes a fraction of a second, or one sample.
-        short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.made)
+        short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.prepared)
         count = SHORTEST_PILOT if short and self.goal.seconds is None else 1
         self.bar.total = count * len(halves.counts)
         halves.extend(np.full_like(halves.counts, count), self._first)
@@ -152,9 +157,9 @@ class Pursuit:
 
     def _allocation(self) -> Allocation:
         """By the samples that there are, as is the error that is found."""
-        halves, film = self.halves, self.halves.made.scene.film
+        halves, film = self.halves, self.halves.prepared.scene.film
         self.found = self._estimate()
-        order = halves.made.order
+        order = halves.prepared.order
         picture = np.ones(film.height * film.width)
         if halves.counts.min() > 1:
             picture[order] = halves.spreads().reshape(2, -1).sum(0)
@@ -189,7 +194,9 @@ class Pursuit:
         samples of a lane and mean square error that are expected then."""
         found, counts = self.found, self.halves.counts
         now, fewest = float(counts.mean()), int(counts.min())
-        room = now + self.goal.left() / (self._rate(allocation) * len(counts))
+        room = np.inf
+        if self.goal.seconds is not None:
+            room = now + self.goal.left() / (self._rate(allocation) * len(counts))
         allowed = MARGIN * self.goal.allowed(found, self.floor.high)
         good: list[tuple[float, float]] = []
         short: list[tuple[float, float]] = [(now, found.square)]
@@ -243,7 +250,7 @@ class Pursued:
 
 
 def pursued(
-    made: Set, goal: Goal, files: Files, layers: Collection[str], progress: bool, patience: Patience
+    prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, patience: Patience
 ) -> Pursued:
     """The picture that comes nearest to the goal, with these of its layers. Ctrl-C keeps what is done."""
     forecasts: list[Forecast] = []
@@ -254,7 +261,7 @@ def pursued(
             sys.stderr.write(f"visray: {forecast.text()}\n")
 
     with Bar("rendering", 1, progress) as bar:
-        pursuit = Pursuit(made, goal, patience, bar, say)
+        pursuit = Pursuit(prepared, goal, patience, bar, say)
         pursuit.run(files)
         if not patience.asked:
             bar.at(bar.total)
@@ -267,7 +274,7 @@ def pursued(
     parts = {"depth_error": max(floor.depth.square, 0.0), "file_error": floor.rounding}
     spp = counts.sum(0)
     facts = {
-        "sampler": made.scene.settings.sampler,
+        "sampler": prepared.scene.settings.sampler,
         "spp": round(float(spp.mean()), 2),
         "spp_least": int(spp.min()),
         "spp_most": int(spp.max()),

@@ -1,7 +1,7 @@
 """Direct light: on its way to a point from points, from afar and from shapes, with its shadows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -11,6 +11,7 @@ from visray.accel.search import RayOrigin, Target, occluded, transmittance
 from visray.geometry import extent, gamma
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene, LightBatch, PreparedLight
+from visray.lights.light import Light
 from visray.pytree import rows
 from visray.ray import Ray, inverse_length
 
@@ -109,11 +110,18 @@ def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> Light
     if not light.kind.placed:
         return _from_afar(s, at, light.light)
     a, row = s.a, light.light
-    from_light = at.surface.p - row.position
-    inverse = inverse_length(from_light, a.F32 if a.precision == "single" else None)
-    d = from_light * inverse
-    distance = dr.squared_norm(from_light) * inverse
-    l = a.V(-d)
+    way = at.surface.p - row.position
+    # What comes near nothing on its way needs no more than single; where light is aimed digits would cancel.
+    late = a.precision == "single" and light.kind.aim is Light.aim
+    if late:
+        squared = dr.squared_norm(a.V(way))
+        inverse = dr.select(squared > 0, dr.rsqrt(squared), 0)
+        d = a.V(way) * inverse
+    else:
+        squared = dr.squared_norm(way)
+        inverse = inverse_length(way, a.F32 if a.precision == "single" else None)
+        d = way * inverse
+    distance, l = squared * inverse, a.V(-d)
     cosine = dr.dot(at.n, l)
     reached = at.hit.valid & (cosine > 0)
     weight, aim = attenuation(s, row, a.F(distance)), row.aim(d)
@@ -125,14 +133,14 @@ def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> Light
     if not s.features["shadows"]:
         return sample
     if light.origin is None:
-        error = gamma(8) * (extent(row.position) + distance)
-        return _shadowed(s, at.origin, at.leaving(-d, cosine), Target(distance, error, loose=True), sample)
+        error = gamma(9) * (extent(row.position) + a.D(distance))
+        ray = replace(at.leaving(-d, cosine), way=-way if late else None)
+        return _shadowed(s, at.origin, ray, Target(distance, error, loose=True), sample)
     # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
     # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
-    error = at.surface.error + gamma(8) * (extent(row.position) + distance)
-    length = distance - a.D(a.F(error) / cosine)
-    target = Target(length, error, at.hit.row, at.within, at.hit.part)
-    return _shadowed(s, light.origin, Ray(row.position, d), target, sample)
+    error = at.surface.error + gamma(9) * (extent(row.position) + a.D(distance))
+    target = Target(distance, error, at.hit.row, at.within, at.hit.part, slack=error, cosine=cosine)
+    return _shadowed(s, light.origin, Ray(row.position, d, way=way if late else None), target, sample)
 
 
 def _from_afar(s: KernelScene, at: Interaction, row: Any) -> LightSample:

@@ -1,61 +1,176 @@
-"""The film: running mean and variance of every pixel, pass after pass."""
+"""The film: how many samples pixels have, and their mean and variance; saved, loaded and merged without a bit lost."""
 
+import json
 import os
-from dataclasses import dataclass
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from visray.errors import UserError
+from visray.moments import Moments
+from visray.output.files import replacing
 from visray.quantities import Arrays
+from visray.scene.scene import Scene
+from visray.version import __version__
 
 # What a pixel takes at the peak, with all layers: measured 310 while rendering and 345 while an EXR file is written.
 BYTES_PER_PIXEL = 360
 
 
-@dataclass(frozen=True)
-class Moments:
-    """What one pass knows of a pixel. Shapes: (3, N); coverage (N), None where the film is opaque.
+class Origin:
+    """Which picture a film is of: all that its bits depend on, but for the machine. The number of samples is a part of
+    that for stratified ones alone, whose strata it decides.
 
-    The sums are of differences from `reference`, the pass's first sample: no digits cancel where a pixel hardly varies.
+    facts: the version, backend and precision, seed, sampler, size, spp, and the hash of the scene without these.
     """
 
-    reference: Any
-    total: Any
-    squares: Any
-    coverage: Any
+    def __init__(self, scene: Scene | None = None, a: Arrays | None = None, facts: dict[str, Any] | None = None):
+        self._scene, self._a, self._facts = scene, a, facts
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        # Only when it is asked for: the hash of a large scene takes a while.
+        if self._facts is not None:
+            return self._facts
+        scene, s = self._scene, self._scene.settings
+        bare = replace(scene, settings=replace(s, seed=0, spp=1), film=replace(scene.film, width=1, height=1))
+        return {
+            "visray": __version__,
+            "backend": self._a.backend,
+            "precision": s.precision,
+            "size": [scene.film.width, scene.film.height],
+            "seed": s.seed,
+            "sampler": s.sampler,
+            "spp": s.spp if s.sampler == "stratified" else None,
+            "scene": bare.hash(),
+        }
+
+    def check(self, other: "Origin", name: str) -> None:
+        """Returns if a film of the `other` origin can go with one of this, else raises a UserError that names it."""
+        if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
+            return
+        for fact, value in self.facts.items():
+            if (found := other.facts.get(fact)) == value:
+                continue
+            if fact == "scene":
+                raise UserError(f"{name}: is of another scene; give a film of this one, or begin anew")
+            raise UserError(f"{name}: is of {fact} {_shown(found)}, not {_shown(value)}; give another, or begin anew")
 
 
-@dataclass(frozen=True)
+def _shown(value: Any) -> str:
+    return " x ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+@dataclass(frozen=True, eq=False)
 class Film:
-    """Mean colour, sum of squared differences from it, and covered samples, all in double. Shapes: (3, N), (3, N),
-    (N)."""
+    """Samples of pixels, which may be some of a picture's. Its bits depend on its origin and counts alone, not on how
+    the samples were cut into passes or the pixels into films.
 
-    mean: Any
-    squares: Any
-    coverage: Any
+    moments: of the samples, lane by lane; counts: how many there are; pixels: the number (row * width + column) of each
+    lane's pixel; origin: None for films that are neither saved nor merged. Shapes: counts, pixels (N).
+    """
+
+    a: Arrays
+    moments: Moments
+    counts: np.ndarray
+    pixels: np.ndarray
+    origin: Origin | None = None
 
     @staticmethod
-    def blank(a: Arrays, n: int) -> "Film":
-        film = Film(*(dr.opaque(t, 0.0, n) for t in (a.W, a.W, a.D)))
-        dr.eval(film)
-        return film
+    def blank(a: Arrays, pixels: np.ndarray, origin: Origin | None = None) -> "Film":
+        """A film without samples."""
+        return Film(a, Moments.blank(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, origin)
 
-    def plus(self, a: Arrays, m: Moments, before: Any, count: Any) -> "Film":
-        """The film after a pass of `count` samples that follows `before` samples: numbers, or opaque ones for each
-        pixel. Source: Chan, Golub, LeVeque 1979."""
-        n, k = (dr.opaque(a.D, x) if isinstance(x, int) else a.D(x) for x in (before, count))
-        inverse = dr.rcp(k)
-        shift = a.W(m.total) * inverse
-        delta = a.W(m.reference) + shift - self.mean
-        spread = a.W(m.squares) - dr.square(shift) * k
-        share = k / (n + k)
-        return Film(
-            self.mean + delta * share,
-            self.squares + dr.maximum(spread, 0) + dr.square(delta) * (n * share),
-            self.coverage if m.coverage is None else self.coverage + a.D(m.coverage),
+    def after(self, moments: Moments, counts: np.ndarray | int) -> "Film":
+        """The film with other moments, of so many samples of each lane."""
+        counts = np.broadcast_to(np.asarray(counts, np.int64), self.counts.shape)
+        return replace(self, moments=moments, counts=counts)
+
+    def check(self, origin: Origin, pixels: np.ndarray) -> None:
+        """Returns if the film is of these pixels of the picture of `origin`, else raises a UserError."""
+        origin.check(self.origin, "film")
+        if not np.array_equal(self.pixels, pixels):
+            raise UserError("film: has other pixels than are to be exposed; give a film of these, or begin anew")
+
+    @cached_property
+    def closed(self) -> Moments:
+        """The moments of all samples; their block is empty. The film's own stays open, so that it can go on."""
+        moments = self.moments.closed(self.a, self.a.put(self.a.U, self.counts.astype(np.uint32)))
+        dr.eval(moments)
+        return moments
+
+    @property
+    def mean(self) -> Any:
+        """The mean colour of the samples, in double. Shape: (3, N)."""
+        return self.closed.mean
+
+    @property
+    def squares(self) -> Any:
+        """The sum of squared differences of samples from the mean, in double. Shape: (3, N)."""
+        return self.closed.squares
+
+    @property
+    def coverage(self) -> Any:
+        """How many samples are covered; 0 where the film is opaque. Shape: (N)."""
+        return self.closed.coverage
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the film into a file, from which Film.load makes one that goes on with the same bits."""
+        arrays = {f"moments.{name}": np.array(x) for name, x in vars(self.moments).items()}
+        facts = np.frombuffer(json.dumps(self.origin.facts).encode(), np.uint8)
+        with replacing(path) as aside, open(aside, "wb") as file:
+            np.savez(file, origin=facts, counts=self.counts, pixels=self.pixels, **arrays)
+
+    @staticmethod
+    def load(a: Arrays, path: str | os.PathLike[str], origin: Origin | None = None) -> "Film":
+        """The film of a file; raises UserError where it is none, or not of `origin` if that is given."""
+        name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.kinds(a)))
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                facts = json.loads(bytes(file["origin"]))
+                counts, pixels = file["counts"], file["pixels"]
+                arrays = {key: file[f"moments.{key}"] for key in kinds}
+                if {x.shape[-1:] for x in (counts, *arrays.values())} != {pixels.shape}:
+                    raise ValueError("arrays of several lengths")
+        except OSError as error:
+            raise UserError(f"{name}: cannot be read, {error.strerror or error}") from error
+        # RuntimeError: of zip files that are encrypted, or packed in a way that Python does not know.
+        except (zipfile.BadZipFile, KeyError, ValueError, EOFError, RuntimeError) as error:
+            raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
+        found = Origin(facts=facts)
+        here = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
+        (origin or Origin(facts=here)).check(found, name)
+        return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in arrays.items()}), counts, pixels, found)
+
+    @staticmethod
+    def merged(films: Sequence["Film"]) -> "Film":
+        """One film with the pixels of all, in the order of the picture's lanes; raises UserError where they have pixels
+        in common or are not of one picture."""
+        first = films[0]
+        width, height = first.origin.facts["size"]
+        for i, other in enumerate(films[1:], 1):
+            first.origin.check(other.origin, f"films[{i}]")
+        pixels, counts = (np.concatenate([getattr(f, name) for f in films]) for name in ("pixels", "counts"))
+        rank = np.empty(width * height, np.int64)
+        rank[tiled(width, height)] = np.arange(width * height)
+        order = np.argsort(rank[pixels], kind="stable")
+        pixels = pixels[order]
+        if (twice := pixels[1:][pixels[1:] == pixels[:-1]]).size:
+            y, x = divmod(int(twice[0]), width)
+            raise UserError(f"films: more than one has pixel {x}, {y}; merge films that have no pixel in common")
+        a, parts = first.a, zip(*(f.moments.parts for f in films))
+        moments = Moments(
+            *(
+                a.put(kind, np.concatenate([np.array(x) for x in part], -1)[..., order])
+                for kind, part in zip(Moments.kinds(a), parts)
+            )
         )
+        return Film(a, moments, counts[order], pixels, first.origin)
 
 
 def tiled(width: int, height: int, side: int = 4) -> np.ndarray:

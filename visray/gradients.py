@@ -18,12 +18,11 @@ from visray.accel.policy import WRITTEN_OUT
 from visray.accel.search import closest
 from visray.direct import LightSample, light_sample
 from visray.errors import UserError
-from visray.exposure import expose
-from visray.film import Moments
 from visray.images import Atlas
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
 from visray.pack import Index, Packed, Slot
+from visray.passes import expose
 from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene import address as addresses
@@ -75,8 +74,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)
-    m: Moments = integrator.sample(s, plan, prepared.x, prepared.y)
-    return Trace(slots, m.reference + m.total * (1 / prepared.a.F(spp)), prepared.order)
+    return Trace(slots, integrator.attached(s, plan, prepared.x, prepared.y), prepared.order)
 
 
 def _edges(s: KernelScene, x: Any, y: Any) -> str:

@@ -14,16 +14,20 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
-from visray.exposure import Set, first_pass
 from visray.film import Film
+from visray.moments import Moments
 from visray.output.curves import LUMINANCE
-from visray.pace import LONGEST, Pace
+from visray.pace import Pace
+from visray.passes import first_pass
 from visray.sampling import Plan
+from visray.setup import Prepared
 
 # Of the normal distribution, for 95 %.
 QUANTILE = 1.959964
 # Nothing seen in n tries: the chance is less than so much over n, with 95 %.
 UNSEEN = 3.0
+# A pass has samples of so many lanes at least, where they need many: a lane's own run one after the other.
+FEWEST_LANES = 64
 
 
 @dataclass(frozen=True)
@@ -81,27 +85,34 @@ def ratio_of_squares(d: float) -> float:
 
 
 class Halves:
-    """Both halves: their film, the lanes of A before those of B; `counts`, the samples of each lane."""
+    """Both halves: their film, the lanes of A before those of B. Its bits depend on the seed and on how many samples
+    each lane has, not on the passes that took them (tests/test_same_bits.py)."""
 
-    def __init__(self, made: Set):
-        self.made, self.n = made, len(made.order)
-        films.check_size(made.scene.film.width, made.scene.film.height, 2)
-        self.film = Film.blank(made.a, 2 * self.n)
-        self.counts = np.zeros(2 * self.n, np.int64)
+    def __init__(self, prepared: Prepared):
+        self.prepared, self.n = prepared, len(prepared.order)
+        films.check_size(prepared.scene.film.width, prepared.scene.film.height, 2)
+        self.film = Film.blank(prepared.a, np.tile(prepared.order, 2))
         self.pace = Pace()
         # Of each lane, seconds of a sample in the last pass that it was in: where there is more noise they take longer.
         self.rates = np.zeros(2 * self.n)
 
+    @property
+    def counts(self) -> np.ndarray:
+        """The samples of each lane. Shape: (2 N)."""
+        return self.film.counts
+
     def compiled(self) -> None:
         """Makes the kernel of a pass, with a few samples that are thrown away."""
         few = np.arange(min(2 * self.n, 32))
-        Halves(self.made).take(few, np.ones(2 * self.n, np.int64))
+        Halves(self.prepared).take(few, np.ones(2 * self.n, np.int64))
 
     def extend(self, targets: np.ndarray, left: Callable[[], float] = lambda: np.inf) -> bool:
         """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each
         pass how many seconds there are for it. Returns whether all were done."""
         while (targets > self.counts).any():
-            if not self._extend(np.minimum(targets, self.counts + LONGEST), left):
+            room = first_pass(self.prepared) if self.pace.rate is None else self.pace.room()
+            longest = max(int(min(room, targets.max() * FEWEST_LANES) / FEWEST_LANES), 1)
+            if not self._extend(np.minimum(targets, self.counts + longest), left):
                 return False
         return True
 
@@ -116,7 +127,7 @@ class Halves:
                 return False
             more = (targets - self.counts)[lanes]
             if pace.rate is None:
-                fit = np.searchsorted(np.cumsum(more), first_pass(self.made), "right")
+                fit = np.searchsorted(np.cumsum(more), first_pass(self.prepared), "right")
             else:
                 seconds = np.cumsum(more * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.rate))
                 fit = min(
@@ -131,28 +142,29 @@ class Halves:
         begun = clock.now()
         # Of one lane the kernel would be another.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
-        a, before = self.made.a, self.counts[lanes]
-        count = targets[lanes] - before
-        found, at, plan = self._moments(lanes, before, count)
-        old = Film(*(dr.gather(type(x), x, at) for x in _parts(self.film)))
-        new = old.plus(a, found, plan.first, plan.count)
-        for whole, part in zip(_parts(self.film), _parts(new)):
-            dr.scatter(whole, part, at)
+        counts, moments = self.counts.copy(), self.film.moments
+        before, counts[lanes] = counts[lanes], targets[lanes]
+        count = counts[lanes] - before
+        old, new, at = self._sampled(lanes, before, count)
+        for whole, was, part in zip(moments.parts, old.parts, new.parts):
+            if part is not was:
+                dr.scatter(whole, part, at)
         samples = int(count.sum())
-        self.rates[lanes] = self.pace.evaluated(begun, samples, self.film) / samples
-        self.counts[lanes] = targets[lanes]
+        self.rates[lanes] = self.pace.evaluated(begun, samples, moments) / samples
+        self.film = self.film.after(moments, counts)
 
-    def _moments(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Any, Any, Plan]:
-        """The moments of `count` samples from `first` on, the lanes as opaque numbers, and the plan."""
-        made, a, n = self.made, self.made.a, self.n
+    def _sampled(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
+        """The moments of lanes before and after `count` samples from `first` on, and the lanes as opaque numbers."""
+        prepared, a, n = self.prepared, self.prepared.a, self.n
         at = a.put(a.U, lanes.astype(np.uint32))
         second = at >= dr.opaque(a.U, n)
         pixel = dr.select(second, at - dr.opaque(a.U, n), at)
-        one, other = (dr.opaque(a.U, seed_of(made.scene.settings.seed, half)) for half in (0, 1))
+        one, other = (dr.opaque(a.U, seed_of(prepared.scene.settings.seed, half)) for half in (0, 1))
         seeds = dr.select(second, other, one)
-        x, y = (dr.gather(a.U, v, pixel) for v in (made.x, made.y))
+        x, y = (dr.gather(a.U, v, pixel) for v in (prepared.x, prepared.y))
         plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-        return integrator.sample(made.stage, plan, x, y), at, plan
+        old = Moments(*(dr.gather(type(x), x, at) for x in self.film.moments.parts))
+        return old, integrator.sample(prepared.kernel, plan, x, y, old), at
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
         """The halves' pixels. Shapes: (3, N)."""
@@ -165,7 +177,7 @@ class Halves:
 
     def estimate(self) -> Estimate:
         """The error of the picture. Source: as Estimate.of, but summed where the pixels are."""
-        a, lanes = self.made.a, dr.arange(self.made.a.U, self.n)
+        a, lanes = self.prepared.a, dr.arange(self.prepared.a.U, self.n)
         left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
         squares = dr.squared_norm(left - right) / 12
         light = dr.dot(a.W(*LUMINANCE.tolist()), left + right) / 2
@@ -177,7 +189,7 @@ class Halves:
         """Colour of pixels and, where they are wanted, coverage, the variance of samples, the standard error of pixels
         (from the halves' differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In
         the order of lanes."""
-        counts, film = self.counts.reshape(2, -1), self.made.scene.film
+        counts, film = self.counts.reshape(2, -1), self.prepared.scene.film
         found = {"RGB": self.mean(), "samples": counts.sum(0)}
         if "A" in wanted:
             coverage = np.array(self.film.coverage).reshape(2, -1) / counts
@@ -185,7 +197,7 @@ class Halves:
         if "variance" in wanted and counts.min() > 1:
             found["variance"] = np.array(self.film.squares).reshape(3, 2, -1).sum(1) / (counts - 1).sum(0)
         if "error" in wanted:
-            shape, order = (film.height, film.width), self.made.order
+            shape, order = (film.height, film.width), self.prepared.order
             a, b = self.means()
             picture = np.empty((3, self.n))
             picture[:, order] = np.square(a - b) / 4
@@ -216,7 +228,3 @@ def windowed(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
         padded = np.pad(x, ways)
         x = sum(k * padded[(slice(None),) * axis + (slice(i, i + n),)] for i, k in enumerate(kernel))
     return x
-
-
-def _parts(film: Film) -> tuple:
-    return film.mean, film.squares, film.coverage

@@ -1,6 +1,6 @@
 """Radiance and layers along rays, composed from the effects that are present."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -8,10 +8,10 @@ import drjit as dr
 from visray import indirect, sampling, warp
 from visray.accel.search import RayOrigin, closest
 from visray.batches import Batch
-from visray.film import Moments
 from visray.geometry import UNIT_ROUNDOFF
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
+from visray.moments import BLOCK, Moments, offset
 from visray.pytree import rows
 from visray.ray import NO_ROW, NOTHING_KNOWN, Hit, Ray, unit
 from visray.sampling import SampleState
@@ -20,11 +20,16 @@ from visray.shading import shade
 LENS = 1
 
 
+def direction(s: KernelScene, x: Any, y: Any) -> Any:
+    """The unit direction to the point (x, y) of the picture, in pixels from its top left corner; in single where
+    shading is."""
+    d = dr.normalize(s.view.corner + x * s.view.right + y * s.view.down)
+    return d if s.a.precision == "single" else unit(d, s.a.W)
+
+
 def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
     """The ray through the point (x, y) of the picture, in pixels from its top left corner."""
-    a = s.a
-    d = dr.normalize(s.view.corner + x * s.view.right + y * s.view.down)
-    return Ray(s.view.o, unit(d, a.W))
+    return Ray(s.view.o, direction(s, x, y)).exact()
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
@@ -49,7 +54,7 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     on = s.features
     state = state or first_state(s, max(dr.width(ray.d), dr.width(ray.o)))
     origin = RayOrigin(s.geometry, ray.o, shared=False) if on["defocus"] else s.origin
-    hit = closest(origin, ray, s.brute_force)
+    hit, ray = closest(origin, ray, s.brute_force), ray.exact()
     here = interact(s, ray, hit, state)
     colour = shade(s, here)
     if on["paths"]:
@@ -60,34 +65,76 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 
-def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Moments:
-    """The samples of one pass over the pixels (x, y): one lane a pixel, a symbolic loop over its samples.
+def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any, moments: Moments) -> Moments:
+    """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over its blocks, and in
+    that one over the samples of a block.
 
-    What no sample changes is no state of the loop: Dr.Jit would trace all of it once more, to take that out.
+    What no sample changes is no state of the loops: Dr.Jit would trace all of it once more, to take that out. A
+    sample's ray is made while the one before is looked along: neither waits for the other.
     """
+    a, end, covers = s.a, plan.first + plan.count, s.features["coverage"]
+    pixels = _Pixels(s, plan, x, y)
+
+    def step(i: Any, cell: Any, d: Any, o: Any, *sums: Any) -> tuple:
+        state, after = pixels.state(i, cell), sampling.next_cell(plan, cell)
+        ahead = pixels.ray(pixels.state(i + 1, after))
+        colour, covered = radiance(s, Ray(s.view.o if o is None else o, d), state)
+        more = Moments(None, None, None, *sums).plus(offset(i) == 0, colour, covered)
+        return i + 1, after, *ahead, *more.parts[3:]
+
+    def block(i: Any, cell: Any, d: Any, o: Any, mean: Any, squares: Any, coverage: Any, *sums: Any) -> tuple:
+        stop = dr.minimum(end, (i | (BLOCK - 1)) + 1)
+        i, cell, d, o, *sums = dr.while_loop((i, cell, d, o, *sums), lambda i, *_: i < stop, step, label="samples")
+        joined = Moments(mean, squares, coverage, *sums).joined(a, offset(i) == 0, i - BLOCK, BLOCK)
+        return i, cell, d, o, *joined.parts
+
+    before = moments if covers else replace(moments, coverage=None, open_coverage=None)
+    first = dr.zeros(a.U, dr.width(x)) + plan.first, sampling.first_cell(plan, pixels.key, a.F)
+    start = *first, *pixels.ray(pixels.state(*first)), *before.parts
+    _, _, _, _, *parts = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
+    after = Moments(*parts)
+    return after if covers else replace(after, coverage=moments.coverage, open_coverage=moments.open_coverage)
+
+
+def attached(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Any:
+    """The mean colour of the samples of one pass over the pixels (x, y), with its derivatives: one loop over all
+    samples, as Dr.Jit 1.5 has no derivatives of loops within loops, and only sums may go through it."""
     a, n = s.a, dr.width(x)
-    key = sampling.pixel_key(plan, x, y)
-    left, top = a.F(x), a.F(y)
+    pixels = _Pixels(s, plan, x, y)
 
-    def body(i: Any, cell: Any, reference: Any, total: Any, squares: Any, coverage: Any) -> tuple:
-        state = SampleState(s.settings.sampler, a.F, plan, key, i + plan.first, cell)
-        jx, jy = state.pixel()
-        if s.features["defocus"]:
-            ray = lens_ray(s, left + jx, top + jy, *state.dimension(LENS).one())
-        else:
-            ray = camera_ray(s, left + jx, top + jy)
-        colour, covered = radiance(s, ray, state)
+    def step(i: Any, cell: Any, reference: Any, total: Any) -> tuple:
+        state = pixels.state(i + plan.first, cell)
+        d, o = pixels.ray(state)
+        colour, _ = radiance(s, Ray(s.view.o if o is None else o, d), state)
         reference = dr.select(i == 0, dr.detach(colour), reference)
-        delta = colour - reference
-        squares = squares + dr.square(dr.detach(delta))
-        coverage = None if coverage is None else coverage + covered
-        return i + 1, sampling.next_cell(plan, cell), reference, total + delta, squares, coverage
+        return i + 1, sampling.next_cell(plan, cell), reference, total + (colour - reference)
 
-    colours = (dr.zeros(a.V, n) for _ in range(3))
-    covered = dr.zeros(a.F, n) if s.features["coverage"] else None
-    start = dr.zeros(a.U, n), sampling.first_cell(plan, key, a.F), *colours, covered
-    done = dr.while_loop(start, lambda i, *_: i < plan.count, body, max_iterations=-1, label="samples")
-    return Moments(*done[2:])
+    start = dr.zeros(a.U, n), sampling.first_cell(plan, pixels.key, a.F), dr.zeros(a.V, n), dr.zeros(a.V, n)
+    _, _, reference, total = dr.while_loop(
+        start, lambda i, *_: i < plan.count, step, max_iterations=-1, label="samples"
+    )
+    return reference + total * (1 / a.F(plan.count))
+
+
+class _Pixels:
+    """The pixels (x, y) of a pass: the random numbers of their samples, and the rays."""
+
+    def __init__(self, s: KernelScene, plan: sampling.Plan, x: Any, y: Any):
+        self.s, self.plan, self.key = s, plan, sampling.pixel_key(plan, x, y)
+        self.left, self.top = s.a.F(x), s.a.F(y)
+
+    def state(self, index: Any, cell: Any) -> SampleState:
+        """The random numbers of a sample, by its index and stratum."""
+        return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, cell)
+
+    def ray(self, state: SampleState) -> tuple[Any, Any]:
+        """Direction and origin of a sample's ray; None for the origin where all have the same."""
+        across, down = state.pixel()
+        x, y = self.left + across, self.top + down
+        if not self.s.features["defocus"]:
+            return direction(self.s, x, y), None
+        ray = lens_ray(self.s, x, y, *state.dimension(LENS).one())
+        return ray.d, ray.o
 
 
 @dataclass(frozen=True)

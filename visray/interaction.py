@@ -50,7 +50,7 @@ class Interaction:
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
     """A hit, ready to be shaded."""
     surface, material, u, v = surface_of(s, ray, hit)
-    d = s.a.V(ray.d)
+    d = s.a.V(ray.d if ray.rough is None else ray.rough)
     n, within = facing(surface.n, d)
     origin = RayOrigin(s.geometry, surface.p, shared=False) if s.starts_at_points and sample is not None else None
     return Interaction(ray.o, d, hit, surface, n, within, material, u, v, origin, sample)
@@ -64,20 +64,22 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     a, n, textured = s.a, dr.width(ray.d), s.features["textures"]
     # Lanes that hit nothing take part at the ray's origin: no inf or NaN enters a derivative there.
     t = dr.select(hit.valid, hit.t, 0)
-    normal = dr.zeros(a.W, n) if s.features["paths"] else None
-    surface = Surface(dr.zeros(a.W, n), dr.zeros(a.V, n), dr.zeros(a.D, n), normal)
+    # The same for all rows where no derivatives are asked for, and then no branch hands it on.
+    p = dr.fma(t, ray.d, ray.o)
+    moved = dr.zeros(a.W, n) if s.attached else None
+    normals = dr.zeros(a.V, n), dr.zeros(a.W, n) if s.features["paths"] else None
     texture = dr.zeros(a.U, n) if textured else None
     # A texture far out on a plane is looked up in double.
     zero = dr.zeros(a.D if textured else a.F, n)
-    state = (surface, mapped(lambda x: dr.zeros(type(x), n), s.blank), texture, zero, zero)
+    state = (moved, *normals, dr.zeros(a.D, n), mapped(lambda x: dr.zeros(type(x), n), s.blank), texture, zero, zero)
     for batch in s.batches:
         here = batch.has(hit.row)
 
         def touch(*_: Any, batch: Batch = batch, here: Any = here) -> tuple:
             table = (batch.placed, batch.material, batch.texture if textured else None, batch.span)
             placed, material, texture, span = _row_of(s, table, len(batch), here, hit.row - batch.base)
-            surface, u, v = _surface(s, batch, placed, span, ray, t, hit.part)
-            return leaves((surface, material, texture, type(zero)(u), type(zero)(v)))
+            moved, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part)
+            return leaves((moved, *normals, span, material, texture, type(zero)(u), type(zero)(v)))
 
         if len(s.batches) == 1:
             state = rebuilt(state, touch())
@@ -85,7 +87,12 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
             state = rebuilt(state, tuple(dr.select(here, new, old) for new, old in zip(touch(), leaves(state))))
         else:
             state = rebuilt(state, dr.if_stmt(leaves(state), here, touch, lambda *old: old, label="interact"))
-    surface, material, texture, u, v = state
+    moved, normal, exact, span, material, texture, u, v = state
+    # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
+    # much as the local origin is known to: five more, of numbers no greater than |o| + t and the row's coordinates.
+    # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
+    error = gamma(8) * (extent(ray.o) + t + span)
+    surface = Surface(moved if s.attached else p, normal, error, exact)
     if textured:
         bare = texture == NO_TEXTURE
         painted = texturing.colour(a, s.atlas, dr.select(bare, 0, texture), u, v, s.features["bilinear"])
@@ -113,18 +120,15 @@ def _row_of(s: KernelScene, table: tuple, size: int, here: Any, index: Any) -> t
     return rebuilt(table, row)
 
 
-def _surface(s: KernelScene, batch: Batch, placed: Any, span: Any, ray: Ray, t: Any, part: Any) -> tuple:
+def _surface(s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any, part: Any) -> tuple:
+    """Of a point p = o + t d on a row: p itself where derivatives are asked for, with them; the unit normal, and the
+    same in double where rays go on from there; u and v."""
     kind, part = batch.kind, batch.part(part)
-    p = ray.o + t * ray.d
     f, g = kind.surface_at(placed, p, part)
     if dr.grad_enabled((f, p)):
         t = t - (f - dr.detach(f)) / dr.detach(dr.dot(g, ray.d))
-        p = ray.o + t * ray.d
+        p = dr.fma(t, ray.d, ray.o)
         g = kind.surface_at(placed, p, part)[1]
-    # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
-    # much as the local origin is known to: five more, of numbers no greater than |o| + t and the row's coordinates.
-    # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
-    error = gamma(8) * (extent(ray.o) + t + span)
     u, v = kind.uv(placed, p, part)
-    normal = dr.normalize(g) if s.features["paths"] else None
-    return Surface(p, dr.normalize(s.a.V(g)), error, normal), u, v
+    exact = dr.normalize(g) if s.features["paths"] else None
+    return p if s.attached else None, dr.normalize(s.a.V(g)), exact, u, v

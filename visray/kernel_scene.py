@@ -96,10 +96,6 @@ class KernelScene:
         return self.geometry.batches
 
     @property
-    def scenery(self):
-        return self
-
-    @property
     def starts_at_points(self) -> bool:
         """Whether rays start at the points that are shaded."""
         on = self.features

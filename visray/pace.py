@@ -15,9 +15,6 @@ PASS_SECONDS, TRACED = 0.5, 8
 GROWTH = 64
 # Of the seconds that are left a pass may take such a share: its samples may be dearer than those before.
 SURE = 0.5
-# Samples of a lane that are summed in the precision of shading, before they are added in double: of more the sum would
-# be off by more than they vary.
-LONGEST = 2**12
 
 
 @dataclass
@@ -28,11 +25,11 @@ class Pace:
     rate: float | None = None
     told_by: int = 0
 
-    def evaluated(self, begun: float, samples: int, film: Any) -> float:
-        """Computes a film with so many more samples, which was traced since `begun` (clock.now), and takes in
+    def evaluated(self, begun: float, samples: int, moments: Any) -> float:
+        """Computes the moments of so many more samples, traced since `begun` (clock.now), and takes in
         how long both took. What compiles in between is neither. Returns the seconds that it ran."""
         self.tracing = clock.now() - begun
-        ran = run(film)
+        ran = run(moments)
         # What takes a small pass long is not its samples.
         if self.rate is None or 4 * samples >= self.told_by:
             self.rate, self.told_by = ran / samples, samples
@@ -53,15 +50,15 @@ class Pace:
         return min(self.span() / self.rate if self.rate else inf, GROWTH * self.told_by)
 
 
-def run(film: Any) -> float:
-    """Computes a film; how many seconds its kernels ran. On one thread they run before dr.eval returns, and small ones
-    do on many: so only Dr.Jit can tell that from compiling."""
+def run(arrays: Any) -> float:
+    """Computes arrays; how many seconds their kernels ran. On one thread they run before dr.eval returns, and small
+    ones do on many: so only Dr.Jit can tell that from compiling."""
     listened = dr.flag(dr.JitFlag.KernelHistory)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         if not listened:
             dr.kernel_history_clear()
         begun = clock.now()
-        dr.eval(film)
+        dr.eval(arrays)
         dr.sync_thread()
         if listened:
             # Reading the history would take it from whoever listens.

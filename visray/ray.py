@@ -28,6 +28,9 @@ class Ray:
     inside: whether it runs into that row, where it is closed.
     start: what is nearer than this, over `cosine` where it is given, lies flush with the surface that is left, and is
     not met; None: nothing is left.
+    way: a vector in double that d, in single, is the direction of: what need not be known of it before a ray comes near
+    something.
+    rough: the direction that d was made exact from, which is enough for shading; None where d came in double.
     """
 
     o: Any
@@ -37,14 +40,19 @@ class Ray:
     start: Any = None
     cosine: Any = None
     part: Any = None
+    way: Any = None
+    rough: Any = None
 
     def exact(self) -> "Ray":
         """The same ray in double: d and start may come in single, where few rays need more."""
         d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
+        if self.way is not None:
+            d = self.way * inverse_length(self.way, type(self.d.x))
+        rough = self.rough if d is self.d else self.d
         start, cosine = (None if x is None else type(d.x)(x) for x in (self.start, self.cosine))
         if cosine is not None:
             start /= dr.select(cosine > 0, cosine, 1)
-        return replace(self, d=d, start=start, cosine=None)
+        return replace(self, d=d, start=start, cosine=None, way=None, rough=rough)
 
 
 @dataclass(frozen=True)
@@ -85,12 +93,14 @@ NOTHING_KNOWN = KnownEnds()
 class Crossing:
     """Where a piece of a ray first crosses a row's surface.
 
+    met: whether it does.
     t: the distance, inf where it does not.
     part: of the surface, or None where the kind has one only.
     enters: whether the ray is outside up to there, or up to the end where it does not cross.
     unresolved: on how many parts of the ray it is not known whether there is a crossing; 0 is expected.
     """
 
+    met: Any
     t: Any
     part: Any
     enters: Any
@@ -115,7 +125,7 @@ def unit(d: Any, w: Any) -> Any:
     """
     d = w(d)
     e = dr.squared_norm(d) - 1
-    return d * (1 + e * (-0.5 + 0.375 * e))
+    return d * dr.fma(e, dr.fma(e, 0.375, -0.5), 1)
 
 
 def inverse_length(v: Any, fast: Any) -> Any:
@@ -131,4 +141,4 @@ def inverse_length(v: Any, fast: Any) -> Any:
     r = type(squared)(dr.detach(dr.rsqrt(fast(squared))))
     r = dr.select(squared > 0, r, 0)
     e = squared * r * r - 1
-    return r * (1 + e * (-0.5 + 0.375 * e))
+    return r * dr.fma(e, dr.fma(e, 0.375, -0.5), 1)

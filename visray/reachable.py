@@ -75,8 +75,8 @@ def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Fil
     """What samples do not take away; raises UserError if what the depth leaves out, the precision or the rounding of
     all files may be above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that
     are left."""
-    scene = halves.made.scene
-    settings, on = scene.settings, halves.made.features
+    scene = halves.prepared.scene
+    settings, on = scene.settings, halves.prepared.features
     # Its square must be a number too.
     asked = np.inf if error is None else min(float(error), 1e100) * found.luminance
     if error is not None:

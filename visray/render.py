@@ -15,16 +15,17 @@ from visray import clock, integrator
 from visray import film as films
 from visray.adaptive import NoNumber, pursued
 from visray.errors import GoalWarning, UserError
-from visray.exposure import Set, expose, set_up
 from visray.features import Features, features
 from visray.goals import Goal
 from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
+from visray.passes import expose
 from visray.primitives.primitive import scalars
 from visray.progress import Patience
 from visray.reachable import Files
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
+from visray.setup import Prepared, prepare
 from visray.version import __version__
 
 # What tells how well the crossings are known that are searched for.
@@ -81,31 +82,31 @@ def render(
         scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
     if threads is not None:
         set_threads(threads)
-    made = set_up(scene, backend)
+    prepared = prepare(scene, backend)
     with Patience() as patience:
         if goal:
             # First, as its kernel takes time too.
-            data = _data_layers(made, layers)
+            data = _data_layers(prepared, layers)
             try:
-                found = pursued(made, goal, files, layers, progress, patience)
+                found = pursued(prepared, goal, files, layers, progress, patience)
             except NoNumber as none:
-                check_numbers(made, none.mean)
+                check_numbers(prepared, none.mean)
                 raise
             colours, done, more = found.layers, 0, found.facts
         else:
-            film, done = expose(made, progress, patience)
-            colours, more = developed(made, film, done)
-            data = _data_layers(made, layers)
-        check_numbers(made, colours["RGB"])
+            film, done = expose(prepared, progress, patience)
+            colours, more = developed(prepared, film)
+            data = _data_layers(prepared, layers)
+        check_numbers(prepared, colours["RGB"])
     if goal and not colours["RGB"].any():
         warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=2)
     elif goal and not (goal.seconds or patience.asked) and more["error_high"] > error:
         text = f"the error asked for, {error:g}, is not reached with {more['spp_most']} samples of a pixel"
         warnings.warn(text, GoalWarning, stacklevel=2)
-    pictures = rasters(made, colours | data, layers)
+    pictures = rasters(prepared, colours | data, layers)
     proof = _proof(pictures)
-    _warn(proof, made)
-    facts = provenance(made, named, done, clock.now() - now) | more | proof
+    _warn(proof, prepared)
+    facts = provenance(prepared, named, done, clock.now() - now) | more | proof
     if goal:
         del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(patience.asked)})
@@ -123,16 +124,16 @@ LARGEST_RESIDUAL = 1e9
 UNRESOLVED = 1e-3
 
 
-def _warn(proof: dict[str, Any], made: Set) -> None:
+def _warn(proof: dict[str, Any], prepared: Prepared) -> None:
     """Tells what a certificate cannot certify."""
-    pixels = len(made.order)
+    pixels = len(prepared.order)
     advice = "a tighter clip helps, or f written in products and powers"
     if proof.get("unresolved", 0) > UNRESOLVED * pixels:
         text = f"{proof['unresolved']} parts of rays could not be told from rounding; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
     if proof.get("residual_ulps", 0) <= LARGEST_RESIDUAL:
         return
-    if not any(getattr(thing, "tolerance", 0) for thing in made.scene.objects.values()):
+    if not any(getattr(thing, "tolerance", 0) for thing in prepared.scene.objects.values()):
         text = f"what is seen is up to {proof['residual_ulps']:.2g} ulp off its surface; {advice}"
         warnings.warn(text, RootWarning, stacklevel=3)
 
@@ -189,45 +190,45 @@ def set_threads(threads: int) -> None:
     dr.set_thread_count(threads)
 
 
-def check_numbers(made: Set, mean: np.ndarray) -> None:
+def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
     """Refuses a picture with a pixel that is not a number, and names the pixel and the object in it."""
     bad = np.flatnonzero(~np.isfinite(mean).all(0))
     if not bad.size:
         return
-    names = {i + 1: name for i, name in enumerate(made.scene.objects)}
-    number = np.broadcast_to(_data(made)["id"], len(made.order))[bad[0]]
-    y, x = divmod(int(made.order[bad[0]]), made.scene.film.width)
+    names = {i + 1: name for i, name in enumerate(prepared.scene.objects)}
+    number = np.broadcast_to(_data(prepared)["id"], len(prepared.order))[bad[0]]
+    y, x = divmod(int(prepared.order[bad[0]]), prepared.scene.film.width)
     what = f"objects.{names[int(number)]}" if number else "nothing"
     more = f", and {bad.size - 1} pixels more" if bad.size > 1 else ""
     raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
 
 
-def developed(made: Set, film: films.Film, done: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dict[str, Any]]:
     """Colour, coverage and variance of a film, and what it tells of its error: no more than that of independent
     samples."""
-    transparent = made.scene.film.transparent
+    transparent = prepared.scene.film.transparent
     found = {"RGB": np.array(film.mean)}
-    found |= {"A": np.array(film.coverage) / done if transparent else np.ones(len(made.order))}
-    if done == 1:
+    found |= {"A": np.array(film.coverage) / film.counts if transparent else np.ones(len(prepared.order))}
+    if film.counts.min() == 1:
         return found, {}
-    found["variance"] = np.array(film.squares) / (done - 1)
+    found["variance"] = np.array(film.squares) / (film.counts - 1)
     luminance = float((LUMINANCE @ found["RGB"]).mean())
     if luminance <= 0:
         return found, {}
-    square = float(found["variance"].mean()) / done
+    square = float((found["variance"] / film.counts).mean())
     return found, {"error_at_most": float(np.sqrt(square) / luminance)}
 
 
-def _data_layers(made: Set, layers: tuple[str, ...]) -> dict[str, Any]:
+def _data_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:
     """The data layers, if any are asked for."""
     asked = set(layers) & set(DATA_LAYERS)
-    if asked - set(PROOF) or (asked and any(b.kind.searched for b in made.kernel.batches)):
-        return _data(made)
+    if asked - set(PROOF) or (asked and any(b.kind.searched for b in prepared.kernel.batches)):
+        return _data(prepared)
     return {}
 
 
-def _data(made: Set) -> dict[str, Any]:
-    h = integrator.first_hit(made.stage, made.x, made.y)
+def _data(prepared: Prepared) -> dict[str, Any]:
+    h = integrator.first_hit(prepared.kernel, prepared.x, prepared.y)
     dr.eval(h)
     # 0 is no object, which NO_ROW + 1 is as well.
     number = np.array(h.object) + np.uint32(1)
@@ -242,26 +243,26 @@ def _data(made: Set) -> dict[str, Any]:
     } | ({} if h.residual is None else {"unresolved": h.unresolved, "residual": h.residual})
 
 
-def rasters(made: Set, found: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
+def rasters(prepared: Prepared, found: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
     """The layers asked for, of those in the order of lanes that were found, in the order of rows."""
-    return {name: _raster(made, name, found[name]) for name in LAYERS if name in layers and name in found}
+    return {name: _raster(prepared, name, found[name]) for name in LAYERS if name in layers and name in found}
 
 
-def _raster(made: Set, name: str, values: Any) -> np.ndarray:
+def _raster(prepared: Prepared, name: str, values: Any) -> np.ndarray:
     """A layer in the order of rows. Shapes: (H, W) or (H, W, channels)."""
-    width, height = made.scene.film.width, made.scene.film.height
+    width, height = prepared.scene.film.width, prepared.scene.film.height
     if isinstance(values, tuple):
         values = np.stack([np.array(v) for v in values])
     flat = np.array(values)
     flat = flat.T if flat.ndim == 2 else flat
     picture = np.empty(flat.shape, np.uint32 if name in ("id", "unresolved", "samples") else np.float32)
-    picture[made.order] = flat  # one entry for all pixels where all are alike
+    picture[prepared.order] = flat  # one entry for all pixels where all are alike
     return picture.reshape(height, width, *picture.shape[1:])
 
 
-def provenance(made: Set, named: str, done: int, seconds: float) -> dict[str, Any]:
+def provenance(prepared: Prepared, named: str, done: int, seconds: float) -> dict[str, Any]:
     """How the picture was made; `named`: the hash of the scene as it was asked for."""
-    s = made.scene.settings
+    s = prepared.scene.settings
     return {
         "scene_hash": named,
         "seed": s.seed,
@@ -269,16 +270,16 @@ def provenance(made: Set, named: str, done: int, seconds: float) -> dict[str, An
         "spp": done,
         "spp_asked": s.spp,
         "precision": s.precision,
-        "backend": made.a.backend,
-        "features": made.features.names(),
-        "objects": json.dumps({name: i + 1 for i, name in enumerate(made.scene.objects)}, ensure_ascii=False),
+        "backend": prepared.a.backend,
+        "features": prepared.features.names(),
+        "objects": json.dumps({name: i + 1 for i, name in enumerate(prepared.scene.objects)}, ensure_ascii=False),
         "visray": __version__,
         "drjit": dr.__version__,
-        "llvm": ".".join(map(str, dr.detail.llvm_version())) if made.a.backend == "llvm" else "",
+        "llvm": ".".join(map(str, dr.detail.llvm_version())) if prepared.a.backend == "llvm" else "",
         "python": platform.python_version(),
         "threads": dr.thread_count(),
         "render_seconds": seconds,
-        **camera_matrices(made.scene),
+        **camera_matrices(prepared.scene),
     }
 
 

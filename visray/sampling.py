@@ -30,7 +30,8 @@ class Plan:
     """The samples of one pass, as opaque numbers of one entry, or of one for each lane.
 
     seed; first and count: which samples this pass takes; cells: the pixel's k x k strata; side: k; step and start: the
-    order in which a pixel visits them, start + i step modulo cells, so that a picture stopped early is not shifted.
+    order in which a pixel visits them, start + i step modulo cells for sample first + i. Where a sample falls depends
+    on its index, not on the pass that takes it.
     """
 
     seed: Any
@@ -42,17 +43,19 @@ class Plan:
     start: Any
 
     @staticmethod
-    def of(a: Arrays, seed: int, spp: int, first: int, count: int) -> "Plan":
+    def of(a: Arrays, seed: int, spp: int, first: int | np.ndarray, count: int | np.ndarray) -> "Plan":
+        """first, count: of all lanes, or of each. Shapes: () or (N)."""
         side = isqrt(spp)
         cells = side * side
         # A step that has no divisor in common with cells visits each once: the one nearest to cells over the golden
         # ratio.
         step = next(s for s in range(max(1, round(cells * 0.618)), 2 * cells + 2) if gcd(s, cells) == 1) % cells or 1
-        return Plan(
-            *(dr.opaque(a.U, x) for x in (seed, first, count, cells)),
-            dr.opaque(a.F, side),
-            *(dr.opaque(a.U, x) for x in (step, first * step % cells)),
-        )
+
+        def number(x: int | np.ndarray) -> Any:
+            return a.put(a.U, x.astype(np.uint32)) if isinstance(x, np.ndarray) else dr.opaque(a.U, x)
+
+        start = first * step % cells
+        return Plan(*map(number, (seed, first, count, cells)), dr.opaque(a.F, side), number(step), number(start))
 
     @staticmethod
     def each(a: Arrays, seeds: Any, first: Any, count: Any) -> "Plan":

@@ -35,10 +35,6 @@ class Prepared:
     x: Any
     y: Any
 
-    @property
-    def stage(self):
-        return self.kernel
-
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The scene with other values at some addresses. Only what changes is checked, packed and placed anew; where
         nothing but numbers change, no kernel is compiled."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import numpy as np
 
-from visray.exposure import Set
 from visray.halves import QUANTILE, Halves, windowed
+from visray.passes import part
+from visray.setup import Prepared
 
 # Pixels that are looked at, at most and at least, and samples of each in each half at most; where they are few, more.
 PIXELS, FEWEST, SAMPLES, MORE = 2**13, 2**8, 16, 32
@@ -39,15 +40,15 @@ def truncation(
     The same samples are taken with either depth, so that they differ by what is left out alone; of the two halves, the
     product of the differences has no bias as a square of their mean.
     """
-    n, made = halves.n, halves.made
+    n, prepared = halves.n, halves.prepared
     count = count or min(int(halves.counts.min()), SAMPLES)
     most, rate = pixels, halves.pace.rate or 0.0
     if seconds < np.inf and rate:
         most = int(np.clip(seconds / (rate * 2 * count * (1 + len(depths))), FEWEST, pixels))
     there = np.zeros(n, bool)
     if rate * (n / 2 + 2 * _looks(n)) < seconds / 2:
-        there[_ends(made, min(depths), deep)] = True
-    settings = made.scene.settings
+        there[_ends(prepared, min(depths), deep)] = True
+    settings = prepared.scene.settings
     rng, share, counts = np.random.default_rng(settings.seed), np.zeros(n), np.full(n, count)
     for where in map(np.flatnonzero, (there, ~there)):
         some = rng.permutation(where)[: most // 2 if there.any() else most]
@@ -56,30 +57,30 @@ def truncation(
         counts[there] = max(count, min(count * most // 2 // int(there.sum()), MORE))
     some = np.flatnonzero(share)
     # What chose the pixels must not say what is found there.
-    scene = replace(made.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
-    part = _part(replace(made, scene=scene), some)
-    a, b = _means(part, counts[some], deep)
+    scene = replace(prepared.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
+    looked = part(replace(prepared, scene=scene), some)
+    a, b = _means(looked, counts[some], deep)
     found = []
     for depth in depths:
-        left, right = (u - v for u, v in zip((a, b), _means(part, counts[some], depth)))
+        left, right = (u - v for u, v in zip((a, b), _means(looked, counts[some], depth)))
         products = (left * right).mean(0) * share[some]
         square, spread = float(products.sum()), QUANTILE * np.sqrt(np.square(products).sum())
         found.append(Truncation(depth, square, square - spread, square + spread))
     return found
 
 
-def _ends(made: Set, depth: int, deep: int) -> np.ndarray:
+def _ends(prepared: Prepared, depth: int, deep: int) -> np.ndarray:
     """The lanes about which paths go on beyond a depth. One sample of each fourth pixel tells about which there are
     paths at all, and more of these about which they go on: such pixels may be few, and hardly any sample of them."""
-    n = len(made.order)
+    n = len(prepared.order)
     lanes = np.arange(n)
     if depth:
         # Of tiles of 4 x 4 pixels a column; one bounce more than are followed, as the last may show a black mirror.
-        lanes = _differing(made, lanes[:: AROUND - 1], (0, depth + 1), 1)
+        lanes = _differing(prepared, lanes[:: AROUND - 1], (0, depth + 1), 1)
     looks = _looks(n)
     # Where they are many, some of them: others are nearby.
     some = lanes[:: max(len(lanes) // looks, 1)]
-    return _differing(made, some, (depth, deep), int(np.clip(looks // max(len(some), 1), 1, MORE)))
+    return _differing(prepared, some, (depth, deep), int(np.clip(looks // max(len(some), 1), 1, MORE)))
 
 
 def _looks(n: int) -> int:
@@ -87,34 +88,27 @@ def _looks(n: int) -> int:
     return int(np.clip(n // 16, FEWEST_LOOKS, MOST_LOOKS))
 
 
-def _differing(made: Set, lanes: np.ndarray, depths: tuple[int, int], count: int) -> np.ndarray:
+def _differing(prepared: Prepared, lanes: np.ndarray, depths: tuple[int, int], count: int) -> np.ndarray:
     """The lanes about which so many samples of these differ by depth."""
     if not len(lanes):
         return lanes
-    film, part = made.scene.film, _part(made, lanes)
+    film, looked = prepared.scene.film, part(prepared, lanes)
     once = np.repeat([count, 0], len(lanes))
-    shallow, whole = (_at(part, depth, once).means()[0] for depth in depths)
-    picture = np.zeros(len(made.order))
-    picture[part.order] = (shallow != whole).any(0)
+    shallow, whole = (_at(looked, depth, once).means()[0] for depth in depths)
+    picture = np.zeros(len(prepared.order))
+    picture[looked.order] = (shallow != whole).any(0)
     near = windowed(picture.reshape(film.height, film.width), np.ones(AROUND)) > 0
-    return np.flatnonzero(near.ravel()[made.order])
+    return np.flatnonzero(near.ravel()[prepared.order])
 
 
-def _part(made: Set, some: np.ndarray) -> Set:
-    """A set of some of the lanes."""
-    x, y = (made.a.put(made.a.U, np.array(v)[some]) for v in (made.x, made.y))
-    return replace(made, order=made.order[some], x=x, y=y)
-
-
-def _means(made: Set, counts: np.ndarray, depth: int) -> tuple[np.ndarray, np.ndarray]:
+def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarray, np.ndarray]:
     """The halves' pixels with another depth and so many samples each. Shapes: counts (N); (3, N)."""
-    return _at(made, depth, np.tile(counts, 2)).means()
+    return _at(prepared, depth, np.tile(counts, 2)).means()
 
 
-def _at(made: Set, depth: int, targets: np.ndarray) -> Halves:
+def _at(prepared: Prepared, depth: int, targets: np.ndarray) -> Halves:
     """Halves with so many samples, and another depth, which is data: no kernel is made."""
-    kept = made.stage.scenery
-    stage = replace(made.stage, scenery=replace(kept, levels=(dr.opaque(made.a.U, depth), kept.levels[1])))
-    found = Halves(replace(made, stage=stage))
-    found.extend(targets)
-    return found
+    levels = (dr.opaque(prepared.a.U, depth), prepared.kernel.levels[1])
+    halves = Halves(replace(prepared, kernel=replace(prepared.kernel, levels=levels)))
+    halves.extend(targets)
+    return halves

@@ -51,7 +51,7 @@ def occludes(piece: Piece) -> Any:
     """Whether the row is crossed between the ends."""
     if piece.kind.searched and piece.known.on_end is not None:
         piece = piece.backwards()
-    return piece.crossing().t < dr.inf
+    return piece.crossing().met
 
 
 def way_inside(piece: Piece) -> tuple[Any, Any]:
@@ -64,9 +64,8 @@ def way_inside(piece: Piece) -> tuple[Any, Any]:
 
     def onwards(begin: Any, at: Any, length: Any, known: KnownEnds) -> tuple:
         c = replace(piece, begin=begin, known=known).crossing()
-        crossed = c.t < dr.inf
-        to = dr.select(crossed, c.t, end)
-        return c, to, crossed, ~(c.enters ^ crossed), length + dr.select(c.enters, 0, to - at)
+        to = dr.select(c.met, c.t, end)
+        return c, to, c.met, ~(c.enters ^ c.met), length + dr.select(c.enters, 0, to - at)
 
     first, at, crossed, inside, length = onwards(piece.begin, piece.begin, zero, known)
     entered = first.enters if known.on_start is None else first.enters | known.on_start

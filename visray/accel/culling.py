@@ -43,56 +43,65 @@ class Cone:
 class Guard:
     """What rejects most rays before an object is looked at. Shapes: one entry an object, or one a lane.
 
-    toward: the centre of the object's sphere minus the origin. margin: |toward|^2 - radius^2, less its error. Single.
+    toward: the centre of the object's sphere minus the origin. least: how far along a ray the centre is at least where
+    the ray meets the sphere, less its error: the length of a tangent, or -inf where the origin may be inside. Single.
     """
 
     toward: Any
-    margin: Any
+    least: Any
 
-    def candidate(self, d: Any) -> Any:
+    def candidate(self, d: Any, _: Any = None) -> Any:
         """Whether a ray in direction `d` (single) may meet the sphere around an object."""
-        along = dr.dot(self.toward, d)
-        return (along * along >= self.margin) & ((along > 0) | (self.margin < 0))
+        return dr.dot(self.toward, d) >= self.least
 
     def near(self, cone: Cone) -> Any:
         """Whether any ray of a cone may meet the sphere.
 
         With h and w the distances of its centre along and across the axis, the edge of the cone passes it at
-        w cos - h sin. radius^2 is |toward|^2 - margin, and as these are off by 16 roundings of |toward|^2 and the rest
+        w cos - h sin. radius^2 is |toward|^2 - least^2, and as these are off by 32 roundings of |toward|^2 and the rest
         by fewer of |toward|, their slack is one of 8 sqrt(u) |toward|: where digits cancel the root doubles them.
         """
         h = dr.dot(self.toward, cone.axis)
         w = dr.norm(self.toward - h * cone.axis)
         squared = dr.squared_norm(self.toward)
         slack = 8 * UNIT_ROUNDOFF["single"] ** 0.5 * dr.sqrt(squared)
-        radius = dr.sqrt(dr.maximum(squared - self.margin, 0))
-        return (w * cone.cosine - h * cone.sine <= radius + slack) | (self.margin < 0)
+        radius = dr.sqrt(dr.maximum(squared - dr.square(self.least), 0))
+        return (w * cone.cosine - h * cone.sine <= radius + slack) | (self.least < 0)
 
 
 def guard(a: Arrays, centre: Any, radius: Any, o: Any) -> Guard:
-    """The guard of the sphere around an object, for rays from `o`."""
+    """The guard of the sphere around an object, for rays from `o`.
+
+    A ray that meets the sphere has h = toward . d >= T with T^2 = |toward|^2 - radius^2: the centre is as far along it
+    as a tangent is long. With u the roundoff of single, h is off by at most 10 u |toward|: a conversion and three
+    roundings of sums, and 6 u for d, normalised in single (a conversion, 3.5 u for the reciprocal root of |d|^2, a
+    product). What it is compared with is off by 1.5 u |toward| (a conversion before its root, the root). To take
+    24 u |toward|^2 from the square takes (24 u |toward|^2) / (2 |toward|) = 12 u |toward| from the root, or more: what
+    is left is for the exact test's own rounding, in double. 2^-124 covers underflow.
+    """
     toward = centre - o
     squared = dr.squared_norm(toward)
-    # With u the roundoff of single: the dot product of toward and d is off by at most 6 u |toward| (two conversions,
-    # five operations), its square by 13 u |toward|^2, and the margin's own conversion by u |toward|^2. 2^-124 covers
-    # underflow.
-    margin = squared - dr.square(radius) - 16 * UNIT_ROUNDOFF["single"] * squared - 2.0**-124
-    return Guard(a.V32(toward), a.F32(margin))
+    tangent = a.F32(squared - dr.square(radius) - 24 * UNIT_ROUNDOFF["single"] * squared - 2.0**-124)
+    return Guard(a.V32(toward), dr.select(tangent > 0, dr.sqrt(tangent), -dr.inf))
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What rejects most rays before an unbounded flat object is looked at: those that run away from it. Single.
+    """What rejects most rays before an unbounded flat object is looked at: those that run away from it, or end before
+    it. Single.
 
-    normal: its normal, turned to the side the origin is on. margin: how far a slope may be off; inf on the plane.
+    normal: its normal, turned to the side the origin is on, over the origin's height above it: a ray d reaches it at
+    t = 1 / (-normal . d). margin: how far that slope may be off; on the plane inf, with a normal of 0.
     """
 
     normal: Any
     margin: Any
 
-    def candidate(self, d: Any) -> Any:
-        """Whether a ray in direction `d` (single) may meet the plane."""
-        return dr.dot(self.normal, d) <= self.margin
+    def candidate(self, d: Any, reach: Any = None) -> Any:
+        """Whether a ray in direction `d` (single), as long as `reach` (single) or endless, may meet the plane."""
+        fall = self.margin - dr.dot(self.normal, d)
+        # Difference, product and reach are off by eight roundings at most, where it was computed in single itself.
+        return fall >= 0 if reach is None else fall * reach >= 1 - 16 * UNIT_ROUNDOFF["single"]
 
     def near(self, cone: Cone) -> Any:
         """Whether any ray of a cone may meet the plane: the least slope of all, a full margin for rounding more."""
@@ -104,10 +113,11 @@ class Ground:
 def ground(a: Arrays, batch: Batch, o: Any) -> Ground:
     """The guard of an unbounded flat object, for rays from `o`."""
     f, g = batch.kind.surface_at(batch.placed, o)
-    # The slope in single is off by two conversions and five operations at most, of the sum of the sizes of its terms.
-    margin = 8 * UNIT_ROUNDOFF["single"] * extent(g)
     on = flush(batch, f, g, o)
-    return Ground(a.V32(dr.select(f < 0, -g, g)), a.F32(dr.select(on, dr.inf, margin)))
+    normal = a.V32(g) * dr.select(on, 0, dr.rcp(a.F32(dr.select(on, 1, f))))
+    # The slope in single is off by at most four roundings of the normal, the six of d in `guard` and three of sums, of
+    # the sum of the sizes of its terms.
+    return Ground(normal, dr.select(on, dr.inf, 16 * UNIT_ROUNDOFF["single"] * extent(normal)))
 
 
 def flush(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:

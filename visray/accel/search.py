@@ -9,6 +9,8 @@ without tests and trees, equal bit for bit (tests/test_search.py).
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import drjit as dr
@@ -81,13 +83,16 @@ class Query:
     """What a search asks of rows, with a state that the answers change.
 
     may_hit(c, *state): which rays a test in single cannot rule out; intersect(c, *state): the state after the exact
-    answer; t_max(state): no row farther than that is of interest; finished(*state): none at all.
+    answer; t_max(state): no row farther than that is of interest; finished(*state): none at all. begin(): what
+    intersect needs to know in double about rays that may meet anything, and takes as `begun`; None: nothing more than
+    it is given.
     """
 
     may_hit: Callable
     intersect: Callable
     t_max: Callable
     finished: Callable
+    begin: Callable | None = None
 
 
 def _touching(batch: Batch, o: Any) -> tuple[Any, Any] | None:
@@ -151,18 +156,17 @@ class RayOrigin:
         batch = self.batches[c.batch]
         return batch.kind.seen(rows(batch.placed, c.row), self.o)
 
-    def may_hit(self, c: Candidate, d: Any) -> Any:
-        """Whether rays in direction `d` (single) may meet a row."""
+    def guard(self, c: Candidate) -> Guard | Ground:
+        """The guard of a row."""
         if not self.shared:
-            written = c.written is not None
-            return (self.near[c.batch][c.written] if written else self._guard(self._row(c))).candidate(d)
+            return self._guard(self._row(c)) if c.written is None else self.near[c.batch][c.written]
         guards = self.guards[c.batch]
         if guards is None:
-            return self._guard(self._row(c)).candidate(d)
+            return self._guard(self._row(c))
         if dr.width(c.row) == 1:
-            return rows(guards, c.row).candidate(d)
-        x, y, z, margin = dr.gather(self.a.Q32, self.packets[c.batch], c.row)
-        return type(guards)(self.a.V32(x, y, z), margin).candidate(d)
+            return rows(guards, c.row)
+        x, y, z, least = dr.gather(self.a.Q32, self.packets[c.batch], c.row)
+        return type(guards)(self.a.V32(x, y, z), least)
 
     def _row(self, c: Candidate) -> Batch:
         return self.batches[c.batch].geometry(c.row)
@@ -189,28 +193,52 @@ class RayOrigin:
     def sweep(self, query: Query, d: Any, state: tuple, brute_force: bool) -> tuple:
         """`state` after the query is put to every row that a ray in direction `d` (single) may meet; `brute_force`: to
         all rows."""
+        few: list[Candidate] = []
         for number, batch in enumerate(self.batches):
             n = len(batch)
             if number in self.plan.tree and not brute_force:
                 continue
             if number in self.plan.looped or n > policy.WRITTEN_OUT_SHARED:
+                state, few = self._few(query, few, state), []
                 state = self._looped(query, batch, number, state, brute_force)
                 continue
             each = [Candidate(number, self.a.U(i), self.a.U(batch.base + i), True, i) for i in range(n)]
+            if self.shared and n <= policy.FEW and not brute_force:
+                few += each
+                continue
+            state, few = self._few(query, few, state), []
             if brute_force:
                 for c in each:
                     state = query.intersect(c, *state)
-            elif self.shared and n <= policy.FEW:
-                for c in each:
-                    state = _where(query.may_hit(c, *state), state, lambda *s, c=c: query.intersect(c, *s), "intersect")
             else:
                 # Those that pass are gathered as the bits of a number, and then looked at in one loop. So what looks at
                 # them is compiled once, and each lane goes on to its own next one.
                 for first in range(0, n, 32):
                     state = self._gathered(query, batch, each[first : first + 32], first, state)
+        state = self._few(query, few, state)
         if not brute_force and self.plan.tree:
             state = self._walked(query, d, state)
         return state
+
+    def _few(self, query: Query, each: list[Candidate], state: tuple) -> tuple:
+        """The state after few rows that are written out. Where rays are known in double only when they come near
+        something, it is asked first whether they come near any: then that is computed once for all."""
+        if query.begin is None:
+            for c in each:
+                state = _where(query.may_hit(c, *state), state, lambda *s, c=c: query.intersect(c, *s), "intersect")
+            return state
+        if not each:
+            return state
+        near = [query.may_hit(c, *state) for c in each]
+
+        def look(*state: Any) -> tuple:
+            begun = query.begin()
+            for c, there in zip(each, near):
+                open_ = there & ~query.finished(*state)
+                state = _where(open_, state, lambda *s, c=c: query.intersect(c, *s, begun=begun), "intersect")
+            return state
+
+        return _where(reduce(or_, near), state, look, "near any")
 
     def _gathered(self, query: Query, batch: Batch, each: list[Candidate], first: int, state: tuple) -> tuple:
         """The state after rows from number `first` on, at most 32, whose guards are written out."""
@@ -271,6 +299,8 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
     a, ray = origin.a, detached(ray)
     n = max(dr.width(ray.d), dr.width(origin.o))
     d32 = a.V32(ray.d)
+    # What rays from a shared origin meet is looked at in double again, so they are all made exact.
+    exact = ray.exact() if origin.shared else None
     has_parts = origin.geometry.has_parts
     # State is of full width from the start: a loop over rows must not mix widths.
     start = (dr.full(a.D, 0, n) + dr.detach(a.D(within)), dr.full(a.U, NO_ROW, n), *[dr.zeros(a.U, n)] * has_parts)
@@ -278,11 +308,11 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
     def may_hit(c: Candidate, *_: Any) -> Any:
         if origin.shared and origin.batches[c.batch].radius is None:
             return a.B(active)  # a floor is met by most rays from the eye: to ask first costs more
-        return origin.may_hit(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
+        return origin.guard(c).candidate(d32) & ~origin.never_rehit(c, ray) & c.present & active
 
     def intersect(c: Candidate, t: Any, row: Any, *part: Any) -> tuple:
-        # Read in here, so that a packet of rays that is not a candidate does not wait for it.
-        whole, kind = ray.exact(), origin.batches[c.batch].kind
+        # Other rays are read in here, so that a packet of rays that is not a candidate does not wait for it.
+        whole, kind = exact or ray.exact(), origin.batches[c.batch].kind
         known = origin.start(c, whole)
         x = kind.crossing(origin.seen_row(c), whole, _begin(whole, known), None, known)
         nearer = x.t < t
@@ -302,6 +332,8 @@ class Target:
     distance: along the ray, inf for none. error: bound on the distance of that end from the true point.
     row, part: what it lies on, reached from within if `inward`, or None.
     loose: it is the point of a light, which may lie on rows without knowing it.
+    slack: how much nearer the end is than `distance`, times `cosine`, or None; where a ray has a `way`, `distance` is
+    the length of that, in single.
     """
 
     distance: Any
@@ -310,6 +342,14 @@ class Target:
     inward: Any = None
     part: Any = None
     loose: bool = False
+    slack: Any = None
+    cosine: Any = None
+
+    def exact(self, a: Arrays, ray: Ray) -> tuple[Ray, Any]:
+        """The ray and the distance of its end in double."""
+        whole = ray.exact()
+        distance = a.D(self.distance) if ray.way is None else dr.dot(ray.way, whole.d)
+        return whole, distance if self.slack is None else distance - a.D(a.F(self.slack) / self.cosine)
 
 
 def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool = False) -> Any:
@@ -367,14 +407,18 @@ def _between(
         return a.B(False) if target.row is None else target.row == c.index
 
     def may_hit(c: Candidate, *state: Any) -> Any:
-        maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray) & origin.may_hit(c, d32)
+        maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray)
+        maybe &= origin.guard(c).candidate(d32, reach)
         if target.row is None:
             return maybe
         # The way back from the end would leave it so.
         return maybe & ~(arrives(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
 
-    def piece(c: Candidate) -> Piece:
-        batch, whole, distance = origin.batches[c.batch], ray.exact(), a.D(target.distance)
+    def begin() -> tuple[Ray, Any]:
+        return target.exact(a, ray)
+
+    def piece(c: Candidate, whole: Ray, distance: Any) -> Piece:
+        batch = origin.batches[c.batch]
         kind, one, seen = batch.kind, rows(batch.placed, c.row), origin.seen_row(c)
         on_end, inward = arrives(c), a.B(False) if target.inward is None else target.inward
         error = a.D(target.error)
@@ -395,12 +439,12 @@ def _between(
         placed = origin.geometry.batches[c.batch].placed
         if not dr.grad_enabled(leaves((placed, felt_ray))):
             return None
-        one, felt = rows(placed, c.row), felt_ray.exact()
-        return replace(p, placed=one, seen=p.kind.seen(one, felt_ray.o), ray=felt, end=a.D(felt_target.distance))
+        one, (felt, end) = rows(placed, c.row), felt_target.exact(a, felt_ray)
+        return replace(p, placed=one, seen=p.kind.seen(one, felt_ray.o), ray=felt, end=end)
 
-    def intersect(c: Candidate, *state: Any) -> tuple:
-        p = piece(c)
+    def intersect(c: Candidate, *state: Any, begun: tuple | None = None) -> tuple:
+        p = piece(c, *(begun or begin()))
         return change(c, p, attached(c, p), *state)
 
-    query = Query(may_hit, intersect, lambda _: reach, lambda *state: finished(*state) | ~active)
+    query = Query(may_hit, intersect, lambda _: reach, lambda *state: finished(*state) | ~active, begin)
     return origin.sweep(query, d32, start, brute_force)

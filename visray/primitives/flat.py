@@ -32,23 +32,23 @@ class Flat(Primitive):
     @classmethod
     def through(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
         """Where a line goes through the plane: (t, whether that is in the shape, d . n, n . n) for a normal n of any
-        length."""
+        length. An unbounded shape is its whole plane."""
         local = seen.inverse.vector(d)
         # A ray in the plane has local.z = 0: t is then inf or NaN, both of which fail every comparison with a number.
         t = -seen.o.z / local.z
-        inside = cls.within(seen.o.x + t * local.x, seen.o.y + t * local.y)
+        inside = cls.within(seen.o.x + t * local.x, seen.o.y + t * local.y) if cls.bounded else True
         return t, inside, local.z, dr.squared_norm(seen.inverse.z)
 
     @classmethod
     def crossing(cls, seen: Any, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
         t, within, slope, squared = cls.through(seen, ray.d)
-        met = within & (t > begin)
+        met = (t > begin) & within
         if end is not None:
             # A plane nearer to the end than that is known to be is the plane that the end lies on.
             met &= clear(end - t, slope, squared, known.end_error)
         for here in (known.on_start, known.on_end):
             met = met if here is None else met & ~here
-        return Crossing(dr.select(met, t, dr.inf), None, slope < 0)
+        return Crossing(met, dr.select(met, t, dr.inf), None, slope < 0)
 
     @staticmethod
     def surface_at(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:

@@ -30,10 +30,6 @@ class Plane(Flat):
         return Frame(*tangents(n), n, self.point)
 
     @staticmethod
-    def within(x: Any, y: Any) -> Any:
-        return (x == x) & (y == y)
-
-    @staticmethod
     def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
         local = placed.inverse.point(p)
         return local.x, local.y

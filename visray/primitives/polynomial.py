@@ -224,13 +224,14 @@ class Polynomial(Primitive):
             on_clip = known.on_end & cls._on_cap(placed, q, known.end_part)
             leaves &= ~on_clip
         cap = dr.select(starts_in, dr.select(leaves, line.far, dr.inf), line.near)
-        through = there & ~c.enters & (~starts_in | (c.t == dr.inf))
+        through = there & ~c.enters & (~starts_in | ~c.met)
         # Before its cap the ray is outside, and so it is where it runs into nothing.
         enters = dr.select(through, ~starts_in, c.enters | ~there)
         u = dr.uint32_array_t(c.t)
         face = u(0) if line.near_part is None else dr.select(starts_in, line.far_part, line.near_part)
         part = dr.select(through, face + count, u(0) if c.part is None else c.part)
-        return Crossing(dr.select(through, cap, c.t), part, enters, c.unresolved)
+        t = dr.select(through, cap, c.t)
+        return Crossing(t < dr.inf, t, part, enters, c.unresolved)
 
     @classmethod
     def _on_cap(cls, placed: PlacedPolynomial, q: Any, part: Any) -> Any:

@@ -102,7 +102,7 @@ class Solid(Primitive):
             # One of its two crossings is the end itself.
             met = dr.select(known.on_end, ahead & entering & known.inward, met)
         part = None if line.near_part is None else dr.select(entering, line.near_part, line.far_part)
-        return Crossing(dr.select(met, t, dr.inf), part, entering | ~ahead)
+        return Crossing(met, dr.select(met, t, dr.inf), part, entering | ~ahead)
 
     @classmethod
     def runs_inside(cls, seen: Seen, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:

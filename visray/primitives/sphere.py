@@ -44,7 +44,7 @@ class Sphere(Solid):
         """Recentred at the line's point nearest to the centre, where no digits cancel (Hearn and Baker; Haines)."""
         scale = dr.rcp(squared)
         middle = -dr.dot(o, d) * scale
-        nearest = o + middle * d
+        nearest = dr.fma(middle, d, o)
         half = dr.sqrt((1 - dr.squared_norm(nearest)) * scale)
         return Interval(middle - half, middle + half)
 

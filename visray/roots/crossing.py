@@ -49,7 +49,7 @@ def first_crossing(
             u = dr.uint32_array_t(distance)
             part = u(0) if part is None else dr.select(distance < t, u(number), part)
         t, unresolved = distance if number == 0 else dr.minimum(t, distance), unresolved + left
-    return Crossing(t, part, ~negative, unresolved)
+    return Crossing(t < dr.inf, t, part, ~negative, unresolved)
 
 
 def _nearest(values: list, off: list) -> list:

@@ -27,15 +27,15 @@ from rich.table import Table
 
 from visray import clock
 from visray.errors import UserError
-from visray.exposure import Set, exposed_once, set_up
 from visray.features import Feature
-from visray.film import Film
 from visray.lights import PointLight
 from visray.lights.light import Light
+from visray.passes import blank, exposed_once
 from visray.progress import Bar, Patience
 from visray.quantities import Arrays
 from visray.render import adjusted, explain
 from visray.scene.scene import Scene
+from visray.setup import Prepared, prepare
 
 LONGEST = 256  # pixels of the longer side
 MOST, BRIEF = 16, 0.1  # samples per pixel: this many, or as many as run in so many seconds
@@ -153,22 +153,22 @@ class Report:
 class Picture:
     """A scene that is set up, and the mark of its kernel alone."""
 
-    made: Set
+    prepared: Prepared
     mark: int
 
     @staticmethod
-    def of(made: Set) -> "Picture":
-        return Picture(made, new_mark())
+    def of(prepared: Prepared) -> "Picture":
+        return Picture(prepared, new_mark())
 
     def kernels(self) -> list[dict[str, Any]]:
         """Makes the picture in one pass; what Dr.Jit says of the kernels that did."""
-        made, settings = self.made, self.made.scene.settings
-        film = Film.blank(made.a, len(made.order))
+        prepared = self.prepared
+        film = blank(prepared)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             # Anew each time: were it kept, the next kernel would be traced in another order.
-            x = marked(made.a, made.x, self.mark)
-            exposed_once(replace(made, x=x), film, settings, 0, settings.spp)
+            x = marked(prepared.a, prepared.x, self.mark)
+            exposed_once(replace(prepared, x=x), film, prepared.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 
     def seconds(self) -> float:
@@ -204,21 +204,21 @@ def reduced(width: int, height: int, longest: int = LONGEST) -> tuple[int, int]:
 
 def fitting(scene: Scene) -> int:
     """How many samples of a pixel run in about BRIEF. With this kernel LLVM itself starts: it must be the first."""
-    one = Picture.of(set_up(adjusted(scene, spp=1)))
+    one = Picture.of(prepare(adjusted(scene, spp=1)))
     one.compiled()
     return min(MOST, max(1, int(BRIEF / one.seconds())))
 
 
-def left_out(scene: Scene, effect: str) -> Set:
+def left_out(scene: Scene, effect: str) -> Prepared:
     """The scene set up without an effect."""
     if effect != "area lights":
-        return set_up(scene, without=(effect,))
+        return prepare(scene, without=(effect,))
     shared = [f.name for f in fields(Light)]
     points = {
         name: PointLight(position=l.position, **{f: getattr(l, f) for f in shared}) if l.wide else l
         for name, l in scene.lights.items()
     }
-    return set_up(replace(scene, lights=points))
+    return prepare(replace(scene, lights=points))
 
 
 class _Steps:
@@ -243,7 +243,7 @@ def _measured(
     n, half = len(effects), len(effects) // 2
     with Bar("measuring", (n + 1) + (n + REPEATS) + runs * (2 * n + 1), progress) as bar:
         step = _Steps(patience, bar)
-        everything = step(partial(set_up, scene))
+        everything = step(partial(prepare, scene))
         lesser = {e: Picture.of(step(partial(left_out, scene, e))) for e in effects}
         wholes = [Picture.of(everything) for _ in range(REPEATS)]
         each = list(lesser.values())
@@ -259,7 +259,7 @@ def _cost(
     effect: str, picture: Picture, operations: int, seconds: float, differences: list, total: Cost, effects: list[str]
 ) -> Cost:
     """What an effect adds, by the operations and the compile seconds of the picture without it."""
-    c, on = total.compile_seconds, picture.made.features
+    c, on = total.compile_seconds, picture.prepared.features
     noise, more = c.high - c.low, c.middle - seconds
     along = tuple(e for e in effects if e != effect and not on[e])
     spread = Spread(more, more - noise, more + noise)

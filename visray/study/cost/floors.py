@@ -24,7 +24,7 @@ def floors(taken: list[Taken], reference: Reference) -> dict[str, float]:
     if (bias := between(single, double, reference)) is not None:
         found["single precision"] = bias
     depths = {t.choice.value: t for t in taken if t.choice.knob == "depth"}
-    own = default.made.scene.settings.depth
+    own = default.prepared.scene.settings.depth
     if depths and max(depths) > own and (bias := between(default, depths[max(depths)], reference)) is not None:
         found[f"depth {default.choice.settings[DEPTH]}"] = bias
     return found

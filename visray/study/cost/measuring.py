@@ -18,12 +18,12 @@ import numpy as np
 
 from visray import clock, integrator
 from visray.errors import UserError
-from visray.exposure import Set, arrays, set_up
 from visray.film import Film
 from visray.progress import Bar, Patience
 from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene.scene import Scene
+from visray.setup import Prepared, arrays, prepare
 from visray.study import ablation
 from visray.study.cost.knobs import Choice
 from visray.study.cost.records import Band
@@ -50,7 +50,7 @@ class Taken:
     light. Shapes: times (R), pictures (S, H, W, 3), single precision."""
 
     choice: Choice
-    made: Set
+    prepared: Prepared
     compile_seconds: float
     operations: int
     expected: float
@@ -78,37 +78,39 @@ def reduced(scene: Scene, longest: int) -> Scene:
     return adjusted(scene, size=ablation.reduced(scene.film.width, scene.film.height, longest))
 
 
-def blank(made: Set, pictures: int) -> Film:
+def blank(prepared: Prepared, pictures: int) -> Film:
     """An unexposed film for several pictures side by side."""
-    return Film.blank(made.a, pictures * len(made.order))
+    return Film.blank(prepared.a, np.tile(prepared.order, pictures))
 
 
-def exposed(made: Set, film: Film, seeds: Sequence[int], done: int, count: int, mark: int) -> tuple[Film, list[dict]]:
+def exposed(
+    prepared: Prepared, film: Film, seeds: Sequence[int], done: int, count: int, mark: int
+) -> tuple[Film, list[dict]]:
     """The film of several pictures, a seed each, after one more pass of `count` samples; and what Dr.Jit says of the
     kernels."""
-    a, n, spp = made.a, len(made.order), made.scene.settings.spp
-    x, y = (a.put(a.U, np.tile(np.array(v), len(seeds))) for v in (made.x, made.y))
+    a, n, spp = prepared.a, len(prepared.order), prepared.scene.settings.spp
+    x, y = (a.put(a.U, np.tile(np.array(v), len(seeds))) for v in (prepared.x, prepared.y))
     numbers = a.put(a.U, np.repeat(np.array(seeds, np.uint32), n))
     dr.eval(x, y, numbers)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
         x = ablation.marked(a, x, mark)
         plan = replace(Plan.of(a, 0, spp, done, count), seed=numbers)
-        film = film.plus(a, integrator.sample(made.stage, plan, x, y), done, count)
-        dr.eval(film)
+        film = film.after(integrator.sample(prepared.kernel, plan, x, y, film.moments), done + count)
+        dr.eval(film.moments)
         dr.sync_thread()
         return film, dr.kernel_history([dr.KernelType.JIT])
 
 
-def developed(made: Set, film: Film, pictures: int, kind: type = np.float32) -> np.ndarray:
+def developed(prepared: Prepared, film: Film, pictures: int, kind: type = np.float32) -> np.ndarray:
     """The first pictures of a film, first row on top. Shape: (pictures, H, W, 3)."""
-    n = len(made.order)
+    n = len(prepared.order)
     flat = np.array(film.mean)[:, : pictures * n].reshape(3, pictures, n)
     shown = np.empty((pictures, n, 3), kind)
-    shown[:, made.order] = flat.transpose(1, 2, 0)
+    shown[:, prepared.order] = flat.transpose(1, 2, 0)
     if not np.isfinite(shown).all():
         raise UserError("a pixel is not a number: render the picture, which says where")
-    return shown.reshape(pictures, made.scene.film.height, made.scene.film.width, 3)
+    return shown.reshape(pictures, prepared.scene.film.height, prepared.scene.film.width, 3)
 
 
 @dataclass
@@ -141,14 +143,14 @@ class Studio:
         return found
 
     def _prepared(self, choice: Choice) -> Taken:
-        made = set_up(choice.of(self.scene), plain=choice.plain)
-        spp, n = made.scene.settings.spp, self.per_turn
+        prepared = prepare(choice.of(self.scene), brute_force=choice.plain)
+        spp, n = prepared.scene.settings.spp, self.per_turn
         count = min(TRIAL, spp)
-        _, kernels = exposed(made, blank(made, n), self.seeds[:n], 0, count, self.mark)
+        _, kernels = exposed(prepared, blank(prepared, n), self.seeds[:n], 0, count, self.mark)
         k = max(kernels, key=lambda k: k["operation_count"])
         # A kernel that is there already took as long as it did then.
         seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
-        return Taken(choice, made, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
+        return Taken(choice, prepared, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
 
     def _awake(self) -> None:
         """Compiles something small: what LLVM takes to start is no kernel's."""
@@ -171,9 +173,9 @@ class Studio:
 
     def again(self, taken: Taken) -> Taken:
         """A choice that is compiled, for pictures of this studio's size."""
-        made = set_up(taken.choice.of(self.scene), plain=taken.choice.plain)
-        share = len(made.order) / len(taken.made.order)
-        return replace(taken, made=made, expected=taken.expected * share)
+        prepared = prepare(taken.choice.of(self.scene), brute_force=taken.choice.plain)
+        share = len(prepared.order) / len(taken.prepared.order)
+        return replace(taken, prepared=prepared, expected=taken.expected * share)
 
     def measure(self, taken: list[Taken]) -> int:
         """Measures all by turns; how many seeds there are then of each: after Ctrl-C those of the complete turns."""
@@ -196,8 +198,8 @@ class Studio:
 
     def _once(self, taken: Taken, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
         """Seconds of a picture, and the pictures."""
-        made, n = taken.made, self.per_turn
-        copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(made.order))))
+        prepared, n = taken.prepared, self.per_turn
+        copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(prepared.order))))
         many = np.resize(seeds, n * copies)
-        film, kernels = exposed(made, blank(made, len(many)), many, 0, made.scene.settings.spp, self.mark)
-        return clock.ran(kernels) / len(many), developed(made, film, len(seeds))
+        film, kernels = exposed(prepared, blank(prepared, len(many)), many, 0, prepared.scene.settings.spp, self.mark)
+        return clock.ran(kernels) / len(many), developed(prepared, film, len(seeds))

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from visray.exposure import set_up
 from visray.halves import Halves
 from visray.reachable import DEEPEST
 from visray.render import adjusted
 from visray.scene.address import value
 from visray.scene.scene import Scene
+from visray.setup import prepare
 from visray.study.cost.fitting import Laws, Sampler, Way
 from visray.study.cost.knobs import DEPTH, KEPT, PRECISION, SAMPLER, SPP
 from visray.study.cost.laws import nonnegative
@@ -96,7 +96,7 @@ class Scaled:
         depths = tuple(p.value for c in self.report.curves if c.knob == "depth" for p in c.points)
         if not depths:
             return {self.scene.settings.depth: Band(0.0, 0.0, 0.0)}
-        halves = Halves(set_up(adjusted(self.scene, sampler="sobol")))
+        halves = Halves(prepare(adjusted(self.scene, sampler="sobol")))
         halves.extend(np.full_like(halves.counts, PILOT))
         scale = (halves.estimate().luminance or 1.0) ** 2
         left = truncation(halves, depths, min(4 * max(depths) + 4, DEEPEST))

@@ -164,7 +164,7 @@ def _point(taken: Taken, own: Choice, true: Truth, whole: bool) -> Point:
         squares=squares,
         picture=pictures[0],
         wrong=wrong,
-        geometry=geometry(taken.made, true.made, 0) if whole and choice.knob in OF_HITS else None,
+        geometry=geometry(taken.prepared, true.prepared, 0) if whole and choice.knob in OF_HITS else None,
         plain=choice.plain,
     )
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from visray import clock
-from visray.exposure import Set, set_up
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
 from visray.pace import PASS_SECONDS
@@ -19,6 +18,7 @@ from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene
+from visray.setup import Prepared, prepare
 from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import blank, developed, exposed
 from visray.study.cost.records import Reference
@@ -34,7 +34,7 @@ class Truth:
     """The reference, the set that made it, and what a reader must know of it."""
 
     reference: Reference
-    made: Set
+    prepared: Prepared
     notes: tuple[str, ...]
 
 
@@ -63,8 +63,8 @@ def truth(
         deep = changed(scene, settings)
         if left > target:
             notes.append(f"depth {settings[DEPTH]} of the reference still leaves out {left:.1g} of the light")
-    made = set_up(deep)
-    halves, count = _halves(made, seeds, target, budget, mark, patience, progress)
+    prepared = prepare(deep)
+    halves, count = _halves(prepared, seeds, target, budget, mark, patience, progress)
     picture, variance = halves.mean(0), ((halves[0] - halves[1]) / 2) ** 2
     mean = luminance(picture)
     if mean <= 0:
@@ -77,7 +77,7 @@ def truth(
         notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
     settings[SPP] = 2 * count
     found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
-    return Truth(found, made, tuple(notes))
+    return Truth(found, prepared, tuple(notes))
 
 
 def _deep_enough(
@@ -101,16 +101,22 @@ def _deep_enough(
 
 def _look(scene: Scene, depth: int, seeds: Sequence[int], mark: int) -> np.ndarray:
     """Pictures of a few samples. Shape: (seeds, H, W, 3)."""
-    made = set_up(changed(scene, {DEPTH: depth, SPP: LOOK}))
-    film, _ = exposed(made, blank(made, len(seeds)), seeds, 0, LOOK, mark)
-    return developed(made, film, len(seeds), np.float64)
+    prepared = prepare(changed(scene, {DEPTH: depth, SPP: LOOK}))
+    film, _ = exposed(prepared, blank(prepared, len(seeds)), seeds, 0, LOOK, mark)
+    return developed(prepared, film, len(seeds), np.float64)
 
 
 def _halves(
-    made: Set, seeds: tuple[int, int], target: float, budget: float, mark: int, patience: Patience, progress: bool
-) -> tuple[np.ndarray, int]:
+    prepared: Prepared,
+    seeds: tuple[int, int],
+    target: float,
+    budget: float,
+    mark: int,
+    patience: Patience,
+    progress: bool,
+) -> tuple[np.ndarray, int]:  # fmt: skip
     """Both halves, and the samples of each: a power of two, as Sobol's sequence wants it."""
-    film, done, step, begun = blank(made, 2), 0, FIRST, clock.now()
+    film, done, step, begun = blank(prepared, 2), 0, FIRST, clock.now()
     pictures = None
     with Bar("reference", round(budget), progress) as bar:
         while True:
@@ -120,13 +126,13 @@ def _halves(
                     return pictures, goal // 2
                 before = clock.now()
                 step = min(step, goal - done)
-                film, _ = exposed(made, film, seeds, done, step, mark)
+                film, _ = exposed(prepared, film, seeds, done, step, mark)
                 done += step
                 now = clock.now()
                 bar.at(min(round(now - begun), round(budget) - 1))
                 # Longer steps are traced less often; but Ctrl-C waits for them.
                 step *= 2 if now - before < PASS_SECONDS else 1
-            pictures = developed(made, film, 2, np.float64)
+            pictures = developed(prepared, film, 2, np.float64)
             noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))
             enough = noise <= target * (luminance(pictures.mean(0)) or 1.0)
             # The next doubling takes twice as long as the last one.

@@ -17,16 +17,16 @@ import numpy as np
 
 from visray import clock
 from visray.errors import UserError
-from visray.exposure import expose, exposed_once, set_up
-from visray.film import Film
 from visray.geometry import UNIT_ROUNDOFF
 from visray.halves import Estimate
+from visray.passes import blank, expose, exposed_once
 from visray.progress import Patience
 from visray.reachable import LARGER, check_precision
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
+from visray.setup import prepare
 from visray.study.cost.knobs import DEPTH, MOST_SAMPLES, SAMPLER, SPP
 from visray.study.cost.measuring import SMALLEST, TURNS, band, reduced
 from visray.study.cost.model import Model, Prediction
@@ -221,10 +221,10 @@ class _Tuning:
         """Renders of two seeds, or more where they are short; Ctrl-C ends them."""
         chosen = changed(self.scaled.scene, self.scaled.changes(settings))
         _compiled(chosen)
-        made, first = set_up(chosen), chosen.settings.seed
+        prepared, first = prepare(chosen), chosen.settings.seed
         pictures, times = [], []
         while len(times) < 2 or (len(times) < TURNS and sum(times) < ENOUGH):
-            shot = replace(made, scene=adjusted(chosen, seed=(first + len(times)) % 2**32))
+            shot = replace(prepared, scene=adjusted(chosen, seed=(first + len(times)) % 2**32))
             begun = clock.now()
             film, _ = expose(shot, self.progress, self.patience)
             times.append(clock.now() - begun)
@@ -232,7 +232,7 @@ class _Tuning:
                 raise KeyboardInterrupt
             if len(pictures) < 2:
                 pictures.append(np.array(film.mean))
-                check_numbers(made, pictures[-1])
+                check_numbers(prepared, pictures[-1])
         # Of the mean of both the variance is half of each one's.
         pair = Estimate.of(*pictures)
         noise, left = (2 * np.square([pair.error, pair.low, pair.high])).tolist(), self.scaled.left(settings)
@@ -261,7 +261,7 @@ class _Tuning:
 
 def _compiled(scene: Scene) -> None:
     """Makes the kernels of a render, by a small picture: first passes and further ones."""
-    made = set_up(reduced(scene, SMALLEST))
-    film = Film.blank(made.a, len(made.order))
-    for done in range(2):
-        film = exposed_once(made, film, made.scene.settings, done, 1)
+    prepared = prepare(reduced(scene, SMALLEST))
+    film = blank(prepared)
+    for count in (1, 2):
+        film = exposed_once(prepared, film, count)

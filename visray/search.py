@@ -15,7 +15,7 @@ import drjit as dr
 import numpy as np
 
 from visray import tables
-from visray.bvh import Walk, packets
+from visray.accel.tree import Walk
 from visray.guards import Cone, Ground, Guard, flush, ground, guard, rounding
 from visray.quantities import Arrays
 from visray.ray import NO_OBJECT, Hit, Ray
@@ -64,8 +64,7 @@ class Watch:
             self.guards = tuple(self._guard(k.kind, g) for k, g in zip(kin, self.groups))
             # A loop reads a guard as a packet of four neighbours, which is faster than four reads.
             self.packets = tuple(dr.ravel(a.Q32(*leaves_of(g)[0], leaves_of(g)[1])) for g in self.guards)
-            self.boxes = tuple(g.tree and packets(a, g.tree, self.o) for g in self.groups)
-            dr.eval(self.sights, self.guards, self.packets, self.boxes)
+            dr.eval(self.sights, self.guards, self.packets)
             self.touches = tuple(_touch(k.kind, g, self.o) for k, g in zip(kin, self.groups))
         self.hopes: list[list[Any]] | None = None
         if not self.shared:
@@ -147,23 +146,31 @@ class Watch:
             if plain and each:
                 for v in each:
                     state = q.meet(v, *state)
-            elif plain or not (each or tree):
+            elif tree and not plain:
+                pass  # below, with all others in the tree
+            elif plain or not each:
                 state = self._loop(q, number, n, base, state, plain)
             elif each and self.shared and n <= tables.FEW:
                 for v in each:
                     state = _where(q.likely(v, *state), state, lambda *state, v=v: q.meet(v, *state), "meet")
             elif each:
                 state = self._gathered(q, number, base, each, state)
-            else:
-                walk = Walk.along(self.a, tree, self.boxes[number] if self.shared else None, self.o, d)
-
-                def call(state: tuple, i: Any, present: Any, number: int = number, base: int = base) -> tuple:
-                    v = Visit(number, i, i + base, present)
-                    return _where(q.likely(v, *state), state, lambda *state: q.meet(v, *state), "meet")
-
-                state = walk.through(state, call, q.reach, lambda state: q.done(*state))
             base += n
-        return state
+        return state if plain else self._walked(q, d, state)
+
+    def _walked(self, q: "Question", d: Any, state: tuple) -> tuple:
+        """The same for the objects in the tree."""
+        tree = next((g.tree for g in self.groups if g.tree), None)
+        if tree is None:
+            return state
+        bases = np.cumsum([0] + [len(k.names) for k in self.kin])
+
+        def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
+            v = Visit(number, index - int(bases[number]), index, present)
+            return _where(q.likely(v, *state), state, lambda *state: q.meet(v, *state), "meet")
+
+        walk = Walk.along(self.a, tree, self.o, d)
+        return walk.through(state, visit, q.reach, lambda state: q.done(*state))
 
     def _gathered(self, q: "Question", number: int, base: int, each: list[Visit], state: tuple) -> tuple:
         """As sweep, for objects whose guards are written out: those that pass are gathered as the bits of a number, and
@@ -243,12 +250,12 @@ def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, wit
         whole = ray.exact()
         met = watch.kin[v.group].kind.first(watch.seen(v), whole, *watch.leaving(v, whole))
         nearer = met < t
-        if v.present is not True:  # a tree gives the objects in no fixed order
+        if v.written is None:  # a tree gives the objects in no fixed order
             nearer |= (met == t) & (v.index < found) & (met < dr.inf)
         return dr.select(nearer, met, t), dr.select(nearer, v.index, found)
 
     question = Question(likely, meet, lambda s: a.F32(s[0]), lambda *_: ~(active | a.B(False)))
-    return Hit(*watch.sweep(question, d32, start, plain))
+    return Hit(*watch.sweep(question, ray.exact().d, start, plain))
 
 
 @dataclass(frozen=True)
@@ -346,4 +353,4 @@ def _between(
         return change(v, met, *state)
 
     question = Question(likely, meet, lambda _: reach, lambda *state: done(*state) | ~active)
-    return watch.sweep(question, d32, start, plain)
+    return watch.sweep(question, ray.exact().d, start, plain)

@@ -4,13 +4,13 @@
 PyTree: derivatives are taken with respect to its arrays. `prepare` computes what depends on no ray, once a render.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray.bvh import Tree, build
+from visray.accel.tree import Tree, build
 from visray.camera import Camera
 from visray.geometry import Frame
 from visray.images import Atlas
@@ -168,10 +168,8 @@ def prepare(
     for k, table, outer, material, texture in zip(kin, *of_objects):
         centre, radius = table.sphere(outer) if k.kind.bounded else (None, None)
         centre, radius = detached((centre, radius))
-        tree = None
-        if radius is not None and len(k.names) > WRITTEN_OUT:
-            tree = build(a, np.array(centre).T, np.array(radius))
-        groups.append(Group(table.placed(outer), centre, radius, rows(tables.materials, material), texture, tree))
+        groups.append(Group(table.placed(outer), centre, radius, rows(tables.materials, material), texture, None))
+    groups = _with_tree(groups, kin, tables, a)
     ready = Ready(
         groups=tuple(groups),
         lights=tables.lights,
@@ -185,6 +183,33 @@ def prepare(
     )
     dr.eval(ready)
     return ready
+
+
+def _with_tree(groups: list[Group], kin: tuple[Kinship, ...], tables: Tables, a: Arrays) -> list[Group]:
+    """The groups, with one tree over all rows of those that are too many to be written out; each of these holds it."""
+    of, base = [], 0
+    for number, (k, group, table, outer) in enumerate(zip(kin, groups, tables.objects, tables.outers)):
+        if group.radius is not None and len(k.names) > WRITTEN_OUT:
+            of.append((number, base + np.arange(len(k.names)), *_boxes(k.kind, group, table, outer)))
+        base += len(k.names)
+    if not of:
+        return groups
+    numbers, index, low, high = zip(*of)
+    batch = np.repeat(numbers, [len(i) for i in index])
+    tree = build(a, np.concatenate(low), np.concatenate(high), batch, np.concatenate(index))
+    return [replace(g, tree=tree) if number in numbers else g for number, g in enumerate(groups)]
+
+
+def _boxes(kind: type, group: Group, table: Primitive, outer: Frame | None) -> tuple[np.ndarray, np.ndarray]:
+    """A box around each object of a group: of its corners, its frame or its sphere."""
+    if kind.__name__ == "Triangle":
+        corners = np.array([np.array(c).T for c in (group.placed.a, group.placed.b, group.placed.c)])
+        return corners.min(axis=0), corners.max(axis=0)
+    centre, radius = np.array(group.centre).T, np.array(group.radius)[:, None]
+    if kind.__name__ == "Box":
+        whole = table.frame().then(outer)
+        radius = sum(np.abs(np.array(v)).T for v in (whole.x, whole.y, whole.z))
+    return centre - radius, centre + radius
 
 
 def _glow(lights: tuple[Light, ...], a: Arrays) -> Any:

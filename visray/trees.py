@@ -14,8 +14,8 @@ def _parts(tree: Any) -> list[tuple[str, Any]]:
 
 def mapped(f: Any, tree: Any) -> Any:
     """The tree with f applied to each array; None stays None."""
-    if tree is None:
-        return None
+    if tree is None or isinstance(tree, int):
+        return tree
     if dr.is_array_v(tree):
         return f(tree)
     if isinstance(tree, tuple):

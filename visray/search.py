@@ -254,7 +254,7 @@ def closest(watch: Watch, ray: Ray, plain: bool = False, active: Any = True, wit
             nearer |= (met == t) & (v.index < found) & (met < dr.inf)
         return dr.select(nearer, met, t), dr.select(nearer, v.index, found)
 
-    question = Question(likely, meet, lambda s: a.F32(s[0]), lambda *_: ~(active | a.B(False)))
+    question = Question(likely, meet, lambda s: s[0], lambda *_: ~(active | a.B(False)))
     return Hit(*watch.sweep(question, ray.exact().d, start, plain))
 
 
@@ -317,7 +317,7 @@ def _between(
     """
     a, felt, felt_length = watch.a, ray, end.length
     ray, end, active = detached(ray), detached(end), dr.detach(active)
-    d32, reach = a.V32(ray.d), a.F32(end.length)
+    d32, reach = a.V32(ray.d), a.D(end.length)
 
     def arrives(v: Visit) -> Any:
         return a.B(False) if end.index is None else end.index == v.index

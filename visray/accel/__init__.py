@@ -1,0 +1,1 @@
+"""How rays find the few objects that they may meet among many."""

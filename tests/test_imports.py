@@ -25,7 +25,7 @@ primitives.polynomial primitives
 scene.scene
 scene
 features progress output.files output.curves output.exr output.rounding output.png output.image output
-bvh images
+bvh accel.boxes accel.tree accel images
 tables sampling film texturing
 guards
 search

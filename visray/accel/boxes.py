@@ -1,215 +1,222 @@
-"""Binned SAH: how boxes are split into a binary hierarchy, level by level, in NumPy.
+"""Binned SAH: how boxes are split into a hierarchy of nodes with up to four children, level by level, in NumPy.
 
-Only where to split is decided here; any split gives a right tree. So costs may round as they like, while the nodes'
-boxes, the least and greatest corners of the boxes below them, are exact.
+Only where to split is decided here; any split gives a right tree. So costs may round as they like, while the boxes of
+nodes, the least and greatest corners of the boxes below them, are exact.
 
 SAH, the surface area heuristic, takes the ratio of their areas for the chance that a ray which meets a node meets a
-child. Source: Goldsmith and Salmon 1987; bins: Wald 2007.
+child. Sources: Goldsmith and Salmon 1987; bins: Wald 2007; four children: Wald, Benthin, Boulos 2008.
 """
 
-import os
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-LEAF = int(os.environ.get("LEAF", 4))
-DEPTH = 32  # nodes on a way from the root to a leaf at most: 2^DEPTH rows fit, wherever they are
+DEPTH = 32  # nodes of two children on a way from the root to a box at most: 2^DEPTH boxes fit, wherever they are
+WIDTH = 4  # children a node has at most in the end
 BINS = 16  # a large node may be split at as many places along each axis, less one
-SWEPT = 32  # a node of so few rows may be split between any two
-CHUNK = 1 << 15  # rows swept at once: what is read again then stays in the processor's cache
-# What a test of a row costs, in visits of a node: decides when a leaf of several rows is cheaper than nodes above them.
-ROW = float(os.environ.get("ROW", 1.0))
+SWEPT = 16  # a node of so few boxes may be split between any two
+CHUNK = 1 << 14  # boxes swept at once: what is read again then stays in the processor's cache
 
 
 @dataclass(frozen=True)
 class Split:
-    """A hierarchy over n boxes: inner nodes with two children each, and leaves that are ranges of `order`.
+    """A hierarchy over n boxes, level by level; its first node is the root.
 
-    order (n): the boxes' numbers, those of a leaf side by side, and the leaves of a batch, batches ascending.
-    low, high (nodes, 2, 3): the children's boxes. child (nodes, 2): the number of an inner node, or -1 - that of a
-    leaf. first, count, batch (leaves): a leaf's range, and the batch of its boxes. A single leaf has no node above it.
+    low, high (nodes, children, 3): the children's boxes. child (nodes, children): the number of a node, or -1 - that of
+    a box, or NONE.
     """
 
-    order: np.ndarray
     low: np.ndarray
     high: np.ndarray
     child: np.ndarray
-    first: np.ndarray
-    count: np.ndarray
-    batch: np.ndarray
 
 
-def split(low: np.ndarray, high: np.ndarray, batch: np.ndarray) -> Split:
-    """The hierarchy over boxes. Shapes: low, high (3, n) single; batch (n). Domain: n >= 1, finite, low <= high."""
-    level = Level(low, high, batch, np.arange(low.shape[1]), np.array([0, low.shape[1]]))
-    parent, side, nodes, leaves = np.empty(0, np.int64), np.empty(0, np.int64), 0, 0
-    lows, highs, children, ends = [], [], [], []
+NONE = np.iinfo(np.int64).min
+
+
+def split(low: np.ndarray, high: np.ndarray) -> Split:
+    """The hierarchy over boxes, n - 1 nodes of two children. Shapes: low, high (3, n) single.
+    Domain: n >= 2, finite, low <= high."""
+    n = low.shape[1]
+    level, nodes = Level(low, high, np.arange(n), np.array([0]), np.array([n])), 0
+    lows, highs, children = [], [], []
     for depth in range(DEPTH + 1):
-        right, share = level.halves(1 << max(0, DEPTH - 1 - depth))
-        leaf = (level.count == 1) | level.pure & (level.count <= LEAF) & (ROW * level.count <= 1 + ROW * share)
-        number = np.where(leaf, -leaves - np.cumsum(leaf), nodes + np.cumsum(~leaf) - 1)
+        inner = level.count > 1
+        k = np.count_nonzero(inner)
         if depth:
-            children[-1][parent, side] = number
-            lows[-1][parent, side], highs[-1][parent, side] = level.box_low.T, level.box_high.T
-        ends.append((level.ids[leaf[level.owner]], level.count[leaf], batch[level.ids[level.head[leaf]]]))
-        leaves += leaf.sum()
-        if leaf.all():
+            number = np.where(inner, nodes + np.cumsum(inner) - 1, -1 - level.ids[level.head])
+            children.append(number.reshape(-1, 2))
+            lows.append(level.box_low.T.reshape(-1, 2, 3))
+            highs.append(level.box_high.T.reshape(-1, 2, 3))
+        if not k:
             break
-        inner = ~leaf[level.owner]
-        k = np.count_nonzero(~leaf)
-        level = level.parted(inner, right[inner], level.count[~leaf])
-        parent, side, nodes = np.repeat(np.arange(k), 2), np.tile([0, 1], k), nodes + k
-        lows.append(np.empty((k, 2, 3), np.float32))
-        highs.append(np.empty((k, 2, 3), np.float32))
-        children.append(np.empty((k, 2), np.int64))
-    return _joined(lows, highs, children, ends)
+        right = level.halves(1 << max(0, DEPTH - 1 - depth))
+        level, nodes = level.parted(right), nodes + k
+    return Split(np.concatenate(lows), np.concatenate(highs), np.concatenate(children))
 
 
-def _joined(lows: list, highs: list, children: list, ends: list) -> Split:
-    """The levels one after the other, the leaves sorted by batch."""
-    ids, count, batch = (np.concatenate(x) for x in zip(*ends))
-    by_batch = np.argsort(batch, kind="stable")
-    place = np.empty(len(batch), np.int64)
-    place[by_batch] = np.arange(len(batch))
-    order = ids[np.argsort(np.repeat(place, count), kind="stable")]
-    count = count[by_batch]
-    child = np.concatenate([np.empty((0, 2), np.int64), *children])
-    child[child < 0] = -1 - place[-1 - child[child < 0]]
-    none = np.empty((0, 2, 3), np.float32)
-    low, high = np.concatenate([none, *lows]), np.concatenate([none, *highs])
-    return Split(order, low, high, child, np.cumsum(count) - count, count, batch[by_batch])
+def widened(two: Split) -> Split:
+    """The hierarchy with up to WIDTH children a node: of a node's children the largest gives way to its own two, again
+    and again. Shapes: as Split; where a node has fewer, the box is (0, 0) and the child NONE."""
+    child, area = two.child.ravel(), size((two.high - two.low).reshape(-1, 3).T, False)
+    area = np.where(child >= 0, area, -1)  # what is no node has no children
+    level, nodes, places, children = np.array([0]), 1, [], []
+    while len(level):
+        place, every = np.full((len(level), WIDTH), -1), np.arange(len(level))
+        place[:, 0], place[:, 1] = 2 * level, 2 * level + 1
+        for column in range(2, WIDTH):
+            largest = np.argmax(np.where(place >= 0, area[place], -1), axis=1)
+            opened = place[every, largest]
+            rows = every[child[opened] >= 0]
+            within = 2 * child[opened[rows]]
+            place[rows, largest[rows]], place[rows, column] = within, within + 1
+        below = np.where(place >= 0, child[place], NONE)
+        inner = below >= 0
+        level = below[inner]
+        below[inner] = nodes + np.arange(len(level))
+        nodes += len(level)
+        places.append(place)
+        children.append(below)
+    place, child = np.concatenate(places), np.concatenate(children)
+    low, high = (np.where(place[..., None] >= 0, x.reshape(-1, 3)[place], 0) for x in (two.low, two.high))
+    return Split(low, high, child)
 
 
-def size(extents: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Half the area of boxes, or the length of all their edges over four where `lines` says so."""
+def size(extents: np.ndarray, lines: np.ndarray | bool) -> np.ndarray:
+    """Half the area of boxes, or a fourth of the length of all their edges where `lines` says so."""
     x, y, z = extents
     return np.where(lines, x + y + z, x * y + y * z + z * x)
 
 
 class Level:
-    """The nodes of one level: ranges of `ids` that begin at `head`, `count` boxes each.
+    """The nodes of one level: ranges of boxes, `count` each from `head` on.
 
-    owner: the node of each id. box_low, box_high (3, nodes): around a node's boxes. middle (3, ids): twice the middle
-    of each box; least, most (3, nodes): theirs. pure: whether all boxes of a node are of one batch. lines: whether the
-    node's box has no area, so that lengths are compared instead.
+    low, high (3, boxes), ids (boxes): the boxes in that order, and their numbers. owner (boxes): their nodes.
+    box_low, box_high (3, nodes): around a node's boxes. middle (3, boxes): twice the middle of each; least, most (3,
+    nodes): theirs. lines (nodes): whether the node's box has no area, so that lengths are compared instead.
     """
 
-    def __init__(self, low, high, batch, ids, starts):
-        self.low, self.high, self.batch, self.ids = low, high, batch, ids
-        self.head, self.count = starts[:-1], np.diff(starts)
-        self.owner = np.repeat(np.arange(len(self.count)), self.count)
-        lows, highs = low[:, ids], high[:, ids]
-        self.box_low = np.minimum.reduceat(lows, self.head, axis=1)
-        self.box_high = np.maximum.reduceat(highs, self.head, axis=1)
-        self.middle = lows + highs
-        self.least, self.most = (f.reduceat(self.middle, self.head, axis=1) for f in (np.minimum, np.maximum))
-        of = batch[ids]
-        self.pure = np.minimum.reduceat(of, self.head) == np.maximum.reduceat(of, self.head)
-        extents = self.box_high - self.box_low
-        self.lines = size(extents, False) == 0
-        self.whole = size(extents, self.lines)
+    def __init__(self, low: np.ndarray, high: np.ndarray, ids: np.ndarray, head: np.ndarray, count: np.ndarray):
+        self.low, self.high, self.ids, self.head, self.count = low, high, ids, head, count
+        self.box_low = np.minimum.reduceat(low, head, axis=1)
+        self.box_high = np.maximum.reduceat(high, head, axis=1)
 
-    def parted(self, inner: np.ndarray, right: np.ndarray, count: np.ndarray) -> "Level":
-        """The next level: in the range of each inner node those that go left come first. inner: whether an id goes on;
-        right, count: of those that do, and of their nodes."""
+    @cached_property
+    def owner(self) -> np.ndarray:
+        return np.repeat(np.arange(len(self.count)), self.count)
+
+    def parted(self, right: np.ndarray) -> "Level":
+        """The next level: both halves of each node that has more than one box; those that go right come second."""
+        going = (self.count > 1)[self.owner]
+        right, count = right[going], self.count[self.count > 1]
         head = np.cumsum(count) - count
         before = np.cumsum(~right) - ~right  # how many of the same node go left before each
         before -= np.repeat(before[head], count)
         left = count - np.add.reduceat(right, head, dtype=np.int64)
-        at = np.arange(len(right)) - np.repeat(head, count)
-        place = np.repeat(head, count) + np.where(right, np.repeat(left, count) + at - before, before)
-        ids = np.empty(len(right), np.int64)
-        ids[place] = self.ids[inner]
-        starts = np.append(np.stack([head, head + left], axis=1).ravel(), len(ids))
-        return Level(self.low, self.high, self.batch, ids, starts)
+        at, start = np.arange(len(right)), np.repeat(head, count)
+        order = np.empty(len(right), np.int64)
+        order[start + np.where(right, np.repeat(left, count) + at - start - before, before)] = np.flatnonzero(going)
+        heads, counts = np.stack([head, head + left], axis=1), np.stack([left, count - left], axis=1)
+        moved = (x[..., order] for x in (self.low, self.high, self.ids))
+        return Level(*moved, heads.ravel(), counts.ravel())
 
-    def halves(self, room: int) -> tuple[np.ndarray, np.ndarray]:
-        """Which ids go to the right child of their node; and how many boxes a ray that meets a node meets on average in
-        the children that it meets. room: a node with more boxes is cut in equal halves, lest the tree be too deep."""
-        right, share = np.zeros(len(self.ids), bool), np.full(len(self.count), np.inf)
+    def halves(self, room: int) -> np.ndarray:
+        """Which boxes go to the right child of their node. room: a node with more boxes is cut in equal halves, lest
+        the tree be too deep."""
+        self.middle = self.low + self.high
+        self.least, self.most = (f.reduceat(self.middle, self.head, axis=1) for f in (np.minimum, np.maximum))
+        self.lines = size(self.box_high - self.box_low, False) == 0
+        right, cost = np.zeros(len(self.ids), bool), np.full(len(self.count), np.inf)
         apart = (self.count > 1) & (self.count <= room) & np.any(self.most > self.least, axis=0)
         with np.errstate(all="ignore"):  # empty bins have infinite boxes; what comes of them is not used
-            self._binned(np.flatnonzero(apart & (self.count > SWEPT)), right, share)
+            self._binned(np.flatnonzero(apart & (self.count > SWEPT)), right, cost)
             few = np.flatnonzero(apart & (self.count <= SWEPT))
             for width in 1 << np.arange(1, SWEPT.bit_length()):
                 alike = few[(self.count[few] <= width) & (2 * self.count[few] > width)]
                 for k in range(0, len(alike), CHUNK // width):
-                    self._swept(alike[k : k + CHUNK // width], width, right, share)
-        self._middle((self.count > 1) & np.isinf(share), right)
-        return right, share
+                    self._swept(alike[k : k + CHUNK // width], width, right, cost)
+        self._middle((self.count > 1) & np.isinf(cost), right)
+        return right
 
-    def _binned(self, nodes: np.ndarray, right: np.ndarray, share: np.ndarray) -> None:
+    def _binned(self, nodes: np.ndarray, right: np.ndarray, least_cost: np.ndarray) -> None:
         """Splits the nodes between two bins, into which their boxes fall by their middles."""
-        if not len(nodes):
-            return
         k = len(nodes)
+        if not k:
+            return
         new = np.full(len(self.count), -1)
         new[nodes] = np.arange(k)
-        at = np.flatnonzero(new[self.owner] >= 0)
-        node, ids, lines = new[self.owner[at]], self.ids[at], self.lines[nodes, None]
-        lows, highs = self.low[:, ids], self.high[:, ids]
-        best, axis_of, cut = np.full(k, np.inf), np.zeros(k, int), np.zeros(k, int)
-        bins = np.empty((3, len(at)), np.int32)
+        node = new[self.owner]
+        at = slice(None) if k == len(new) else np.flatnonzero(node >= 0)
+        node, low, high = node[at], self.low[:, at], self.high[:, at]
+        best, bins = Cheapest(k), []
         for axis in range(3):
             least = self.least[axis, nodes]
             span = self.most[axis, nodes] - least
-            scale = np.where(span > 0, BINS / np.where(span > 0, span, 1), 0)
-            bins[axis] = np.minimum((self.middle[axis, at] - least[node]) * scale[node], BINS - 1)
-            key = node * BINS + bins[axis]
-            count = np.bincount(key, minlength=k * BINS).reshape(k, BINS)
-            low, high = np.full((3, k * BINS), np.inf, np.float32), np.full((3, k * BINS), -np.inf, np.float32)
+            scale = np.where(span > 0, BINS / np.where(span > 0, span, 1), 0).astype(np.float32)
+            along = (self.middle[axis, at] - least[node]) * scale[node]
+            bins.append(np.minimum(along.astype(np.int64), BINS - 1))
+            key = bins[-1] * k + node
+            count = np.bincount(key, minlength=k * BINS).reshape(BINS, k)
+            lows = np.full((3, BINS * k), np.inf, np.float32)
+            highs = np.full((3, BINS * k), -np.inf, np.float32)
             for c in range(3):
-                np.minimum.at(low[c], key, lows[c])
-                np.maximum.at(high[c], key, highs[c])
-            cost = _costs(low.reshape(3, k, BINS), high.reshape(3, k, BINS), count, lines)
-            self._keep(cost, axis, best, axis_of, cut)
-        right[at] = bins[axis_of[node], np.arange(len(at))] > cut[node]
-        share[nodes] = best / self.whole[nodes]
+                np.minimum.at(lows[c], key, low[c])
+                np.maximum.at(highs[c], key, high[c])
+            best.see(axis, lows.reshape(3, BINS, k), highs.reshape(3, BINS, k), count, self.lines[nodes])
+        right[at] = np.choose(best.axis[node], bins) > best.cut[node]
+        least_cost[nodes] = best.cost
 
-    def _swept(self, nodes: np.ndarray, width: int, right: np.ndarray, share: np.ndarray) -> None:
+    def _swept(self, nodes: np.ndarray, width: int, right: np.ndarray, least_cost: np.ndarray) -> None:
         """Splits the nodes, of at most `width` boxes, between any two neighbours along an axis."""
-        k, column = len(nodes), np.arange(width)
-        count = self.count[nodes, None]
-        there, lines = column < count, self.lines[nodes, None]
-        at = self.head[nodes, None] + np.minimum(column, count - 1)
-        best, axis_of, cut = np.full(k, np.inf), np.zeros(k, int), np.zeros(k, int)
-        orders = []
+        count, column = self.count[nodes], np.arange(width)[:, None]
+        there = column < count
+        at = self.head[nodes] + np.minimum(column, count - 1)
+        best, orders = Cheapest(len(nodes)), []
         for axis in range(3):
-            along = np.argsort(np.where(there, self.middle[axis, at], np.inf), axis=1, kind="stable")
-            orders.append(np.take_along_axis(at, along, axis=1))
-            ids = self.ids[orders[-1]]
-            low, high = np.where(there, self.low[:, ids], np.inf), np.where(there, self.high[:, ids], -np.inf)
-            self._keep(_costs(low, high, there, lines), axis, best, axis_of, cut)
-        chosen = np.array(orders)[axis_of, np.arange(k)]
-        right[chosen[there]] = (column > cut[:, None])[there]
-        share[nodes] = best / self.whole[nodes]
-
-    def _keep(self, cost: np.ndarray, axis: int, best: np.ndarray, axis_of: np.ndarray, cut: np.ndarray) -> None:
-        """Notes the cheapest place of this axis where it is cheaper than the best so far."""
-        place = np.argmin(cost, axis=1)
-        cost = np.take_along_axis(cost, place[:, None], axis=1)[:, 0]
-        better = cost < best
-        best[better], axis_of[better], cut[better] = cost[better], axis, place[better]
+            along = np.argsort(np.where(there, self.middle[axis, at], np.inf), axis=0, kind="stable")
+            orders.append(np.take_along_axis(at, along, axis=0))
+            low, high = self.low[:, orders[-1]], self.high[:, orders[-1]]
+            low[:, ~there], high[:, ~there] = np.inf, -np.inf
+            best.see(axis, low, high, there, self.lines[nodes])
+        chosen = np.choose(best.axis, orders)
+        right[chosen[there]] = (column > best.cut)[there]
+        least_cost[nodes] = best.cost
 
     def _middle(self, nodes: np.ndarray, right: np.ndarray) -> None:
-        """Splits the nodes in two equal halves, by batch and then along the axis on which their middles differ most."""
+        """Splits the nodes in two equal halves, along the axis on which their middles differ most."""
         at = np.flatnonzero(nodes[self.owner])
         if not len(at):
             return
         owner = self.owner[at]
         axis = np.argmax(self.most - self.least, axis=0)
-        order = np.lexsort((self.middle[axis[owner], at], self.batch[self.ids[at]], owner))
-        # `at` is sorted by owner, so a node's ids take the same places in it as in the sorted order.
-        rank = at - self.head[owner]
-        right[at[order]] = 2 * rank >= self.count[owner]
+        order = np.lexsort((self.middle[axis[owner], at], owner))
+        # `at` ascends by owner, so a node's boxes take the same places in it as in the sorted order.
+        right[at[order]] = 2 * (at - self.head[owner]) >= self.count[owner]
 
 
-def _costs(low: np.ndarray, high: np.ndarray, count: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """The size of both halves, each times its number of boxes, for a cut behind each column but the last. inf where a
-    half would be empty. Shapes: low, high (3, nodes, columns), count (nodes, columns), lines (nodes, 1)."""
-    left = np.cumsum(count, axis=1, dtype=np.int32)[:, :-1]
-    rest = count.sum(axis=1, dtype=np.int32)[:, None] - left
-    ahead = np.maximum.accumulate(high, axis=2) - np.minimum.accumulate(low, axis=2)
-    back = np.maximum.accumulate(high[..., ::-1], axis=2) - np.minimum.accumulate(low[..., ::-1], axis=2)
-    cost = size(ahead[..., :-1], lines) * left + size(back[..., -2::-1], lines) * rest
-    return np.where((left > 0) & (rest > 0), cost, np.inf)
+class Cheapest:
+    """For each of k nodes the cheapest cut seen so far: behind column `cut` along `axis`, at `cost`; inf: none."""
+
+    def __init__(self, k: int):
+        self.cost, self.axis, self.cut = np.full(k, np.inf), np.zeros(k, int), np.zeros(k, int)
+
+    def see(self, axis: int, low: np.ndarray, high: np.ndarray, count: np.ndarray, lines: np.ndarray) -> None:
+        """Compares the cuts along one more axis: the sizes of both halves, each times its number of boxes. low, high
+        are overwritten. Shapes: low, high (3, columns, nodes), count (columns, nodes), lines (nodes)."""
+        total, all_low, all_high = count.sum(axis=0), low[:, -1].copy(), high[:, -1].copy()
+        last = len(count) - 1
+        behind = np.empty((last, len(lines)))
+        for j in range(last, 0, -1):  # what lies behind each cut, from the last column on
+            behind[j - 1] = size(all_high - all_low, lines)
+            np.minimum(all_low, low[:, j - 1], out=all_low)
+            np.maximum(all_high, high[:, j - 1], out=all_high)
+        left = np.zeros(len(lines), np.int64)
+        for j in range(last):
+            if j:
+                np.minimum(low[:, j], low[:, j - 1], out=low[:, j])
+                np.maximum(high[:, j], high[:, j - 1], out=high[:, j])
+            left = left + count[j]
+            cost = size(high[:, j] - low[:, j], lines) * left + behind[j] * (total - left)
+            better = (left > 0) & (left < total) & (cost < self.cost)
+            self.cost[better], self.axis[better], self.cut[better] = cost[better], axis, j

@@ -21,6 +21,7 @@ from visray.accel.crossings import Piece, occludes, way_inside
 from visray.accel.culling import Cone, Ground, Guard, flush, ground, guard, rounding
 from visray.accel.tree import Tree, Walk, build
 from visray.batches import Batch, boxes
+from visray.geometry import gamma
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, Hit, KnownEnds, Ray
@@ -168,6 +169,11 @@ class RayOrigin:
         x, y, z, least = dr.gather(self.a.Q32, self.packets[c.batch], c.row)
         return type(guards)(self.a.V32(x, y, z), least)
 
+    def is_near(self, c: Candidate, d: Any, reach: Any = None) -> Any:
+        """Whether rays in direction `d`, as long as `reach` or endless (both single), may meet a row. In the tree they
+        have come into its box."""
+        return self.a.B(True) if c.batch in self.plan.tree else self.guard(c).candidate(d, reach)
+
     def _row(self, c: Candidate) -> Batch:
         return self.batches[c.batch].geometry(c.row)
 
@@ -190,9 +196,8 @@ class RayOrigin:
             on_start, part = on if on_start is None else on_start | on, None
         return KnownEnds(on_start, inside, part)
 
-    def sweep(self, query: Query, d: Any, state: tuple, brute_force: bool) -> tuple:
-        """`state` after the query is put to every row that a ray in direction `d` (single) may meet; `brute_force`: to
-        all rows."""
+    def sweep(self, query: Query, ray: Ray, state: tuple, brute_force: bool) -> tuple:
+        """`state` after the query is put to every row that a ray may meet; `brute_force`: to all rows."""
         few: list[Candidate] = []
         for number, batch in enumerate(self.batches):
             n = len(batch)
@@ -217,7 +222,7 @@ class RayOrigin:
                     state = self._gathered(query, batch, each[first : first + 32], first, state)
         state = self._few(query, few, state)
         if not brute_force and self.plan.tree:
-            state = self._walked(query, d, state)
+            state = self._walked(query, ray, state)
         return state
 
     def _few(self, query: Query, each: list[Candidate], state: tuple) -> tuple:
@@ -271,14 +276,14 @@ class RayOrigin:
         i = dr.zeros(self.a.U, dr.width(state))
         return dr.while_loop((i, *state), lambda i, *_: i < last, body, label="rows")[1:]
 
-    def _walked(self, query: Query, d: Any, state: tuple) -> tuple:
+    def _walked(self, query: Query, ray: Ray, state: tuple) -> tuple:
         """The state after the rows in the tree."""
 
         def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
             c = Candidate(number, dr.select(present, index - self.batches[number].base, 0), index, present)
             return _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s), "intersect")
 
-        walk = Walk.along(self.a, self.geometry.tree, self.o, d)
+        walk = Walk.along(self.a, self.geometry.tree, self.o, ray.exact().d)
         return walk.through(state, visit, query.t_max, lambda state: query.finished(*state))
 
 
@@ -308,7 +313,7 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
     def may_hit(c: Candidate, *_: Any) -> Any:
         if origin.shared and origin.batches[c.batch].radius is None:
             return a.B(active)  # a floor is met by most rays from the eye: to ask first costs more
-        return origin.guard(c).candidate(d32) & ~origin.never_rehit(c, ray) & c.present & active
+        return origin.is_near(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
 
     def intersect(c: Candidate, t: Any, row: Any, *part: Any) -> tuple:
         # Other rays are read in here, so that a packet of rays that is not a candidate does not wait for it.
@@ -321,8 +326,8 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
         part = tuple(dr.select(nearer, a.U(0) if x.part is None else x.part, old) for old in part)
         return dr.select(nearer, x.t, t), dr.select(nearer, c.index, row), *part
 
-    query = Query(may_hit, intersect, lambda state: a.F32(state[0]), lambda *_: ~(active | a.B(False)))
-    return Hit(*origin.sweep(query, d32, start, brute_force))
+    query = Query(may_hit, intersect, lambda state: state[0], lambda *_: ~(active | a.B(False)))
+    return Hit(*origin.sweep(query, ray, start, brute_force))
 
 
 @dataclass(frozen=True)
@@ -408,7 +413,7 @@ def _between(
 
     def may_hit(c: Candidate, *state: Any) -> Any:
         maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray)
-        maybe &= origin.guard(c).candidate(d32, reach)
+        maybe &= origin.is_near(c, d32, reach)
         if target.row is None:
             return maybe
         # The way back from the end would leave it so.
@@ -446,5 +451,7 @@ def _between(
         p = piece(c, *(begun or begin()))
         return change(c, p, attached(c, p), *state)
 
-    query = Query(may_hit, intersect, lambda _: reach, lambda *state: finished(*state) | ~active, begin)
-    return origin.sweep(query, d32, start, brute_force)
+    # In single the length of a way is off by a few roundings.
+    farthest = a.D(target.distance) * (1 + gamma(16, "single"))
+    query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin)
+    return origin.sweep(query, ray, start, brute_force)

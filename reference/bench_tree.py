@@ -1,0 +1,151 @@
+"""The tree over boxes against the tree it replaced, both with the same tests of rows: time, boxes and rows looked at.
+
+    python reference/bench_tree.py --before PATH -o reference/bench_tree.json
+
+PATH: a checkout of visray whose trees are those of `visray.bvh` (over spheres, one a batch), such as 45a7471. Both run
+by turns, each turn a process of its own with one thread; of the turns the least processor time counts.
+
+Scenes: random spheres, boxes, slivers (triangles of aspect 1,000) and all three in turn, 1,000 and more of each. Rays:
+of a camera (neighbours are alike), from a light to what the camera sees (anything between), random ones from within.
+Rows are asked as a search does: a sphere around each in single, then the exact test in double in a branch. Then how
+long trees take to build, and kernels to compile, by the number of batches.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import visray  # noqa: F401  # isort: skip - first, because it chooses the LLVM that Dr.Jit loads
+import drjit as dr
+import numpy as np
+from tree_search import LAMP, SHAPES, SIDE, Search, rays, world
+
+from visray.quantities import Arrays
+
+COUNTS, TURNS, RUNS = (1000, 10_000, 100_000), 3, 3
+
+
+def measured(ask: Callable) -> dict:
+    """Seconds to compile; the least seconds of a run; boxes and rows looked at a ray; the answers, summed up."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        answers = ask()[0]
+        dr.eval(answers)
+        dr.sync_thread()
+        compiled = sum(k["codegen_time"] + k["backend_time"] for k in dr.kernel_history([dr.KernelType.JIT])) / 1e3
+    seconds = []
+    for _ in range(RUNS):
+        begun = time.process_time()
+        dr.eval(ask()[0])
+        dr.sync_thread()
+        seconds.append(time.process_time() - begun)
+    finite = np.array(answers[0]).astype(float)
+    return {"compile_s": compiled, "s": min(seconds), "answers": float(finite[np.isfinite(finite)].sum())}
+
+
+def one(shape: str, n: int) -> dict:
+    """All about one scene, with the tree of the visray that is imported."""
+    a = Arrays.of("llvm", "single")
+    search, report = Search(a, world(shape, n)), {}
+    report["build_s"] = search.build
+    eye, to = rays("camera")
+    seen = np.array(search.closest(a.put(a.W, eye), a.put(a.W, to))[0][0])
+    points = eye + to * np.where(np.isfinite(seen), seen, 9.0)
+    lamp = np.array(LAMP)[:, None]
+    far = np.linalg.norm(points - lamp, axis=0)
+    between = (lamp, (points - lamp) / far, far * (1 - 2.0**-32))  # short of what is seen, by more than its rounding
+    sets = {"camera": (eye, to), "shadow": between, "random": rays("random")}
+    for name, (o, d, *length) in sets.items():
+        o, d, length = a.put(a.W, o), a.put(a.W, d), [a.put(a.D, x) for x in length]
+
+        def ask(search: Search = search, o: Any = o, d: Any = d, length: list = length) -> tuple:
+            return search.any(o, d, *length) if length else search.closest(o, d)
+
+        report[name] = measured(ask)
+        counting = Search(a, world(shape, n), counted=True)
+        _, boxes, rows = ask(counting)
+        report[name] |= {"boxes": float(np.mean(np.array(boxes))), "rows": float(np.mean(np.array(rows)))}
+    return report
+
+
+def batches(k: int) -> float:
+    """Seconds to compile a search of k batches, spheres, boxes and slivers in turn."""
+    a, kinds = Arrays.of("llvm", "single"), ("spheres", "boxes", "slivers")
+    search = Search(a, [world(kinds[i % 3], 100)[0] for i in range(k)])
+    o, d = (a.put(a.W, x) for x in rays("random"))
+    return measured(lambda: search.closest(o, d))["compile_s"]
+
+
+def builds() -> dict[str, float]:
+    """Seconds to build trees over spheres."""
+    a = Arrays.of("llvm", "single")
+    Search(a, world("spheres", 1000))
+    return {str(n): Search(a, world("spheres", n)).build for n in (1000, 10_000, 100_000, 1_000_000)}
+
+
+def turn(root: Path, *work: str) -> Any:
+    """What a process that imports the visray at `root` reports; its kernel cache is empty."""
+    with tempfile.TemporaryDirectory() as cache:
+        environment = os.environ | {"PYTHONPATH": str(root), "DRJIT_CACHE_DIR": cache}
+        command = [sys.executable, str(Path(__file__).resolve()), "--work", *work]
+        return json.loads(subprocess.run(command, check=True, env=environment, stdout=subprocess.PIPE).stdout)
+
+
+def compared(shape: str, n: int, roots: dict[str, Path], turns: int) -> dict:
+    """Both trees on one scene, by turns: times the least of all turns."""
+    reports: dict[str, list] = {name: [] for name in roots}
+    for _ in range(turns):
+        for name, root in roots.items():
+            reports[name].append(turn(root, "one", shape, str(n)))
+    result: dict[str, Any] = {"shape": shape, "rows": n}
+    for kind in ("camera", "shadow", "random"):
+        result[kind] = {}
+        for name, of in reports.items():
+            result[kind][name] = of[0][kind] | {k: min(r[kind][k] for r in of) for k in ("s", "compile_s")}
+            result[kind][name]["Mrays_per_s"] = SIDE * SIDE / 1e6 / result[kind][name]["s"]
+        if len(roots) == 2:
+            old, new = result[kind]["before"], result[kind]["after"]
+            if old["answers"] != new["answers"]:
+                raise SystemExit(f"{shape} {n} {kind}: the answers differ")
+            result[kind]["speedup"] = old["s"] / new["s"]
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--before", type=Path, help="a checkout with the trees over spheres")
+    parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=SHAPES)
+    parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
+    parser.add_argument("--turns", type=int, default=TURNS)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--work", nargs="+", help=argparse.SUPPRESS)
+    chosen = parser.parse_args()
+    if chosen.work:
+        dr.set_thread_count(1)
+        name, *of = chosen.work
+        work = {"one": lambda shape, n: one(shape, int(n)), "batches": lambda k: batches(int(k)), "builds": builds}
+        print(json.dumps(work[name](*of)))
+        return
+    from machine import machine
+
+    here = Path(__file__).resolve().parent.parent
+    roots = {"before": chosen.before.resolve()} if chosen.before else {}
+    roots["after"] = here
+    report = machine() | {"rays": SIDE * SIDE, "threads": 1}
+    report["scenes"] = [compared(s, n, roots, chosen.turns) for s in chosen.shapes for n in chosen.counts]
+    report["compile_s_by_batches"] = {k: {n: turn(r, "batches", str(k)) for n, r in roots.items()} for k in (1, 3, 10)}
+    report["build_s_by_rows"] = {n: turn(r, "builds") for n, r in roots.items()}
+    text = json.dumps(report, indent=2) + "\n"
+    sys.stdout.write(text)
+    if chosen.output:
+        chosen.output.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

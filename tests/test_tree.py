@@ -1,0 +1,352 @@
+"""The tree over boxes: what is found through it is what the loop over all rows finds, bit for bit; every row is below
+one leaf, every box holds what is below it, and its splits cost no more than equal halves."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import pytest
+
+from visray.accel import boxes
+from visray.accel.boxes import DEPTH, NONE, WIDTH, split, widened
+from visray.accel.tree import NOTHING, ROW, STACK, STRIDE, Walk, build
+from visray.quantities import Arrays
+from visray.ray import NO_ROW, unit
+
+A = Arrays.of("llvm", "single")
+RAYS = 16384
+
+
+# Rows to find: spheres of batch 0, boxes of batch 1, each tested in double.
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Middles and half sides; the first `spheres` rows are spheres, of radius x of the half sides. Shapes: (3, n)."""
+
+    middle: np.ndarray
+    half: np.ndarray
+    spheres: int
+
+    @property
+    def batch(self) -> np.ndarray:
+        return (np.arange(self.middle.shape[1]) >= self.spheres).astype(int)
+
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        return (self.middle - self.half).T, (self.middle + self.half).T
+
+
+def sphere(middle: Any, half: Any, o: Any, d: Any) -> Any:
+    """Where rays enter spheres, or leave them if they start within; inf if they do not meet them."""
+    to = middle - o
+    along = dr.dot(to, d)
+    aside = to - along * d
+    square = half.x * half.x - dr.squared_norm(aside)
+    root = dr.sqrt(dr.maximum(square, 0))
+    t = dr.select(along - root > 0, along - root, along + root)
+    return dr.select((square >= 0) & (t > 0), t, dr.inf)
+
+
+def box(middle: Any, half: Any, o: Any, d: Any) -> Any:
+    """The same for boxes."""
+    begin, end = A.D(-dr.inf), A.D(dr.inf)
+    for axis in range(3):
+        low, high = middle[axis] - half[axis] - o[axis], middle[axis] + half[axis] - o[axis]
+        along = d[axis] == 0
+        within = (low <= 0) & (high >= 0)
+        one, two = low / d[axis], high / d[axis]
+        first = dr.select(along, dr.select(within, -dr.inf, dr.inf), dr.select(one < two, one, two))
+        last = dr.select(along, dr.select(within, dr.inf, -dr.inf), dr.select(one < two, two, one))
+        begin, end = dr.select(first > begin, first, begin), dr.select(last < end, last, end)
+    t = dr.select(begin > 0, begin, end)
+    return dr.select((begin <= end) & (t > 0), t, dr.inf)
+
+
+KINDS = (sphere, box)
+
+
+class Scene:
+    """Rows and their tree, asked through it or one by one."""
+
+    def __init__(self, rows: Rows):
+        self.rows = rows
+        self.n = rows.middle.shape[1]
+        self.middle, self.half = A.put(A.W, rows.middle), A.put(A.W, rows.half)
+        self.tree = build(A, *rows.corners(), rows.batch, np.arange(self.n))
+
+    def t(self, batch: int, row: Any, o: Any, d: Any) -> Any:
+        return KINDS[batch](dr.gather(A.W, self.middle, row), dr.gather(A.W, self.half, row), o, d)
+
+    def closest(self, o: Any, d: Any, plain: bool, active: Any = True) -> tuple:
+        exact = d if type(d) is A.W else unit(d, A.W)
+
+        def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
+            best, index = state
+            t = self.t(batch, row, o, exact)
+            nearer = ((t < best) | ((t == best) & (row < index) & (t < dr.inf))) & present
+            return dr.select(nearer, t, best), dr.select(nearer, row, index)
+
+        start = (dr.full(A.D, dr.inf, dr.width(d)), dr.full(A.U, NO_ROW, dr.width(d)))
+        if plain:
+            return self.loop(start, visit)
+        return Walk.along(A, self.tree, o, d).through(start, visit, lambda s: s[0], lambda _: ~A.B(active))
+
+    def any(self, o: Any, d: Any, length: Any, plain: bool) -> Any:
+        def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
+            return (state[0] | (present & (self.t(batch, row, o, d) < length)),)
+
+        start = (dr.full(A.B, False, dr.width(d)),)
+        if plain:
+            return self.loop(start, visit)[0]
+        return Walk.along(A, self.tree, o, d).through(start, visit, lambda _: length, lambda s: s[0])[0]
+
+    def loop(self, state: tuple, visit: Any) -> tuple:
+        for batch, (begin, end) in enumerate(((0, self.rows.spheres), (self.rows.spheres, self.n))):
+            end = dr.opaque(A.U, end)
+
+            def step(row: Any, *state: Any, batch: int = batch) -> tuple:
+                return (row + 1, *visit(batch, state, row, True))
+
+            row = dr.full(A.U, begin, dr.width(state))
+            state = dr.while_loop((row, *state), lambda row, *_, end=end: row < end, step)[1:]
+        return state
+
+
+def random(rng: np.random.Generator, n: int, size: float = 0.2) -> Rows:
+    return Rows(rng.uniform(-1, 1, (3, n)), size * rng.uniform(0.01, 1, (3, n)), n // 2)
+
+
+def kept_round(rows: Rows) -> Rows:
+    half = rows.half.copy()
+    half[1:, : rows.spheres] = half[0, : rows.spheres]
+    return Rows(rows.middle, half, rows.spheres)
+
+
+def flat(rng: np.random.Generator) -> Rows:
+    """All in one plane, across an axis."""
+    rows = random(rng, 100)
+    rows.middle[2], rows.half[2, 50:] = 0.25, 0
+    return rows
+
+
+def alike(rng: np.random.Generator) -> Rows:
+    return Rows(np.full((3, 300), 0.1), np.full((3, 300), 0.3), 150)
+
+
+def points(rng: np.random.Generator) -> Rows:
+    """Boxes without size, many in the same place, among a few with one."""
+    rows = random(rng, 100)
+    rows.half[:, 60:] = 0
+    rows.middle[:, 80:] = rows.middle[:, 80:81]
+    return rows
+
+
+def line(rng: np.random.Generator) -> Rows:
+    rows = random(rng, 64)
+    rows.middle[1:], rows.half[1:, 32:] = 0, 0
+    return rows
+
+
+def scales(rng: np.random.Generator) -> Rows:
+    """Sizes and places from 1e-9 to 1e9."""
+    size = 10 ** rng.uniform(-9, 8, 200)
+    middle = np.clip(rng.normal(size=(3, 200)) * size * 3, -1e9, 1e9)
+    return Rows(middle, size * rng.uniform(0.1, 1, (3, 200)), 100)
+
+
+def halved(rng: np.random.Generator) -> Rows:
+    """Each box half as large and as far as the one before: what splits by bins peel off one by one."""
+    size = 2.0 ** -np.arange(120)
+    return Rows(size * np.ones((3, 1)), 0.3 * size * np.ones((3, 1)), 60)
+
+
+WORLDS = {
+    "sparse": lambda rng: random(rng, 37),
+    "dense": lambda rng: random(rng, 500, 1.0),
+    "small": lambda rng: random(rng, 2000, 0.03),
+    "far from zero": lambda rng: Rows(random(rng, 200).middle + 1e6, random(rng, 200).half, 100),
+    "only boxes": lambda rng: Rows(random(rng, 50).middle, random(rng, 50).half, 0),
+    "only spheres": lambda rng: Rows(random(rng, 50).middle, random(rng, 50).half, 50),
+    "flat": flat,
+    "alike": alike,
+    "points": points,
+    "line": line,
+    "scales": scales,
+    "halved": halved,
+}
+
+
+def world(name: str, seed: int = 1) -> Rows:
+    return kept_round(WORLDS[name](np.random.default_rng(seed)))
+
+
+def rays(rows: Rows, rng: np.random.Generator, far: float, n: int = RAYS) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from around the rows, or from `far` of their extents away; half are aimed at points on rows, many along an
+    axis or in a plane across one, some exactly at edges of boxes, from corners of
+    boxes or from the middle of all."""
+    low, high = rows.corners()
+    middle, span = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0), np.ptp(np.concatenate([low, high]), axis=0).max()
+    o = middle[:, None] + (far + 1) * span * rng.normal(size=(3, n)) * 10 ** rng.uniform(-3, 0, n)
+    row = rng.integers(0, rows.middle.shape[1], n)
+    target = rows.middle[:, row] + rows.half[:, row] * rng.choice([-1, -0.99, 0, 0.5, 1], (3, n))
+    # In the middle of all nothing but relative errors of the distances is left.
+    o[:, rng.random(n) < 0.2] = middle[:, None]
+    corner = rng.random(n) < 0.1
+    o[:, corner] = (rows.middle + rows.half)[:, rng.integers(0, rows.middle.shape[1], corner.sum())]
+    # In the plane of a face or along an edge.
+    same = (rng.random((3, n)) < 0.3) & (rng.random(n) < 0.5)
+    o[same] = target[same]
+    d = np.where(rng.random(n) < 0.7, target - o, rng.normal(size=(3, n)))
+    d[:, ~d.any(axis=0)] = np.array([[1.0], [0], [-0.0]])
+    d[rng.random((3, n)) < 0.01] *= 1e-30
+    d = d / np.abs(d).max(axis=0)
+    return o, d / np.sqrt((d * d).sum(axis=0))
+
+
+@pytest.mark.parametrize("far", [0.0, 3.0, 1e3, 1e6, 1e10])
+@pytest.mark.parametrize("name", WORLDS)
+def test_answers_are_those_of_the_loop_over_all_rows(name: str, far: float) -> None:
+    """Rationale: a fast path equals its slow twin. Setup: worlds, origins and directions that are hard for boxes in
+    single. Expected: the same distance, row and shadow, bit for bit; and not by missing everything."""
+    rows = world(name)
+    scene, rng = Scene(rows), np.random.default_rng(2)
+    o, d = (A.put(A.W, x) for x in rays(rows, rng, far))
+    (t, index), (u, other) = (scene.closest(o, d, plain) for plain in (False, True))
+    assert np.array_equal(np.array(t), np.array(u)) and np.array_equal(np.array(index), np.array(other))
+    met = np.array(index) != NO_ROW
+    assert met.mean() > 0.02
+    length = A.put(A.D, np.where(met, np.array(t) * rng.choice([0.5, 1, 1 + 2**-50, 2], RAYS), 1))
+    assert np.array_equal(*(np.array(scene.any(o, d, length, plain)) for plain in (False, True)))
+
+
+def test_origins_that_rays_share() -> None:
+    """An origin of one entry gives what one of as many as rays gives, and so do directions in single."""
+    scene, rng = Scene(world("small")), np.random.default_rng(3)
+    d = rng.normal(size=(3, RAYS))
+    d = A.put(A.V32, d / np.linalg.norm(d, axis=0))
+    eye = np.array([[0.1], [0.2], [3.0]])
+    wide, shared = (A.put(A.W, np.repeat(eye, k, axis=1)) for k in (RAYS, 1))
+    single = scene.closest(shared, d, plain=False)
+    for o in (wide, shared):
+        exact = unit(d, A.W)
+        for plain in (False, True):
+            for x, y in zip(single, scene.closest(o, exact, plain)):
+                assert np.array_equal(np.array(x), np.array(y))
+
+
+def test_a_tree_of_one_row() -> None:
+    rows = random(np.random.default_rng(4), 1)
+    scene = Scene(Rows(rows.middle, rows.half, 0))
+    o, d = (A.put(A.W, x) for x in rays(scene.rows, np.random.default_rng(5), 1.0))
+    for x, y in zip(scene.closest(o, d, False), scene.closest(o, d, True)):
+        assert np.array_equal(np.array(x), np.array(y))
+    assert (np.array(scene.closest(o, d, False)[1]) == 0).any()
+
+
+def test_rays_that_are_not_concerned() -> None:
+    """Lanes that are done and lanes that are not finite visit nothing; a limit ends the walk before what is beyond."""
+    scene, rng = Scene(world("small")), np.random.default_rng(6)
+    o, d = rays(scene.rows, rng, 1.0)
+    active = rng.random(RAYS) < 0.5
+    bad = [(np.nan, 0), (np.inf, 1), (-np.inf, 2)]
+    for k, (value, axis) in enumerate(bad):
+        o[axis, k::20], d[axis, k + 5 :: 20] = value, value
+    finite = np.isfinite(o).all(axis=0) & np.isfinite(d).all(axis=0)
+    asked = active & finite
+    o, d = A.put(A.W, o), A.put(A.W, d)
+
+    def count(active: Any, within: float) -> tuple:
+        def visit(_: int, state: tuple, row: Any, present: Any) -> tuple:
+            return state
+
+        start = (dr.full(A.D, within, RAYS),)
+        walk = Walk.along(A, scene.tree, o, d)
+        return tuple(np.array(x) for x in walk.through(start, visit, lambda s: s[0], lambda _: ~active, True)[1:])
+
+    nodes, rows = count(A.put(A.B, active), dr.inf)
+    assert np.array_equal(nodes > 0, asked) and not rows[~asked].any() and rows.any()
+    for x, y in zip(count(A.B(True), 0.01), count(A.B(True), dr.inf)):
+        assert (x <= y).all() and x.sum() < 0.5 * y.sum()
+    index = np.array(scene.closest(o, d, False, A.put(A.B, active))[1])
+    assert (index[~asked] == NO_ROW).all() and (index[asked] != NO_ROW).any()
+
+
+def unpacked(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Low and high corners of the children of a tree's nodes, relative to its centre, and their words."""
+    nodes = np.array(scene.tree.nodes).reshape(-1, STRIDE)
+    corners = nodes[:, : 6 * WIDTH].reshape(-1, 2, WIDTH, 3)
+    return corners[:, 0], corners[:, 1], nodes[:, 6 * WIDTH : 7 * WIDTH].copy().view(np.uint32)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_every_row_is_below_one_leaf_and_every_box_holds_what_is_below(name: str) -> None:
+    scene = Scene(world(name))
+    low, high, words = unpacked(scene)
+    is_row, is_node = (words >= ROW) & (words != NOTHING), words < ROW
+    assert np.array_equal(np.sort(words[is_row] ^ ROW), np.arange(scene.n))
+    assert np.array_equal(np.sort(words[is_node]), np.arange(1, len(words)))
+    centre = np.array(scene.tree.centre)[:, 0]
+    for row, least, most in zip(words[is_row] ^ ROW, low[is_row], high[is_row]):
+        # Exact: the difference of two doubles is one or its rounding, and singles are told from it.
+        for corner, edge, out in zip(scene.rows.corners(), (least, most), (-1, 1)):
+            exact = np.array([np.longdouble(x) - np.longdouble(c) for x, c in zip(corner[row], centre)])
+            assert (out * (edge.astype(np.longdouble) - exact) >= 0).all()
+            ulps = np.spacing(np.maximum(np.abs(edge), np.float32(1e-38)))
+            assert (np.abs(edge - exact) <= 2 * ulps).all()
+    there = words != NOTHING
+    least, most = (
+        np.where(there[..., None], low, np.inf).min(axis=1),
+        np.where(there[..., None], high, -np.inf).max(axis=1),
+    )
+    assert np.array_equal(low[is_node], least[words[is_node]]) and np.array_equal(high[is_node], most[words[is_node]])
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_the_stack_holds_what_a_way_down_leaves(name: str) -> None:
+    _, _, words = unpacked(Scene(world(name)))
+    depth = np.zeros(len(words), int)
+    for node in range(len(words)):  # children come after their node
+        below = words[node][words[node] < ROW]
+        depth[below] = depth[node] + (words[node] != NOTHING).sum() - 1
+    assert depth.max() + WIDTH - 1 < STACK
+
+
+@pytest.mark.parametrize("limit", [6, 7, 10])
+def test_no_tree_is_deeper_than_it_may_be(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boxes that ask for a deep tree are cut in equal halves where they must be."""
+    monkeypatch.setattr(boxes, "DEPTH", limit)
+    low, high = (x.T.astype(np.float32) for x in world("halved").corners())
+    low, high = low[:, : 1 << limit], high[:, : 1 << limit]
+    two = split(low, high)
+    depth = np.zeros(len(two.child), int)
+    for node in range(len(two.child)):
+        depth[two.child[node][two.child[node] >= 0]] = depth[node] + 1
+    assert depth.max() < limit
+
+
+def halves(low: np.ndarray, high: np.ndarray, rows: np.ndarray) -> float:
+    """The area of all nodes below the first, where each is cut in equal halves across its longest side."""
+    if len(rows) < 2:
+        return 0.0
+    middle = low[rows] + high[rows]
+    order = rows[np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")]
+    sides = order[: len(order) // 2], order[len(order) // 2 :]
+    return sum(area(low[s].min(axis=0), high[s].max(axis=0)) + halves(low, high, s) for s in sides if len(s) > 1)
+
+
+def area(low: np.ndarray, high: np.ndarray) -> float:
+    x, y, z = np.moveaxis((high - low).astype(float), -1, 0)
+    return (x * y + y * z + z * x).sum()
+
+
+@pytest.mark.parametrize("name", ["sparse", "dense", "small", "flat", "scales", "halved"])
+def test_splits_cost_no_more_than_equal_halves(name: str) -> None:
+    low, high = (x.astype(np.float32) for x in world(name).corners())
+    two = split(low.T.copy(), high.T.copy())
+    inner = two.child >= 0
+    assert area(two.low[inner], two.high[inner]) <= halves(low, high, np.arange(len(low)))
+    four = widened(two)
+    inner = four.child >= 0
+    assert area(four.low[inner], four.high[inner]) <= area(two.low[two.child >= 0], two.high[two.child >= 0])
+    assert (four.child != NONE).sum(axis=1).min() >= 2 and np.log2(len(low)) <= DEPTH

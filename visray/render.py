@@ -94,6 +94,8 @@ def render(
         else:
             film, done = expose(made, progress, patience)
             colours, more = developed(made, film)
+            # A film of many pixels takes much memory, which the data layers may need.
+            del film
             data = _data_layers(made, layers)
         check_numbers(made, colours["RGB"])
     if goal and not colours["RGB"].any():

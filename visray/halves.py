@@ -26,8 +26,8 @@ from visray.setup import Prepared
 QUANTILE = 1.959964
 # Nothing seen in n tries: the chance is less than so much over n, with 95 %.
 UNSEEN = 3.0
-# A pass has samples of so many lanes at least, where they need many: a lane's own run one after the other.
-FEWEST_LANES = 64
+# A pass takes no more samples of a lane than this: they run one after the other, and a time or Ctrl-C waits for them.
+LONGEST = 2**12
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,7 @@ class Halves:
         """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each
         pass how many seconds there are for it. Returns whether all were done."""
         while (targets > self.counts).any():
-            room = first_pass(self.prepared) if self.pace.rate is None else self.pace.room()
-            longest = max(int(min(room, targets.max() * FEWEST_LANES) / FEWEST_LANES), 1)
-            if not self._extend(np.minimum(targets, self.counts + longest), left):
+            if not self._extend(np.minimum(targets, self.counts + LONGEST), left):
                 return False
         return True
 

@@ -88,7 +88,8 @@ class Moments:
         )
 
     def closed(self, a: Arrays, counts: Any) -> "Moments":
-        """The moments of all samples, `counts` of each lane, with the open block joined as if it were full. For reading
-        alone: samples that follow belong to moments that are not closed."""
+        """The moments of all samples, `counts` of each lane, with the open block joined as if it were full, and none
+        open. For reading alone: samples that follow belong to moments that are not closed."""
         k = offset(counts)
-        return self.joined(a, k > 0, counts - k, dr.maximum(k, 1))
+        joined = self.joined(a, k > 0, counts - k, dr.maximum(k, 1))
+        return Moments(joined.mean, joined.squares, joined.coverage, None, None, None, None)

@@ -96,6 +96,8 @@ def render(
         else:
             film, done = expose(prepared, progress, patience)
             colours, more = developed(prepared, film)
+            # A film of many pixels takes much memory, which the data layers may need.
+            del film
             data = _data_layers(prepared, layers)
         check_numbers(prepared, colours["RGB"])
     if goal and not colours["RGB"].any():

@@ -112,19 +112,20 @@ def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> Light
     a, row = s.a, light.light
     way = at.surface.p - row.position
     # What comes near nothing on its way needs no more than single; where light is aimed digits would cancel.
-    late = a.precision == "single" and light.kind.aim is Light.aim
+    late = a.precision == "single"
     if late:
         squared = dr.squared_norm(a.V(way))
         inverse = dr.select(squared > 0, dr.rsqrt(squared), 0)
         d = a.V(way) * inverse
     else:
         squared = dr.squared_norm(way)
-        inverse = inverse_length(way, a.F32 if a.precision == "single" else None)
+        inverse = inverse_length(way, None)
         d = way * inverse
     distance, l = squared * inverse, a.V(-d)
     cosine = dr.dot(at.n, l)
     reached = at.hit.valid & (cosine > 0)
-    weight, aim = attenuation(s, row, a.F(distance)), row.aim(d)
+    aimed = late and light.kind.aim is not Light.aim
+    weight, aim = attenuation(s, row, a.F(distance)), row.aim(way * inverse_length(way, a.F32) if aimed else d)
     if aim is not None:
         aim = a.F(aim)
         reached &= aim > 0

@@ -23,11 +23,25 @@ class Feature:
 
 
 @dataclass(frozen=True)
+class RayFamily:
+    """Rays that find rows in one way: which they are, what finds the rows, and why."""
+
+    rays: str
+    accelerator: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class Features:
-    """The effects of a render, looked up by name: features["shadows"]. `shininess_bits`: binary digits of exponents."""
+    """The effects of a render, looked up by name: features["shadows"].
+
+    listed: all of them. shininess_bits: binary digits of exponents. rays: how rays find what they hit, where that is
+    asked for.
+    """
 
     listed: tuple[Feature, ...]
     shininess_bits: int
+    rays: tuple[RayFamily, ...] = ()
 
     def __getitem__(self, name: str) -> bool:
         """Whether an effect is simulated; `paths`: any of those by which light comes from other surfaces."""

@@ -38,7 +38,8 @@ def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
     across, up = warp.disk(a.D(u), a.D(v))
     aside = across * s.view.aside + up * s.view.above
     straight = s.view.corner + x * s.view.right + y * s.view.down
-    return Ray(s.view.o + aside, unit(dr.normalize(straight - a.V(aside * s.view.sharp)), a.W))
+    d = dr.normalize(straight - a.V(aside * s.view.sharp))
+    return Ray(s.view.o + aside, d if a.precision == "single" else unit(d, a.W)).exact()
 
 
 def first_state(s: KernelScene, n: int) -> SampleState:
@@ -78,7 +79,8 @@ def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any, moments: Moments
     def step(i: Any, cell: Any, d: Any, o: Any, *sums: Any) -> tuple:
         state, after = pixels.state(i, cell), sampling.next_cell(plan, cell)
         ahead = pixels.ray(pixels.state(i + 1, after))
-        colour, covered = radiance(s, Ray(s.view.o if o is None else o, d), state)
+        ray = Ray(s.view.o, d) if o is None else Ray(o, d).exact()
+        colour, covered = radiance(s, ray, state)
         more = Moments(None, None, None, *sums).plus(offset(i) == 0, colour, covered)
         return i + 1, after, *ahead, *more.parts[3:]
 
@@ -105,7 +107,7 @@ def attached(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Any:
     def step(i: Any, cell: Any, reference: Any, total: Any) -> tuple:
         state = pixels.state(i + plan.first, cell)
         d, o = pixels.ray(state)
-        colour, _ = radiance(s, Ray(s.view.o if o is None else o, d), state)
+        colour, _ = radiance(s, Ray(s.view.o, d) if o is None else Ray(o, d).exact(), state)
         reference = dr.select(i == 0, dr.detach(colour), reference)
         return i + 1, sampling.next_cell(plan, cell), reference, total + (colour - reference)
 
@@ -134,7 +136,7 @@ class _Pixels:
         if not self.s.features["defocus"]:
             return direction(self.s, x, y), None
         ray = lens_ray(self.s, x, y, *state.dimension(LENS).one())
-        return ray.d, ray.o
+        return ray.d if ray.rough is None else ray.rough, ray.o
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ Structure is Python, values are opaque: which kinds, lights and effects there ar
 every number enters it as data.
 """
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from visray.accel import policy
 from visray.accel.search import Geometry, RayOrigin
 from visray.batches import Batch, placed
 from visray.camera import View
-from visray.features import Features
+from visray.features import Features, RayFamily
 from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
@@ -201,11 +202,36 @@ def _glow(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
     return total
 
 
+def _many(lights: int, sizes: Iterable[int]) -> bool:
+    """Whether there are too many lights to write them out, by the numbers of rows in the batches."""
+    objects = sum(n for n in sizes if n <= policy.WRITTEN_OUT)
+    return lights > 2 and lights * (1 + objects) > WRITTEN_OUT_LIGHTS
+
+
+def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
+    """How the rays of a scene find what they hit, and why."""
+    on, kinds = features, [type(light) for light in scene.lights.values()]
+    counted = Counter((x.kind, bool(x.transform)) for x in scene.objects.values())
+    sizes = [policy.Size(n, kind.bounded) for (kind, _), n in counted.items()]
+    looped = _many(len(kinds), (size.rows for size in sizes))
+    # A lone light of its kind is never looped over.
+    own = [k for k in kinds if k.placed and not k.wide and not (looped and kinds.count(k) > 1)]
+    rays = {"camera": not on["defocus"]}
+    if on["shadows"] and own:
+        rays["point and spot lights"] = True
+    others = {
+        "area, directional and many lights": on["shadows"] and len(own) < len(kinds),
+        "occlusion": on["sky occlusion"] or on["near occlusion"],
+        "reflection, refraction and scatter": on["paths"],
+    }
+    rays |= {name: False for name, there in others.items() if there}
+    plans = {name: policy.plan(sizes, scene.settings.accelerator, shared) for name, shared in rays.items()}
+    return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
+
+
 def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
     """The lights that are written out, and the kinds of those that are looped over."""
-    objects = sum(len(b) for b in geometry.batches if len(b) <= policy.WRITTEN_OUT)
-    count = sum(len(l.names) for l in packed.lights)
-    many = not attached and count > 2 and count * (1 + objects) > WRITTEN_OUT_LIGHTS
+    many = not attached and _many(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
     written, looped = {}, []
     for columns in packed.lights:
         kind, table, samples = columns.kind, columns.numbers, columns.samples

@@ -17,6 +17,7 @@ from visray.adaptive import NoNumber, pursued
 from visray.errors import GoalWarning, UserError
 from visray.features import Features, features
 from visray.goals import Goal
+from visray.kernel_scene import ray_families
 from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.passes import expose
@@ -181,8 +182,10 @@ def wanted(layers: Sequence[str]) -> tuple[str, ...]:
 
 
 def explain(scene: Scene) -> Features:
-    """What is simulated for a scene, what is not, and why."""
-    return features(checked(scene))
+    """What is simulated for a scene, what is not, and why; and how its rays find what they hit."""
+    scene = checked(scene)
+    on = features(scene)
+    return replace(on, rays=ray_families(scene, on))
 
 
 def set_threads(threads: int) -> None:

@@ -53,13 +53,18 @@ def explain(
     if measured and json:
         put(measured.as_json())
         return 0
-    found = explain_scene(made).listed
+    on = explain_scene(made)
     if json:
-        put({"scene_hash": made.hash(), "features": [{"name": f.name, "on": f.on, "reason": f.reason} for f in found]})
+        effects, rays = ([asdict(x) for x in listed] for listed in (on.listed, on.rays))
+        put({"scene_hash": made.hash(), "features": effects, "rays": rays})
         return 0
     table = Table("effect", "", "why")
-    for f in found:
+    for f in on.listed:
         table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
+    Console().print(table)
+    table = Table("rays", "find rows by", "why")
+    for family in on.rays:
+        table.add_row(family.rays, family.accelerator, family.reason)
     Console().print(table)
     if measured:
         Console().print(measured.table())

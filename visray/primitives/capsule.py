@@ -100,7 +100,7 @@ class Capsule(Solid):
     def mitsuba(self) -> MitsubaShapes | str:
         thing = scalars(self)
         whole = homogeneous(thing.frame(), compose(self.transform))
-        return MitsubaShapes([{"type": "capsule", "half": float(thing.shape()[0]), "to_world": whole}])
+        return MitsubaShapes([{"type": "capsule", "shape": float(thing.shape()[0]), "to_world": whole}])
 
 
 def _beyond(q: Any, part: Any, shape: tuple) -> Any:

@@ -10,9 +10,10 @@ from visray.primitives.algebraic import PlacedPolynomial
 from visray.primitives.clips import Block
 from visray.primitives.defined import Defined
 from visray.primitives.polynomial import Polynomial
-from visray.primitives.primitive import half_box
+from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
 from visray.primitives.revolved import around
 from visray.quantities import Direction, Length, Point
+from visray.transforms import compose
 
 # (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2) written so that no greater numbers are subtracted than R^2: as
 # above, R^4 would be, and on a thin ring the surface would be R/r times less exact.
@@ -70,3 +71,8 @@ class Torus(Defined):
     def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
         q = placed.inverse.point(p)
         return around(q), 0.5 + dr.atan2(q.z, dr.sqrt(q.x * q.x + q.y * q.y) - placed.shape[0]) * (0.5 / dr.pi)
+
+    def mitsuba(self) -> MitsubaShapes | str:
+        f, size = scalars(self).frame(), self.major
+        whole = homogeneous(Frame(size * f.x, size * f.y, size * f.z, f.o), compose(self.transform))
+        return MitsubaShapes([{"type": "torus", "shape": self.minor / self.major, "to_world": whole}])

@@ -31,10 +31,14 @@ from samples import (
 
 import visray as vr
 from visray.geometry import UNIT_ROUNDOFF, gamma
+from visray.pack import pack, updated
 from visray.primitives import Capsule, Ellipsoid, Torus
 from visray.primitives.primitive import box_of, outer_frame, scalars
+from visray.pytree import leaves
+from visray.quantities import Arrays, quantities
 from visray.render import explain
 from visray.study import crosscheck
+from visray.study.facets import facets
 
 KINDS = ("Ellipsoid", "Capsule", "Torus")
 U = UNIT_ROUNDOFF["double"]
@@ -441,6 +445,20 @@ def test_a_torus_moves_without_its_scene_being_packed_anew_and_shows_its_certifi
     assert "shadows" in str(explain(scene))
 
 
+@EACH
+def test_numbers_that_change_are_put_where_they_are(name: str) -> None:
+    """What is packed after an update is what is packed anew, bit for bit."""
+    things = {f"o{i}": x for i, x in enumerate(instances(name, 51, 5, False))}
+    old, a = vr.Scene(objects=things), Arrays.of("llvm", "double")
+    other = instances(name, 52, 1, False)[0]
+    addressed = {f"objects.o3.{k}": getattr(other, k) for k in quantities(type(other))}
+    new = replace(old, objects=things | {"o3": other})
+    found = updated(pack(old, a), old, new, addressed, a)
+    fresh = pack(new, a)
+    for x, y in zip(leaves(found.batches), leaves(fresh.batches)):
+        assert np.array_equal(np.array(x), np.array(y))
+
+
 @pytest.mark.parametrize(
     ("thing", "wrong"),
     [
@@ -533,3 +551,27 @@ def test_many_tori_in_a_tree_are_found_as_one_by_one() -> None:
                      film=vr.Film(width=48, height=32), lights={"l": vr.PointLight(position=(3, 5, 6))})  # fmt: skip
     ways = [vr.render(replace(scene, settings=vr.Settings(spp=1, accelerator=way)))["RGB"] for way in ("none", "tree")]
     assert np.array_equal(*ways)
+
+
+@pytest.mark.parametrize("kind", ["capsule", "torus"])
+def test_triangles_for_mitsuba_are_near_the_shape_and_look_outwards(kind: str) -> None:
+    n, shape = 64, {"capsule": 0.7, "torus": 0.3}[kind]
+    f = facets(kind, n, shape)
+    corners = f.vertices[f.faces]
+    flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).astype(float)
+    middle = unit(f.normals[f.faces].mean(1)).astype(float)
+    assert (np.arccos(np.clip((flat * middle).sum(1), -1, 1)) <= 2 * np.pi / n).all()
+    x, y, z = f.vertices.T
+    if kind == "capsule":
+        away = np.sqrt(x * x + y * y + np.maximum(np.abs(z) - shape, 0) ** 2) - 1
+        volume = np.pi * (4 / 3 + 2 * shape)
+    else:
+        away = np.hypot(np.hypot(x, y) - 1, z) - shape
+        volume = 2 * np.pi**2 * shape**2
+    assert np.abs(away).max() <= 8 * U
+    # The divergence theorem; triangles are off by the gap at most, over the whole of the surface.
+    area = 4 * np.pi * (1 + shape) if kind == "capsule" else 4 * np.pi**2 * shape
+    inside = (corners.mean(1) * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() / 6
+    assert abs(inside - volume) <= f.gap * area
+    # v runs as the surface is long.
+    assert f.uv.min() == 0 and f.uv.max() == 1

@@ -70,8 +70,8 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
     clear = [b for b in s.batches if b.kind.searched and b.kind.closed]
     if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
-        name = clear[0].names[0]
-        raise UserError(f"objects.{name}: derivatives through the coloured shadow of a {clear[0].kind.type} are not had")
+        what = f"a solid {clear[0].kind.type}"
+        raise UserError(f"objects.{clear[0].names[0]}: derivatives through the coloured shadow of {what} are not had")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)

@@ -11,6 +11,7 @@ included, and where growing turns a hit into a miss the exact answer is within r
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -223,7 +224,7 @@ class RoundTorus:
         start = np.clip(-shift, -far, far)
         t, what = np.full(shift.shape, np.inf, Real), np.zeros(shift.shape, int)
         inside = (f(start) < 0) & (np.abs(shift) < far)
-        for low, high in zip(ends[:-1], ends[1:]):
+        for low, high in pairwise(ends):
             low = np.maximum(low, start)
             crossed = (low < high) & ((f(low) < 0) != (f(high) < 0)) & (what == 0)
             below = f(low) < 0

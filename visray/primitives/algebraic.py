@@ -104,7 +104,7 @@ class Algebraic(Primitive):
     form = solid = loose = None
 
     @classmethod
-    def facts(cls, form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type["Algebraic"]:
+    def kind_of(cls, form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type["Algebraic"]:
         """The kind of the objects that share their code: so form, closed, clip and number of parameters."""
         return _kind(cls, form, closed, clip, parameters, loose)
 

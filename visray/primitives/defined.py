@@ -46,7 +46,7 @@ class Defined(Algebraic):
     @property
     def kind(self) -> Any:
         form = self.definition().built().form
-        return self.facts(form, True, type(self.definition().limits()), len(self.parameters), False)
+        return self.kind_of(form, True, type(self.definition().limits()), len(self.parameters), False)
 
     @classmethod
     def table(cls, a: Arrays, things: list) -> DefinedRows:

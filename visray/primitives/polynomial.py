@@ -56,7 +56,7 @@ class Polynomial(Algebraic):
         form = self.built().form
         # That there is a tolerance is structure, as code for it costs time even where it is 0; what it is is data.
         loose = self.tolerance > 0 and any(f.degree > 2 for f in form.factors)
-        return self.facts(form, self.closed, type(self.limits()), len(self.parameters), loose)
+        return self.kind_of(form, self.closed, type(self.limits()), len(self.parameters), loose)
 
     def limits(self) -> Clip:
         """The clip, by default the named surface's own, or a ball of radius 5."""

@@ -11,6 +11,7 @@ included, and where growing turns a hit into a miss the exact answer is within r
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,21 @@ from visray.accel.crossings import Piece, occludes, way_inside
 from visray.accel.search import Geometry
 from visray.geometry import gamma
 from visray.interaction import surface_of
-from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives import (
+    KINDS,
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Disk,
+    Ellipsoid,
+    Plane,
+    Polynomial,
+    Rectangle,
+    Sphere,
+    Torus,
+    Triangle,
+)
 from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
 from visray.pytree import rows
@@ -94,6 +109,174 @@ class RoundSphere:
         x, y, z = unit(p - real(s.center)).T
         east = 2 * np.arctan2(-z, np.hypot(x, z) + x)
         return 0.5 + east / (2 * PI), np.arcsin(np.clip(y, -1, 1)) / PI + 0.5
+
+
+class RoundEllipsoid:
+    """By Lagrange's identity: of the half axes' inverses, cross products in place of a difference of squares."""
+
+    @staticmethod
+    def interval(s: Ellipsoid, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        # Half axes that are longer by g make the ellipsoid thicker by as little as 2 sqrt(k) / (1 + k) g, where k is
+        # the ratio of the longest to the shortest (Kantorovich).
+        k = max(s.radii) / min(s.radii)
+        g = np.atleast_1d(g) * (1 + k) / (2 * np.sqrt(real(k)))
+        a = np.maximum(real(s.radii) + g[:, None], np.finfo(float).tiny)
+        w = real(s.center) - o
+        dd, wd = dot(d / a, d / a), dot(w / a, d / a)
+        aside = np.cross(w, d) * a / np.prod(a, 1)[:, None]
+        squared = dd - dot(aside, aside)
+        half = np.where(squared < 0, -np.inf, np.sqrt(np.maximum(squared, 0)))
+        return (wd - half) / dd, (wd + half) / dd
+
+    @staticmethod
+    def faces(s: Ellipsoid, p: np.ndarray) -> list[Face]:
+        """The distance to first order: the points are within rounding of the surface."""
+        a = real(s.radii)
+        q = (p - real(s.center)) / a
+        slope, size = norm(q / a), norm(q)
+        # Curvature is the second derivative over the slope, which is at most 1 over the square of the least half axis.
+        return [Face((size - 1) * size / slope, unit(q / a), slope * min(s.radii) ** 2)]
+
+    @staticmethod
+    def uv(s: Ellipsoid, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        a = real(s.radii)
+        return RoundSphere.uv(Sphere(), (p - real(s.center)) / a)
+
+
+class RoundCapsule:
+    """By its three parts, each as a whole: a cylinder and two balls."""
+
+    @staticmethod
+    def interval(s: Capsule, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        way = real(s.b) - real(s.a)
+        middle, n = (real(s.a) + real(s.b)) / 2, unit(way)
+        # Not by way of Cylinder, whose fields are rounded to doubles.
+        w, radius = o - middle, np.maximum(s.radius + g, 0)
+        across, aside = np.cross(d, n), np.cross(w, n)
+        squared = dot(across, across)
+        disc = radius**2 * squared - dot(np.cross(w, d), n) ** 2
+        along = squared == 0
+        safe = np.where(along, 1, squared)
+        half = np.where(disc < 0, -np.inf, np.sqrt(np.maximum(disc, 0)) / safe)
+        half = np.where(along, np.where(dot(aside, aside) <= radius**2, np.inf, -np.inf), half)
+        at = np.where(along, 0, -dot(aside, across) / safe)
+        top = dot(middle, n)
+        caps = [half_space(o, d, e * n, e * top + norm(way) / 2) for e in (1, -1)]
+        parts = [common((at - half, at + half), *caps)]
+        parts += [RoundSphere.interval(Sphere(center=c, radius=s.radius), o, d, g) for c in (s.a, s.b)]
+        near = np.min([np.where(low <= high, low, np.inf) for low, high in parts], 0)
+        return near, np.max([np.where(low <= high, high, -np.inf) for low, high in parts], 0)
+
+    @staticmethod
+    def faces(s: Capsule, p: np.ndarray) -> list[Face]:
+        away, _ = from_axis(s, p)
+        return [Face(norm(away) - s.radius, unit(away), s.radius)]
+
+    @staticmethod
+    def uv(s: Capsule, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By the half angle around, and by the arc from the pole beyond a, from its sine."""
+        way = real(s.b) - real(s.a)
+        n, (away, share) = unit(way), from_axis(s, p)
+        lift = dot(away, n)
+        arc = np.arcsin(np.clip(lift / norm(away), -1, 1)) * s.radius
+        whole = PI * s.radius + norm(way)
+        return turn_about(n, away), (PI / 2 * s.radius + share * norm(way) + arc) / whole
+
+
+def from_axis(s: Capsule, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The way to points from the nearest point between a and b, and where that is, from 0 to 1."""
+    way, w = real(s.b) - real(s.a), p - real(s.a)
+    share = np.clip(dot(w, way) / dot(way, way), 0, 1)
+    return w - share[:, None] * way, share
+
+
+def turn_about(n: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """The angle of points about an axis, from 0 to 1, by half of it; 0.5 is where the horizontal across the axis is."""
+    east = np.array([n[2], 0, -n[0]])
+    east = np.array([1, 0, 0], Real) if not east.any() else unit(east)
+    x, y = dot(w, east), dot(w, np.cross(n, east))
+    return 0.5 + np.arctan2(y, np.hypot(x, y) + x) / PI
+
+
+class RoundTorus:
+    """By the quartic of a ray that is recentred, which has no cubic term: between the zeros of its slope, a cubic in
+    closed form, it has one zero or none, and bisection finds it."""
+
+    @classmethod
+    def first(cls, s: Torus, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        """(kind of the first crossing as in Truth, t)."""
+        n, w, size = unit(s.axis), o - real(s.center), norm(d)
+        d = d / size[:, None]
+        shift = -dot(w, d)
+        w = w + shift[:, None] * d
+        major, minor = real(s.major), np.maximum(s.minor + g, 0)
+        z, dz = dot(w, n), dot(d, n)
+        c = dot(w, w) - major**2 - minor**2
+
+        def f(t: np.ndarray) -> np.ndarray:
+            return (t * t + c) ** 2 - 4 * major**2 * (minor - z - t * dz) * (minor + z + t * dz)
+
+        # f' / 4 = t^3 + p t + q.
+        p, q = c + 2 * major**2 * dz**2, 2 * major**2 * z * dz
+        turns = cubic_roots(p, q)
+        # Beyond this distance from where the ray is nearest to the centre it is outside.
+        far = np.broadcast_to(1.5 * (major + minor), shift.shape)
+        ends = np.sort(np.clip(np.stack([-far, *turns, far]), -far, far), 0)
+        start = np.clip(-shift, -far, far)
+        t, what = np.full(shift.shape, np.inf, Real), np.zeros(shift.shape, int)
+        inside = (f(start) < 0) & (np.abs(shift) < far)
+        for low, high in pairwise(ends):
+            low = np.maximum(low, start)
+            crossed = (low < high) & ((f(low) < 0) != (f(high) < 0)) & (what == 0)
+            below = f(low) < 0
+            for _ in range(70):
+                middle = (low + high) / 2
+                same = (f(middle) < 0) == below
+                low, high = np.where(same, middle, low), np.where(same, high, middle)
+            t = np.where(crossed, (low + high) / 2 + shift, t)
+            what = np.where(crossed, np.where(inside, 2, 1), what)
+        return what, t / size
+
+    @staticmethod
+    def faces(s: Torus, p: np.ndarray) -> list[Face]:
+        n, w = unit(s.axis), p - real(s.center)
+        z = dot(w, n)
+        out = w - z[:, None] * n
+        wide = norm(out)
+        tube = np.hypot(wide - s.major, z)
+        e = out / np.where(wide == 0, 1, wide)[:, None]
+        normal = ((wide - s.major)[:, None] * e + z[:, None] * n) / tube[:, None]
+        # Across the tube, and around the axis: the way to it along the normal.
+        slope = np.abs(wide - s.major) / tube
+        bend = np.minimum(s.minor, wide / np.where(slope == 0, 1e-9, slope))
+        return [Face(tube - s.minor, normal, bend)]
+
+    @staticmethod
+    def uv(s: Torus, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n, w = unit(s.axis), p - real(s.center)
+        z = dot(w, n)
+        out = norm(w - z[:, None] * n) - s.major
+        return turn_about(n, w), 0.5 + np.arctan2(z, np.hypot(out, z) + out) / PI
+
+
+def cubic_roots(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """The real roots of t^3 + p t + q, in closed form and by four steps of Newton's; where there is one only, it stands
+    three times. Shapes: (3, N)."""
+    half, third = q / 2, p / 3
+    disc = half**2 + third**3
+    root = np.sqrt(np.maximum(disc, 0))
+    big = np.cbrt(-half - np.copysign(root, half))
+    one = big - np.where(big == 0, 0, third / np.where(big == 0, 1, big))
+    size = np.sqrt(np.maximum(-third, 0))
+    cube = np.where(size == 0, 1, size) ** 3
+    angle = np.arccos(np.clip(-half / cube, -1, 1)) / 3
+    found = [np.where(disc < 0, 2 * size * np.cos(angle - 2 * PI * k / 3), one) for k in range(3)]
+    for _ in range(4):
+        for k, t in enumerate(found):
+            slope = 3 * t * t + p
+            step = (t**3 + p * t + q) / np.where(slope == 0, np.inf, slope)
+            found[k] = t - np.where(np.abs(step) < 1e-3 * np.abs(t), step, 0)
+    return np.stack(found)
 
 
 class RoundPolynomial(RoundSphere):
@@ -378,6 +561,23 @@ def _cone(rng: np.random.Generator, scale: float) -> Cone:
     return Cone(base=place(rng, scale), axis=direction(rng), radius=length(rng, scale), height=length(rng, scale))
 
 
+def _ellipsoid(rng: np.random.Generator, scale: float) -> Ellipsoid:
+    return Ellipsoid(center=place(rng, scale), radii=tuple(length(rng, scale) for _ in range(3)))
+
+
+def _capsule(rng: np.random.Generator, scale: float) -> Capsule:
+    a = np.array(place(rng, scale))
+    b = a + length(rng, scale) * unit(direction(rng)).astype(float)
+    return Capsule(a=tuple(a.tolist()), b=tuple(b.tolist()), radius=length(rng, scale))
+
+
+def _torus(rng: np.random.Generator, scale: float) -> Torus:
+    """From rings as thin as a twentieth to those without a hole but for a hundredth."""
+    major = length(rng, scale)
+    minor = float(major * rng.uniform(0.05, 0.99))
+    return Torus(center=place(rng, scale), axis=direction(rng), major=major, minor=minor)
+
+
 def _polynomial(rng: np.random.Generator, scale: float) -> Polynomial:
     return polynomial_sphere(place(rng, scale), length(rng, scale))
 
@@ -402,6 +602,11 @@ def _cone_hull(s: Cone) -> tuple[np.ndarray, float]:
     return np.array(s.base) + half * unit(s.axis).astype(float), float(np.hypot(s.radius, half))
 
 
+def _capsule_hull(s: Capsule) -> tuple[np.ndarray, float]:
+    a, b = np.array(s.a), np.array(s.b)
+    return (a + b) / 2, float(np.linalg.norm(b - a) / 2 + s.radius)
+
+
 def _rectangle_hull(s: Rectangle) -> tuple[np.ndarray, float]:
     w, h = np.array(s.width), np.array(s.height)
     return np.array(s.center), float(max(np.linalg.norm(w + h), np.linalg.norm(w - h)) / 2)
@@ -419,6 +624,9 @@ SAMPLES = {
         Sample(Box, _box, RoundBox, _box_hull),
         Sample(Cylinder, _cylinder, RoundCylinder, _cylinder_hull),
         Sample(Cone, _cone, RoundCone, _cone_hull),
+        Sample(Ellipsoid, _ellipsoid, RoundEllipsoid, lambda s: (np.array(s.center), max(s.radii))),
+        Sample(Capsule, _capsule, RoundCapsule, _capsule_hull),
+        Sample(Torus, _torus, RoundTorus, lambda s: (np.array(s.center), s.major + s.minor)),
         Sample(
             Polynomial, _polynomial, RoundPolynomial, lambda s: (np.array(s.clip.center), s.parameters["r"]), loose=CLIP
         ),
@@ -604,6 +812,9 @@ def truth(thing: Any, o: np.ndarray, d: np.ndarray) -> Truth:
     o, d = (real(o) - real(offset)) @ back.T, real(d) @ back.T
     twin = SAMPLES[type(thing).__name__].twin
     with np.errstate(all="ignore"):
+        if hasattr(twin, "first"):
+            g = rounding(thing, o, d, 0.0)
+            return _combined(*(twin.first(thing, o, d, s * g) for s in (0, 1, -1)))
         if hasattr(twin, "interval"):
             g = rounding(thing, o, d, 0.0)
             return _combined(*(_first(*twin.interval(thing, o, d, s * g)) for s in (0, 1, -1)))

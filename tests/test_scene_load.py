@@ -24,7 +24,7 @@ from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone, polynomial"
+KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone, ellipsoid, capsule, torus, polynomial"
 FILES = sorted(p for p in (ROOT / "scenes").glob("*.json") if p.name != "schema.json")
 LIGHTS = "point, directional, spot, rectangle, disk, sphere"
 TEXTURES = "image, checker"

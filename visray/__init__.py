@@ -21,7 +21,20 @@ from visray.gradients import EdgeWarning, derivative, difference, gradient
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.output.image import Image
-from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Disk,
+    Ellipsoid,
+    Plane,
+    Polynomial,
+    Rectangle,
+    Sphere,
+    Torus,
+    Triangle,
+)  # fmt: skip
 from visray.primitives.clips import Ball, Block
 from visray.render import explain, render
 from visray.scene.address import replaced, value
@@ -34,9 +47,10 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
 
 __all__ = [
-    "Ball", "Block", "Box", "Camera", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk", "DiskLight",
-    "EdgeWarning", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix", "Occlusion", "Plane",
-    "PointLight", "Polynomial", "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter", "Scene", "Settings",
-    "Sphere", "SphereLight", "SpotLight", "Translate", "Triangle", "UserError", "__version__", "cost", "derivative",
-    "difference", "dump", "explain", "gradient", "load", "render", "replaced", "surfaces", "tune", "value",
+    "Ball", "Block", "Box", "Camera", "Capsule", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk",
+    "DiskLight", "EdgeWarning", "Ellipsoid", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix",
+    "Occlusion", "Plane", "PointLight", "Polynomial", "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter",
+    "Scene", "Settings", "Sphere", "SphereLight", "SpotLight", "Torus", "Translate", "Triangle", "UserError",
+    "__version__", "cost", "derivative", "difference", "dump", "explain", "gradient", "load", "render", "replaced",
+    "surfaces", "tune", "value",
 ]  # fmt: skip

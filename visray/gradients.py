@@ -69,8 +69,8 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
     clear = [b for b in s.batches if b.kind.searched and b.kind.closed]
     if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
-        name = clear[0].names[0]
-        raise UserError(f"objects.{name}: derivatives through the coloured shadow of a capped polynomial are not had")
+        what = f"a solid {clear[0].kind.type}"
+        raise UserError(f"objects.{clear[0].names[0]}: derivatives through the coloured shadow of {what} are not had")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)
@@ -85,10 +85,11 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
     lit = [_fully(light_sample(s, here, light)) for light in s.lights if not light.kind.wide]
     found = []
     seen = np.unique(np.array(hit.row))
-    if len(seen) > 1:
+    shown = [b.kind for b in s.batches if ((seen >= b.base) & (seen < b.base + len(b))).any()]
+    # What a line crosses more than twice may hide a part of itself.
+    if len(seen) > 1 or any(kind.smooth and kind.crossings > 2 for kind in shown):
         found.append("silhouettes")
-    creased = [b for b in s.batches if not b.kind.smooth]
-    if any(((seen >= b.base) & (seen < b.base + len(b))).any() for b in creased):
+    if not all(kind.smooth for kind in shown):
         found.append("creases")
     if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in lit):
         found.append("shadow edges")

@@ -59,6 +59,7 @@ Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
 Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
+Lengths = Annotated[tuple[_Positive, _Positive, _Positive], Quantity(3, "geometry", "world units, each > 0")]
 Breadth = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]
 # Below a hundredth of a degree, directions in single no longer tell a picture's pixels apart.
 Angle = Annotated[Real, Field(ge=0.01, lt=180), Quantity(1, "geometry", "degrees, from 0.01 to below 180")]

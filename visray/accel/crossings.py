@@ -68,7 +68,9 @@ def way_inside(piece: Piece) -> tuple[Any, Any]:
         return c, to, c.met, ~(c.enters ^ c.met), length + dr.select(c.enters, 0, to - at)
 
     first, at, crossed, inside, length = onwards(piece.begin, piece.begin, zero, known)
-    entered = first.enters if known.on_start is None else first.enters | known.on_start
+    entered = first.enters & first.met
+    if known.on_start is not None:
+        entered |= known.on_start
 
     def beyond(inside: Any, part: Any) -> KnownEnds:
         """What is known after a crossing."""

@@ -1,13 +1,16 @@
 """The primitives. A new kind is one file here, its name in KINDS and one sample in tests/samples.py."""
 
 from visray.primitives.box import Box
+from visray.primitives.capsule import Capsule
 from visray.primitives.cone import Cone
 from visray.primitives.cylinder import Cylinder
 from visray.primitives.disk import Disk
+from visray.primitives.ellipsoid import Ellipsoid
 from visray.primitives.plane import Plane
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.rectangle import Rectangle
 from visray.primitives.sphere import Sphere
+from visray.primitives.torus import Torus
 from visray.primitives.triangle import Triangle
 
-KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Polynomial)
+KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Ellipsoid, Capsule, Torus, Polynomial)

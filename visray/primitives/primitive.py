@@ -67,7 +67,8 @@ class MitsubaShapes:
 
     A shape is a canonical one and an affine map `to_world` (4 x 4): a `rectangle`, `disk`, `cylinder`, `cone` or
     `plane` as in visray, with its (u, v), the solids closed; or a `sphere`, its poles on the z axis, with Mitsuba's
-    (u, v). Or it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
+    (u, v); or a `capsule` or a `torus`, as in visray, with a number `shape`: half its axis over its radius, or its
+    minor radius over its major one. Or it is a `mesh` of `vertices` and `faces`, its (u, v) barycentric.
     """
 
     shapes: list[dict]

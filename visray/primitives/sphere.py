@@ -7,7 +7,7 @@ import drjit as dr
 from drjit.scalar import Array3f64
 
 from visray.geometry import Frame, Similarity
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous
+from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
 from visray.primitives.solid import Interval, Solid
 from visray.quantities import Length, Point
 from visray.transforms import compose
@@ -19,21 +19,13 @@ def globe(local: Any) -> tuple[Any, Any]:
     return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sphere(Solid):
-    """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
+class Round(Solid):
+    """The unit sphere in a frame: what sphere and ellipsoid share. Its poles are on the frame's y axis, like a globe's.
 
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
     """
 
     smooth = True
-
-    type: Literal["sphere"] = "sphere"
-    center: Point = (0.0, 0.0, 0.0)
-    radius: Length = 1.0
-
-    def frame(self) -> Similarity:
-        return Similarity(self.radius, self.center)
 
     @staticmethod
     def extents(whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
@@ -57,8 +49,26 @@ class Sphere(Solid):
         return globe(q)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        w, r = Array3f64, self.radius
+        f = scalars(self).frame().then(IDENTITY)
         # Mitsuba's poles are on its z axis, its u begins at its x axis, and its v at the north pole.
-        frame = Frame(w(-r, 0, 0), w(0, 0, r), w(0, r, 0), w(*self.center))
-        whole = homogeneous(frame, compose(self.transform))
+        whole = homogeneous(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
         return MitsubaShapes([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))
+
+
+# The world's own frame, as scalar values.
+IDENTITY = Frame(*(Array3f64(*(float(i == j) for j in range(3))) for i in range(4)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere(Round):
+    """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
+
+    uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
+    """
+
+    type: Literal["sphere"] = "sphere"
+    center: Point = (0.0, 0.0, 0.0)
+    radius: Length = 1.0
+
+    def frame(self) -> Similarity:
+        return Similarity(self.radius, self.center)

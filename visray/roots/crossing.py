@@ -15,7 +15,7 @@ def first_crossing(
     form: Form, slots: tuple, way: Way, active: Any, known: KnownEnds = NOTHING_KNOWN, tolerance: Any = None
 ) -> Crossing:
     """Where the way first crosses the surface of a form, with the values `slots`; its parts are the form's factors. It
-    enters where the form is not below zero at the beginning. Crossings within the rounding of an end that is known to
+    enters where the form is not below zero at the beginning, or where nothing is asked. Crossings within the rounding of an end that is known to
     lie on the surface are not met.
 
     tolerance: how far off s may be, where it is more than rounding; degrees 1 and 2 are not concerned. None: none,
@@ -49,7 +49,7 @@ def first_crossing(
             u = dr.uint32_array_t(distance)
             part = u(0) if part is None else dr.select(distance < t, u(number), part)
         t, unresolved = distance if number == 0 else dr.minimum(t, distance), unresolved + left
-    return Crossing(t < dr.inf, t, part, ~negative, unresolved)
+    return Crossing(t < dr.inf, t, part, ~negative | ~active, unresolved)
 
 
 def _nearest(values: list, off: list) -> list:

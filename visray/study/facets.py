@@ -10,14 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 
 # How many facets there are around a shape at most, and how many triangles all shapes of a kind together may have.
-FINEST = {"disk": 1024, "cylinder": 1024, "cone": 1024, "sphere": 512}
+FINEST = {"disk": 1024, "cylinder": 1024, "cone": 1024, "sphere": 512, "capsule": 512, "torus": 512}
+# Those that are bent both ways, so that there are as many rings as facets around.
+BENT = ("sphere", "capsule", "torus")
 MOST = 2**20
 
 
 def around(kind: str, count: int) -> int:
     """The number of facets around each of `count` shapes of a kind."""
     n = FINEST[kind]
-    while n > 16 and count * (n * n if kind == "sphere" else 4 * n) > MOST:
+    while n > 16 and count * (n * n if kind in BENT else 4 * n) > MOST:
         n //= 2
     return n
 
@@ -58,13 +60,19 @@ def _disk(z: float) -> Profile:
     return Profile(((1, z), (0, z)), ((0, up), (0, up)))
 
 
-def _profiles(kind: str, n: int) -> list[Profile]:
+def _profiles(kind: str, n: int, shape: float | None) -> list[Profile]:
     if kind == "disk":
         return [_disk(0)]
     if kind == "cylinder":
         return [Profile(((1, -1), (1, 1)), ((1, 0), (1, 0)), (0, 1)), _disk(1), _disk(-1)]
     if kind == "cone":
         return [Profile(((1, -1), (0, 1)), ((1, 0.5), (0, 0)), (0, 1)), _disk(-1)]
+    if kind == "capsule":
+        return [_capsule(n, shape)]
+    if kind == "torus":
+        around = np.linspace(-np.pi, np.pi, n + 1)
+        gradients = np.stack([np.cos(around), np.sin(around)], 1)
+        return [Profile((1, 0) + shape * gradients, gradients, around / (2 * np.pi) + 0.5)]
     # As Mitsuba's own: v from 0 at the north pole to 1. At the poles the radius is made exactly 0.
     polar = np.linspace(0, np.pi, n // 2 + 1)[::-1]
     points = np.stack([np.sin(polar), np.cos(polar)], 1)
@@ -72,17 +80,30 @@ def _profiles(kind: str, n: int) -> list[Profile]:
     return [Profile(points, points, polar / np.pi, turn=0.0)]
 
 
-def facets(kind: str, n: int) -> Facets:
-    """The triangles of a canonical shape with n facets around it, seen from outside counter-clockwise."""
-    strips = [rows for p in _profiles(kind, n) for rows in _strips(p, n)]
+def _capsule(n: int, half: float) -> Profile:
+    """Two quarters of a circle about the ends of the axis, and the wall between them."""
+    polar = np.linspace(0, np.pi / 2, n // 4 + 1)
+    lower, upper = (np.stack([np.sin(a), sign * np.cos(a)], 1) for a, sign in ((polar, -1), (polar[::-1], 1)))
+    # At the poles the radius is made exactly 0, and at the wall's ends the gradient level.
+    lower[0, 0] = upper[-1, 0] = lower[-1, 1] = upper[0, 1] = 0
+    way = np.concatenate([polar, 2 * half + np.pi - polar[::-1]])
+    points = np.concatenate([lower - (0, half), upper + (0, half)])
+    return Profile(points, np.concatenate([lower, upper]), way / (2 * half + np.pi))
+
+
+def facets(kind: str, n: int, shape: float | None = None) -> Facets:
+    """The triangles of a canonical shape with n facets around it, seen from outside counter-clockwise. shape: of a
+    capsule half its axis, of a torus its minor radius, over the other radius."""
+    strips = [rows for p in _profiles(kind, n, shape) for rows in _strips(p, n)]
     rows = np.concatenate([strip.reshape(-1, 8) for strip in strips])
     vertices = rows[:, :3]
-    # A ring of the sphere is as high as it is wide: both bends add. Elsewhere facets are straight along the profile.
+    # A ring of the sphere is as high as it is wide: both bends add. Elsewhere facets are straight along the profile. A
+    # torus is up to 2 wide, and its tube narrower.
     sagitta = float(1 - np.cos(np.pi / n))
-    gap = sagitta * (2 if kind == "sphere" else 1)
-    slip = 1 / n if kind in ("cone", "sphere") else 0.0
-    # Of a cone's gradient only the radial part is interpolated short.
-    tilt = sagitta if kind == "cone" else 0.0
+    gap = sagitta * {"sphere": 2, "capsule": 2, "torus": 3}.get(kind, 1)
+    slip = 1 / n if kind in ("cone", *BENT) else 0.0
+    # Of a gradient that is neither level nor upright only the radial part is interpolated short.
+    tilt = sagitta if kind in ("cone", "torus") else 0.0
     faces = np.arange(len(rows)).reshape(-1, 3)
     return Facets(vertices, rows[:, 3:6], rows[:, 6:], faces, gap, slip, tilt)
 

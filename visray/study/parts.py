@@ -52,13 +52,13 @@ def parts(made: list[MitsubaShapes], centre: np.ndarray) -> list[list[Part]]:
     counts = Counter(shape["type"] for twin in made for shape in twin.shapes)
 
     @cache
-    def of(kind: str) -> Facets:
-        return facets(kind, around(kind, counts[kind]))
+    def of(kind: str, own: float | None) -> Facets:
+        return facets(kind, around(kind, counts[kind]), own)
 
     return [[_part(dict(shape), twin.uv or (lambda uv: uv), centre, of) for shape in twin.shapes] for twin in made]
 
 
-def _part(shape: dict, uv: Callable, centre: np.ndarray, facets_of: Callable[[str], Facets]) -> Part:
+def _part(shape: dict, uv: Callable, centre: np.ndarray, facets_of: Callable[[str, float | None], Facets]) -> Part:
     if shape["type"] == "mesh":
         shape["vertices"] = shape["vertices"] - centre
         far, blunt = _of_facets(shape["vertices"], shape["faces"])
@@ -78,7 +78,7 @@ def _part(shape: dict, uv: Callable, centre: np.ndarray, facets_of: Callable[[st
     if shape["type"] in ("sphere", "disk") and uniform(whole[:3, :3]):
         own = (lambda found: uv(_square(found))) if shape["type"] == "disk" else uv
         return Part(shape, own, np.linalg.norm(whole[:3], axis=0).sum())
-    return _faceted(facets_of(shape["type"]), uv, whole)
+    return _faceted(facets_of(shape["type"], shape.get("shape")), uv, whole)
 
 
 def _square(polar: tuple) -> tuple:

@@ -1,0 +1,25 @@
+"""The ellipsoid."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from visray.geometry import Frame
+from visray.primitives.sphere import Round
+from visray.quantities import Lengths, Point
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ellipsoid(Round):
+    """A sphere about `center` that is stretched along x, y and z: `radii` are its half axes. Turn it with a transform.
+
+    uv: as on the sphere that is stretched: u is 0.5 at +x and grows eastwards, v is 0 at the south pole (-y) and 1 at
+    the north pole.
+    """
+
+    type: Literal["ellipsoid"] = "ellipsoid"
+    center: Point = (0.0, 0.0, 0.0)
+    radii: Lengths = (1.0, 0.5, 0.75)
+
+    def frame(self) -> Frame:
+        r, w = self.radii, type(self.radii)
+        return Frame(w(r.x, 0, 0), w(0, r.y, 0), w(0, 0, r.z), self.center)

@@ -20,7 +20,8 @@ textures materials lights.light lights.point lights.directional lights.spot ligh
 lights camera
 primitives.primitive primitives.flat primitives.solid primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
-primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule primitives.clips
+primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule
+primitives.clips
 primitives.algebraic primitives.polynomial primitives.defined primitives.torus primitives
 scene.scene
 scene

@@ -15,8 +15,8 @@ def first_crossing(
     form: Form, slots: tuple, way: Way, active: Any, known: KnownEnds = NOTHING_KNOWN, tolerance: Any = None
 ) -> Crossing:
     """Where the way first crosses the surface of a form, with the values `slots`; its parts are the form's factors. It
-    enters where the form is not below zero at the beginning, or where nothing is asked. Crossings within the rounding of an end that is known to
-    lie on the surface are not met.
+    enters where the form is not below zero at the beginning, or where nothing is asked. Crossings within the rounding
+    of an end that is known to lie on the surface are not met.
 
     tolerance: how far off s may be, where it is more than rounding; degrees 1 and 2 are not concerned. None: none,
     and no code for it.

@@ -6,9 +6,9 @@ Operations of the kernel; seconds to compile it, median of 3 kernels that no cac
 of 512 x 512 pixels, 16 samples each, 2 threads: 9 pairs of the matte scene and the other one by turns, median and range
 of the ratio.
 
---before: a checkout of an earlier visray (git worktree add --detach ../visray-before 0d31b7e). The matte scene by turns
-in 11 pairs of processes, one of each visray, each the median of 15 warm pictures: what effects cost that visray has and
-the scene does not call for. Processor time beside it, the least of 15, hardly feels what else the machine does.
+--before: a checkout of an earlier visray (git worktree add --detach ../visray-before 45a7471). The matte scene and some
+of scenes/ by turns in 11 pairs of processes, one of each visray: operations and compile seconds of the kernel, and the
+median of 9 warm pictures. Processor time beside it, the least of 9, hardly feels what else the machine does.
 """
 
 import argparse
@@ -37,24 +37,37 @@ HERE = Path(__file__).resolve().parent
 SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 11
 BLACK = (0.0, 0.0, 0.0)
 HALF = (0.5, 0.5, 0.5)
-# What each process of a pair does, with whichever visray it finds: prints seconds, processor seconds and operations of
-# the matte scene.
+# The scenes that are compared with an earlier visray, beside the matte one; width of their pictures.
+COMPARED, WIDTH = ("heart", "everything", "many", "penumbra", "transparencies"), 360
+# What each process of a pair does, with whichever visray it finds: prints seconds, processor seconds, operations and
+# compile seconds of a scene, in that order.
 CHILD = """
-import json, statistics, time, visray
+import json, statistics, sys, time, visray
 import drjit as dr
 from bench_mitsuba import THREADS, ours, ring, seconds, vary
-from visray.passes import expose
-from visray.setup import prepare
+try:
+    from visray.passes import expose
+    from visray.setup import prepare
+except ImportError:
+    from visray.exposure import expose, set_up as prepare
+from visray.render import adjusted
+name, file, width = sys.argv[1:]
+scene = ours(ring(), 16)
+if name != "matte":
+    scene = visray.load(file)
+    height = round(int(width) * scene.film.height / scene.film.width)
+    scene = adjusted(scene, spp=16, size=(int(width), height))
 dr.set_thread_count(THREADS)
-prepared = prepare(ours(ring(), 16))
+prepared = prepare(scene)
 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
     expose(prepared)
-    operations = max(k["operation_count"] for k in dr.kernel_history([dr.KernelType.JIT]))
+    kernel = max(dr.kernel_history([dr.KernelType.JIT]), key=lambda k: k["operation_count"])
 def measured(i):
     begun = time.process_time()
     return seconds(lambda: expose(vary(prepared, i))), time.process_time() - begun
-times, busy = zip(*[measured(i) for i in range(18)][3:])
-print(json.dumps([statistics.median(times), min(busy), operations]))
+times, busy = zip(*[measured(i) for i in range(11)][2:])
+spent = (kernel["codegen_time"] + kernel["backend_time"]) / 1e3
+print(json.dumps([statistics.median(times), min(busy), kernel["operation_count"], spent]))
 """
 Change = Callable[[vr.Scene], vr.Scene]
 
@@ -148,21 +161,30 @@ def table() -> list[dict]:
 
 
 def against(before: Path) -> dict:
-    """The matte scene with this visray and an earlier one."""
+    """The matte scene and some others with this visray and an earlier one."""
     commit = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
+    known = subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip()
+    return {"commit": known, "pairs": PROCESSES} | {name: compared(before, name) for name in ("matte", *COMPARED)}
+
+
+def compared(before: Path, name: str) -> dict:
+    """One scene with this visray and an earlier one, by turns. Caches of kernels are empty in the first pair."""
     paths = before, HERE.parent
-    found: dict[Path, list] = {path: [] for path in paths}
-    for i in range(PROCESSES):
-        for path in paths if i % 2 else paths[::-1]:
-            found[path].append(matte_by(path))
-        sys.stderr.write(f"before {found[before][-1][0]:.4f} s, now {found[HERE.parent][-1][0]:.4f} s\n")
-    (old, old_busy, old_operations), (new, busy, operations) = (tuple(zip(*found[path])) for path in paths)
+    runs: dict[Path, list] = {path: [] for path in paths}
+    with tempfile.TemporaryDirectory() as cache:
+        for i in range(PROCESSES):
+            for path in paths if i % 2 else paths[::-1]:
+                runs[path].append(run_of(path, name, cache))
+    (old, old_busy, old_operations, old_compiled), (new, busy, operations, compiled) = (
+        tuple(zip(*runs[path])) for path in paths
+    )
     ratios = sorted(b / a for a, b in zip(old, new))
+    sys.stderr.write(f"{name}: {median(ratios):.2f} of the time before\n")
     return {
-        "commit": subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip(),
-        "pairs": PROCESSES,
         "operations_before": old_operations[0],
         "operations": operations[0],
+        "compile_s_before": old_compiled[0],
+        "compile_s": compiled[0],
         "seconds_before": median(old),
         "seconds": median(new),
         "ratio": median(ratios),
@@ -172,21 +194,26 @@ def against(before: Path) -> dict:
     }
 
 
-def matte_by(path: Path) -> tuple[float, float, int]:
-    """Seconds, processor seconds and operations of the matte scene in a process with the visray of a checkout."""
-    environment = os.environ | {"PYTHONPATH": f"{path}{os.pathsep}{path / 'reference'}"}
-    command = [sys.executable, "-c", CHILD]
-    run = subprocess.run(command, check=True, capture_output=True, text=True, cwd=path, env=environment)
-    return tuple(json.loads(run.stdout))
+def run_of(path: Path, name: str, cache: str) -> tuple[float, float, int, float]:
+    """What CHILD prints of a scene in a process with the visray of a checkout."""
+    environment = os.environ | {
+        "PYTHONPATH": f"{path}{os.pathsep}{path / 'reference'}",
+        "DRJIT_CACHE_DIR": str(Path(cache, path.name)),
+    }
+    command = [sys.executable, "-c", CHILD, name, str(HERE.parent / "scenes" / f"{name}.json"), str(WIDTH)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=path, env=environment)
+    return tuple(json.loads(done.stdout))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--before", type=Path, help="a checkout of an earlier visray")
+    parser.add_argument("--only-before", action="store_true", help="no table of effects")
     chosen = parser.parse_args()
     dr.set_thread_count(THREADS)
-    report = machine() | {"size": SIZE, "spp": SPP, "load": os.getloadavg()[0], "rows": table()}
+    rows = [] if chosen.only_before else table()
+    report = machine() | {"size": SIZE, "spp": SPP, "load": os.getloadavg()[0], "rows": rows}
     if chosen.before:
         report["before"] = against(chosen.before.resolve())
     text = json.dumps(report, indent=2) + "\n"

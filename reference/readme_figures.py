@@ -70,17 +70,28 @@ def check() -> list[str]:
 def effects() -> list[str]:
     """What each effect costs."""
     report = loaded("cost_of_effects")
-    size, matte_ms, b = report["size"], 1e3 * report["rows"][0]["seconds"], report["before"]
-    low, high = b["ratio_quartiles"]
-    spread = f"median of {b['pairs']} pairs of processes, quartiles {low:.2f} and {high:.2f}"
+    size, matte_ms, before = report["size"], 1e3 * report["rows"][0]["seconds"], report["before"]
     rows = [[r["scene"], f"{r['operations']:,}", f"{r['compile_s']:.2f}", f"{r['ratio']:.2f}"] for r in report["rows"]]
+    compared = [
+        [
+            name,
+            f"{r['operations_before']:,}, {r['operations']:,}",
+            f"{r['compile_s_before']:.2f}, {r['compile_s']:.2f}",
+            f"{r['ratio']:.2f} ({r['ratio_quartiles'][0]:.2f} to {r['ratio_quartiles'][1]:.2f})",
+            f"{r['cpu_ratio']:.2f}",
+        ]
+        for name, r in before.items()
+        if isinstance(r, dict)
+    ]
+    heads = ["scene", "kernel operations before, now", "compile before, now, s"]
+    heads += ["time now over before", "processor time"]
     return [
         "The matte scene with eight spheres above, and the same with one effect more or less: warm renders by turns,",
         f"{size} x {size}, {report['spp']} samples per pixel, for which the matte scene takes {matte_ms:.0f} ms:",
         *table(["scene", "kernel operations", "compile, s", "time against matte"], rows),
-        f"Effects that are there and not called for: the matte scene takes {b['ratio']:.2f} of the time that it took",
-        f"before most of them were built ({b['commit']}; {spread}; processor time {b['cpu_ratio']:.2f}),",
-        f"{b['operations']:,} operations instead of {b['operations_before']:,}.",
+        f"Against an earlier visray ({before['commit']}): {before['pairs']} pairs of processes by turns, median of the",
+        "ratios, quartiles in brackets.",
+        *table(heads, compared),
         measured(report, "cost_of_effects", "\n", "; `visray explain SCENE --cost` tells of any scene"),
     ]
 

@@ -36,6 +36,7 @@ from visray.primitives import (
     Triangle,
 )
 from visray.primitives.clips import Ball
+from visray.primitives.defined import Defined
 from visray.primitives.primitive import scalars
 from visray.pytree import rows
 from visray.ray import NOTHING_KNOWN, Crossing, Hit, KnownEnds, Ray
@@ -633,6 +634,8 @@ SAMPLES = {
     )
 }
 NAMES = [k.__name__ for k in KINDS]
+# No ray that leaves one of these outwards meets it again. The polynomial of the sample is a ball.
+CONVEX = [k.__name__ for k in KINDS if not issubclass(k, Defined)]
 
 
 def stretched(rng: np.random.Generator, thing: Any) -> Any:

@@ -13,7 +13,7 @@ from test_paths import BLACK, HALF, WHITE, plain
 from test_render import compiled
 
 import visray as vr
-from visray import exposure
+from visray import passes
 from visray.cli import main
 from visray.features import RULES, features
 from visray.halves import Halves
@@ -204,8 +204,8 @@ def many_lights(scene: vr.Scene) -> vr.Scene:
 @pytest.mark.parametrize("crowd", [forest, many_lights])
 def test_crowds(crowd: Callable[[vr.Scene], vr.Scene], full: vr.Scene) -> None:
     scene = crowd(full)
-    stage = prepare(scene).kernel
-    assert any(g.tree is not None for g in stage.groups) and bool(stage.crowds) == (crowd is many_lights)
+    kernel = prepare(scene).kernel
+    assert kernel.geometry.tree is not None and bool(kernel.looped_lights) == (crowd is many_lights)
     assert np.ptp(picture(scene)) > 0.01
 
 
@@ -369,7 +369,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
         camera=vr.Camera(origin=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0)), film=vr.Film(width=21, height=15),
         objects={"far": vr.Sphere(center=(9.0, 9.0, 0.0)), "ball": vr.Sphere()}, settings=vr.Settings(spp=2),
     )  # fmt: skip
-    once = exposure.exposed_once
+    once = passes.exposed_once
 
     def spoilt(*pixels: tuple[int, int]) -> Callable:
         def exposed(made: Any, *rest: Any) -> Any:
@@ -381,14 +381,14 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
         return exposed
 
-    monkeypatch.setattr(exposure, "exposed_once", spoilt((10, 7)))
+    monkeypatch.setattr(passes, "exposed_once", spoilt((10, 7)))
     with pytest.raises(vr.UserError) as caught:
         vr.render(scene, progress=False)
     assert str(caught.value).startswith("pixel 10, 7, which shows objects.ball: is not a number;")
-    monkeypatch.setattr(exposure, "exposed_once", spoilt((2, 1)))
+    monkeypatch.setattr(passes, "exposed_once", spoilt((2, 1)))
     with pytest.raises(vr.UserError, match=r"^pixel 2, 1, which shows nothing: is not"):
         vr.render(scene, progress=False)
-    monkeypatch.setattr(exposure, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
+    monkeypatch.setattr(passes, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
     with pytest.raises(vr.UserError, match="and 2 pixels more: is not a number;"):
         vr.render(scene, progress=False, layers=("RGB",))
     take = Halves.take
@@ -397,7 +397,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
         take(h, lanes, targets)
         mean = np.array(h.film.moments.mean)
         mean[1, np.flatnonzero(made.order == 7 * 21 + 10)[0]] = value
-        h.film = replace(h.film, moments=replace(h.film.moments, mean=h.made.a.W(mean)))
+        h.film = replace(h.film, moments=replace(h.film.moments, mean=h.prepared.a.W(mean)))
 
     made = prepare(scene)
     with monkeypatch.context() as patch:
@@ -405,6 +405,6 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
         with pytest.raises(vr.UserError, match=r"^pixel 10, 7, which shows objects.ball: is not a number;"):
             vr.render(scene, error=0.05, progress=False)
     # With every number sound, nothing is refused.
-    monkeypatch.setattr(exposure, "exposed_once", once)
+    monkeypatch.setattr(passes, "exposed_once", once)
     made = prepare(scene)
     check_numbers(made, np.array(expose(made)[0].mean))

@@ -169,7 +169,7 @@ def test_seeds_samples_and_rays_are_data() -> None:
     smaller, again = studio.fitting(taken, 1e-9)
     assert max(smaller.scene.film.width, smaller.scene.film.height) == SMALLEST
     for s, t in ((studio, taken[0]), (studio, taken[-1]), (smaller, again[-1])):
-        made = t.made
+        made = t.prepared
         for seeds in ([5, 6], [7, 8]):
             _, kernels = measuring.exposed(made, measuring.blank(made, 2), seeds, 0, 2, s.mark)
             assert {k["hash"] for k in kernels} <= set(studio.compiled)

@@ -15,7 +15,21 @@ from visray.errors import UserError
 from visray.lights import KINDS as LIGHT_KINDS
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
-from visray.primitives import KINDS, Box, Cone, Cylinder, Disk, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives import (
+    KINDS,
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Disk,
+    Ellipsoid,
+    Plane,
+    Polynomial,
+    Rectangle,
+    Sphere,
+    Torus,
+    Triangle,
+)
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
@@ -45,6 +59,9 @@ ONE = {
     "box": Box(min=(-0.7, -0.5, -0.4), max=(0.5, 0.6, 0.7)),
     "cylinder": Cylinder(axis=(0.3, 1, 0.2), radius=0.5, height=1.2),
     "cone": Cone(base=(0, -0.5, 0), axis=(0.2, 1, 0.3), radius=0.7, height=1.3),
+    "ellipsoid": Ellipsoid(center=(0.1, 0.1, 0), radii=(0.9, 0.5, 0.7)),
+    "capsule": Capsule(a=(-0.4, -0.3, 0.1), b=(0.3, 0.4, -0.2), radius=0.4),
+    "torus": Torus(axis=(0.2, 1, 0.3), major=0.6, minor=0.25),
 }
 TRANSFORMS = {
     "alone": (),
@@ -119,7 +136,7 @@ def test_a_polynomial_surface_is_left_out_and_said_to_be() -> None:
 def test_a_scene_of_every_kind_passes(all_kinds: Scene) -> None:
     report = checked(all_kinds, rays=100_000)
     assert report.passed, failures(report)
-    assert report.objects == 10
+    assert report.objects == len(all_kinds.objects)
     assert report.shadows.rays - report.shadows.reached > 500
     # From below, the underside of the box lies in the floor.
     assert report.random.tied > 0
@@ -291,7 +308,8 @@ def test_moved_rays_surround_every_error() -> None:
 
 @pytest.mark.parametrize("kind", FINEST)
 def test_facets_are_inscribed_and_look_outwards(kind: str) -> None:
-    f = facets(kind, 64)
+    shape = {"capsule": 0.7, "torus": 0.4}.get(kind)
+    f = facets(kind, 64, shape)
     corners = f.vertices[f.faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
@@ -299,12 +317,21 @@ def test_facets_are_inscribed_and_look_outwards(kind: str) -> None:
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     assert (np.arccos(np.clip((flat * middle).sum(1), -1, 1)) <= 2 * np.pi / 64).all()
     radius, z = np.hypot(f.vertices[:, 0], f.vertices[:, 1]), f.vertices[:, 2]
-    whole = {"sphere": radius**2 + z**2, "cone": radius + (z + 1) / 2, "cylinder": radius, "disk": radius}[kind]
-    assert whole.max() <= 1 + 4 * np.finfo(float).eps
+    whole = {
+        "sphere": radius**2 + z**2,
+        "cone": radius + (z + 1) / 2,
+        "cylinder": radius,
+        "disk": radius,
+        "capsule": radius**2 + np.maximum(np.abs(z) - 0.7, 0) ** 2,
+        "torus": ((radius - 1) ** 2 + z**2) / 0.4**2,
+    }[kind]
+    # Of a torus the difference from its circle is of numbers 1 / 0.4 as great, and squared.
+    assert whole.max() <= 1 + {"torus": 2 * 4 / 0.4}.get(kind, 4) * np.finfo(float).eps
     if kind != "disk":
         # The divergence theorem: the volume inside, a little less than that of the shape.
         volume = (corners.mean(1) * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() / 6
-        exact = {"sphere": 4 / 3, "cone": 2 / 3, "cylinder": 2.0}[kind] * np.pi
+        sizes = {"sphere": 4 / 3, "cone": 2 / 3, "cylinder": 2.0, "capsule": 4 / 3 + 1.4, "torus": 2 * np.pi * 0.4**2}
+        exact = sizes[kind] * np.pi
         assert exact * (1 - 3 * f.gap) <= volume <= exact
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from visray import integrator, lighting, occlusion, paths, shading, texturing, warp
+from visray import direct, indirect, integrator, occlusion, shading, texturing, warp
 from visray.camera import Camera
 from visray.features import RULES, features
 from visray.gradients import gradient
@@ -386,17 +386,17 @@ PATHS, DOMES = {"reflection", "refraction", "scatter"}, {"sky occlusion", "near 
 PARTS = {
     (occlusion, "sky"): {"sky occlusion"},
     (occlusion, "near"): {"near occlusion"},
-    (paths, "onward"): PATHS,
-    (paths, "lens"): PATHS,
-    (paths, "bounce"): PATHS,
-    (paths, "scattered"): {"scatter"},
-    (paths, "_others"): {"nested media"},
-    (lighting, "spread"): {"area lights"},
-    (lighting, "_from"): {"area lights"},
-    (lighting, "_from_afar"): set(),
-    (lighting, "_shadowed"): {"shadows"},
-    (lighting, "blocked"): {"shadows"},
-    (lighting, "transmitted"): {"coloured shadows"},
+    (indirect, "indirect"): PATHS,
+    (indirect, "interface"): PATHS,
+    (indirect, "bounce"): PATHS,
+    (indirect, "scattered"): {"scatter"},
+    (indirect, "_others"): {"nested media"},
+    (direct, "area_light"): {"area lights"},
+    (direct, "_along"): {"area lights"},
+    (direct, "_from_afar"): set(),
+    (direct, "_shadowed"): {"shadows"},
+    (direct, "occluded"): {"shadows"},
+    (direct, "transmittance"): {"coloured shadows"},
     (shading, "power"): {"specular"},
     (texturing, "colour"): {"textures"},
     (texturing, "_around"): {"bilinear"},

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from samples import NAMES, direction, unit
+from samples import CONVEX, direction, unit
 from test_sampling import SIGMA
 from test_shading import BLACK, PRECISIONS, along, seen
 from test_shadows import SOLIDS, alone, looks, triple
@@ -249,7 +249,7 @@ def test_the_box_hemisphere_is_the_originals(sampler: str, rays: int) -> None:
 
 
 @PRECISIONS
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", CONVEX)
 def test_no_convex_thing_hides_its_own_sky(name: str, precision: str) -> None:
     """Points that eyes see from outside, on random shapes over 6 decades of size: of 16 rays over the hemisphere none
     meets the shape, and nothing is near."""

@@ -10,8 +10,8 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray import exposure, integrator, pace
 from visray import film as films
+from visray import integrator, pace, passes
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.film import Film as Exposure
@@ -153,14 +153,14 @@ def test_one_pass_and_many_make_the_same_picture(precision: str) -> None:
 
 def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = picture(SHOW, spp=24)
-    monkeypatch.setattr(exposure, "first_pass", lambda made: 5 * len(made.order))
+    monkeypatch.setattr(passes, "first_pass", lambda made: 5 * len(made.order))
     monkeypatch.setattr(pace, "PASS_SECONDS", 1e-9)
     monkeypatch.setattr(pace, "TRACED", 0)
-    passes = []
-    once = exposure.exposed_once
-    monkeypatch.setattr(exposure, "exposed_once", lambda *a: passes.append(int(a[2].max())) or once(*a))
+    ends = []
+    once = passes.exposed_once
+    monkeypatch.setattr(passes, "exposed_once", lambda *a: ends.append(int(a[2].max())) or once(*a))
     parts = picture(SHOW, spp=24)
-    assert len(passes) > 3 and passes[-1] == 24
+    assert len(ends) > 3 and ends[-1] == 24
     assert np.array_equal(whole, parts)
 
 
@@ -221,22 +221,22 @@ def test_film_joins_moments_as_numpy_does() -> None:
 
 def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt in the second pass: that pass is finished, the next is not begun, and the picture says so."""
-    monkeypatch.setattr(exposure, "first_pass", lambda made: 2 * len(made.order))
-    once, passes = exposure.exposed_once, []
+    monkeypatch.setattr(passes, "first_pass", lambda made: 2 * len(made.order))
+    once, counts = passes.exposed_once, []
 
     def interrupted(made, film, targets, pace):
-        passes.append(int((targets - film.counts)[0]))
-        if len(passes) == 2:
+        counts.append(int((targets - film.counts)[0]))
+        if len(counts) == 2:
             signal.raise_signal(signal.SIGINT)
         return once(made, film, targets, pace)
 
-    monkeypatch.setattr(exposure, "exposed_once", interrupted)
+    monkeypatch.setattr(passes, "exposed_once", interrupted)
     image = render(SHOW, spp=1000, progress=False, layers=("RGB",))
-    assert len(passes) == 2
-    assert image.metadata["spp"] == sum(passes) < 1000 and image.metadata["spp_asked"] == 1000
-    monkeypatch.setattr(exposure, "exposed_once", once)
+    assert len(counts) == 2
+    assert image.metadata["spp"] == sum(counts) < 1000 and image.metadata["spp_asked"] == 1000
+    monkeypatch.setattr(passes, "exposed_once", once)
     # The same samples as those of a render that is cut there.
-    film, made = in_passes(replace(SHOW, settings=Settings(spp=1000)), passes)
+    film, made = in_passes(replace(SHOW, settings=Settings(spp=1000)), counts)
     kept = np.empty((len(made.order), 3))
     kept[made.order] = np.array(film.mean).T
     assert np.array_equal(image["RGB"].reshape(-1, 3), kept.astype(np.float32))
@@ -247,7 +247,7 @@ def test_second_ctrl_c_ends_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(exposure, "exposed_once", interrupted)
+    monkeypatch.setattr(passes, "exposed_once", interrupted)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         render(SHOW, progress=False)

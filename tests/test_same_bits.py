@@ -16,7 +16,7 @@ from test_adaptive import EDGES, with_settings
 from test_render import CHANGES, SHOW, at, compiled, many
 from virtual import Machine
 
-from visray import exposure, integrator
+from visray import integrator, passes
 from visray.errors import UserError
 from visray.film import Film, Origin
 from visray.geometry import gamma
@@ -152,7 +152,7 @@ def test_no_pass_but_the_first_compiles(sampler: str, transparent: bool) -> None
 def exposed_on(monkeypatch: pytest.MonkeyPatch, made: Prepared, **machine: Any) -> tuple[Film, int]:
     """The film of a machine that is so fast, and in how many passes it was made."""
     with monkeypatch.context() as patch:
-        patch.setattr(exposure, "first_pass", lambda made: len(made.order))
+        patch.setattr(passes, "first_pass", lambda made: len(made.order))
         slower = Machine(patch, **machine)
         return expose(made)[0], slower.passes
 
@@ -312,7 +312,7 @@ def test_stop_save_load_go_on(sampler: str, transparent: bool, stop: int, tmp_pa
 
 def test_stopped_by_ctrl_c_and_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made, patience = made_of("stratified"), Patience()
-    monkeypatch.setattr(exposure, "first_pass", lambda made: 20 * len(made.order))
+    monkeypatch.setattr(passes, "first_pass", lambda made: 20 * len(made.order))
     patience.asked = True
     film, done = expose(made, patience=patience)
     assert 0 < done < SPP and same(expose(made, film=film)[0], at_once("stratified"))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from visray import clock, integrator
+from visray.kernel_scene import KernelScene
 from visray.sampling import Plan
 
 
@@ -30,13 +31,13 @@ class Machine:
         self.pending = self.last = 0.0
         sample, sync = integrator.sample, dr.sync_thread
 
-        def sampled(stage: integrator.Stage, plan: Plan, x: Any, y: Any, moments: Any) -> Any:
-            rays = sum(int(np.array(lot.count).sum()) for lot in stage.scenery.lots.values())
+        def sampled(kernel: KernelScene, plan: Plan, x: Any, y: Any, moments: Any) -> Any:
+            rays = sum(int(np.array(points.count).sum()) for points in kernel.sets.values())
             samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
             self.pending += rate * samples * (1 + rays / 3)
             self.now += tracing
             self.passes += 1
-            return sample(stage, plan, x, y, moments)
+            return sample(kernel, plan, x, y, moments)
 
         def synced() -> None:
             sync()

@@ -174,7 +174,7 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> FirstHit:
 
 def object_of(s: KernelScene, hit: Hit) -> Any:
     """The number in the scene of the object that is hit, NO_ROW for none."""
-    number = s.a.U(NO_ROW)
+    number = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         here = batch.has(hit.row)
         own = dr.gather(s.a.U, batch.object, dr.select(here, hit.row - batch.base, 0))

@@ -69,6 +69,8 @@ def exposed_once(
     begun, settings = clock.now(), prepared.scene.settings
     first, more = film.counts, targets - film.counts
     samples = int(more.sum())
+    if not samples:
+        return film
     if (first == first[0]).all() and (more == more[0]).all():
         # Numbers for all lanes are a kernel of their own, without a load from memory for each lane.
         first, more = int(first[0]), int(more[0])

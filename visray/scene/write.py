@@ -55,6 +55,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "misses": "what a secondary ray sees that hits nothing",
         "local": "the weight of the own colour of a transparent surface: 1 - kt, or 1",
         "area": "where area lights light from: every sample, or their centre",
+        "accelerator": "how rays find what they hit; the picture is the same bit for bit",
     },
     Occlusion: {
         "sky": "rays per point, from 0 to 65536",

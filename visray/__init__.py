@@ -36,10 +36,11 @@ from visray.primitives import (
     Triangle,
 )  # fmt: skip
 from visray.primitives.clips import Ball, Block
-from visray.render import explain, render
+from visray.render import explain, prepare, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
 from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.setup import Prepared
 from visray.study.cost.study import cost
 from visray.study.cost.tuning import tune
 from visray.textures import CheckerTexture, ImageTexture
@@ -49,8 +50,8 @@ from visray.version import __version__
 __all__ = [
     "Ball", "Block", "Box", "Camera", "Capsule", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk",
     "DiskLight", "EdgeWarning", "Ellipsoid", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix",
-    "Occlusion", "Plane", "PointLight", "Polynomial", "Rectangle", "RectangleLight", "Rotate", "Scale", "Scatter",
-    "Scene", "Settings", "Sphere", "SphereLight", "SpotLight", "Torus", "Translate", "Triangle", "UserError",
-    "__version__", "cost", "derivative", "difference", "dump", "explain", "gradient", "load", "render", "replaced",
-    "surfaces", "tune", "value",
+    "Occlusion", "Plane", "PointLight", "Polynomial", "Prepared", "Rectangle", "RectangleLight", "Rotate", "Scale",
+    "Scatter", "Scene", "Settings", "Sphere", "SphereLight", "SpotLight", "Torus", "Translate", "Triangle", "UserError",
+    "__version__", "cost", "derivative", "difference", "dump", "explain", "gradient", "load", "prepare", "render",
+    "replaced", "surfaces", "tune", "value",
 ]  # fmt: skip

@@ -177,7 +177,8 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, before: tuple[Packe
     for columns in packed.batches:
         batches.append(old.get(id(columns)) or placed(columns, base, packed.materials))
         base += len(columns)
-    if before is not None and len(old) and all(new is last for new, last in zip(batches, before[1].batches)):
+    still = old and all(new is last for new, last in zip(batches, before[1].batches))
+    if still and before[1].geometry.accelerator == settings.accelerator:
         return before[1].geometry
     return Geometry.of(a, tuple(batches), settings.accelerator)
 

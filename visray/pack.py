@@ -4,7 +4,7 @@
 numbers. `Packed` is a Dr.Jit PyTree: derivatives are taken by its arrays. `Index` says where they hold an address.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, is_dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -99,13 +99,6 @@ class Packed:
     background: Gradient
     ambient: Any
     occlusion: Occlusion
-
-
-def structure(scene: Scene) -> tuple:
-    """What decides the code of a scene's objects and lights: for each its name, its kind, and whether it has a
-    transform."""
-    things = tuple((name, x.kind, bool(x.transform)) for name, x in scene.objects.items())
-    return things, tuple((name, type(x)) for name, x in scene.lights.items())
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
@@ -248,46 +241,44 @@ class Index:
         raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
 
 
-def updated(packed: Packed, old: Scene, new: Scene, addressed: Mapping[str, Any], a: Arrays) -> Packed | None:
+def updated(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
     """The packed numbers of `new`, a scene that differs from `old` at the given addresses only: arrays that nothing
     changed are the same ones. None where more than numbers changed, and all is to be packed anew."""
-    sections = {address.partition(".")[0] for address in addressed}
-    if sections & {"textures", "film"} or structure(old)[1] != structure(new)[1]:
+    paths = [address.split(".") for address in addressed]
+    sections = {section for section, *_ in paths}
+    if sections & {"textures", "film"} or ["objects"] in paths or _named(old) != _named(new):
         return None
-    index, batches = Index(old, packed), list(packed.batches)
-    changed: dict[int, dict[int, str]] = {}
-    for name in {address.split(".")[1] for address in addressed if address.startswith("objects.")}:
+    changes: dict[str, Any] = {}
+    batches = _moved(packed, old, new, {rest[0] for section, *rest in paths if section == "objects"}, a)
+    if batches is None:
+        return None
+    if sections - {"objects"}:
+        rest = pack(replace(new, objects={}), a)
+        fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
+        changes = {fields[s]: getattr(rest, fields[s]) for s in sections if s in fields and s != "objects"}
+    return replace(packed, batches=batches, **changes)
+
+
+def _named(scene: Scene) -> tuple:
+    """What names and kinds a scene has besides its objects': where they change, more than numbers does."""
+    lights = [(name, type(light)) for name, light in scene.lights.items()]
+    return lights, [(name, m.texture) for name, m in _materials(scene).items()], isinstance(scene.background, Gradient)
+
+
+def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
+    """The batches with the numbers of some objects put in anew; None where one of them is of another batch now."""
+    index, batches, rows = Index(old, packed), list(packed.batches), {}
+    for name in names:
         before, after = old.objects[name], new.objects[name]
         if (before.kind, bool(before.transform)) != (after.kind, bool(after.transform)):
             return None
         number, row = index.row_of(packed.batches, name)
-        changed.setdefault(number, {})[row] = name
-    for number, names in changed.items():
-        places = [(index_of, name) for index_of, name in enumerate(names.values())]
-        few = _batch(new, a, batches[number].kind, places)
-        at = a.put(a.U, np.array(list(names), np.uint32))
-        few = replace(few, object=dr.gather(a.U, batches[number].object, at))
-        batches[number] = _scattered(batches[number], few, at)
-    fresh = pack(replace(new, objects={}), a)
-    kept = {
-        "materials": "materials" in sections,
-        "lights": "lights" in sections,
-        "camera": "camera" in sections,
-        "background": "background" in sections,
-        "ambient": "ambient" in sections,
-        "occlusion": "settings" in sections,
-    }
-    if "materials" in sections and _textures(old) != _textures(new):
-        return None
-    return replace(
-        packed,
-        batches=tuple(batches),
-        **{name: getattr(fresh, name) for name, differs in kept.items() if differs},
-    )
-
-
-def _textures(scene: Scene) -> list[tuple[str, str | None]]:
-    return [(name, m.texture) for name, m in _materials(scene).items()]
+        rows.setdefault(number, {})[row] = name
+    for number, named in rows.items():
+        batch, at = batches[number], a.put(a.U, np.array(list(named), np.uint32))
+        few = _batch(new, a, batch.kind, list(enumerate(named.values())))
+        batches[number] = _scattered(batch, replace(few, object=dr.gather(a.U, batch.object, at)), at)
+    return tuple(batches)
 
 
 def _scattered(columns: Columns, few: Columns, at: Any) -> Columns:

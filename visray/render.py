@@ -26,7 +26,8 @@ from visray.progress import Patience
 from visray.reachable import Files
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
-from visray.setup import Prepared, prepare
+from visray.setup import Prepared
+from visray.setup import prepare as prepare_checked
 from visray.version import __version__
 
 # What tells how well the crossings are known that are searched for.
@@ -41,7 +42,7 @@ LAYERING, PNG, CHANNEL = 6e-7, 4e-7, 3e-8
 
 
 def render(
-    scene: Scene | str | Path,
+    scene: Scene | Prepared | str | Path,
     *,
     setup: str | Path | None = None,
     spp: int | None = None,
@@ -57,7 +58,9 @@ def render(
     files: Files = ANYWHERE,
     begun: float | None = None,
 ) -> Image:
-    """The picture of a scene, or of a scene file. Ctrl-C keeps the passes that are done.
+    """The picture of a scene, of a prepared one, or of a scene file. Ctrl-C keeps the passes that are done.
+
+    A prepared scene (vr.prepare) is looked at again and again: `prepared.updated` pays only for what changes.
 
     spp, size, seed and precision replace what the scene says. layers: which of LAYERS to make; the data layers cost a
     kernel of their own. The metadata say how the picture was made.
@@ -75,7 +78,8 @@ def render(
     for path in files.paths:
         check_destination(path, files.gamma, files.exposure)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
-    scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    ready = scene if isinstance(scene, Prepared) else None
+    scene = adjusted(ready.scene if ready else scene, spp=spp, size=size, seed=seed, precision=precision)
     named = scene.hash()
     if goal:
         goal = replace(goal, reserve=_at_the_end(scene.film.width * scene.film.height, layers, files))
@@ -83,7 +87,7 @@ def render(
         scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
     if threads is not None:
         set_threads(threads)
-    prepared = prepare(scene, backend)
+    prepared = ready.adjusted(scene) if ready else prepare_checked(scene, backend)
     with Patience() as patience:
         if goal:
             # First, as its kernel takes time too.
@@ -179,6 +183,17 @@ def wanted(layers: Sequence[str]) -> tuple[str, ...]:
         if name not in LAYERS:
             raise UserError(f"layers = {name!r}: there is no such layer; choose from {', '.join(LAYERS)}")
     return layers
+
+
+def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
+    """A scene, or that of a file, checked, packed and placed, to be rendered again and again:
+
+    prepared = vr.prepare(scene)
+    for x in (0.0, 0.1, 0.2):
+        prepared = prepared.updated({"objects.ball.center.0": x})
+        image = vr.render(prepared)
+    """
+    return prepare_checked(checked(load(scene) if isinstance(scene, (str, Path)) else scene), backend)
 
 
 def explain(scene: Scene) -> Features:

@@ -39,14 +39,20 @@ class Prepared:
         """The scene with other values at some addresses. Only what changes is checked, packed and placed anew; where
         nothing but numbers change, no kernel is compiled."""
         scene = addresses.changed(self.scene, assignments)
-        on = features(scene)
-        packed = None
-        if on == self.features and scene.settings.precision == self.scene.settings.precision:
-            packed = updated(self.packed, self.scene, scene, assignments, self.a)
-        if packed is None:
-            return prepare(scene, self.a.backend, brute_force=self.kernel.brute_force)
-        before, old = self.packed, self.kernel
-        kernel = kernel_scene(packed, scene, on, self.a, old.atlas, old.brute_force, (before, old))
+        return self._with(scene, updated(self.packed, self.scene, scene, assignments, self.a))
+
+    def adjusted(self, scene: Scene) -> "Prepared":
+        """The same for a scene that differs from this one by its settings, or by the size of its film, alone."""
+        if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
+            return self
+        return self._with(scene, self.packed if scene.film == self.scene.film else None)
+
+    def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
+        """With other packed numbers; None: all is prepared anew, as where other code is called for."""
+        on, old = features(scene), self.kernel
+        if packed is None or on != self.features or scene.settings.precision != self.scene.settings.precision:
+            return prepare(scene, self.a.backend, brute_force=old.brute_force)
+        kernel = kernel_scene(packed, scene, on, self.a, old.atlas, old.brute_force, (self.packed, old))
         return replace(self, scene=scene, packed=packed, kernel=kernel)
 
 

@@ -157,7 +157,7 @@ def _in_single(made: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> 
     rest = radius**2 - sum(x * x for x in nearest)
     half = dr.sqrt(dr.maximum(rest, 0))
     ends = middle - half, middle + half
-    way = roots.Way.of(origin, tuple(direction), ends, *ends)
+    way = roots.ChordSegment.of(origin, tuple(direction), ends, *ends)
     c = roots.first_crossing(built.form, tuple(map(real, built.values)), way, rest > 0)
     return c.t, np.array(c.t)
 

@@ -492,7 +492,7 @@ def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
 
 
 def judged(surface: Surface, folder: Path, have: set[str]) -> dict:
-    """Wrong pixels of each program."""
+    """PolynomialError pixels of each program."""
     masks = {}
     if "povray" in have:
         masks["povray"] = povray_mask(folder, surface)

@@ -26,7 +26,7 @@ from machine import machine
 from rich.console import Console
 from rich.table import Table
 
-from visray.halves import Halves
+from visray.dual_buffer import DualBuffer
 from visray.output.curves import LUMINANCE
 from visray.reachable import Files
 from visray.render import LAYERS, adjusted
@@ -133,18 +133,18 @@ class Stopwatch:
     """Seconds of the passes of a picture while it is entered."""
 
     def __enter__(self) -> list[float]:
-        self.kept, found = Halves.take, []
+        self.kept, found = DualBuffer.take, []
 
-        def timed(halves: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
+        def timed(halves: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
             begun = time.perf_counter()
             self.kept(halves, lanes, targets)
             found.append(time.perf_counter() - begun)
 
-        Halves.take = timed
+        DualBuffer.take = timed
         return found
 
     def __exit__(self, *_: object) -> None:
-        Halves.take = self.kept
+        DualBuffer.take = self.kept
 
 
 def times(name: str) -> list[dict]:

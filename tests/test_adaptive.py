@@ -19,14 +19,14 @@ from test_render import compiled
 from virtual import Machine
 
 from visray import adaptive, allocation, clock, halves
-from visray.adaptive import Pursuit
+from visray.adaptive import AdaptiveRun
 from visray.allocation import LOWEST, MOST, STEPS, Allocation
 from visray.camera import Camera
 from visray.cli import main
+from visray.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_of_squares
 from visray.errors import GoalWarning, UserError
 from visray.geometry import gamma as rounded
 from visray.goals import Goal
-from visray.halves import QUANTILE, Estimate, Halves, ratio_of_squares
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
 from visray.output.curves import LUMINANCE, linear
@@ -35,7 +35,7 @@ from visray.output.rounding import rounding
 from visray.pace import Pace
 from visray.passes import blank, exposed_once, first_pass
 from visray.primitives import Cylinder, Plane, Rectangle, Sphere
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.reachable import ROUNDINGS, Files
 from visray.render import render
 from visray.scene.load import load
@@ -68,7 +68,7 @@ SMALL_KERNEL = 200
 BOTH_SIDES, ONE_SIDE = 4.9, 4.76
 
 
-def pursued(scene: Scene, **more: Any) -> Image:
+def render_adaptively(scene: Scene, **more: Any) -> Image:
     return render(scene, progress=False, **{"layers": ("RGB", "A", "variance", "error", "samples")} | more)
 
 
@@ -85,9 +85,11 @@ def silent(_: object) -> None:
     """Takes a forecast and says nothing."""
 
 
-def pursuit(made: Prepared, error: float | None = None, seconds: float | None = None, patience: Any = None) -> Pursuit:
+def pursuit(
+    made: Prepared, error: float | None = None, seconds: float | None = None, interrupts: Any = None
+) -> AdaptiveRun:
     goal = Goal(error, seconds, clock.now())
-    found = Pursuit(made, goal, patience or Patience(), Bar("", 1, False), silent)
+    found = AdaptiveRun(made, goal, interrupts or Interrupts(), Bar("", 1, False), silent)
     found.run(Files())
     return found
 
@@ -350,18 +352,18 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
 # The halves
 
 
-def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[Halves, np.ndarray], bool]:
+def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[DualBuffer, np.ndarray], bool]:
     """Extends by one pass of so many samples at most, as if there were time for no more."""
     monkeypatch.setattr(halves, "first_pass", lambda made: samples)
 
-    def extend(h: Halves, targets: np.ndarray) -> bool:
+    def extend(h: DualBuffer, targets: np.ndarray) -> bool:
         h.pace, left = Pace(), iter([np.inf])
         return h.extend(targets, lambda: next(left, 0.0))
 
     return extend
 
 
-def some_counts(h: Halves) -> np.ndarray:
+def some_counts(h: DualBuffer) -> np.ndarray:
     return 2 ** np.random.default_rng(0).integers(0, 6, 2 * h.n)
 
 
@@ -369,10 +371,10 @@ def some_counts(h: Halves) -> np.ndarray:
 def test_passes_in_any_order_make_the_same_film(sampler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one pass; in passes that are broken off; and lanes in steps and in another order. Bit for bit."""
     made = prepare(with_settings(replace(EDGES, film=SMALL), sampler=sampler))
-    whole = Halves(made)
+    whole = DualBuffer(made)
     targets = some_counts(whole)
     assert whole.extend(targets) and np.array_equal(whole.counts, targets)
-    broken, stepped = Halves(made), Halves(made)
+    broken, stepped = DualBuffer(made), DualBuffer(made)
     step = one_pass(monkeypatch, 700)
     passes = 0
     while not step(broken, targets):
@@ -393,7 +395,7 @@ def test_passes_in_any_order_make_the_same_film(sampler: str, monkeypatch: pytes
 def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
     """Each half those of its own seed, the first so many of each lane: bit for bit."""
     made = prepare(with_settings(replace(EDGES, film=SMALL), sampler=sampler, seed=77))
-    h = Halves(made)
+    h = DualBuffer(made)
     targets = some_counts(h)
     h.extend(targets)
     means, squares = np.array(h.film.mean), np.array(h.film.squares)
@@ -418,12 +420,12 @@ def samplers_compiled(work: Callable[[], object]) -> list[int]:
 
 def test_no_count_seed_or_subset_compiles() -> None:
     made = prepare(replace(EDGES, film=SMALL))
-    Halves(made).compiled()
-    Halves(made).extend(np.full(2 * len(made.order), 2))
+    DualBuffer(made).compiled()
+    DualBuffer(made).extend(np.full(2 * len(made.order), 2))
 
     def others() -> None:
         for seed in (3, 2**31 - 1):
-            h = Halves(seeded(made, seed))
+            h = DualBuffer(seeded(made, seed))
             rng = np.random.default_rng(seed)
             for share in (1.0, 0.5, 0.02):
                 h.extend(h.counts + rng.integers(1, 40, 2 * h.n) * (rng.random(2 * h.n) < share))
@@ -434,7 +436,7 @@ def test_no_count_seed_or_subset_compiles() -> None:
 def test_a_lane_alone_compiles_nothing() -> None:
     """Dr.Jit makes another kernel for arrays of one entry; a pass may have one lane left."""
     made = prepare(replace(EDGES, film=SMALL, objects=EDGES.objects | {"more": Sphere(radius=0.1)}))
-    h = Halves(made)
+    h = DualBuffer(made)
     h.compiled()
     h.extend(np.full(2 * h.n, 2))
     assert samplers_compiled(lambda: h.extend(np.where(np.arange(2 * h.n) == 5, 16, 2))) == []
@@ -443,7 +445,7 @@ def test_a_lane_alone_compiles_nothing() -> None:
 def test_the_kernel_that_is_made_first_is_that_of_passes() -> None:
     """After it, seconds tell how long samples take, and nothing else."""
     more = {"more": Sphere(radius=0.1), "yet more": Rectangle()}
-    h = Halves(prepare(replace(EDGES, film=SMALL, objects=EDGES.objects | more)))
+    h = DualBuffer(prepare(replace(EDGES, film=SMALL, objects=EDGES.objects | more)))
     assert len(samplers_compiled(h.compiled)) >= 1
     assert samplers_compiled(lambda: h.extend(np.full(2 * h.n, 2))) == []
     assert samplers_compiled(lambda: h.extend(some_counts(h) + 2)) == []
@@ -452,16 +454,16 @@ def test_the_kernel_that_is_made_first_is_that_of_passes() -> None:
 def test_what_depth_leaves_out_compiles_nothing() -> None:
     """Nor does the number of pixels, or a depth."""
     for size in ((31, 21), (23, 17)):
-        h = Halves(prepare(with_settings(hall(3, *size), sampler="sobol")))
+        h = DualBuffer(prepare(with_settings(hall(3, *size), sampler="sobol")))
         h.compiled()
         h.extend(np.full(2 * h.n, 2))
         assert samplers_compiled(lambda h=h: truncation(h, (3, 7, 9), 20)) == []
 
 
 def test_a_second_picture_compiles_nothing() -> None:
-    pursued(EDGES, error=0.03)
-    assert compiled(lambda: pursued(EDGES, error=0.03)) == 0
-    assert compiled(lambda: pursued(EDGES, error=0.01, seed=5)) == 0
+    render_adaptively(EDGES, error=0.03)
+    assert compiled(lambda: render_adaptively(EDGES, error=0.03)) == 0
+    assert compiled(lambda: render_adaptively(EDGES, error=0.01, seed=5)) == 0
 
 
 # No bias
@@ -496,13 +498,13 @@ class Bias:
         return self.found > self.expected + 6 * self.deviation
 
 
-def luminance(h: Halves) -> np.ndarray:
+def luminance(h: DualBuffer) -> np.ndarray:
     return LUMINANCE @ np.mean(h.means(), axis=0)
 
 
-def naive(made: Prepared, tolerance: float) -> Halves:
+def naive(made: Prepared, tolerance: float) -> DualBuffer:
     """A picture by the rule that must not be: each pixel has its samples doubled until its own halves agree."""
-    h = Halves(made)
+    h = DualBuffer(made)
     busy = np.ones(h.n, bool)
     for count in (4, 8, 16, 32, 64):
         h.extend(np.where(np.tile(busy, 2), count, h.counts))
@@ -536,7 +538,7 @@ def test_no_pixel_has_a_bias() -> None:
 def test_an_error_is_met(error: float) -> None:
     """Of the interval, its upper end; and near enough that the samples are not wasted: not by far below. The layers
     tell the same as the metadata."""
-    image = pursued(EDGES, error=error)
+    image = render_adaptively(EDGES, error=error)
     facts, samples = image.metadata, image["samples"]
     assert 0 <= facts["error_low"] <= facts["error"] <= facts["error_high"] <= error == facts["error_asked"]
     assert facts["error_high"] >= error / 3
@@ -554,7 +556,7 @@ def test_an_error_is_met(error: float) -> None:
 
 
 def test_more_samples_go_where_there_is_more_noise() -> None:
-    image = pursued(EDGES, error=0.003)
+    image = render_adaptively(EDGES, error=0.003)
     noisy = image["variance"].sum(-1) > np.quantile(image["variance"].sum(-1), 0.9)
     assert image["samples"][noisy].mean() > 3 * image["samples"][~noisy].mean()
 
@@ -563,7 +565,7 @@ def test_the_error_is_true() -> None:
     """Against a converged picture: within the interval, made as wide as a chance of 1e-6 is."""
     true = render(EDGES, spp=16384, seed=99, layers=("RGB",), progress=False)["RGB"].astype(float)
     for error, seed in [(0.1, 0), (0.03, 1), (0.01, 2)]:
-        image = pursued(EDGES, error=error, seed=seed)
+        image = render_adaptively(EDGES, error=error, seed=seed)
         facts = image.metadata
         off = np.sqrt(np.square(image["RGB"] - true).mean()) / (true @ LUMINANCE).mean()
         square, high = facts["error"] ** 2, facts["error_high"] ** 2
@@ -611,7 +613,7 @@ def test_a_file_adds_its_rounding_to_the_error(tmp_path: Path, kind: str, gamma:
 def test_samplers_are_kept_but_for_strata() -> None:
     """Strata need the number of samples beforehand."""
     for asked, used in [("independent", "independent"), ("sobol", "sobol"), ("stratified", "sobol")]:
-        image = pursued(with_settings(EDGES, sampler=asked), error=0.05)
+        image = render_adaptively(with_settings(EDGES, sampler=asked), error=0.05)
         assert image.metadata["sampler"] == used and image.metadata["error_high"] <= 0.05
 
 
@@ -624,7 +626,7 @@ def test_coverage_of_a_transparent_film() -> None:
         materials={"white": Material(ka=(1.0, 1.0, 1.0), kd=(0.0, 0.0, 0.0))},
         objects={"ball": Sphere(material="white")},
     )
-    image = pursued(scene, error=0.01)
+    image = render_adaptively(scene, error=0.01)
     assert 0 < image["A"].mean() < 1 and image["A"].min() == 0 and image["A"].max() == 1
     assert ((image["A"] > 0) & (image["A"] < 1)).any()
     np.testing.assert_allclose(image["RGB"], np.repeat(image["A"][..., None], 3, 2), rtol=0, atol=1e-6)
@@ -635,7 +637,7 @@ def test_coverage_of_a_transparent_film() -> None:
 
 
 def test_without_noise_the_pilot_is_all(machine: Machine) -> None:
-    image = pursued(FLAT, error=0.01)
+    image = render_adaptively(FLAT, error=0.01)
     facts = image.metadata
     # What no sample has met may be there all the same, but not in more than 3 of all of them.
     assert facts["error"] == facts["error_low"] == 0 and facts["error_high"] == pytest.approx((3 / 1200) ** 0.5 / 8)
@@ -643,16 +645,18 @@ def test_without_noise_the_pilot_is_all(machine: Machine) -> None:
     assert np.array_equal(np.unique(image["RGB"].reshape(-1, 3), axis=0), np.float32([[0.1, 0.7, 1 / 3]]))
     # Nor does a time go on for nothing.
     begun = machine.now
-    assert pursued(FLAT, time=60).metadata["spp_most"] <= 2 * adaptive.LONGEST_PILOT and machine.now - begun < 1
+    assert (
+        render_adaptively(FLAT, time=60).metadata["spp_most"] <= 2 * adaptive.LONGEST_PILOT and machine.now - begun < 1
+    )
 
 
 @pytest.mark.parametrize("light", [1.0, 1e-9, 1e-15, 1e-30])
 def test_what_no_sample_has_met_is_looked_for(light: float) -> None:
     """Without noise, and in the dark: the error that is asked for is reached by more samples, not missed."""
-    assert pursued(FLAT, error=0.001).metadata["error_high"] <= 0.001
+    assert render_adaptively(FLAT, error=0.001).metadata["error_high"] <= 0.001
     panel = replace(EDGES.lights["panel"], intensity=light)
     dark = replace(EDGES, background=(0.0, 0.0, 0.0), ambient=(0.0, 0.0, 0.0), lights={"panel": panel}, film=SMALL)
-    facts = pursued(dark, error=0.05).metadata
+    facts = render_adaptively(dark, error=0.05).metadata
     assert facts["error_high"] <= 0.05
     # Squares of 1e-30 are none in single precision: there all pixels are alike.
     assert facts["spp_most"] > facts["spp_least"] or light < 1e-15
@@ -671,7 +675,7 @@ def test_small_things_alone_are_found() -> None:
     scene = Scene(
         film=Film(width=48, height=48), camera=camera, materials=white, objects=balls, background=(0.01, 0.01, 0.01)
     )
-    image = pursued(scene, error=0.05)
+    image = render_adaptively(scene, error=0.05)
     facts, true = image.metadata, render(scene, spp=2**14, layers=("RGB",), seed=9, progress=False)["RGB"]
     off = sqrt(np.square(image["RGB"] - true).mean()) / (true @ LUMINANCE).mean()
     assert facts["error_high"] <= 0.05 and off <= 0.05
@@ -684,7 +688,7 @@ def test_the_error_is_within_its_interval_and_as_asked() -> None:
     true = render(scene, spp=2**14, layers=("RGB",), seed=10**6, progress=False)["RGB"]
     luminance, inside, met = (true @ LUMINANCE).mean(), 0, 0
     for i in range(60):
-        image = pursued(with_settings(scene, seed=i), error=0.02)
+        image = render_adaptively(with_settings(scene, seed=i), error=0.02)
         off = sqrt(np.square(image["RGB"] - true).mean()) / luminance
         inside += image.metadata["error_low"] <= off <= image.metadata["error_high"]
         met += off <= 0.02
@@ -694,12 +698,12 @@ def test_the_error_is_within_its_interval_and_as_asked() -> None:
 def test_a_black_picture_ends() -> None:
     """And says that nothing is known: there may be light that no sample met."""
     with pytest.warns(GoalWarning, match="no sample met any light"):
-        facts = pursued(replace(FLAT, background=(0.0, 0.0, 0.0)), error=0.01).metadata
+        facts = render_adaptively(replace(FLAT, background=(0.0, 0.0, 0.0)), error=0.01).metadata
     assert facts["error"] == 0 and facts["error_high"] == 1 and facts["spp"] == 2 * adaptive.LONGEST_PILOT
 
 
 def test_any_error_can_be_asked_for() -> None:
-    assert pursued(EDGES, error=1e300).metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
+    assert render_adaptively(EDGES, error=1e300).metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
 
 
 @pytest.mark.parametrize("spread", [0, 0.3, 0.6], ids=lambda x: f"spread {x}")
@@ -710,7 +714,7 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
     rng = np.random.default_rng(7)
     machine = Machine(monkeypatch, slow=lambda: float(rng.lognormal(0, spread)))
     begun = machine.now
-    image = pursued(EDGES, time=seconds)
+    image = render_adaptively(EDGES, time=seconds)
     took, facts = machine.now - begun, image.metadata
     assert image["samples"].min() >= 2 and facts["time_asked"] == seconds and "error_asked" not in facts
     assert 0 < facts["error"] < 1 and np.isfinite(image["RGB"]).all()
@@ -727,7 +731,7 @@ def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.M
     with pytest.raises(
         UserError, match=r"^time = 20: two samples of each pixel alone take about .* s; give more, or m"
     ):
-        pursued(scene, time=20)
+        render_adaptively(scene, time=20)
     assert machine.now - begun < 10
 
 
@@ -739,10 +743,10 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch.setattr(halves, "first_pass", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
-        assert set(pursuit(made, error=0.01, patience=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
+        assert set(pursuit(made, error=0.01, interrupts=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
     else:
         with pytest.raises(KeyboardInterrupt):
-            pursuit(made, error=0.01, patience=Asked(0))
+            pursuit(made, error=0.01, interrupts=Asked(0))
 
 
 def test_first_passes_of_dear_samples_are_short() -> None:
@@ -751,7 +755,7 @@ def test_first_passes_of_dear_samples_are_short() -> None:
 
 
 def test_a_forecast_of_a_time_without_noise_is_what_the_pilot_has(machine: Machine) -> None:
-    facts = pursued(FLAT, time=30).metadata
+    facts = render_adaptively(FLAT, time=30).metadata
     assert facts["forecast_spp"] == facts["spp"] and facts["forecast_seconds"] < 1
 
 
@@ -768,16 +772,16 @@ def test_each_seed_has_samples_of_its_own() -> None:
     seeds = [0, 1, 2, 3, 2**31, 2**31 + 1, 2**32 - 1]
     found = {halves.seed_of(seed, half) for seed in seeds for half in (0, 1)}
     assert len(found) == 2 * len(seeds) and not found & set(seeds)
-    one, other = (pursued(with_settings(EDGES, seed=seed), error=0.1)["RGB"] for seed in (0, 2**31))
+    one, other = (render_adaptively(with_settings(EDGES, seed=seed), error=0.1)["RGB"] for seed in (0, 2**31))
     assert (one != other).any()
 
 
 def test_of_error_and_time_what_comes_first(machine: Machine) -> None:
     begun = machine.now
-    loose = pursued(EDGES, error=0.1, time=60).metadata
+    loose = render_adaptively(EDGES, error=0.1, time=60).metadata
     assert loose["error_high"] <= 0.1 and loose["spp"] < 100 and machine.now - begun < 1
     begun = machine.now
-    hurried = pursued(EDGES, error=1e-5, time=1.0).metadata
+    hurried = render_adaptively(EDGES, error=1e-5, time=1.0).metadata
     assert hurried["error_high"] > 1e-5 and hurried["spp"] >= 1000 and 0.9 < machine.now - begun < 1.1
     # The forecast is of what can be had: of the time, not of the error.
     assert hurried["forecast_spp"] == pytest.approx(hurried["spp"], rel=0.5) and hurried["forecast_error"] > 1e-4
@@ -785,7 +789,7 @@ def test_of_error_and_time_what_comes_first(machine: Machine) -> None:
 
 @dataclass
 class Asked:
-    """Patience that ends after so many questions."""
+    """Interrupts that end after so many questions."""
 
     questions: int
 
@@ -799,7 +803,7 @@ class Asked:
 def test_interrupted_a_picture_is_kept(questions: int) -> None:
     """At any pass: with at least one sample of each lane, and with the error that it has."""
     made = prepare(EDGES)
-    found = pursuit(made, error=2e-4, patience=Asked(questions))
+    found = pursuit(made, error=2e-4, interrupts=Asked(questions))
     h = found.halves
     assert h.counts.min() >= 1 and h.counts.max() <= 2**MOST
     layers = h.layers(("RGB", "error"))
@@ -809,16 +813,16 @@ def test_interrupted_a_picture_is_kept(questions: int) -> None:
 
 def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C in the first pass: that one is finished, and no other begun."""
-    whole, passes = Halves.take, []
+    whole, passes = DualBuffer.take, []
 
-    def interrupted(h: Halves, *more: Any) -> None:
+    def interrupted(h: DualBuffer, *more: Any) -> None:
         whole(h, *more)
         passes.append(more)
         if len(passes) == 1:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(Halves, "take", interrupted)
-    image = pursued(EDGES, error=0.002)
+    monkeypatch.setattr(DualBuffer, "take", interrupted)
+    image = render_adaptively(EDGES, error=0.002)
     assert image.metadata["interrupted"] == 1 and image.metadata["error"] > 0.002
     assert 2 <= image.metadata["spp_least"] == image.metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
 
@@ -833,18 +837,18 @@ NO_NUMBERS = [0, 0.0, -1, -1e-3, float("nan"), float("inf"), True, False, "0.01"
 @pytest.mark.parametrize("value", NO_NUMBERS, ids=repr)
 def test_what_is_no_number_above_0_is_refused(name: str, value: Any) -> None:
     with pytest.raises(UserError, match=rf"^{name} = .*must be a finite number above 0"):
-        pursued(EDGES, **{name: value})
+        render_adaptively(EDGES, **{name: value})
 
 
 @pytest.mark.parametrize("goal", [{"error": 0.1}, {"time": 1.0}, {"error": 0.1, "time": 1.0}])
 def test_samples_go_with_no_goal(goal: dict) -> None:
     with pytest.raises(UserError, match=r"^spp = 4: goes with neither error nor time"):
-        pursued(EDGES, spp=4, **goal)
+        render_adaptively(EDGES, spp=4, **goal)
 
 
 def test_too_little_time_is_refused() -> None:
     with pytest.raises(UserError, match=r"^time = 1e-06: loading, compiling and writing alone take .*; give more"):
-        pursued(EDGES, time=1e-6)
+        render_adaptively(EDGES, time=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -853,7 +857,7 @@ def test_too_little_time_is_refused() -> None:
 def test_errors_below_rounding_are_refused(precision: str, right: str) -> None:
     error = rounded(ROUNDINGS, precision) / 2
     with pytest.raises(UserError, match=rf"^error = .*{precision} precision is off by .*; {right}"):
-        pursued(with_settings(EDGES, precision=precision), error=error)
+        render_adaptively(with_settings(EDGES, precision=precision), error=error)
 
 
 # Depth
@@ -869,27 +873,27 @@ def test_a_depth_that_leaves_out_too_much_is_refused_with_one_that_does() -> Non
     with pytest.raises(
         UserError, match=r"^error = 0\.04: settings\.depth = 2 alone leaves out 0\.\d+ to 0\.\d+ "
     ) as refused:
-        pursued(hall(2), error=0.04)
+        render_adaptively(hall(2), error=0.04)
     found = str(refused.value)
     assert "settings.depth = " in found.split(";")[1] and "would do" in found, found
     depth = int(found.split(";")[1].split(" = ")[1].split()[0])
     assert depth > 2
-    facts = pursued(hall(depth), error=0.04).metadata
+    facts = render_adaptively(hall(depth), error=0.04).metadata
     assert facts["error_high"] <= 0.04 and facts["depth_error"] < 0.02
 
 
 def test_without_a_depth_that_is_known_to_do_a_higher_one_is_asked_for() -> None:
     with pytest.raises(UserError, match=r"settings.depth = 1 alone leaves out .*; raise settings.depth, or"):
-        pursued(hall(1), error=0.005)
+        render_adaptively(hall(1), error=0.005)
 
 
 def test_what_depth_leaves_out_is_in_the_error(machine: Machine) -> None:
     """Too little to be refused, but seen: in the error and both its ends."""
-    facts = pursued(hall(6), error=0.2).metadata
+    facts = render_adaptively(hall(6), error=0.2).metadata
     assert 0 < facts["depth_error"] <= facts["error"] <= facts["error_high"] <= 0.2
     assert 0 < facts["error_low"] <= facts["error"]
     # A time has no error that could be refused.
-    facts = pursued(hall(2), time=2).metadata
+    facts = render_adaptively(hall(2), time=2).metadata
     assert facts["depth_error"] > 0.02 and facts["error_low"] > 0.02
 
 
@@ -897,7 +901,7 @@ def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
     """Of equal seeds, so that nearly all of their noise is the same; the interval is made as wide as 1e-6."""
     size = 192, 128
     made = prepare(with_settings(hall(2, *size), sampler="sobol"))
-    h = Halves(made)
+    h = DualBuffer(made)
     h.extend(np.full(2 * h.n, 16))
     depths, deep = (1, 2, 4), 16
 
@@ -930,18 +934,18 @@ def test_what_few_pixels_leave_out_is_found(machine: Machine) -> None:
     left = sqrt(np.square(deep - shallow).mean()) / (deep @ LUMINANCE).mean()
     assert 1e-3 < left < 1e-2 and ((deep != shallow).any(-1)).sum() < 100
     for seed in range(6):
-        facts = pursued(with_settings(scene, seed=seed), error=3 * left).metadata
+        facts = render_adaptively(with_settings(scene, seed=seed), error=3 * left).metadata
         assert facts["depth_error"] == pytest.approx(left, rel=0.25) and facts["error_high"] > 0.8 * left
         with pytest.raises(UserError, match=r"settings\.depth = 1 alone leaves out"):
-            pursued(with_settings(scene, seed=seed), error=left / 2)
+            render_adaptively(with_settings(scene, seed=seed), error=left / 2)
 
 
 def test_without_mirrors_nothing_is_left_out() -> None:
     made = prepare(EDGES)
-    h = Halves(made)
+    h = DualBuffer(made)
     h.extend(np.full(2 * h.n, 2))
     assert [(t.square, t.low, t.high) for t in truncation(h, (0, 3), 8)] == [(0, 0, 0)] * 2
-    assert pursued(with_settings(EDGES, depth=0), error=0.05).metadata["depth_error"] == 0
+    assert render_adaptively(with_settings(EDGES, depth=0), error=0.05).metadata["depth_error"] == 0
 
 
 # Rounding of files
@@ -985,9 +989,9 @@ def test_what_half_precision_rounds_off() -> None:
 
 def test_a_png_file_alone_is_refused_and_an_exr_beside_it_helps() -> None:
     with pytest.raises(UserError, match=r"^error = 0\.001: 8-bit output as PNG alone is off by 0\.\d+; write an"):
-        pursued(EDGES, error=0.001, files=Files(["x.png"]))
-    assert pursued(EDGES, error=0.004, files=Files(["x.png", "x.exr"])).metadata["error_high"] <= 0.004
-    loose = pursued(EDGES, error=0.05, files=Files(["x.png"])).metadata
+        render_adaptively(EDGES, error=0.001, files=Files(["x.png"]))
+    assert render_adaptively(EDGES, error=0.004, files=Files(["x.png", "x.exr"])).metadata["error_high"] <= 0.004
+    loose = render_adaptively(EDGES, error=0.05, files=Files(["x.png"])).metadata
     assert loose["error_high"] <= 0.05
 
 
@@ -995,14 +999,14 @@ def test_half_precision_is_refused() -> None:
     with pytest.raises(
         UserError, match=r"^error = 1e-05: half precision of EXR alone is off by .*; ask for a larger error"
     ):
-        pursued(EDGES, error=1e-5, files=Files(["x.png", "x.exr"]))
+        render_adaptively(EDGES, error=1e-5, files=Files(["x.png", "x.exr"]))
 
 
 def test_exposure_and_gamma_of_the_file_count() -> None:
     """Dark by eight stops, eight bits tell less: what full exposure would do is refused."""
-    pursued(EDGES, error=0.02, files=Files(["x.png"]))
+    render_adaptively(EDGES, error=0.02, files=Files(["x.png"]))
     with pytest.raises(UserError, match="8-bit output as PNG alone is off"):
-        pursued(EDGES, error=0.02, files=Files(["x.png"], "srgb", -8.0))
+        render_adaptively(EDGES, error=0.02, files=Files(["x.png"], "srgb", -8.0))
 
 
 def test_the_rounding_of_the_best_file_is_part_of_the_error(machine: Machine, tmp_path: Path) -> None:
@@ -1095,4 +1099,4 @@ def test_facing_walls_that_reflect_nothing_leave_nothing_out() -> None:
         objects={"mirror": Rectangle(center=(0, 1, 0), width=(1, 0, 0), height=(0, 1, 0), material="mirror")},
         settings=Settings(depth=1),
     )
-    assert pursued(scene, error=0.05).metadata["depth_error"] == 0
+    assert render_adaptively(scene, error=0.05).metadata["depth_error"] == 0

@@ -15,8 +15,8 @@ from test_render import compiled
 import visray as vr
 from visray import passes
 from visray.cli import main
+from visray.dual_buffer import DualBuffer
 from visray.features import RULES, features
-from visray.halves import Halves
 from visray.passes import expose
 from visray.render import check_numbers
 from visray.setup import prepare
@@ -391,9 +391,9 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
     monkeypatch.setattr(passes, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
     with pytest.raises(vr.UserError, match="and 2 pixels more: is not a number;"):
         vr.render(scene, progress=False, layers=("RGB",))
-    take = Halves.take
+    take = DualBuffer.take
 
-    def broken(h: Halves, lanes: np.ndarray, targets: np.ndarray) -> None:
+    def broken(h: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
         take(h, lanes, targets)
         mean = np.array(h.film.moments.mean)
         mean[1, np.flatnonzero(made.order == 7 * 21 + 10)[0]] = value
@@ -401,7 +401,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
     made = prepare(scene)
     with monkeypatch.context() as patch:
-        patch.setattr(Halves, "take", broken)
+        patch.setattr(DualBuffer, "take", broken)
         with pytest.raises(vr.UserError, match=r"^pixel 10, 7, which shows objects.ball: is not a number;"):
             vr.render(scene, error=0.05, progress=False)
     # With every number sound, nothing is refused.

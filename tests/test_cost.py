@@ -23,7 +23,7 @@ from visray.lights import PointLight, RectangleLight, SphereLight
 from visray.materials import Material
 from visray.output.curves import linear
 from visray.primitives import Plane, Polynomial, Sphere
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.render import render
 from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
@@ -151,7 +151,7 @@ def test_a_band_is_of_the_median_by_the_sign_test() -> None:
 
 
 def test_a_picture_is_that_of_a_render_with_its_seed() -> None:
-    studio = Studio(SOFT, list(range(11, 27)), Patience())
+    studio = Studio(SOFT, list(range(11, 27)), Interrupts())
     (taken,) = studio.prepared([default(SOFT, knobs(SOFT))])
     assert studio.measure([taken]) == len(taken.pictures) == 16 and len(taken.times) == TURNS
     for i in (0, 1, 15):
@@ -161,7 +161,7 @@ def test_a_picture_is_that_of_a_render_with_its_seed() -> None:
 
 def test_seeds_samples_and_rays_are_data() -> None:
     """Kernels are compiled once: not for other seeds, and not for other numbers of samples."""
-    studio = Studio(SOFT, list(range(16)), Patience())
+    studio = Studio(SOFT, list(range(16)), Interrupts())
     by = {k.name: k for k in knobs(SOFT)}
     choices = [*by["samples, sobol"].few[:2], *by["samples, stratified"].few[:2], *by["light samples"].few]
     taken = studio.prepared(choices)
@@ -306,7 +306,7 @@ def test_a_black_picture_is_told() -> None:
     json.dumps(as_json(report), allow_nan=False)
 
 
-class Impatience(Patience):
+class Impatience(Interrupts):
     """Asks to stop at the n-th look."""
 
     def __init__(self, n: int):
@@ -326,7 +326,7 @@ class Impatience(Patience):
 def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
     # All are compiled, and three turns of two seeds measured, and a part of a fourth.
-    monkeypatch.setattr(study, "Patience", lambda: Impatience(4 * choices + 3))
+    monkeypatch.setattr(study, "Interrupts", lambda: Impatience(4 * choices + 3))
     report = cost(SOFT, quick=True, progress=False)
     assert report.stopped and report.seeds == 6 and report.joint == ()
     assert report.default.times.shape == (3,) and len(report.curves) == len(knobs(SOFT))
@@ -337,7 +337,7 @@ def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     (off,) = (n for n in notes if n.startswith("the reference's own error"))
     assert off.endswith(": it was cut short by Ctrl-C")
     for n in (3, 2 * choices + 1):
-        monkeypatch.setattr(study, "Patience", lambda n=n: Impatience(n))
+        monkeypatch.setattr(study, "Interrupts", lambda n=n: Impatience(n))
         with pytest.raises(KeyboardInterrupt):
             cost(SOFT, quick=True, progress=False)
 
@@ -365,7 +365,7 @@ def test_bad_scenes() -> None:
 
 def test_noise_of_the_clock_changes_no_size() -> None:
     """Up to a quarter more than the budget the pictures stay; beyond it they shrink by steps."""
-    studio = Studio(replace(SOFT, film=Film(width=96, height=60)), list(range(16)), Patience())
+    studio = Studio(replace(SOFT, film=Film(width=96, height=60)), list(range(16)), Interrupts())
     taken = studio.prepared([default(SOFT, knobs(SOFT))])
     needed = sum(t.expected for t in taken) * studio.per_turn * TURNS
     for more in (0.9, 1, 1.1, 1.2):
@@ -423,7 +423,7 @@ def test_the_depth_of_the_reference_is_deep_enough() -> None:
         },
         settings=Settings(spp=4, depth=3),
     )
-    found = truth.truth(hall, [], 1e-3, (1, 2), 1.0, 2**31, Patience())
+    found = truth.truth(hall, [], 1e-3, (1, 2), 1.0, 2**31, Interrupts())
     # 0.9^48 is 0.6 %, of 0.9^96 there are 0.004 %.
     assert found.reference.settings["settings.depth"] >= 48
 

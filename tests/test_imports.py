@@ -13,8 +13,8 @@ llvm
 quantities pytree
 ray geometry transforms
 warp
-polynomials.wrong polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
-polynomials.generic polynomials.factoring polynomials.algebra polynomials.form polynomials surfaces
+polynomials.error polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
+polynomials.generic polynomials.factoring polynomials.algebra polynomials.program polynomials surfaces
 roots.numbers roots.march roots.refine roots.along roots.crossing roots.level roots
 textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
@@ -36,7 +36,7 @@ shading
 indirect
 integrator
 setup passes
-halves goals truncation reachable allocation adaptive
+dual_buffer goals truncation reachable allocation adaptive
 render
 gradients
 study

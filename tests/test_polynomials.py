@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from visray.polynomials import Wrong, build, evaluate, exact, fields, interpret, magnitude, refuse_sizes
-from visray.polynomials.form import read
+from visray.polynomials import PolynomialError, build, evaluate, exact, fields, interpret, magnitude, refuse_sizes
+from visray.polynomials.program import read
 from visray.polynomials.tree import rational
 
 HEART = "(x^2+9/4*y^2+z^2-1)^3 - x^2*z^3 - 9/80*y^2*z^3"
@@ -190,12 +190,12 @@ def test_random_expressions(expression, centre):
     text, f = expression
     try:
         terms = exact(text)
-    except Wrong as e:
+    except PolynomialError as e:
         assert "degree" in str(e)
         return
     assert all(value(terms, p) == f(p) for p in POINTS)
     if not any(any(e) for e in terms):
-        with pytest.raises(Wrong, match=r"everywhere|nowhere"):
+        with pytest.raises(PolynomialError, match=r"everywhere|nowhere"):
             build(text, centre=centre)
         return
     built = agrees(text, None, centre)
@@ -328,9 +328,13 @@ def test_far_centres_are_exact():
 def test_sizes():
     assert magnitude(build("3*x^2 - y - 2"), 10) == (312.0,)
     refuse_sizes(build(HEART), 2)
-    with pytest.raises(Wrong, match=r"^its values reach inf, too large for doubles; write it in a larger unit$"):
+    with pytest.raises(
+        PolynomialError, match=r"^its values reach inf, too large for doubles; write it in a larger unit$"
+    ):
         refuse_sizes(build("1e300*x^2 + y"), 1e10)
-    with pytest.raises(Wrong, match=r"^its values reach only 2e-290, too small for doubles; multiply it by a large"):
+    with pytest.raises(
+        PolynomialError, match=r"^its values reach only 2e-290, too small for doubles; multiply it by a large"
+    ):
         refuse_sizes(build("1e-290*x^2 + 1e-290*y"), 1)
 
 
@@ -443,7 +447,7 @@ BAD = {
 
 @pytest.mark.parametrize("text", BAD)
 def test_bad_texts(text):
-    with pytest.raises(Wrong) as e:
+    with pytest.raises(PolynomialError) as e:
         build(text, {"r": 1.0, "huge": 2.0})
     assert str(e.value) == BAD[text] and e.value.part is None
 
@@ -474,13 +478,13 @@ BAD_MONOMIALS = {
 
 @pytest.mark.parametrize("monomial", BAD_MONOMIALS)
 def test_bad_monomials(monomial):
-    with pytest.raises(Wrong) as e:
+    with pytest.raises(PolynomialError) as e:
         build(["x2", monomial])
     assert str(e.value) == BAD_MONOMIALS[monomial] and e.value.part == 1
 
 
 def test_no_monomials():
-    with pytest.raises(Wrong, match=r"^there is no monomial; write for example"):
+    with pytest.raises(PolynomialError, match=r"^there is no monomial; write for example"):
         build([])
 
 
@@ -497,7 +501,7 @@ def test_no_monomials():
     ],
 )
 def test_bad_parameters(name, value, text):
-    with pytest.raises(Wrong) as e:
+    with pytest.raises(PolynomialError) as e:
         build("x + y - 1", {name: value})
     assert str(e.value) == text
 
@@ -528,7 +532,7 @@ def test_nothing_is_executed(text, monkeypatch, capsys):
     for name in ("exec", "open", "print", "breakpoint", "exit", "__import__"):
         monkeypatch.setattr(f"builtins.{name}", called, raising=False)
     try:
-        with pytest.raises(Wrong):
+        with pytest.raises(PolynomialError):
             read(text, {})
     finally:
         monkeypatch.undo()

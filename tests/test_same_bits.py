@@ -23,7 +23,7 @@ from visray.geometry import gamma
 from visray.lights import RectangleLight
 from visray.moments import BLOCK, offset
 from visray.passes import blank, expose, exposed_once, part
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.render import render
 from visray.sampling import Plan
 from visray.scene.scene import Scene
@@ -311,10 +311,10 @@ def test_stop_save_load_go_on(sampler: str, transparent: bool, stop: int, tmp_pa
 
 
 def test_stopped_by_ctrl_c_and_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, patience = made_of("stratified"), Patience()
+    made, interrupts = made_of("stratified"), Interrupts()
     monkeypatch.setattr(passes, "first_pass", lambda made: 20 * len(made.order))
-    patience.asked = True
-    film, done = expose(made, patience=patience)
+    interrupts.asked = True
+    film, done = expose(made, interrupts=interrupts)
     assert 0 < done < SPP and same(expose(made, film=film)[0], at_once("stratified"))
 
 

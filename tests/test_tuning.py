@@ -23,7 +23,7 @@ from visray.errors import UserError
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
 from visray.primitives import Plane, Sphere
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.render import render
 from visray.scene.address import changed
 from visray.scene.load import dump, load
@@ -139,7 +139,7 @@ def made_up(
 
     monkeypatch.setattr(tuning._Tuning, "_measured", measured)
     scaled = Scaled(SOFT, report)
-    return lambda error=None, time=None: tuning._Tuning(scaled, Target(error, time), Patience(), False).run()
+    return lambda error=None, time=None: tuning._Tuning(scaled, Target(error, time), Interrupts(), False).run()
 
 
 @pytest.mark.parametrize(
@@ -346,13 +346,13 @@ def test_where_all_predictions_fail_more_samples_do(smooth: Report, sampler: str
         Measured(s, Band(1.0, 1.0, 1.0), Band(high / 1.1, high / 1.2, high), (high / 1.1) ** 2)
         for s, high in ((own, 0.02), (near, 0.00605), (own | {"settings.spp": 36}, 0.007))
     ]
-    tuner = tuning._Tuning(scaled, Target(0.005, None), Patience(), False, tried)
+    tuner = tuning._Tuning(scaled, Target(0.005, None), Interrupts(), False, tried)
     # Single precision leaves nothing out here: noise is all.
     assert sqrt(scaled.bias(near)) < 1e-4
     assert tuner._more() == near | {"settings.spp": spp}
     # Where what samples do not take away is as much as is asked for, they are of no use.
     rough = Scaled(SOFT, replace(smooth, floors={"single precision": 0.005}))
-    assert tuning._Tuning(rough, Target(0.005, None), Patience(), False, tried)._more() is None
+    assert tuning._Tuning(rough, Target(0.005, None), Interrupts(), False, tried)._more() is None
 
 
 def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -377,7 +377,7 @@ def test_stopped_it_keeps_the_best_that_was_tried(
     def interrupted(self: Any, settings: dict) -> Measured:
         asked.append(settings)
         if len(asked) > measured:
-            self.patience.asked = True
+            self.interrupts.asked = True
             raise KeyboardInterrupt
         return whole(self, settings)
 
@@ -424,7 +424,7 @@ def test_the_error_is_told_with_the_estimate_of_what_is_left_and_its_bound(repor
     scaled = Scaled(MIRRORS, replace(report, curves=(*report.curves, Curve("depth", "bias", points))))
     # Rarely seen and bright, it is known so badly.
     scaled.__dict__["cut"] = {8: Band(0.0032**2, 0.001**2, 0.0071**2)}
-    tuner = tuning._Tuning(scaled, Target(0.006, None), Patience(), False)
+    tuner = tuning._Tuning(scaled, Target(0.006, None), Interrupts(), False)
     found = tuner._measured(scaled.own | {"settings.precision": "double"})
     assert found.error.middle**2 == pytest.approx(found.noise + 0.0032**2)
     noise = found.error.high**2 - 0.0071**2
@@ -445,7 +445,7 @@ def test_how_badly_noise_is_known_is_not_how_badly_a_depth_is(smooth: Report) ->
     scaled.__dict__["cut"] = {SOFT.settings.depth: Band(0.0032**2, 0.001**2, 0.0071**2)}
     ends = (sqrt(1e-5 + left**2) for left in (0.0032, 0.001, 0.0071))
     own = Measured(scaled.own, Band(1.0, 1.0, 1.0), Band(*ends), 1e-5)
-    tuner = tuning._Tuning(scaled, Target(0.018, None), Patience(), False, [own])
+    tuner = tuning._Tuning(scaled, Target(0.018, None), Interrupts(), False, [own])
     tuner.base, tuner.fastest = (
         own,
         replace(own, settings=scaled.own | {"settings.spp": 1}, seconds=Band(0.1, 0.1, 0.1)),
@@ -477,7 +477,7 @@ def test_reasons_and_refusals_say_what_is_left_and_how_much_it_may_be(report: Re
         "0.0032 (at most 0.0071) is left whatever the samples" in text for text in reasons(scaled, model, turned)
     )
     with pytest.raises(UserError, match=r", 0\.0032 \(at most 0\.0071\) of it whatever the samples, by settings.depth"):
-        tuning._Tuning(scaled, Target(0.005, None), Patience(), False)._refuse(model)
+        tuning._Tuning(scaled, Target(0.005, None), Interrupts(), False)._refuse(model)
 
 
 def test_without_noise_one_sample_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -521,7 +521,7 @@ def test_without_noise_the_model_wants_one_sample(monkeypatch: pytest.MonkeyPatc
     scaled = Scaled(flat, replace(report, curves=curves))
     own = Measured(scaled.own, Band(1.0, 1.0, 1.0), Band(1e-8, 1e-8, 1e-8), 0.0)
     for target in (Target(0.001, None), Target(None, 100.0)):
-        tuner = tuning._Tuning(scaled, target, Patience(), False, [own])
+        tuner = tuning._Tuning(scaled, target, Interrupts(), False, [own])
         tuner.base = tuner.fastest = own
         assert tuner._wanted(True).settings["settings.spp"] == tuner._wanted(False).settings["settings.spp"] == 1
 
@@ -534,7 +534,7 @@ def test_without_noise_more_samples_are_never_called_best(monkeypatch: pytest.Mo
     def interrupted(self: Any, settings: dict) -> Measured:
         asked.append(settings)
         if len(asked) > 1:
-            self.patience.asked = True
+            self.interrupts.asked = True
             raise KeyboardInterrupt
         return whole(self, settings)
 

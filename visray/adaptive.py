@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from visray.allocation import LEAST_POWER, POWER, Allocation, around
+from visray.dual_buffer import DualBuffer, Estimate
 from visray.errors import UserError
 from visray.goals import Goal
-from visray.halves import Estimate, Halves
 from visray.passes import first_pass
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.reachable import Files, Floor, rounded_off, unavoidable
 from visray.setup import Prepared
 from visray.truncation import Truncation
@@ -59,12 +59,14 @@ class NoNumber(Exception):
         self.mean = mean
 
 
-class Pursuit:
+class AdaptiveRun:
     """Brings a picture to its goal. found: the error that it has reached; floor: what samples do not take away."""
 
-    def __init__(self, prepared: Prepared, goal: Goal, patience: Patience, bar: Bar, say: Callable[[Forecast], None]):
-        self.goal, self.patience, self.bar, self.say = goal, patience, bar, say
-        self.halves = Halves(prepared)
+    def __init__(
+        self, prepared: Prepared, goal: Goal, interrupts: Interrupts, bar: Bar, say: Callable[[Forecast], None]
+    ):
+        self.goal, self.interrupts, self.bar, self.say = goal, interrupts, bar, say
+        self.halves = DualBuffer(prepared)
         self.floor = Floor(Truncation(prepared.scene.settings.depth, 0.0, 0.0, 0.0))
         # Samples of each lane, and the mean square error then, while all have equally many.
         self.seen: dict[int, float] = {}
@@ -80,7 +82,7 @@ class Pursuit:
                     f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more"
                 )
         allocation = self._pilot()
-        if not self.patience.asked:
+        if not self.interrupts.asked:
             self.floor = unavoidable(halves, self.found, goal.error, files, goal.left())
         self._tell(allocation)
         # Without noise a time would be spent for nothing.
@@ -144,7 +146,7 @@ class Pursuit:
         halves, goal = self.halves, self.goal
         self.bar.at(int(halves.counts.sum()))
         needed = np.count_nonzero(halves.counts == 0) * (halves.pace.rate or 0.0)
-        if self.patience.asked and needed > WAITED:
+        if self.interrupts.asked and needed > WAITED:
             # There is nothing yet that could be kept.
             raise KeyboardInterrupt
         if needed > goal.left():
@@ -182,7 +184,7 @@ class Pursuit:
     def _left(self) -> float:
         """How many seconds there are for another pass."""
         self.bar.at(int(self.halves.counts.sum()))
-        return 0.0 if self.patience.asked else self.goal.left()
+        return 0.0 if self.interrupts.asked else self.goal.left()
 
     def _reached(self) -> bool:
         found = self.found
@@ -241,7 +243,7 @@ class Pursuit:
 
 
 @dataclass(frozen=True)
-class Pursued:
+class AdaptiveResult:
     """A picture that was brought to its goal: its layers in the order of lanes, (3, N) or (N), and what it says of
     itself."""
 
@@ -249,9 +251,9 @@ class Pursued:
     facts: dict[str, Any]
 
 
-def pursued(
-    prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, patience: Patience
-) -> Pursued:
+def render_adaptively(
+    prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, interrupts: Interrupts
+) -> AdaptiveResult:
     """The picture that comes nearest to the goal, with these of its layers. Ctrl-C keeps what is done."""
     forecasts: list[Forecast] = []
 
@@ -261,9 +263,9 @@ def pursued(
             sys.stderr.write(f"visray: {forecast.text()}\n")
 
     with Bar("rendering", 1, progress) as bar:
-        pursuit = Pursuit(prepared, goal, patience, bar, say)
+        pursuit = AdaptiveRun(prepared, goal, interrupts, bar, say)
         pursuit.run(files)
-        if not patience.asked:
+        if not interrupts.asked:
             bar.at(bar.total)
     halves, found, counts = pursuit.halves, pursuit.found, pursuit.halves.counts.reshape(2, -1)
     scale = 1 / found.luminance if found.luminance > 0 else 1.0
@@ -286,4 +288,4 @@ def pursued(
     }
     facts |= {} if goal.error is None else {"error_asked": float(goal.error)}
     facts |= {} if goal.seconds is None else {"time_asked": float(goal.seconds)}
-    return Pursued(halves.layers(layers), facts)
+    return AdaptiveResult(halves.layers(layers), facts)

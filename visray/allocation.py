@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from visray.halves import windowed
+from visray.dual_buffer import windowed
 
 # Weights are told apart by an eighth of a factor of 2, from 2^-LOWEST to 2^LOWEST.
 STEPS, LOWEST = 8, 40

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from visray import clock
+from visray.dual_buffer import Estimate
 from visray.errors import UserError
-from visray.halves import Estimate
 
 
 @dataclass(frozen=True)

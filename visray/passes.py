@@ -7,7 +7,7 @@ import numpy as np
 from visray import clock, integrator
 from visray import film as films
 from visray.pace import Pace
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.sampling import Plan
 from visray.setup import Prepared
 
@@ -24,14 +24,14 @@ def blank(prepared: Prepared) -> films.Film:
 
 
 def expose(
-    prepared: Prepared, progress: bool = False, patience: Patience | None = None, film: films.Film | None = None
+    prepared: Prepared, progress: bool = False, interrupts: Interrupts | None = None, film: films.Film | None = None
 ) -> tuple[films.Film, int]:
     """The film after all samples, and how many a pixel has: fewer than asked for after Ctrl-C, but at least one pass.
 
     film: one to go on from, of the same picture and pixels. The bits are those of all samples at once, however they are
     cut into passes and films, and whatever the number of threads. Error: none (tests/test_same_bits.py).
     """
-    patience, pace = patience or Patience(), Pace()
+    interrupts, pace = interrupts or Interrupts(), Pace()
     if film is None:
         film = blank(prepared)
     film.check(films.Origin(prepared.scene, prepared.a), prepared.order)
@@ -39,7 +39,7 @@ def expose(
     passes = -(-settings.spp * n // max(first_pass(prepared), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
-        while (done := int(film.counts.min())) < settings.spp and not (done and patience.asked):
+        while (done := int(film.counts.min())) < settings.spp and not (done and interrupts.asked):
             target = min(done + count, settings.spp)
             film = exposed_once(prepared, film, np.maximum(film.counts, target), pace)
             bar.at(target)

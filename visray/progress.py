@@ -42,7 +42,7 @@ class Bar:
         self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
 
 
-class Patience:
+class Interrupts:
     """Takes Ctrl-C as a wish: `asked` becomes true, and the work stops where nothing is lost. A second one interrupts.
 
     An interrupt in the middle of Dr.Jit's tracing would leave half a kernel behind.
@@ -52,7 +52,7 @@ class Patience:
         self.asked = False
         self.before: object = None
 
-    def __enter__(self) -> "Patience":
+    def __enter__(self) -> "Interrupts":
         if threading.current_thread() is threading.main_thread():
             self.before = signal.signal(signal.SIGINT, self._ask)
         return self

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from visray.dual_buffer import DualBuffer, Estimate
 from visray.errors import UserError
 from visray.geometry import gamma as rounded
-from visray.halves import Estimate, Halves
 from visray.output.curves import Gamma
 from visray.output.rounding import rounding
 from visray.truncation import PIXELS, SAMPLES, Truncation, truncation
@@ -60,7 +60,7 @@ class Floor:
         return max(self.depth.high, 0.0) + self.rounding
 
 
-def rounded_off(halves: Halves, files: Files) -> tuple[float, str]:
+def rounded_off(halves: DualBuffer, files: Files) -> tuple[float, str]:
     """The mean square by which the best of the files is off, as it rounds, and its kind; 0 where there are none."""
     if not files.paths:
         return 0.0, ""
@@ -71,7 +71,9 @@ def rounded_off(halves: Halves, files: Files) -> tuple[float, str]:
     return least**2, kind
 
 
-def unavoidable(halves: Halves, found: Estimate, error: float | None, files: Files, seconds: float = np.inf) -> Floor:
+def unavoidable(
+    halves: DualBuffer, found: Estimate, error: float | None, files: Files, seconds: float = np.inf
+) -> Floor:
     """What samples do not take away; raises UserError if what the depth leaves out, the precision or the rounding of
     all files may be above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that
     are left."""

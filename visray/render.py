@@ -13,7 +13,7 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
-from visray.adaptive import NoNumber, pursued
+from visray.adaptive import NoNumber, render_adaptively
 from visray.errors import GoalWarning, UserError
 from visray.features import Features, features
 from visray.goals import Goal
@@ -22,7 +22,7 @@ from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.passes import expose
 from visray.primitives.primitive import scalars
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.reachable import Files
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
@@ -34,8 +34,8 @@ from visray.version import __version__
 PROOF = ("unresolved", "residual")
 DATA_LAYERS = ("Z", "distance", "N", "P", "UV", "albedo", "id", *PROOF)
 # What a picture made to an error, or in a time, has besides.
-PURSUED = ("error", "samples")
-LAYERS = ("RGB", "A", "variance", *PURSUED, *DATA_LAYERS)
+ADAPTIVE_LAYERS = ("error", "samples")
+LAYERS = ("RGB", "A", "variance", *ADAPTIVE_LAYERS, *DATA_LAYERS)
 ANYWHERE = Files()
 # Seconds a pixel that layers take to be put together at the end, and files to be written: of an EXR file each channel.
 LAYERING, PNG, CHANNEL = 6e-7, 4e-7, 3e-8
@@ -73,7 +73,7 @@ def render(
     """
     now = clock.now()
     goal, layers = Goal.asked(error, time, spp, now if begun is None else begun), wanted(layers)
-    if goal is None and (lone := set(layers) & set(PURSUED)) and tuple(layers) != LAYERS:
+    if goal is None and (lone := set(layers) & set(ADAPTIVE_LAYERS)) and tuple(layers) != LAYERS:
         raise UserError(f"layers = {', '.join(sorted(lone))}: only a picture to an error or in a time has that")
     for path in files.paths:
         check_destination(path, files.gamma, files.exposure)
@@ -88,18 +88,18 @@ def render(
     if threads is not None:
         set_threads(threads)
     prepared = ready.adjusted(scene) if ready else prepare_checked(scene, backend)
-    with Patience() as patience:
+    with Interrupts() as interrupts:
         if goal:
             # First, as its kernel takes time too.
             data = _data_layers(prepared, layers)
             try:
-                found = pursued(prepared, goal, files, layers, progress, patience)
+                found = render_adaptively(prepared, goal, files, layers, progress, interrupts)
             except NoNumber as none:
                 check_numbers(prepared, none.mean)
                 raise
             colours, done, more = found.layers, 0, found.facts
         else:
-            film, done = expose(prepared, progress, patience)
+            film, done = expose(prepared, progress, interrupts)
             colours, more = developed(prepared, film)
             # A film of many pixels takes much memory, which the data layers may need.
             del film
@@ -107,7 +107,7 @@ def render(
         check_numbers(prepared, colours["RGB"])
     if goal and not colours["RGB"].any():
         warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=2)
-    elif goal and not (goal.seconds or patience.asked) and more["error_high"] > error:
+    elif goal and not (goal.seconds or interrupts.asked) and more["error_high"] > error:
         text = f"the error asked for, {error:g}, is not reached with {more['spp_most']} samples of a pixel"
         warnings.warn(text, GoalWarning, stacklevel=2)
     pictures = rasters(prepared, colours | data, layers)
@@ -116,7 +116,7 @@ def render(
     facts = provenance(prepared, named, done, clock.now() - now) | more | proof
     if goal:
         del facts["spp_asked"]
-    return Image(pictures, facts | {"interrupted": int(patience.asked)})
+    return Image(pictures, facts | {"interrupted": int(interrupts.asked)})
 
 
 class RootWarning(UserWarning):

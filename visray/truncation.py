@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import numpy as np
 
-from visray.halves import QUANTILE, Halves, windowed
+from visray.dual_buffer import QUANTILE, DualBuffer, windowed
 from visray.passes import part
 from visray.setup import Prepared
 
@@ -27,7 +27,7 @@ class Truncation:
 
 
 def truncation(
-    halves: Halves, depths: tuple[int, ...], deep: int, seconds: float = np.inf, pixels: int = PIXELS,
+    halves: DualBuffer, depths: tuple[int, ...], deep: int, seconds: float = np.inf, pixels: int = PIXELS,
     count: int | None = None,
 ) -> list[Truncation]:  # fmt: skip
     """What is left out at each of these depths, against `deep`.
@@ -106,9 +106,9 @@ def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarr
     return _at(prepared, depth, np.tile(counts, 2)).means()
 
 
-def _at(prepared: Prepared, depth: int, targets: np.ndarray) -> Halves:
-    """Halves with so many samples, and another depth, which is data: no kernel is made."""
+def _at(prepared: Prepared, depth: int, targets: np.ndarray) -> DualBuffer:
+    """Both halves with so many samples, and another depth, which is data: no kernel is made."""
     levels = (dr.opaque(prepared.a.U, depth), prepared.kernel.levels[1])
-    halves = Halves(replace(prepared, kernel=replace(prepared.kernel, levels=levels)))
+    halves = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, levels=levels)))
     halves.extend(targets)
     return halves

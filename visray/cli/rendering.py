@@ -13,7 +13,7 @@ from visray.cli.common import INTERRUPTED, Compat, Json, Outputs, Settings, Setu
 from visray.errors import UserError
 from visray.goals import Goal
 from visray.output.image import check_destination
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.quantities import BACKENDS
 from visray.reachable import Files
 from visray.render import LAYERS, PROOF, render
@@ -122,7 +122,7 @@ def render_command(
         begun=clock.LOADED,
     )
     # A picture that is there is written, whatever is pressed.
-    with Patience():
+    with Interrupts():
         for path in outputs:
             image.write(path, gamma=curve, exposure=exposure)
     facts = image.metadata

@@ -25,7 +25,7 @@ from visray.cli.common import (
 from visray.errors import UserError
 from visray.output.files import check_writable
 from visray.output.image import check_destination
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.render import explain as explain_scene
 from visray.render import render, set_threads
 from visray.scene.scene import Scene
@@ -137,7 +137,7 @@ def cost(
     report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
     report = replace(report, scene=scene.stem)
     # A page takes seconds to draw: Ctrl-C must not lose in them what took minutes to measure.
-    with Patience():
+    with Interrupts():
         if output is not None:
             report.write(output)
         if json:
@@ -186,7 +186,7 @@ def tune(
     made = opened(scene, setup, compat, set)
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     # What is found is not lost by Ctrl-C any more.
-    with Patience():
+    with Interrupts():
         if output is not None:
             written(as_scene(found, output.parent, scene), output)
         if json:

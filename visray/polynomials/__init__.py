@@ -1,14 +1,14 @@
 """Polynomial surfaces f(x, y, z) = 0: from text to what kernels evaluate."""
 
-from visray.polynomials.form import Built, Factor, Form, build, exact, interpret, magnitude, refuse_sizes
+from visray.polynomials.error import PolynomialError
+from visray.polynomials.program import Compiled, Factor, Program, build, exact, interpret, magnitude, refuse_sizes
 from visray.polynomials.tree import evaluate
-from visray.polynomials.wrong import Wrong
 
 __all__ = [
-    "Built",
+    "Compiled",
     "Factor",
-    "Form",
-    "Wrong",
+    "PolynomialError",
+    "Program",
     "build",
     "evaluate",
     "exact",

@@ -5,11 +5,11 @@ from fractions import Fraction
 from itertools import count
 
 from visray.polynomials import fields
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong
 from visray.polynomials.factoring import algebraic, factored, repeated
 from visray.polynomials.generic import lowered
 from visray.polynomials.tree import Negative, Power, Product, Tree, negligible, rational, simplified
-from visray.polynomials.wrong import Wrong
 
 # After so many primes a polynomial that none of them proves irreducible most likely is not.
 PRIMES = 14
@@ -29,9 +29,9 @@ def split(tree: Tree, parameters: dict[str, Fraction]) -> tuple[tuple[Part, ...]
     tree = simplified(tree)
     line = _along(tree, parameters)
     if not line:
-        raise Wrong("it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0")
+        raise PolynomialError("it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0")
     if len(line) == 1:
-        raise Wrong("it is a constant, nowhere 0; a surface has x, y or z in its polynomial")
+        raise PolynomialError("it is a constant, nowhere 0; a surface has x, y or z in its polynomial")
     found: list[list] = []
     for factor, n in _written(tree):
         for part, m in _parts(factor, parameters):
@@ -49,7 +49,7 @@ def _field(tree: Tree, parameters: dict[str, Fraction]) -> int:
     try:
         return fields.field(tree, parameters)
     except fields.Singular:
-        raise Wrong("it has too many different square roots; write some of them as decimal numbers") from None
+        raise PolynomialError("it has too many different square roots; write some of them as decimal numbers") from None
 
 
 def _written(tree: Tree) -> list[tuple[Tree, int]]:
@@ -166,4 +166,4 @@ def _sign(tree: Tree, parts: tuple[Part, ...], parameters: dict[str, Fraction]) 
         values = [(rational(t, parameters, point), t) for t in (tree, *odd)]
         if not any(negligible(v, t, parameters, point) for v, t in values):
             return (-1) ** sum(v < 0 for v, _ in values)
-    raise Wrong("its sign is lost in the rounding of its irrational constants; write them as decimal numbers")
+    raise PolynomialError("its sign is lost in the rounding of its irrational constants; write them as decimal numbers")

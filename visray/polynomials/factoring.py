@@ -3,18 +3,18 @@
 from collections import Counter
 from fractions import Fraction
 
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
 from visray.polynomials.generic import MOST_TERMS, generic, rebuilt
 from visray.polynomials.tree import BITS, Named, Negative, Number, Parameter, Power, Reciprocal, Root, Sum, Tree
-from visray.polynomials.wrong import Wrong
 
 # Where a factoring must be, and where it only makes rendering faster.
 MAX_TERMS = {True: MOST_TERMS, False: 300}
 MAX_ALGEBRAIC_TERMS = 60
 
 
-def repeated() -> Wrong:
-    return Wrong("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
+def repeated() -> PolynomialError:
+    return PolynomialError("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
 
 
 def factored(tree: Tree, parameters: dict[str, Fraction], needed: bool) -> list[tuple[Tree, int]]:

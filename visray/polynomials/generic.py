@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Coefficients, Terms, TooLong, expand, horner
 from visray.polynomials.tree import (
     ONE,
@@ -19,7 +20,6 @@ from visray.polynomials.tree import (
     rational,
     simplified,
 )
-from visray.polynomials.wrong import Wrong
 
 # What an expansion may take, and the terms that it may have: about a second.
 MAX_PRODUCTS = 200_000
@@ -106,7 +106,7 @@ def lowered(tree: Tree, parameters: dict[str, Fraction], degree: int) -> Tree:
     try:
         terms, atoms = generic(tree)
     except TooLong:
-        raise Wrong(
+        raise PolynomialError(
             f"its degree is {degree}, not {tree.degree} as written, and it is too long to be written anew; "
             "leave out what cancels"
         ) from None

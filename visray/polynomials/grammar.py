@@ -7,6 +7,7 @@ from fractions import Fraction
 from itertools import pairwise
 from keyword import iskeyword
 
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.tree import (
     Axis,
     Named,
@@ -23,7 +24,6 @@ from visray.polynomials.tree import (
     square_root,
     vanishes,
 )
-from visray.polynomials.wrong import Wrong
 
 MAX_DEGREE = 32
 MAX_LENGTH = 20_000
@@ -56,16 +56,16 @@ _HINTS = {
 
 
 def parse(text: str, parameters: dict[str, float]) -> Tree:
-    """The tree of a polynomial in x, y, z and the parameters; Wrong says what it cannot be."""
+    """The tree of a polynomial in x, y, z and the parameters; PolynomialError says what it cannot be."""
     exact = known(parameters)
     if len(text) > MAX_LENGTH:
-        raise Wrong(f"it is {len(text)} characters long; at most {MAX_LENGTH}")
+        raise PolynomialError(f"it is {len(text)} characters long; at most {MAX_LENGTH}")
     if not text.strip():
-        raise Wrong(f"it is empty; {EXAMPLE}")
+        raise PolynomialError(f"it is empty; {EXAMPLE}")
     if strange := _STRANGE.search(text):
         c = strange.group()
         hint = _HINTS.get(c, "only numbers, names and + - * / ^ ( ) have a meaning")
-        raise Wrong(f"unexpected {c!r} at column {strange.start() + 1}; {hint}")
+        raise PolynomialError(f"unexpected {c!r} at column {strange.start() + 1}; {hint}")
     tokens = list(_TOKEN.finditer(text))
     _refuse_stuck(tokens)
     _refuse_open(tokens)
@@ -80,7 +80,7 @@ def parse(text: str, parameters: dict[str, float]) -> Tree:
         at = place[min(max((e.offset or 1) - 1, 0), len(place) - 1)]
         if "nested" in (e.msg or ""):
             raise _deep() from None
-        raise Wrong(f"not understood at column {at + 1}, near {_near(text, at)}; {EXAMPLE}") from None
+        raise PolynomialError(f"not understood at column {at + 1}, near {_near(text, at)}; {EXAMPLE}") from None
     except (RecursionError, MemoryError):
         raise _deep() from None
     whole = _Reader(python, exact).tree(body, 0)
@@ -93,18 +93,20 @@ def known(parameters: dict[str, float]) -> dict[str, Fraction]:
     """The parameters, exactly."""
     for name, value in parameters.items():
         if name in RESERVED:
-            raise Wrong(f"a parameter cannot be called {name}, which has a meaning already; take another name")
+            raise PolynomialError(
+                f"a parameter cannot be called {name}, which has a meaning already; take another name"
+            )
         if not name.isidentifier() or not name.isascii() or iskeyword(name):
-            raise Wrong(f"{name!r} is no name of a parameter; it has letters, digits and _, as in r or r_1")
+            raise PolynomialError(f"{name!r} is no name of a parameter; it has letters, digits and _, as in r or r_1")
         if value and not 2.0**-MAX_EXPONENT <= abs(value) <= 2.0**MAX_EXPONENT:
-            raise Wrong(f"the parameter {name} is {value:g}; it is 0 or between 1e-301 and 1e301 in size")
+            raise PolynomialError(f"the parameter {name} is {value:g}; it is 0 or between 1e-301 and 1e301 in size")
     return {name: Fraction(value) for name, value in parameters.items()}
 
 
-def too_high(degree: int) -> Wrong:
+def too_high(degree: int) -> PolynomialError:
     """The line for a degree over the limit."""
     shown = degree if degree < 10**6 else "over a million"
-    return Wrong(f"its degree, as written, is {shown}; at most {MAX_DEGREE}")
+    return PolynomialError(f"its degree, as written, is {shown}; at most {MAX_DEGREE}")
 
 
 def literal(text: str) -> Number | None:
@@ -114,10 +116,10 @@ def literal(text: str) -> Number | None:
         return None
     # Sizes are bounded before the number is made: 1e999999999 would not fit in memory.
     if len(found[1]) > MAX_EXPONENT or len(found[2] or "") > 5 or abs(int((found[2] or "e0")[1:])) > MAX_EXPONENT:
-        raise Wrong(f"the number {_cut(text)} has too many digits; it is 0 or between 1e-301 and 1e301")
+        raise PolynomialError(f"the number {_cut(text)} has too many digits; it is 0 or between 1e-301 and 1e301")
     value = Fraction(text)
     if value and not _fits(value):
-        raise Wrong(f"the number {_cut(text)} is too large or too small; it is 0 or between 1e-301 and 1e301")
+        raise PolynomialError(f"the number {_cut(text)} is too large or too small; it is 0 or between 1e-301 and 1e301")
     return Number(value)
 
 
@@ -133,8 +135,8 @@ def _near(text: str, at: int) -> str:
     return repr(text[max(0, at - 5) : at + 6].strip())
 
 
-def _deep() -> Wrong:
-    return Wrong(f"it is nested too deeply; at most {MAX_DEPTH} levels")
+def _deep() -> PolynomialError:
+    return PolynomialError(f"it is nested too deeply; at most {MAX_DEPTH} levels")
 
 
 def _refuse_stuck(tokens: list[re.Match]):
@@ -145,8 +147,8 @@ def _refuse_stuck(tokens: list[re.Match]):
         number, name = token[0], after[0]
         if token.end() < after.start() or name in AXES or name == "(" or not re.match(r"[exbo_]", name, re.IGNORECASE):
             wanted = f"{number}*{name}" + ("...)" if name == "(" else "")
-            raise Wrong(f"a sign is missing at column {after.start() + 1}; write {_cut(wanted)}")
-        raise Wrong(f"{_cut(number + name)} is no number; write numbers as in 1000.5 or 1e3")
+            raise PolynomialError(f"a sign is missing at column {after.start() + 1}; write {_cut(wanted)}")
+        raise PolynomialError(f"{_cut(number + name)} is no number; write numbers as in 1000.5 or 1e3")
 
 
 def _refuse_open(tokens: list[re.Match]):
@@ -157,12 +159,12 @@ def _refuse_open(tokens: list[re.Match]):
             opened.append(token.start() + 1)
         elif token[0] == ")":
             if not opened:
-                raise Wrong(f"the bracket at column {token.start() + 1} was not opened; leave it out")
+                raise PolynomialError(f"the bracket at column {token.start() + 1} was not opened; leave it out")
             opened.pop()
     if opened:
-        raise Wrong(f"the bracket at column {opened[-1]} is not closed; add a )")
+        raise PolynomialError(f"the bracket at column {opened[-1]} is not closed; add a )")
     if tokens[-1][0] in "+-*/^":
-        raise Wrong(f"it breaks off after {tokens[-1][0]}; add what follows or leave it out")
+        raise PolynomialError(f"it breaks off after {tokens[-1][0]}; add what follows or leave it out")
 
 
 class _Reader:
@@ -200,7 +202,9 @@ class _Reader:
                 return self.named(name)
             case ast.Call():
                 return self.root(node, depth)
-        raise Wrong(f"{self.shown(node)!r} has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have")
+        raise PolynomialError(
+            f"{self.shown(node)!r} has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have"
+        )
 
     def terms(self, node: ast.expr, depth: int) -> list[Tree]:
         # Python nests a sum to the left, once for each term: it is walked in a loop, not by recursion.
@@ -223,16 +227,16 @@ class _Reader:
 
     def divisor(self, of: Tree, node: ast.expr) -> Tree:
         if of.degree:
-            raise Wrong(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
+            raise PolynomialError(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
         if not rational(of, self.parameters) or vanishes(of):
-            raise Wrong(f"it divides by {self.shown(node)}, which is 0; divide by another number")
+            raise PolynomialError(f"it divides by {self.shown(node)}, which is 0; divide by another number")
         return Reciprocal(of)
 
     def power(self, node: ast.BinOp, depth: int) -> Tree:
         of, exponent = self.tree(node.left, depth + 1), node.right
         written = self.source(exponent)
         if not (isinstance(exponent, ast.Constant) and written.isdecimal()):
-            raise Wrong(f"the exponent {self.shown(exponent)} is not allowed; it is a whole number as in x^2")
+            raise PolynomialError(f"the exponent {self.shown(exponent)} is not allowed; it is a whole number as in x^2")
         n = int(written) if len(written) < 10 else 10**9
         if of.degree:
             if of.degree * n > MAX_DEGREE:
@@ -253,11 +257,13 @@ class _Reader:
             raise self.unwieldy(node)
         value = rational(made, self.parameters)
         if value and not vanishes(made) and not _fits(value):
-            raise Wrong(f"{self.shown(node)} is too large or too small; a constant is 0 or between 1e-301 and 1e301")
+            raise PolynomialError(
+                f"{self.shown(node)} is too large or too small; a constant is 0 or between 1e-301 and 1e301"
+            )
         return made
 
-    def unwieldy(self, node: ast.expr) -> Wrong:
-        return Wrong(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
+    def unwieldy(self, node: ast.expr) -> PolynomialError:
+        return PolynomialError(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
 
     def named(self, name: str) -> Tree:
         if name in AXES:
@@ -267,14 +273,14 @@ class _Reader:
         if name in self.parameters:
             return Parameter(name)
         if name == "sqrt":
-            raise Wrong("sqrt stands without brackets; write sqrt(2)")
+            raise PolynomialError("sqrt stands without brackets; write sqrt(2)")
         if re.fullmatch(r"[xyzXYZ]\d+", name):
             hint = f"write {name[0].lower()}^{name[1:]}"
         elif re.fullmatch(r"[xyz]+", name):
             hint = f"write {'*'.join(name)}"
         else:
             hint = self.hint(name)
-        raise Wrong(f"unknown name {_cut(name)}; {hint}")
+        raise PolynomialError(f"unknown name {_cut(name)}; {hint}")
 
     def hint(self, name: str) -> str:
         choices = [*RESERVED, *self.parameters]
@@ -285,20 +291,24 @@ class _Reader:
     def root(self, node: ast.Call, depth: int) -> Tree:
         function = node.func
         if not isinstance(function, ast.Name):
-            raise Wrong(f"a sign is missing before a bracket in {self.shown(node)}; write * for a product")
+            raise PolynomialError(f"a sign is missing before a bracket in {self.shown(node)}; write * for a product")
         name = function.id
         if name in AXES or name in CONSTANTS or name in self.parameters:
-            raise Wrong(f"a sign is missing in {self.shown(node)}; write {name}*(...)")
+            raise PolynomialError(f"a sign is missing in {self.shown(node)}; write {name}*(...)")
         if name != "sqrt":
-            raise Wrong(f"unknown function {_cut(name)}; the only one is sqrt, of a constant")
+            raise PolynomialError(f"unknown function {_cut(name)}; the only one is sqrt, of a constant")
         if len(node.args) != 1 or node.keywords:
-            raise Wrong("sqrt takes one number; write sqrt(2)")
+            raise PolynomialError("sqrt takes one number; write sqrt(2)")
         of = self.tree(node.args[0], depth + 1)
         if of.degree:
-            raise Wrong(f"sqrt of {self.shown(node.args[0])} is no polynomial; only constants have a sqrt here")
+            raise PolynomialError(
+                f"sqrt of {self.shown(node.args[0])} is no polynomial; only constants have a sqrt here"
+            )
         value = Fraction(0) if vanishes(of) else rational(of, self.parameters)
         if value < 0:
-            raise Wrong(f"sqrt of {self.shown(node.args[0])}, which is negative; it takes a number of at least 0")
+            raise PolynomialError(
+                f"sqrt of {self.shown(node.args[0])}, which is negative; it takes a number of at least 0"
+            )
         if not of.irrational and not of.parametric and (root := square_root(value)) ** 2 == value:
             return Number(root)
         return self.checked(Root(of), node)

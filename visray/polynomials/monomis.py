@@ -2,9 +2,9 @@
 
 import re
 
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.grammar import AXES, MAX_DEGREE, literal, too_high
 from visray.polynomials.tree import Axis, Negative, Power, Product, Sum, Tree
-from visray.polynomials.wrong import Wrong
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
 _FACTOR = r"([xyz])(?:\s*(?:\^|\*\*)\s*(\d+)|(\d+))?"
@@ -14,11 +14,11 @@ MAX_ENTRIES = 10_000
 
 
 def parse(entries: list[str]) -> Tree:
-    """The sum of the monomials; Wrong has the index of the entry it is about."""
+    """The sum of the monomials; PolynomialError has the index of the entry it is about."""
     if not entries:
-        raise Wrong('there is no monomial; write for example ["x2", "y2", "z2", "-1"]')
+        raise PolynomialError('there is no monomial; write for example ["x2", "y2", "z2", "-1"]')
     if len(entries) > MAX_ENTRIES:
-        raise Wrong(f"there are {len(entries)} monomials; at most {MAX_ENTRIES}")
+        raise PolynomialError(f"there are {len(entries)} monomials; at most {MAX_ENTRIES}")
     return Sum(tuple(_monomial(entry, k) for k, entry in enumerate(entries)))
 
 
@@ -26,24 +26,24 @@ def _monomial(entry: str, part: int) -> Tree:
     found = _MONOMIAL.fullmatch(entry)
     # An exponent is what follows its letter at once or after ^: "x 2" could also be a product.
     if not found or not (found[2] or found[3]) or (not found[2] and found[3].lstrip().startswith("*")):
-        raise Wrong(
+        raise PolynomialError(
             'is not a monomial; write a number and then powers of x, y and z, as in "-0.5x2y"; '
             "a sum has one entry for each of its terms",
             part,
         )
     try:
         parts: list[Tree] = [literal(found[2])] if found[2] else []
-    except Wrong as e:
-        raise Wrong(str(e), part) from None
+    except PolynomialError as e:
+        raise PolynomialError(str(e), part) from None
     for letter, *exponents in _FACTORS.findall(found[3]):
         written = exponents[0] or exponents[1] or "1"
         n = int(written) if len(written) < 10 else 10**9
         if n > MAX_DEGREE:
-            raise Wrong(str(too_high(n)), part)
+            raise PolynomialError(str(too_high(n)), part)
         if n:
             axis = Axis(AXES.index(letter.lower()))
             parts.append(Power(axis, n) if n > 1 else axis)
     product = Product(tuple(parts))
     if product.degree > MAX_DEGREE:
-        raise Wrong(str(too_high(product.degree)), part)
+        raise PolynomialError(str(too_high(product.degree)), part)
     return Negative(product) if found[1] == "-" else product

@@ -11,12 +11,12 @@ import numpy as np
 
 from visray import polynomials, roots
 from visray.geometry import Frame, Inverse, Similarity, SimilarityInverse
-from visray.polynomials import Built, Form
+from visray.polynomials import Compiled, Program
 from visray.primitives.clips import Clip
 from visray.primitives.primitive import Bounds, Primitive
 from visray.quantities import Arrays, stacked
 from visray.ray import Crossing, KnownEnds, Ray
-from visray.roots import Way
+from visray.roots import ChordSegment
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Algebraic(Primitive):
     form = solid = loose = None
 
     @classmethod
-    def kind_of(cls, form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type["Algebraic"]:
+    def kind_of(cls, form: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type["Algebraic"]:
         """The kind of the objects that share their code: so form, closed, clip and number of parameters."""
         return _kind(cls, form, closed, clip, parameters, loose)
 
@@ -133,7 +133,7 @@ class Algebraic(Primitive):
                 # A cap is convex: who leaves it outwards does not come back.
                 there &= ~(capped & ~known.inside)
                 known_sides = replace(known, on_start=known.on_start & ~capped)
-        way = Way.of(seen.o, d, chord, first, last)
+        way = ChordSegment.of(seen.o, d, chord, first, last)
         c = roots.first_crossing(cls.form, placed.slots, way, there, known_sides, placed.tolerance)
         if not (cls.closed and cls.clipped):
             return c
@@ -200,7 +200,7 @@ DIFFERENCE = 2.0**-13
 
 @cache
 def _kind(
-    base: type[Algebraic], form: Form, closed: bool, clip: type[Clip], parameters: int, loose: bool
+    base: type[Algebraic], form: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
 ) -> type[Algebraic]:
     """The objects of a class that share their code. `parameters`: how many there are is structure."""
     count, caps = len(form.factors), closed and base.clipped
@@ -216,7 +216,7 @@ def _kind(
     return type(base.__name__, (base,), facts)
 
 
-def _slopes(built: Built, known: dict[str, float], name: str) -> list[float]:
+def _slopes(built: Compiled, known: dict[str, float], name: str) -> list[float]:
     """The derivatives of the slots by a parameter, exact to rounding: of an analytic function, the imaginary part after
     a step too small to change the real one."""
     tiny = 1e-200

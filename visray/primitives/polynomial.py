@@ -9,7 +9,7 @@ from pydantic import Field
 
 from visray import polynomials
 from visray.geometry import Frame
-from visray.polynomials import Built, Wrong
+from visray.polynomials import Compiled, PolynomialError
 from visray.primitives.algebraic import Algebraic, PlacedPolynomial, Rows
 from visray.primitives.clips import Ball, Block, Clip
 from visray.primitives.primitive import Bounds, scalars
@@ -71,7 +71,7 @@ class Polynomial(Algebraic):
             return CLASSICS[self.surface].expression
         return self.monomis if self.expression is None else self.expression
 
-    def built(self) -> Built:
+    def built(self) -> Compiled:
         """The polynomial, ready for kernels, in coordinates about the clip's centre."""
         o = scalars(self.limits()).frame().o
         return polynomials.build(self.written(), self.parameters, tuple(map(float, o)))
@@ -89,7 +89,7 @@ class Polynomial(Algebraic):
             return wrong
         try:
             polynomials.refuse_sizes(self.built(), max(map(float, scalars(self.limits()).half())))
-        except Wrong as error:
+        except PolynomialError as error:
             part = "" if error.part is None else f".{error.part}"
             return [(f"{ways[0]}{part}", str(error))]
         return []

@@ -10,7 +10,7 @@ so no crossing at the end of an interval is lost or found twice. Source: Collins
 1981; Eigenwillig et al. 2005. What is isolated is refined on the surface's own structure (Chandrupatla 1997).
 """
 
-from visray.roots.crossing import Way, first_crossing
+from visray.roots.crossing import ChordSegment, first_crossing
 from visray.roots.level import has_sides, level
 
-__all__ = ["Way", "first_crossing", "has_sides", "level"]
+__all__ = ["ChordSegment", "first_crossing", "has_sides", "level"]

@@ -9,7 +9,7 @@ import drjit as dr
 
 from visray.polynomials import Factor, interpret
 from visray.roots.march import Isolated, converted, isolated, isolated_by_formula
-from visray.roots.numbers import Line, Size, Sure, roundoff
+from visray.roots.numbers import BoundedPolynomial, Line, Size, roundoff
 from visray.roots.refine import refined
 
 # A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it
@@ -34,7 +34,7 @@ def off(factor: Factor, slots: tuple, reach: Iterable) -> Any:
 
 
 @dataclass(frozen=True)
-class Way:
+class ChordSegment:
     """Parts of chords l + s e, s from -1 to 1 at the distance middle + half s: those from s = first to s = last."""
 
     l: tuple
@@ -46,7 +46,7 @@ class Way:
     begin: Any
 
     @staticmethod
-    def of(o: Any, d: Any, chord: tuple, begin: Any, end: Any) -> "Way":
+    def of(o: Any, d: Any, chord: tuple, begin: Any, end: Any) -> "ChordSegment":
         """Rays between the distances begin and end, in the chord of their clip between two others.
 
         s counts from the middle of the chord, where most surfaces are, and their clips' centres; not from the middle of
@@ -55,7 +55,7 @@ class Way:
         middle, half = 0.5 * (chord[0] + chord[1]), 0.5 * (chord[1] - chord[0])
         l, e = tuple(dr.fma(middle, y, x) for x, y in zip(o, d)), tuple(half * y for y in d)
         first, last = ((t - middle) / half for t in (begin, end))
-        return Way(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1), begin)
+        return ChordSegment(l, e, middle, half, dr.maximum(first, -1), dr.minimum(last, 1), begin)
 
     def at(self, s: Any) -> list[Any]:
         """The coordinates of a point."""
@@ -76,7 +76,7 @@ class Along:
 
     factor: Factor
     slots: tuple
-    way: Way
+    way: ChordSegment
     line: Line
 
     def noise(self, r: Any) -> Any:
@@ -123,11 +123,11 @@ class Along:
         rounds = len(sure.line.c) * roundoff(middle)
         return converted(sure.line.c), sure.error + rounds * sure.size
 
-    def _sure(self, axes: Iterable) -> Sure:
+    def _sure(self, axes: Iterable) -> BoundedPolynomial:
         """The factor where the coordinates are polynomials in s, with how far off it is: places too are rounded."""
-        known = (Sure(line, 0) for line in axes)
-        places = tuple(Sure(x.line, 2 * roundoff(x.size) * x.size) for x in known)
-        return interpret(self.factor.code, tuple(Sure(Line(x), 0) for x in self.slots), places)
+        known = (BoundedPolynomial(line, 0) for line in axes)
+        places = tuple(BoundedPolynomial(x.line, 2 * roundoff(x.size) * x.size) for x in known)
+        return interpret(self.factor.code, tuple(BoundedPolynomial(Line(x), 0) for x in self.slots), places)
 
     def runs_below(self, x: Any, zero: Any) -> Any:
         """Whether the way begins below zero, with the value x; where that is no more than rounding (`zero`), whether it
@@ -164,7 +164,7 @@ class Along:
         return s
 
 
-def along(factor: Factor, slots: tuple, way: Way) -> Along:
+def along(factor: Factor, slots: tuple, way: ChordSegment) -> Along:
     """The factor along the way, with its polynomial in s."""
     line = interpret(factor.code, tuple(map(Line, slots)), tuple(map(Line, way.l, way.e)))
     return Along(factor, slots, way, line)

@@ -6,13 +6,13 @@ from typing import Any
 
 import drjit as dr
 
-from visray.polynomials import Form
+from visray.polynomials import Program
 from visray.ray import NOTHING_KNOWN, Crossing, KnownEnds
-from visray.roots.along import Way, along
+from visray.roots.along import ChordSegment, along
 
 
 def first_crossing(
-    form: Form, slots: tuple, way: Way, active: Any, known: KnownEnds = NOTHING_KNOWN, tolerance: Any = None
+    form: Program, slots: tuple, way: ChordSegment, active: Any, known: KnownEnds = NOTHING_KNOWN, tolerance: Any = None
 ) -> Crossing:
     """Where the way first crosses the surface of a form, with the values `slots`; its parts are the form's factors. It
     enters where the form is not below zero at the beginning, or where nothing is asked. Crossings within the rounding

@@ -6,7 +6,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.polynomials import Factor, Form, interpret
+from visray.polynomials import Factor, Program, interpret
 from visray.roots.along import off
 from visray.roots.numbers import Slope
 
@@ -14,7 +14,7 @@ from visray.roots.numbers import Slope
 SMALLEST = 2.0**-500
 
 
-def has_sides(form: Form, slots: tuple, q: Any, reach: Any) -> Any:
+def has_sides(form: Program, slots: tuple, q: Any, reach: Any) -> Any:
     """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
     found = []
     for factor in form.factors:
@@ -29,7 +29,7 @@ def _sloped(factor: Factor, slots: tuple, q: Any) -> Slope:
     return interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), tuple(axes))
 
 
-def level(form: Form, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
+def level(form: Program, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
 
     part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a

@@ -67,7 +67,7 @@ class Line:
 FEW = 5
 
 
-class Sure:
+class BoundedPolynomial:
     """A polynomial in s, with bounds of its size and of how far off it is for |s| <= 1, by running error analysis.
 
     Source: Higham, section 3.3. A coefficient of a product is off by the errors of both and by a rounding a term.
@@ -78,24 +78,24 @@ class Sure:
         exact = size is None or len(line.c) <= FEW
         self.size = sum(map(dr.abs, line.c)) if exact else size
 
-    def __add__(self, other: "Sure") -> "Sure":
+    def __add__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
         return self._rounded(self.line + other.line, other)
 
-    def __sub__(self, other: "Sure") -> "Sure":
+    def __sub__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
         return self._rounded(self.line - other.line, other)
 
-    def _rounded(self, line: Line, other: "Sure") -> "Sure":
+    def _rounded(self, line: Line, other: "BoundedPolynomial") -> "BoundedPolynomial":
         size = self.size + other.size
-        return Sure(line, dr.fma(roundoff(size), size, self.error + other.error), size)
+        return BoundedPolynomial(line, dr.fma(roundoff(size), size, self.error + other.error), size)
 
-    def __neg__(self) -> "Sure":
-        return Sure(-self.line, self.error, self.size)
+    def __neg__(self) -> "BoundedPolynomial":
+        return BoundedPolynomial(-self.line, self.error, self.size)
 
-    def __mul__(self, other: "Sure") -> "Sure":
+    def __mul__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
         line = self.line * (self.line if self is other else other.line)
         rounds = (1 + min(len(self.line.c), len(other.line.c))) * roundoff(self.size)
         error = self.size * dr.fma(rounds, other.size, other.error) + self.error * (other.size + other.error)
-        return Sure(line, error, self.size * other.size)
+        return BoundedPolynomial(line, error, self.size * other.size)
 
 
 class Size:

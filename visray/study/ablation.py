@@ -31,7 +31,7 @@ from visray.features import Feature
 from visray.lights import PointLight
 from visray.lights.light import Light
 from visray.passes import blank, exposed_once
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays
 from visray.render import adjusted, explain
 from visray.scene.scene import Scene
@@ -188,10 +188,10 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
         raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST}, for the spread of a median")
     small = adjusted(scene, spp=spp, size=reduced(scene.film.width, scene.film.height))
     found = explain(small)
-    with Patience() as patience:
+    with Interrupts() as interrupts:
         fitted = fitting(small)
         small = adjusted(small, spp=spp or fitted)
-        costs, total = _measured(small, found.names(), runs, progress, patience)
+        costs, total = _measured(small, found.names(), runs, progress, interrupts)
     film = small.film
     return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, found.listed, costs, total)
 
@@ -224,11 +224,11 @@ def left_out(scene: Scene, effect: str) -> Prepared:
 class _Steps:
     """Does one piece of work after the other; after Ctrl-C stops between two of them."""
 
-    def __init__(self, patience: Patience, bar: Bar):
-        self.patience, self.bar, self.done = patience, bar, 0
+    def __init__(self, interrupts: Interrupts, bar: Bar):
+        self.interrupts, self.bar, self.done = interrupts, bar, 0
 
     def __call__(self, work: Callable[[], Any]) -> Any:
-        if self.patience.asked:
+        if self.interrupts.asked:
             raise KeyboardInterrupt
         result = work()
         self.done += 1
@@ -237,12 +237,12 @@ class _Steps:
 
 
 def _measured(
-    scene: Scene, effects: list[str], runs: int, progress: bool, patience: Patience
+    scene: Scene, effects: list[str], runs: int, progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Cost], Cost]:
     """The costs of the effects, and of all together."""
     n, half = len(effects), len(effects) // 2
     with Bar("measuring", (n + 1) + (n + REPEATS) + runs * (2 * n + 1), progress) as bar:
-        step = _Steps(patience, bar)
+        step = _Steps(interrupts, bar)
         everything = step(partial(prepare, scene))
         lesser = {e: Picture.of(step(partial(left_out, scene, e))) for e in effects}
         wholes = [Picture.of(everything) for _ in range(REPEATS)]

@@ -12,7 +12,7 @@ from visray.accel.search import RayOrigin, Target, closest, occluded
 from visray.errors import UserError
 from visray.geometry import facing
 from visray.interaction import surface_of
-from visray.polynomials import Wrong
+from visray.polynomials import PolynomialError
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.pytree import rows
@@ -75,7 +75,7 @@ class Kernel:
         )
         try:
             prepared = prepare(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
-        except Wrong as error:
+        except PolynomialError as error:
             raise UserError(str(error)) from None
         self.a, self.kernel, self.far = prepared.a, prepared.kernel, 10 * surface.radius
 

@@ -14,7 +14,7 @@ import numpy as np
 from rich.table import Column, Table
 
 from visray.errors import UserError
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.study import ray_sets
 from visray.study.exact.certified import Exact
 from visray.study.exact.formulas import flint
@@ -165,13 +165,13 @@ def run(
         raise UserError(f"only = {', '.join(missing)}: must be of {', '.join(every)}")
     chosen = {n: s for n, s in every.items() if not only or n in only}
     rows, left_out = [], {}
-    with Patience() as patience, Bar("testing", len(chosen), progress) as bar:
+    with Interrupts() as interrupts, Bar("testing", len(chosen), progress) as bar:
         for i, (name, one) in enumerate(chosen.items()):
-            if patience.asked:
+            if interrupts.asked:
                 break
             try:
                 rows += tested(one, sets, rays, seed, solver(one.surface))
             except UserError as error:
                 left_out[name] = error.lines[0]
             bar.at(i + 1)
-        return Report(rays, seed, rows, left_out, patience.asked)
+        return Report(rays, seed, rows, left_out, interrupts.asked)

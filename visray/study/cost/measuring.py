@@ -19,7 +19,7 @@ import numpy as np
 from visray import clock, integrator
 from visray.errors import UserError
 from visray.film import Film
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.render import adjusted
 from visray.sampling import Plan
 from visray.scene.scene import Scene
@@ -119,7 +119,7 @@ class Studio:
 
     scene: Scene
     seeds: Sequence[int]
-    patience: Patience
+    interrupts: Interrupts
     progress: bool = False
     mark: int = field(default_factory=ablation.new_mark)
     compiled: dict[str, float] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class Studio:
             if not self.compiled:
                 self._awake()
             for choice in choices:
-                if self.patience.asked:
+                if self.interrupts.asked:
                     break
                 found.append(self._prepared(choice))
                 bar.at(len(found))
@@ -185,7 +185,7 @@ class Studio:
                 # Each turn in an order of its own, so that none always comes after the same one.
                 order, turn = np.random.default_rng(number).permutation(len(taken)), {}
                 for i in order:
-                    if self.patience.asked:
+                    if self.interrupts.asked:
                         return finished
                     turn[i] = self._once(taken[i], seeds)
                     done += 1

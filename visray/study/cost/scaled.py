@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.halves import Halves
+from visray.dual_buffer import DualBuffer
 from visray.reachable import DEEPEST
 from visray.render import adjusted
 from visray.scene.address import value
@@ -96,7 +96,7 @@ class Scaled:
         depths = tuple(p.value for c in self.report.curves if c.knob == "depth" for p in c.points)
         if not depths:
             return {self.scene.settings.depth: Band(0.0, 0.0, 0.0)}
-        halves = Halves(prepare(adjusted(self.scene, sampler="sobol")))
+        halves = DualBuffer(prepare(adjusted(self.scene, sampler="sobol")))
         halves.extend(np.full_like(halves.counts, PILOT))
         scale = (halves.estimate().luminance or 1.0) ** 2
         left = truncation(halves, depths, min(4 * max(depths) + 4, DEEPEST))

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from visray import clock
+from visray.dual_buffer import QUANTILE
 from visray.errors import UserError
-from visray.halves import QUANTILE
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.render import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
@@ -64,28 +64,28 @@ def cost(
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:
         set_threads(threads)
-    with Patience() as patience:
-        report = _studied(scene, quick, seeds, progress, patience, whole)
+    with Interrupts() as interrupts:
+        report = _studied(scene, quick, seeds, progress, interrupts, whole)
     return replace(report, scene=name, seconds=clock.now() - begun)
 
 
-def _studied(scene: Scene, quick: bool, count: int, progress: bool, patience: Patience, whole: bool) -> Study:
+def _studied(scene: Scene, quick: bool, count: int, progress: bool, interrupts: Interrupts, whole: bool) -> Study:
     small = reduced(scene, LONGEST[not quick])
     turned, budgets = knobs(small), BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
-    studio = Studio(small, [(first + i) % 2**32 for i in range(count)], patience, progress)
+    studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress)
     others = [c for k in turned for c in k.choices(quick) if not c.own]
     studio, taken = _measured(studio, [own, *others], budgets[0])
-    stopped, small = patience.asked, studio.scene
+    stopped, small = interrupts.asked, studio.scene
     zero = [address for k in turned if k.name == "roots" for address in k.all[0].settings]
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
-    true = truth(small, zero, min(map(_noise, taken)), seeds, seconds, studio.mark, patience, progress)
+    true = truth(small, zero, min(map(_noise, taken)), seeds, seconds, studio.mark, interrupts, progress)
     points = [_point(t, own, true, whole) for t in taken]
     same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
     joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
-    every, ended = (*points, *joint), patience.asked
+    every, ended = (*points, *joint), interrupts.asked
     # Without noise there is nothing that samples could halve.
     halved = [c for c in curves if not (same and c.kind == "sampling")]
     return Study(
@@ -133,7 +133,7 @@ def _joint(
     ladder = [s for s in model.ladder(JOINT[not quick], longest) if model.error(s) >= known]
     choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
     taken = studio.prepared([replace(own.choice, knob="again"), *choices])
-    if studio.patience.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
+    if studio.interrupts.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
         return ()
     pace = own.seconds.middle / taken[0].seconds.middle
     for t in taken:

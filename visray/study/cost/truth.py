@@ -13,7 +13,7 @@ from visray import clock
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
 from visray.pace import PASS_SECONDS
-from visray.progress import Bar, Patience
+from visray.progress import Bar, Interrupts
 from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed
@@ -45,7 +45,7 @@ def luminance(picture: np.ndarray) -> float:
 
 def truth(
     scene: Scene, zero: Sequence[str], best: float, seeds: tuple[int, int], budget: float, mark: int,
-    patience: Patience, progress: bool = False,
+    interrupts: Interrupts, progress: bool = False,
 ) -> Truth:  # fmt: skip
     """The truth of a scene, with noise of at most a tenth of `best` or as little as `budget` seconds give.
 
@@ -59,12 +59,12 @@ def truth(
     notes: list[str] = []
     target = max(best / FINER, UNIT_ROUNDOFF["single"])
     if on["reflection"] or on["refraction"]:
-        settings[DEPTH], left = _deep_enough(deep, seeds, target, mark, patience)
+        settings[DEPTH], left = _deep_enough(deep, seeds, target, mark, interrupts)
         deep = changed(scene, settings)
         if left > target:
             notes.append(f"depth {settings[DEPTH]} of the reference still leaves out {left:.1g} of the light")
     prepared = prepare(deep)
-    halves, count = _halves(prepared, seeds, target, budget, mark, patience, progress)
+    halves, count = _halves(prepared, seeds, target, budget, mark, interrupts, progress)
     picture, variance = halves.mean(0), ((halves[0] - halves[1]) / 2) ** 2
     mean = luminance(picture)
     if mean <= 0:
@@ -73,7 +73,7 @@ def truth(
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
-        why = "it was cut short by Ctrl-C" if patience.asked else "that is what its seconds allowed"
+        why = "it was cut short by Ctrl-C" if interrupts.asked else "that is what its seconds allowed"
         notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
     settings[SPP] = 2 * count
     found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
@@ -81,7 +81,7 @@ def truth(
 
 
 def _deep_enough(
-    scene: Scene, seeds: tuple[int, int], target: float, mark: int, patience: Patience
+    scene: Scene, seeds: tuple[int, int], target: float, mark: int, interrupts: Interrupts
 ) -> tuple[int, float]:
     """A depth such that twice as much changes the picture by less than `target`, and by how much it does.
 
@@ -93,7 +93,7 @@ def _deep_enough(
         deeper = min(2 * depth, DEEPEST)
         after = _look(scene, deeper, seeds, mark)
         left = float(((after - before) ** 2).mean() ** 0.5) / (luminance(after.mean(0)) or 1.0)
-        if left <= target or patience.asked:
+        if left <= target or interrupts.asked:
             break
         depth, before = deeper, after
     return depth, left
@@ -112,7 +112,7 @@ def _halves(
     target: float,
     budget: float,
     mark: int,
-    patience: Patience,
+    interrupts: Interrupts,
     progress: bool,
 ) -> tuple[np.ndarray, int]:  # fmt: skip
     """Both halves, and the samples of each: a power of two, as Sobol's sequence wants it."""
@@ -122,7 +122,7 @@ def _halves(
         while True:
             goal, started = max(2 * done, FIRST), clock.now()
             while done < goal:
-                if pictures is not None and patience.asked:
+                if pictures is not None and interrupts.asked:
                     return pictures, goal // 2
                 before = clock.now()
                 step = min(step, goal - done)
@@ -136,6 +136,6 @@ def _halves(
             noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))
             enough = noise <= target * (luminance(pictures.mean(0)) or 1.0)
             # The next doubling takes twice as long as the last one.
-            if enough or patience.asked or 2 * (now - started) > budget - (now - begun):
+            if enough or interrupts.asked or 2 * (now - started) > budget - (now - begun):
                 bar.at(bar.total)
                 return pictures, done

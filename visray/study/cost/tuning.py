@@ -16,11 +16,11 @@ from typing import NoReturn
 import numpy as np
 
 from visray import clock
+from visray.dual_buffer import Estimate
 from visray.errors import UserError
 from visray.geometry import UNIT_ROUNDOFF
-from visray.halves import Estimate
 from visray.passes import blank, expose, exposed_once
-from visray.progress import Patience
+from visray.progress import Interrupts
 from visray.reachable import LARGER, check_precision
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
@@ -64,8 +64,8 @@ def tune(
     report = cost(scene, quick=quick, progress=progress, threads=threads, whole=False)
     if report.stopped:
         raise KeyboardInterrupt
-    with Patience() as patience:
-        return _Tuning(Scaled(scene, report), target, patience, progress).run()
+    with Interrupts() as interrupts:
+        return _Tuning(Scaled(scene, report), target, interrupts, progress).run()
 
 
 @dataclass
@@ -77,7 +77,7 @@ class _Tuning:
 
     scaled: Scaled
     target: Target
-    patience: Patience
+    interrupts: Interrupts
     progress: bool
     tried: list[Measured] = field(default_factory=list)
     predicted: list[Prediction] = field(default_factory=list)
@@ -95,7 +95,7 @@ class _Tuning:
                 self.base = self.fastest = self.tried[-1]
             self._try()
         except KeyboardInterrupt:
-            if not self.patience.asked:
+            if not self.interrupts.asked:
                 raise
         return self._told(self._best() or min(self._fewest(self.tried), key=self.target.missed))
 
@@ -226,9 +226,9 @@ class _Tuning:
         while len(times) < 2 or (len(times) < TURNS and sum(times) < ENOUGH):
             shot = replace(prepared, scene=adjusted(chosen, seed=(first + len(times)) % 2**32))
             begun = clock.now()
-            film, _ = expose(shot, self.progress, self.patience)
+            film, _ = expose(shot, self.progress, self.interrupts)
             times.append(clock.now() - begun)
-            if self.patience.asked:
+            if self.interrupts.asked:
                 raise KeyboardInterrupt
             if len(pictures) < 2:
                 pictures.append(np.array(film.mean))
@@ -241,7 +241,7 @@ class _Tuning:
 
     def _told(self, found: Measured) -> Tuned:
         """The outcome, with its reasons."""
-        before, model, stopped = self.tried[0], self._whole(), self.patience.asked
+        before, model, stopped = self.tried[0], self._whole(), self.interrupts.asked
         guess = Prediction(found.settings, model.seconds(found.settings), model.error(found.settings))
         guess = next((c for c in self.predicted if c.settings == found.settings), guess)
         changes = self.scaled.changes(found.settings)

@@ -84,7 +84,7 @@ def ratio_of_squares(d: float) -> float:
     return float(np.exp(np.interp(0.95, total / total[-1], x)))
 
 
-class Halves:
+class DualBuffer:
     """Both halves: their film, the lanes of A before those of B. Its bits depend on the seed and on how many samples
     each lane has, not on the passes that took them (tests/test_same_bits.py)."""
 
@@ -104,7 +104,7 @@ class Halves:
     def compiled(self) -> None:
         """Makes the kernel of a pass, with a few samples that are thrown away."""
         few = np.arange(min(2 * self.n, 32))
-        Halves(self.prepared).take(few, np.ones(2 * self.n, np.int64))
+        DualBuffer(self.prepared).take(few, np.ones(2 * self.n, np.int64))
 
     def extend(self, targets: np.ndarray, left: Callable[[], float] = lambda: np.inf) -> bool:
         """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each

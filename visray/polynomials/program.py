@@ -8,6 +8,7 @@ from typing import Any
 
 from visray.polynomials import grammar, monomis
 from visray.polynomials.algebra import split
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong, about, expand, horner, written_terms
 from visray.polynomials.tree import (
     BITS,
@@ -20,7 +21,6 @@ from visray.polynomials.tree import (
     rational,
     simplified,
 )
-from visray.polynomials.wrong import Wrong
 
 Source = str | tuple[str, ...] | list[str]
 # A bound on |f| outside of these leaves no room for the sums and differences of it that are computed in doubles.
@@ -42,7 +42,7 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Form:
+class Program:
     """All that is compiled; forms are equal where polynomials differ only in the values of their numbers.
 
     sign * the product of the factors that are not even has the sign of f everywhere.
@@ -54,30 +54,30 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Built:
+class Compiled:
     """A form and the numbers in its slots: as doubles, as trees of constants, and as rationals before rounding."""
 
-    form: Form
+    form: Program
     values: tuple[float, ...]
     constants: tuple[Tree, ...]
     wide: tuple[Fraction, ...]
 
 
-def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Built:
+def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Compiled:
     """The form of a polynomial, written as text or as a list of monomials, in q = p - centre."""
     source = source if isinstance(source, str) else tuple(source)
     return _built(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
 
 
 @lru_cache(maxsize=256)
-def _built(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Built:
+def _built(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Compiled:
     parts, sign = _split(source, parameters)
     values = {name: Fraction(value) for name, value in parameters}
     middle = tuple(map(Fraction, centre))
     slots = _Slots()
     factors = tuple(Factor(p.degree, _code(_about(p.tree, middle), slots), p.even) for p in parts)
     wide = tuple(rational(c, values) for c in slots.constants)
-    return Built(Form(factors, sign, len(wide)), tuple(map(_double, wide)), tuple(slots.constants), wide)
+    return Compiled(Program(factors, sign, len(wide)), tuple(map(_double, wide)), tuple(slots.constants), wide)
 
 
 @lru_cache(maxsize=256)
@@ -94,7 +94,7 @@ def read(source: Source, parameters: dict[str, float]) -> Tree:
 def _double(value: Fraction) -> float:
     # Merged constants may be beyond doubles, or among those that have lost digits, although none of them was.
     if value and not -1022 < abs(value.numerator).bit_length() - value.denominator.bit_length() < 1023:
-        raise Wrong("its constants multiply to a number beyond the doubles; write it in another unit")
+        raise PolynomialError("its constants multiply to a number beyond the doubles; write it in another unit")
     return float(value)
 
 
@@ -207,7 +207,7 @@ def repeated(value: Any, n: int) -> Any:
         value = value * value
 
 
-def magnitude(built: Built, reach: float) -> tuple[float, ...]:
+def magnitude(built: Compiled, reach: float) -> tuple[float, ...]:
     """For each factor a bound on its size where no coordinate of q is above `reach` in size."""
     sizes = [abs(v) for v in built.values]
     # The bound of a difference is that of the sum, and that of -a is that of a.
@@ -219,13 +219,15 @@ def magnitude(built: Built, reach: float) -> tuple[float, ...]:
     return tuple(found)
 
 
-def refuse_sizes(built: Built, reach: float):
-    """Wrong where a factor would overflow or vanish in doubles."""
+def refuse_sizes(built: Compiled, reach: float):
+    """PolynomialError where a factor would overflow or vanish in doubles."""
     for size in magnitude(built, reach):
         if not size <= LARGEST:
-            raise Wrong(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
+            raise PolynomialError(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
         if size < SMALLEST:
-            raise Wrong(f"its values reach only {size:g}, too small for doubles; multiply it by a large number")
+            raise PolynomialError(
+                f"its values reach only {size:g}, too small for doubles; multiply it by a large number"
+            )
 
 
 def exact(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
@@ -235,7 +237,7 @@ def exact(source: Source, parameters: dict[str, float] | None = None) -> dict[tu
     try:
         found = expand(tree, lambda node: {(0, 0, 0): rational(node, values)}, 3, MAX_PRODUCTS)
     except TooLong:
-        raise Wrong("it is too long to be expanded") from None
+        raise PolynomialError("it is too long to be expanded") from None
     if not tree.irrational:
         return found
     # Terms that cancel but for the rounding of irrational constants are none.

@@ -63,7 +63,7 @@ def row(title: str, report: Report, orders: list[list[str]]) -> dict:
         "by_time": {k: [s.k, s.low, s.high] for k, s in by_time.items()},
         "steps": {
             f"{c.knob}: {p.value}": [p.seconds.middle / d.seconds.middle, p.error.rmse.middle / d.error.rmse.middle]
-            for c in report.curves if c.kind == "step" for p in c.points if p.settings != d.settings or p.plain
+            for c in report.curves if c.kind == "step" for p in c.points if p.settings != d.settings
         },
         "floors": report.floors,
         "orders_of_quick_studies": orders,

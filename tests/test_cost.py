@@ -130,7 +130,7 @@ def test_the_scene_itself_is_on_every_ladder(file: str, quick: bool) -> None:
         for c in knob.choices(quick):
             assert set(c.settings) <= set(base.settings)
             assert changed(scene, base.settings | c.settings).hash() == c.of(scene).hash()
-            assert (c.of(scene).hash() == scene.hash() and not c.plain) == c.own
+            assert (c.of(scene).hash() == scene.hash()) == c.own
 
 
 def test_ladders() -> None:
@@ -278,7 +278,7 @@ def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report)
     d = report.default
     three = band([3 * x for x in (d.error.rmse.low, d.error.rmse.middle, d.error.rmse.high)])
     far = replace(d, value="far", settings=d.settings | {"a": 1}, error=replace(d.error, rmse=three))
-    near = replace(d, value="near", plain=True)
+    near = replace(d, value="near", settings=d.settings | {"b": 1})
     for points, rows in (((d, far), ["x 3.00"]), ((far, near), ["x 3.00", "x 1.00 even"])):
         text = printed(replace(report, curves=(Curve("way", "step", points),), halvings=()))
         found = [line.split("│")[3].strip() for line in text.splitlines() if "way: " in line]

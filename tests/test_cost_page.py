@@ -369,19 +369,6 @@ def test_what_stands_above_is_no_note_again() -> None:
     assert text.count("stopped before its end") == 1
 
 
-def test_a_point_of_the_same_settings_is_named_by_its_knob() -> None:
-    """That is one whose objects are searched without what rejects most of them."""
-    r = study()
-    plain = replace(r.default, knob="accelerator", value="plain", plain=True, seconds=band(0.3))
-    dear = point("depth", 9, 0.9, 0.001, 0.01, settings={"settings.depth": 9})
-    assert standing([plain], r.default) == "the same error could be had in 0.58 of the time by accelerator plain"
-    worse = replace(plain, error=replace(plain.error, rmse=band(0.025)))
-    assert "frontier, (accelerator plain) and (depth 9), its error" in standing([worse, dear], r.default)
-    assert standing([replace(r.default, seconds=band(np.nan))], replace(r.default, seconds=band(np.nan))).startswith(
-        "there is no frontier yet"
-    )
-
-
 def test_what_rounds_to_nothing_has_no_sign() -> None:
     assert [hundredths(x) for x in (-0.004, 0.004, -0.0, -0.006, 0.5)] == ["0.00", "0.00", "0.00", "-0.01", "0.50"]
     r = study()

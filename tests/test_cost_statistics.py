@@ -259,12 +259,12 @@ def test_a_frontier_has_what_nothing_beats() -> None:
 
 def test_the_same_choice_is_that_of_all_knobs_whatever_was_measured() -> None:
     default = point(2.0, 0.4, {"n": 4})
-    again, plain = replace(default, knob="n", value=4, seconds=band(2.1)), replace(default, plain=True)
+    again, other = replace(default, knob="n", value=4, seconds=band(2.1)), replace(default, settings={"n": 4, "way": 1})
     assert default.same_choice(again) and again.same_choice(default)
-    for other in (plain, point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
-        assert not other.same_choice(default) and not default.same_choice(other)
-    (step,) = steps([Curve("way", "step", (again, replace(plain, value="plain")))], default)
-    assert step.value == "plain"
+    for unlike in (other, point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
+        assert not unlike.same_choice(default) and not default.same_choice(unlike)
+    (step,) = steps([Curve("way", "step", (again, replace(other, value="other")))], default)
+    assert step.value == "other"
     # Itself, measured again, is not a neighbour.
     cheap, dear = point(1.0, 0.8, {"n": 2}), point(4.0, 0.1, {"n": 8})
     share, *ends = overtaken([cheap, replace(again, error=point(2.1, 0.39).error), dear], default)

@@ -35,13 +35,12 @@ KEPT = ("roots", "accelerator", "texture filter")
 
 @dataclass(frozen=True)
 class Choice:
-    """One position of a knob. settings: by address, as vr.replaced takes them, all that the knob turns; plain: whether
-    objects are searched without what rejects most of them. own: it is the scene as it is."""
+    """One position of a knob. settings: by address, as vr.replaced takes them, all that the knob turns. own: it is the
+    scene as it is."""
 
     knob: str
     value: Any
     settings: dict[str, Any]
-    plain: bool = False
     own: bool = False
 
     def of(self, scene: Scene) -> Scene:
@@ -82,8 +81,7 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     if curved := [f"objects.{n}.tolerance" for n, o in scene.objects.items() if _searched(o)]:
         found.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.objects:
-        choices = Choice("accelerator", "as it is", {}, own=True), Choice("accelerator", "plain", {}, plain=True)
-        found.append(Knob("accelerator", "step", choices, choices))
+        found.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ("auto", "none", "tree")))
     if on["textures"] and (images := _images(scene)):
         found.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
     return tuple(found)

@@ -143,7 +143,7 @@ class Studio:
         return found
 
     def _prepared(self, choice: Choice) -> Taken:
-        prepared = prepare(choice.of(self.scene), brute_force=choice.plain)
+        prepared = prepare(choice.of(self.scene))
         spp, n = prepared.scene.settings.spp, self.per_turn
         count = min(TRIAL, spp)
         _, kernels = exposed(prepared, blank(prepared, n), self.seeds[:n], 0, count, self.mark)
@@ -173,7 +173,7 @@ class Studio:
 
     def again(self, taken: Taken) -> Taken:
         """A choice that is compiled, for pictures of this studio's size."""
-        prepared = prepare(taken.choice.of(self.scene), brute_force=taken.choice.plain)
+        prepared = prepare(taken.choice.of(self.scene))
         share = len(prepared.order) / len(taken.prepared.order)
         return replace(taken, prepared=prepared, expected=taken.expected * share)
 

@@ -193,7 +193,6 @@ def _frontier(r: Report) -> str:
     for p, settings in zip(shown, each):
         turned, error, base = changes(p, d), p.error.rmse.middle, d.error.rmse.middle
         name = p.knob if p is not d else "today's default" if on else "today's default, not on it"
-        name += f" {written(p.value)}" if p.plain else ""
         texts = duration(p.seconds.middle), number(p.seconds.middle / d.seconds.middle), percent(error)
         cells = [cell(name, head=True), *(cell(t) for t in (*texts, number(error / base if base > 0 else None)))]
         rows.append(([*cells, *(cell(written(settings.get(k)), turned=k in turned) for k in vary)], p is d))

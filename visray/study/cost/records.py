@@ -57,7 +57,7 @@ class Point:
     knob: which one was turned for it, or "default", or "joint" where several were; value: to what. settings: by
     address, as vr.replaced takes them. seconds: of one picture, compiled; times: of each. squares: of each seed, the
     squared relative error. picture: of the first seed, linear; wrong: root mean square over seeds and channels.
-    plain: as in Choice. Shapes: times (R), squares (S), picture (H, W, 3), wrong (H, W).
+    Shapes: times (R), squares (S), picture (H, W, 3), wrong (H, W).
     """
 
     knob: str
@@ -72,12 +72,11 @@ class Point:
     picture: np.ndarray = field(repr=False)
     wrong: np.ndarray = field(repr=False)
     geometry: Geometry | None = None
-    plain: bool = False
 
     def same_choice(self, other: "Point") -> bool:
-        """Whether both have all knobs alike, `plain` too, which is no setting: whichever of them was turned, and even
-        where both were measured by themselves."""
-        return self.plain == other.plain and self.settings == other.settings
+        """Whether both have all knobs alike: whichever of them was turned, and even where both were measured by
+        themselves."""
+        return self.settings == other.settings
 
 
 @dataclass(frozen=True)

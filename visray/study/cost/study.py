@@ -165,7 +165,6 @@ def _point(taken: Taken, own: Choice, true: Truth, whole: bool) -> Point:
         picture=pictures[0],
         wrong=wrong,
         geometry=geometry(taken.prepared, true.prepared, 0) if whole and choice.knob in OF_HITS else None,
-        plain=choice.plain,
     )
 
 

@@ -29,14 +29,14 @@ def as_csv(report: Report) -> str:
     ends = [name + end for name in measured for end in ("", "_low", "_high")]
     text = StringIO()
     out = csv.writer(text, lineterminator="\n")
-    single = ["mrse", "flip", "compile_seconds", "operations", "frontier", "plain"]
+    single = ["mrse", "flip", "compile_seconds", "operations", "frontier"]
     out.writerow(["knob", "value", *ends, *single, *addresses])
     for p in points:
         e = p.error
         bands = [x for b in (p.seconds, e.rmse, e.bias, e.deviation) for x in (b.middle, b.low, b.high)]
         # A knob's point may have the settings of another: the frontier has only one of them.
         best = any(p is other for other in report.frontier)
-        facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(best), int(p.plain)]
+        facts = [e.mrse, e.flip, p.compile_seconds, p.operations, int(best)]
         out.writerow([p.knob, p.value, *bands, *facts, *(p.settings.get(a, "") for a in addresses)])
     return text.getvalue()
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from visray.accel.crossings import Piece, occludes, way_inside
-from visray.accel.search import Geometry
+from visray.accel.origin import Geometry
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.primitives import (

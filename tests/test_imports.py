@@ -28,7 +28,7 @@ scene
 features progress output.files output.curves output.exr output.rounding output.png output.image output
 images
 pack batches sampling moments film texturing
-accel.policy accel.boxes accel.tree accel.culling accel.crossings accel.search accel
+accel.policy accel.boxes accel.tree accel.culling accel.crossings accel.origin accel.search accel
 kernel_scene
 interaction
 direct occlusion

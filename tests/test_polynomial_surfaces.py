@@ -29,7 +29,8 @@ from samples import Lineup, array, polynomial_sphere
 from test_render import compiled
 
 import visray as vr
-from visray.accel.search import RayOrigin, closest
+from visray.accel.origin import RayOrigin
+from visray.accel.search import closest
 from visray.pack import pack
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial

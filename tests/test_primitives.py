@@ -31,7 +31,8 @@ from samples import (
     unit,
 )
 
-from visray.accel.search import RayOrigin, closest
+from visray.accel.origin import RayOrigin
+from visray.accel.search import closest
 from visray.geometry import gamma
 from visray.primitives import (
     KINDS,

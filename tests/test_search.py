@@ -29,7 +29,8 @@ from samples import (
 
 import visray as vr
 from visray.accel import policy
-from visray.accel.search import RayOrigin, Target, closest, occluded
+from visray.accel.origin import RayOrigin
+from visray.accel.search import Target, closest, occluded
 from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import PointLight

@@ -10,7 +10,7 @@ import pytest
 from samples import array, norm, real
 
 from visray import integrator
-from visray.accel.search import RayOrigin
+from visray.accel.origin import RayOrigin
 from visray.camera import Camera
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight

@@ -16,7 +16,8 @@ import drjit as dr
 from visray import warp
 from visray.accel import policy
 from visray.accel.culling import flush
-from visray.accel.search import RayOrigin, closest
+from visray.accel.origin import RayOrigin
+from visray.accel.search import closest
 from visray.batches import Batch
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene

@@ -6,7 +6,8 @@ from typing import Any
 import drjit as dr
 
 from visray import indirect, sampling, warp
-from visray.accel.search import RayOrigin, closest
+from visray.accel.origin import RayOrigin
+from visray.accel.search import closest
 from visray.batches import Batch
 from visray.geometry import UNIT_ROUNDOFF
 from visray.interaction import interact

@@ -8,7 +8,7 @@ import drjit as dr
 
 from visray import texturing
 from visray.accel import policy
-from visray.accel.search import RayOrigin
+from visray.accel.origin import RayOrigin
 from visray.batches import Batch
 from visray.geometry import extent, facing, gamma
 from visray.kernel_scene import KernelScene

@@ -12,7 +12,7 @@ from typing import Any
 import drjit as dr
 
 from visray.accel import policy
-from visray.accel.search import Geometry, RayOrigin
+from visray.accel.origin import Geometry, RayOrigin
 from visray.batches import Batch, placed
 from visray.camera import View
 from visray.features import Features, RayFamily

@@ -54,6 +54,12 @@ class Ray:
             start /= dr.select(cosine > 0, cosine, 1)
         return replace(self, d=d, start=start, cosine=None, way=None, rough=rough)
 
+    def begin(self, known: "KnownEnds") -> Any:
+        """The distance beyond which an exact ray meets a row. The row that it leaves may be as near as it likes."""
+        if self.start is None:
+            return 0
+        return self.start if known.on_start is None else dr.select(known.on_start, 0, self.start)
+
 
 @dataclass(frozen=True)
 class Hit:

@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame, tangents
 from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
-from visray.primitives.revolved import around
+from visray.primitives.revolved import around, through_wall
 from visray.primitives.solid import Interval, Solid
 from visray.quantities import FARTHEST, Length, Point
 from visray.transforms import compose
@@ -56,15 +56,9 @@ class Capsule(Solid):
         """The line in the endless cylinder, and where that ends beyond a cap, in the cap's ball: all of them recentred,
         where no digits cancel. A line that is in the cylinder beyond a cap meets the capsule only through it."""
         (h,), u = shape, dr.uint32_array_t(o.x)
-        a, scale = d.x * d.x + d.y * d.y, dr.rcp(squared)
-        across = dr.rcp(a)
-        middle = -(o.x * d.x + o.y * d.y) * across
-        x, y = o.x + middle * d.x, o.y + middle * d.y
-        half = dr.sqrt((1 - (x * x + y * y)) * across)
+        scale, (middle, half, along, inside) = dr.rcp(squared), through_wall(o, d)
         # A line along the axis is in the cylinder for ever or never. For any line it is enough to know beyond which
         # cap the cylinder is met; one that misses the cylinder (NaN) misses the ball as well.
-        along = a == 0
-        inside = o.x * o.x + o.y * o.y <= 1
 
         def end(sign: int) -> tuple[Any, Any]:
             wall = middle + sign * half

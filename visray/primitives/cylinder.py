@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame
 from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
-from visray.primitives.revolved import Revolved, around, axial_frame
+from visray.primitives.revolved import Revolved, around, axial_frame, through_wall
 from visray.primitives.solid import Interval, slab
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -37,13 +37,8 @@ class Cylinder(Revolved):
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The wall's interval, recentred in the plane across the axis, cut by that of the caps."""
-        a, wall = d.x * d.x + d.y * d.y, dr.uint32_array_t(o.x)(WALL)
-        scale = dr.rcp(a)
-        middle = -(o.x * d.x + o.y * d.y) * scale
-        x, y = o.x + middle * d.x, o.y + middle * d.y
-        half = dr.sqrt((1 - (x * x + y * y)) * scale)
-        along = a == 0
-        inside = o.x * o.x + o.y * o.y <= 1
+        wall = dr.uint32_array_t(o.x)(WALL)
+        middle, half, along, inside = through_wall(o, d)
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
         far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
         return Interval(near, far, wall, wall).common(slab(o.z, d.z, BOTTOM, TOP))

@@ -14,6 +14,17 @@ def around(local: Any) -> Any:
     return 0.5 + dr.atan2(local.y, local.x) * (0.5 / dr.pi)
 
 
+def through_wall(o: Any, d: Any) -> tuple[Any, Any, Any, Any]:
+    """Where the line o + t d is in the endless cylinder of radius 1 about z: at middle - half to middle + half (NaN
+    where it misses), recentred at its point nearest to the axis; whether it is parallel to the axis, and then inside.
+    """
+    a = d.x * d.x + d.y * d.y
+    scale = dr.rcp(a)
+    middle = -(o.x * d.x + o.y * d.y) * scale
+    x, y = o.x + middle * d.x, o.y + middle * d.y
+    return middle, dr.sqrt((1 - (x * x + y * y)) * scale), a == 0, o.x * o.x + o.y * o.y <= 1
+
+
 def axial_frame(middle: Any, axis: Any, radius: Any, height: Any) -> Frame:
     """The frame of a shape of revolution: z along the axis from -1 to 1, radius 1."""
     n = dr.normalize(axis)

@@ -278,9 +278,11 @@ class RayOrigin:
 
         def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
             c = Candidate(number, dr.select(present, index - self.batches[number].base, 0), index, present)
-            return _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s), "intersect")
+            return _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s, begun=begun), "intersect")
 
-        walk = Walk.along(self.a, self.geometry.tree, self.o, ray.exact().d)
+        # The way through the tree needs the ray in double as well.
+        begun = query.begin() if query.begin else (ray.exact(),)
+        walk = Walk.along(self.a, self.geometry.tree, self.o, begun[0].d)
         return walk.through(state, visit, query.t_max, lambda state: query.finished(*state))
 
 

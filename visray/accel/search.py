@@ -35,9 +35,9 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
             return a.B(active)  # a floor is met by most rays from the eye: to ask first costs more
         return origin.is_near(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
 
-    def intersect(c: Candidate, t: Any, row: Any, *part: Any) -> tuple:
+    def intersect(c: Candidate, t: Any, row: Any, *part: Any, begun: tuple = (exact,)) -> tuple:
         # Other rays are read in here, so that a packet of rays that is not a candidate does not wait for it.
-        whole, kind = exact or ray.exact(), origin.batches[c.batch].kind
+        whole, kind = begun[0] or ray.exact(), origin.batches[c.batch].kind
         known = origin.start(c, whole)
         x = kind.crossing(origin.seen_row(c), whole, whole.begin(known), None, known)
         nearer = x.t < t

@@ -575,3 +575,31 @@ def test_triangles_for_mitsuba_are_near_the_shape_and_look_outwards(kind: str) -
     assert abs(inside - volume) <= f.gap * area
     # v runs as the surface is long.
     assert f.uv.min() == 0 and f.uv.max() == 1
+
+
+GLASS = vr.Material(kt=(0.8, 0.7, 0.9), dmax=3.0)
+BESIDE_GLASS = vr.Scene(
+    film=vr.Film(width=40, height=30),
+    camera=vr.Camera(origin=(0.0, 1.5, 6.0)),
+    materials={"glass": GLASS, "matte": vr.Material()},
+    lights={"key": vr.PointLight(position=(2.0, 6.0, 3.0))},
+    objects={
+        "floor": vr.Plane(point=(0.0, -1.0, 0.0)),
+        "ring": vr.Torus(axis=(0.2, 1.0, 0.3), major=1.2, minor=0.35, material="matte"),
+        "egg": vr.Ellipsoid(center=(0.0, 1.2, 0.0), radii=(0.5, 0.4, 0.5), material="glass"),
+    },
+    settings=vr.Settings(spp=1, depth=1),
+)
+
+
+@pytest.mark.filterwarnings("ignore::visray.EdgeWarning")
+@pytest.mark.parametrize("address", ["objects.ring.major", "objects.egg.center.1"])
+def test_an_opaque_torus_beside_glass_has_derivatives(address: str) -> None:
+    """Its own coloured shadow is none, so that what it lacks is not missed; one of glass is refused by its name."""
+    slope, exact = vr.derivative(BESIDE_GLASS, address), vr.difference(BESIDE_GLASS, address)
+    # Differences see what moving edges add, in a few pixels.
+    off = np.abs(slope - exact).max(-1) > 1e-5 * np.abs(exact).max()
+    assert np.abs(slope).max() > 0.01 and off.mean() < 0.1
+    glassy = vr.replaced(BESIDE_GLASS, "objects.ring.material", "glass")
+    with pytest.raises(vr.UserError, match=r"^objects.ring: .* of a torus; give it a material without kt$"):
+        vr.derivative(glassy, address)

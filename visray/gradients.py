@@ -67,10 +67,15 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
     if s.features["coloured shadows"] and any(len(b) > WRITTEN_OUT for b in s.batches):
         most = WRITTEN_OUT
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
-    clear = [b for b in s.batches if b.kind.searched and b.kind.closed]
+    solids = [name for b in s.batches if b.kind.searched and b.kind.closed for name in b.names]
+    through = {name for name, material in scene.materials.items() if any(material.kt)}
+    clear = [name for name in solids if scene.objects[name].material in through]
     if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
-        what = f"a solid {clear[0].kind.type}"
-        raise UserError(f"objects.{clear[0].names[0]}: derivatives through the coloured shadow of {what} are not had")
+        what = scene.objects[clear[0]].type
+        text = (
+            f"no derivative by what moves goes through the coloured shadow of a {what}; give it a material without kt"
+        )
+        raise UserError(f"objects.{clear[0]}: {text}")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)

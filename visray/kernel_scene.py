@@ -219,11 +219,11 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     own = [k for k in kinds if k.placed and not k.wide and not (looped and kinds.count(k) > 1)]
     rays = {"camera": not on["defocus"]}
     if on["shadows"] and own:
-        rays["point and spot lights"] = True
+        rays["shadow rays of point and spot lights"] = True
     others = {
-        "area, directional and many lights": on["shadows"] and len(own) < len(kinds),
-        "occlusion": on["sky occlusion"] or on["near occlusion"],
-        "reflection, refraction and scatter": on["paths"],
+        "shadow rays of other lights": on["shadows"] and len(own) < len(kinds),
+        "occlusion rays": on["sky occlusion"] or on["near occlusion"],
+        "reflected, refracted and scattered rays": on["paths"],
     }
     rays |= {name: False for name, there in others.items() if there}
     plans = {name: policy.plan(sizes, scene.settings.accelerator, shared) for name, shared in rays.items()}

@@ -40,8 +40,8 @@ class Plan:
     @property
     def name(self) -> str:
         """What it is called."""
-        ways = {"written out": self.written, "loop": self.looped, "tree": self.tree}
-        return " and ".join(way for way, batches in ways.items() if batches) or "nothing to find"
+        ways = {"one by one": self.written, "in a loop": self.looped, "in a tree": self.tree}
+        return ", others ".join(way for way, batches in ways.items() if batches) or "nothing to find"
 
 
 def plan(sizes: Sequence[Size], accelerator: Accelerator, shared: bool) -> Plan:
@@ -50,21 +50,22 @@ def plan(sizes: Sequence[Size], accelerator: Accelerator, shared: bool) -> Plan:
     limit = WRITTEN_OUT_SHARED if shared else WRITTEN_OUT
     bounded = [i for i in numbers if sizes[i].bounded]
     small = {i for i in numbers if sizes[i].rows <= limit}
+    endless = "; endless planes are in no tree" if len(bounded) < len(sizes) else ""
     if accelerator == "none":
         few = {i for i in numbers if sizes[i].rows <= FEW}
-        return _plan(numbers, few, set(), "settings.accelerator is none: every row is asked")
+        return _plan(numbers, few, set(), "settings.accelerator is none: every object is asked")
     if accelerator == "tree":
-        return _plan(numbers, small - set(bounded), set(bounded), "settings.accelerator is tree")
+        return _plan(numbers, small - set(bounded), set(bounded), f"settings.accelerator is tree{endless}")
     total = sum(sizes[i].rows for i in bounded)
     if total <= limit:
-        return _plan(numbers, small, set(), f"{total} bounded rows are no more than {limit}")
+        return _plan(numbers, small, set(), f"{total} objects that have an end, at most {limit}: each is asked")
     # The tree is the same for all rays: it holds what is too much for those that share no origin.
     written: set[int] = set()
     for i in sorted(bounded, key=lambda i: sizes[i].rows):
         if sum(sizes[j].rows for j in written) + sizes[i].rows <= WRITTEN_OUT:
             written.add(i)
     tree = set(bounded) - written
-    return _plan(numbers, small - tree, tree, f"{total} bounded rows are more than {limit}")
+    return _plan(numbers, small - tree, tree, f"{total} objects that have an end, more than {limit}{endless}")
 
 
 def _plan(numbers: range, written: set[int], tree: set[int], reason: str) -> Plan:

@@ -161,6 +161,9 @@ def _between(
         return Piece(kind, one, seen, whole, whole.begin(known), distance, known)
 
     def attached(c: Candidate, p: Piece) -> Piece | None:
+        if p.kind.searched:
+            # Only what is opaque: gradients.py refuses the others. Its share is zero however long the way inside.
+            return None
         placed = origin.geometry.batches[c.batch].placed
         if not dr.grad_enabled(leaves((placed, felt_ray))):
             return None

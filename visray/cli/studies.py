@@ -62,7 +62,7 @@ def explain(
     for f in on.listed:
         table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
     Console().print(table)
-    table = Table("rays", "find rows by", "why")
+    table = Table("rays", "objects are found", "why")
     for family in on.rays:
         table.add_row(family.rays, family.accelerator, family.reason)
     Console().print(table)

@@ -18,7 +18,7 @@ from PIL import Image as Pillow
 from test_render import compiled
 from virtual import Machine
 
-from visray import adaptive, allocation, clock, halves
+from visray import adaptive, allocation, clock, dual_buffer
 from visray.adaptive import AdaptiveRun
 from visray.allocation import LOWEST, MOST, STEPS, Allocation
 from visray.camera import Camera
@@ -232,7 +232,7 @@ def test_means_of_3_by_3_pixels_at_borders() -> None:
         x = np.random.default_rng(0).random(shape)
         wide = np.pad(x, 1, constant_values=np.nan)
         slow = [[np.nanmean(wide[i : i + 3, j : j + 3]) for j in range(shape[1])] for i in range(shape[0])]
-        np.testing.assert_allclose(halves.smoothed(x), slow, rtol=1e-12)
+        np.testing.assert_allclose(dual_buffer.smoothed(x), slow, rtol=1e-12)
 
 
 def lanes(seed: int, n: int = 500) -> tuple[np.ndarray, np.ndarray]:
@@ -354,7 +354,7 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
 
 def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[DualBuffer, np.ndarray], bool]:
     """Extends by one pass of so many samples at most, as if there were time for no more."""
-    monkeypatch.setattr(halves, "first_pass", lambda made: samples)
+    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: samples)
 
     def extend(h: DualBuffer, targets: np.ndarray) -> bool:
         h.pace, left = Pace(), iter([np.inf])
@@ -401,7 +401,7 @@ def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
     means, squares = np.array(h.film.mean), np.array(h.film.squares)
     for half in (0, 1):
         for count in np.unique(targets):
-            film = exposed_once(seeded(made, halves.seed_of(77, half)), blank(made), int(count))
+            film = exposed_once(seeded(made, dual_buffer.seed_of(77, half)), blank(made), int(count))
             here = half * h.n + np.flatnonzero(targets[half * h.n :][: h.n] == count)
             for own, uniform in ((means, film.mean), (squares, film.squares)):
                 assert np.array_equal(own[:, here], np.array(uniform)[:, here - half * h.n])
@@ -726,7 +726,7 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
 def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """As soon as that is known, not when all pixels have their first samples."""
     machine = Machine(monkeypatch, rate=2e-4)
-    monkeypatch.setattr(halves, "first_pass", lambda made: 2**14)
+    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: 2**14)
     begun, scene = machine.now, replace(EDGES, film=Film(width=800, height=600))
     with pytest.raises(
         UserError, match=r"^time = 20: two samples of each pixel alone take about .* s; give more, or m"
@@ -740,7 +740,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch: pytest.MonkeyPatch, rate: float, kept: bool
 ) -> None:
     Machine(monkeypatch, rate=rate)
-    monkeypatch.setattr(halves, "first_pass", lambda made: 2**12)
+    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
         assert set(pursuit(made, error=0.01, interrupts=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
@@ -770,7 +770,7 @@ def test_noisy_pixels_get_half_of_all_samples() -> None:
 
 def test_each_seed_has_samples_of_its_own() -> None:
     seeds = [0, 1, 2, 3, 2**31, 2**31 + 1, 2**32 - 1]
-    found = {halves.seed_of(seed, half) for seed in seeds for half in (0, 1)}
+    found = {dual_buffer.seed_of(seed, half) for seed in seeds for half in (0, 1)}
     assert len(found) == 2 * len(seeds) and not found & set(seeds)
     one, other = (render_adaptively(with_settings(EDGES, seed=seed), error=0.1)["RGB"] for seed in (0, 2**31))
     assert (one != other).any()

@@ -188,6 +188,7 @@ def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path:
         "settings.sampler",
         "lights.window.samples",
         "settings.precision",
+        "settings.accelerator",
     }
     path, own = tmp_path / "tuned.json", tmp_path / "own.json"
     # In the file's own order, with what it says of itself, and defaults that it spells out.

@@ -186,3 +186,30 @@ def test_what_is_shared_is_left_whole() -> None:
     assert not dr.grad_enabled(detached(record)[1].value[0])
     assert mapped(lambda x: x + 1, ("name", int, None, 3)) == ("name", int, None, 3)
     assert evaluated(record) is record
+
+
+def test_so_many_rows_at_once_are_moved_by_one_kernel() -> None:
+    """However many: their number is no code."""
+    places = np.random.default_rng(1).uniform(-2, 2, (60, 3))
+    things = {f"b{i}": vr.Sphere(center=tuple(map(float, p)), radius=0.2) for i, p in enumerate(places)}
+    prepared = vr.prepare(vr.Scene(film=SCENE.film, objects=things, settings=vr.Settings(spp=1)))
+
+    def moved(count: int) -> None:
+        picture(prepared.updated({f"objects.b{i}.radius": 0.1 for i in range(count)}))
+
+    moved(7)
+    assert [compiled(lambda n=n: moved(n)) for n in (8, 9, 23, 59)] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("given", [None, "objects.ball.radius=1", [("objects.ball.radius", 1.0)], {3: 1.0}, {"": 1.0}])
+def test_what_is_no_assignment_is_refused(given: Any) -> None:
+    with pytest.raises(vr.UserError, match=r"takes a dict from addresses to values"):
+        vr.prepare(SCENE).updated(given)
+
+
+def test_a_prepared_scene_that_was_changed_in_place_is_refused() -> None:
+    for change in (lambda o: o.update(new=vr.Sphere()), lambda o: o.pop("ball"), lambda o: o.update(ball=vr.Sphere())):
+        prepared = vr.prepare(SCENE)
+        change(prepared.scene.objects)
+        with pytest.raises(vr.UserError, match="changed in place"):
+            prepared.updated({"ambient": (1.0, 1.0, 1.0)})

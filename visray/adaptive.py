@@ -1,6 +1,6 @@
 """A picture to a given error, or as good as a given time allows: more samples where there is more noise.
 
-A pilot gives each pixel of both halves (halves.py) equally many samples. By how much it varies around a pixel, the
+A pilot gives each pixel of both halves (dual_buffer.py) equally many samples. By how much it varies around a pixel, the
 pixel's share of all further samples is settled (allocation.py), and one number for the whole picture rises until the
 error is met or the time is spent. So what a pixel's own samples say never decides how many it gets, but for that
 number, which depends on all pixels alike: the picture has no bias but by that number, of order 1 / pixels.

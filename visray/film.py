@@ -3,6 +3,7 @@
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,7 +39,9 @@ class Origin:
         if self._facts is not None:
             return self._facts
         scene, s = self._scene, self._scene.settings
-        bare = replace(scene, settings=replace(s, seed=0, spp=1), film=replace(scene.film, width=1, height=1))
+        # How rays find what they hit changes no bit.
+        alike = replace(s, seed=0, spp=1, accelerator="auto")
+        bare = replace(scene, settings=alike, film=replace(scene.film, width=1, height=1))
         return {
             "visray": __version__,
             "backend": self._a.backend,
@@ -135,12 +138,19 @@ class Film:
                 facts = json.loads(bytes(file["origin"]))
                 counts, pixels = file["counts"], file["pixels"]
                 arrays = {key: file[f"moments.{key}"] for key in kinds}
-                if {x.shape[-1:] for x in (counts, *arrays.values())} != {pixels.shape}:
-                    raise ValueError("arrays of several lengths")
+                n, (width, height) = len(pixels), map(int, facts["size"])
+                shapes = {key: (n,) if kind in (a.D, a.F) else (3, n) for key, kind in kinds.items()}
+                whole = n and counts.shape == (n,) and {key: x.shape for key, x in arrays.items()} == shapes
+                whole = whole and all(x.dtype.kind in "iu" for x in (counts, pixels))
+                whole = whole and all(x.dtype.kind == "f" for x in arrays.values())
+                for numbers, most in ((counts, 2**32), (pixels, width * height)):
+                    whole = whole and numbers.min() >= 0 and numbers.max() < most
+                if not whole:
+                    raise ValueError("arrays of other shapes, types or sizes")
         except OSError as error:
             raise UserError(f"{name}: cannot be read, {error.strerror or error}") from error
         # RuntimeError: of zip files that are encrypted, or packed in a way that Python does not know.
-        except (zipfile.BadZipFile, KeyError, ValueError, EOFError, RuntimeError) as error:
+        except (zipfile.BadZipFile, zlib.error, KeyError, TypeError, ValueError, EOFError, RuntimeError) as error:
             raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
         found = Origin(facts=facts)
         here = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
@@ -151,6 +161,8 @@ class Film:
     def merged(films: Sequence["Film"]) -> "Film":
         """One film with the pixels of all, in the order of the picture's lanes; raises UserError where they have pixels
         in common or are not of one picture."""
+        if not films or any(f.origin is None for f in films):
+            raise UserError("films: there is none, or one that is of no picture; give the films of a picture's tiles")
         first = films[0]
         width, height = first.origin.facts["size"]
         for i, other in enumerate(films[1:], 1):

@@ -119,7 +119,11 @@ class Arrays:
             dr.make_opaque(one)
             return one
         index = dr.arange(self.U, values.shape[-1]) + dr.opaque(self.U, 0)
-        return dr.gather(kind, kind(values), index)
+        if values.ndim == 1:
+            return dr.gather(kind, kind(values), index)
+        # Each row for itself: Dr.Jit takes a matrix apart with its width written into the kernel.
+        one = dr.value_t(kind)
+        return kind(*(dr.gather(one, one(row), index) for row in values))
 
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":

@@ -79,6 +79,8 @@ def render(
         check_destination(path, files.gamma, files.exposure)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
     ready = scene if isinstance(scene, Prepared) else None
+    if ready and backend not in ("llvm", ready.a.backend):
+        raise UserError(f"backend = {backend!r}: the scene is prepared for {ready.a.backend}; prepare it for the other")
     scene = adjusted(ready.scene if ready else scene, spp=spp, size=size, seed=seed, precision=precision)
     named = scene.hash()
     if goal:

@@ -23,7 +23,7 @@ class Prepared:
     """A scene prepared for rendering.
 
     packed: its numbers. kernel: what kernels read of it. order: the pixels (row * width + column) in the order of
-    lanes; x, y: their columns and rows.
+    lanes; x, y: their columns and rows. things: what has a name in the scene, by identity.
     """
 
     scene: Scene
@@ -34,10 +34,15 @@ class Prepared:
     order: np.ndarray
     x: Any
     y: Any
+    things: tuple
 
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The scene with other values at some addresses. Only what changes is checked, packed and placed anew; where
-        nothing but numbers change, no kernel is compiled."""
+        nothing but numbers change, no kernel is compiled (but where a camera or light comes to lie on a surface)."""
+        if not isinstance(assignments, Mapping) or not all(isinstance(a, str) and a for a in assignments):
+            raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
+        if _things(self.scene) != self.things:
+            raise UserError("updated: the prepared scene's own dicts were changed in place; prepare it anew")
         scene = addresses.changed(self.scene, assignments)
         return self._with(scene, updated(self.packed, self.scene, scene, assignments, self.a))
 
@@ -53,7 +58,7 @@ class Prepared:
         if packed is None or on != self.features or scene.settings.precision != self.scene.settings.precision:
             return prepare(scene, self.a.backend, brute_force=old.brute_force)
         kernel = kernel_scene(packed, scene, on, self.a, old.atlas, old.brute_force, (self.packed, old))
-        return replace(self, scene=scene, packed=packed, kernel=kernel)
+        return replace(self, scene=scene, packed=packed, kernel=kernel, things=_things(scene))
 
 
 def prepare(
@@ -78,7 +83,13 @@ def prepare(
     if attach is not None:
         attach(packed)
     kernel = kernel_scene(packed, scene, on, a, images.pack(a, scene.textures), brute_force)
-    return Prepared(scene, a, on, packed, kernel, *lanes(a, width, height))
+    return Prepared(scene, a, on, packed, kernel, *lanes(a, width, height), _things(scene))
+
+
+def _things(scene: Scene) -> tuple:
+    """The names in a scene, and what they name, by identity."""
+    sections = scene.textures, scene.materials, scene.lights, scene.objects
+    return tuple((name, id(thing)) for section in sections for name, thing in section.items())
 
 
 def arrays(backend: str, precision: str) -> Arrays:

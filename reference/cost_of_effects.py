@@ -8,7 +8,7 @@ of the ratio.
 
 --before: a checkout of an earlier visray (git worktree add --detach ../visray-before 45a7471). The matte scene and some
 of scenes/ by turns in 11 pairs of processes, one of each visray: operations and compile seconds of the kernel, and the
-median of 9 warm pictures. Processor time beside it, the least of 9, hardly feels what else the machine does.
+median of 6 warm pictures. Processor time beside it, the least of 6, hardly feels what else the machine does.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from visray.setup import Prepared, prepare
 from visray.study.ablation import Picture
 
 HERE = Path(__file__).resolve().parent
-SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 11
+SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 5
 BLACK = (0.0, 0.0, 0.0)
 HALF = (0.5, 0.5, 0.5)
 # The scenes that are compared with an earlier visray, beside the matte one; width of their pictures.
@@ -65,7 +65,7 @@ with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
 def measured(i):
     begun = time.process_time()
     return seconds(lambda: expose(vary(prepared, i))), time.process_time() - begun
-times, busy = zip(*[measured(i) for i in range(11)][2:])
+times, busy = zip(*[measured(i) for i in range(8)][2:])
 spent = (kernel["codegen_time"] + kernel["backend_time"]) / 1e3
 print(json.dumps([statistics.median(times), min(busy), kernel["operation_count"], spent]))
 """

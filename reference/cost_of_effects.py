@@ -7,7 +7,7 @@ of 512 x 512 pixels, 16 samples each, 2 threads: 9 pairs of the matte scene and 
 of the ratio.
 
 --before: a checkout of an earlier visray (git worktree add --detach ../visray-before 45a7471). The matte scene and some
-of scenes/ by turns in 11 pairs of processes, one of each visray: operations and compile seconds of the kernel, and the
+of scenes/ by turns in 5 pairs of processes, one of each visray: operations and compile seconds of the kernel, and the
 median of 6 warm pictures. Processor time beside it, the least of 6, hardly feels what else the machine does.
 """
 

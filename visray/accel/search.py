@@ -99,9 +99,9 @@ def transmittance(
     """
     a = origin.a
 
-    def tint(c: Candidate, piece: Piece, felt: Piece | None, *state: Any) -> tuple:
+    def tint(c: Candidate, piece: Piece, attached_piece: Piece | None, *state: Any) -> tuple:
         kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), c.row)
-        through, inside = way_inside(felt or piece)
+        through, inside = way_inside(attached_piece or piece)
         share = a.F(dr.select(through, 1 - dr.minimum(inside / dmax, 1), 1))
         hit = occludes(piece)
         return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
@@ -124,7 +124,7 @@ def _between(
     """The state after change(c, piece, attached piece, *state) for every row that may lie between a ray's origin and
     its target. The attached piece is None where nothing has derivatives. finished(*state): nothing changes it any more.
     """
-    a, felt_ray, felt_target = origin.a, ray, target
+    a, attached_ray, attached_target = origin.a, ray, target
     ray, target, active = detached(ray), detached(target), dr.detach(active)
     d32, reach = a.V32(ray.d), a.F32(target.distance)
 
@@ -165,10 +165,10 @@ def _between(
             # Only what is opaque: gradients.py refuses the others. Its share is zero however long the way inside.
             return None
         placed = origin.geometry.batches[c.batch].placed
-        if not dr.grad_enabled(leaves((placed, felt_ray))):
+        if not dr.grad_enabled(leaves((placed, attached_ray))):
             return None
-        one, (felt, end) = rows(placed, c.row), felt_target.exact(a, felt_ray)
-        return replace(p, placed=one, seen=p.kind.seen(one, felt_ray.o), ray=felt, end=end)
+        one, (whole, end) = rows(placed, c.row), attached_target.exact(a, attached_ray)
+        return replace(p, placed=one, seen=p.kind.seen(one, attached_ray.o), ray=whole, end=end)
 
     def intersect(c: Candidate, *state: Any, begun: tuple | None = None) -> tuple:
         p = piece(c, *(begun or begin()))

@@ -1,8 +1,8 @@
 """What every primitive is: the contract between the kinds and everything that traces rays.
 
 A kind is one file. It declares its fields and answers a few questions about one row, in kernels that serve all rows of
-its batch. All else is derived from these answers: closest and any hit, shadows in colour, media, CSG (accel/search.py,
-accel/crossings.py).
+its batch. All else is derived from these answers: closest and any hit, shadows in colour, nested media (accel/search.py,
+accel/crossings.py, indirect.py).
 
     rows.placed(outer)                 what depends on no ray: once a scene
     rows.bounds(outer)                 a box and a ball in the world that hold the object
@@ -10,7 +10,7 @@ accel/crossings.py).
     kind.crossing(seen, ray, begin, end, known)
                                        the first crossing between two distances, with what is known of its ends
     kind.inside(placed, p)             whether a point is in a closed kind
-    kind.surface_at(placed, p, part)      (f, g): f is zero on the surface, below zero inside; g its gradient
+    kind.surface_at(placed, p, part)   (f, g): f is zero on the surface, below zero inside; g its gradient
     kind.uv(placed, p, part)           texture coordinates of a point of the surface
 
 `placed` and `seen` are records of arrays, an entry a row or a lane; what rows have in common is in a pytree.Shared. All

@@ -1,8 +1,8 @@
 """What every primitive is: the contract between the kinds and everything that traces rays.
 
 A kind is one file. It declares its fields and answers a few questions about one row, in kernels that serve all rows of
-its batch. All else is derived from these answers: closest and any hit, shadows in colour, nested media (accel/search.py,
-accel/crossings.py, indirect.py).
+its batch. All else is derived from these answers: closest and any hit, shadows in colour, nested media
+(accel/search.py, accel/crossings.py, indirect.py).
 
     rows.placed(outer)                 what depends on no ray: once a scene
     rows.bounds(outer)                 a box and a ball in the world that hold the object

@@ -1,6 +1,6 @@
 """Which accelerator serves which rays: one decision, that kernels follow and `visray explain` shows.
 
-Four ways lead to a row. Written out: its guard is in the kernel's code, one after the other. Looped: rows are asked in
+Three ways lead to a row. Written out: its guard is in the kernel's code, one after the other. Looped: rows are asked in
 a loop. Tree: rows are found in a bounding volume hierarchy. (Lists of rows by cells of directions, for rays that share
 an origin, have their place here when they come.) Every way gives the same answers, bit for bit.
 """

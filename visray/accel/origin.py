@@ -200,7 +200,7 @@ class RayOrigin:
             n = len(batch)
             if number in self.plan.tree and not brute_force:
                 continue
-            if number in self.plan.looped or n > policy.WRITTEN_OUT_SHARED:
+            if number in self.plan.looped or (brute_force and n > policy.WRITTEN_OUT):
                 state, few = self._few(query, few, state), []
                 state = self._looped(query, batch, number, state, brute_force)
                 continue

@@ -39,15 +39,17 @@ class Tree:
 
     nodes: single, STRIDE a node: the low corners of its children, the high ones, their words (as bits).
     root: the word of the first node, or of the only row. centre: what boxes are relative to, in double.
-    half: half the sides of the box around all rows. batches: the numbers of the batches in the tree, ascending.
+    ball: the radius of the ball around the box of all rows. size: a bound of |centre|.
+    batches: the numbers of the batches in the tree, ascending.
     begins: the least row number of each batch but the first: rows of a batch are numbered in a row.
-    Shapes: nodes (STRIDE x nodes); root, each of begins (1); centre, half (3, 1). Units: of the world.
+    Shapes: nodes (STRIDE x nodes); root, ball, size, each of begins (1); centre (3, 1). Units: of the world.
     """
 
     nodes: Any
     root: Any
     centre: Any
-    half: Any
+    ball: Any
+    size: Any
     begins: tuple[Any, ...]
     batches: tuple[int, ...]
 
@@ -73,7 +75,8 @@ def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index
         a.put(a.F32, nodes.ravel()),
         a.put(a.U, np.array([root], np.uint32)),
         a.put(a.W, centre[:, None]),
-        a.put(a.W, half[:, None]),
+        a.put(a.D, np.array([np.linalg.norm(half)])),
+        a.put(a.D, np.array([np.abs(centre).sum()])),
         tuple(a.put(a.U, begins[k : k + 1].astype(np.uint32)) for k in range(1, len(begins))),
         tuple(int(b) for b in batches),
     )
@@ -131,19 +134,19 @@ class Walk:
         Shapes: o one in all or one a lane, d one a lane. Domain: what is not finite meets nothing.
         """
         d = d if type(d) is a.W else unit(d, a.W)
-        q, ball = o - tree.centre, dr.norm(tree.half)
+        q, ball = o - tree.centre, tree.ball
         # Before it comes into the ball around the box of all rows a ray meets none.
         skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
         p = q + skipped * d
         # Kinds are off by gamma(32) of the size of what they compute with (guards.rounding), this by less.
         precision = "single" if a.D is a.F32 else "double"
-        error = gamma(128, precision) * (extent(o) + extent(tree.centre) + skipped + ball)
+        error = gamma(128, precision) * (extent(o) + tree.size + skipped + ball)
         # A component below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no further than
-        # |p| + ball, and is then off by less than twice that share of it.
+        # |p| + ball, and is then off by less than twice that share of it. No root is taken where a bound does.
         least = 2.0**-60
         d32 = a.V32(d)
         inverse = dr.rcp(dr.select(dr.abs(d32) < least, dr.copysign(a.V32(least), d32), d32))
-        margin = 5 * UNIT_ROUNDOFF["single"] * dr.abs(p) + error + 2 * least * (dr.norm(p) + ball)
+        margin = 5 * UNIT_ROUNDOFF["single"] * dr.abs(p) + error + 2 * least * (extent(p) + ball)
         middle, margin = -a.V32(p) * inverse, a.V32(margin) * dr.abs(inverse)
         start = dr.select(dr.isfinite(dr.squared_norm(p) + dr.squared_norm(d)), tree.root, NOTHING)
         ahead = tuple(x > 0 for x in inverse)

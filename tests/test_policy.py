@@ -60,7 +60,7 @@ def crowd(count: int) -> vr.Scene:
     )
 
 
-@pytest.mark.parametrize("count", [3, 40, 90])
+@pytest.mark.parametrize("count", [3, 40, 140])
 def test_the_picture_is_the_same_whatever_the_setting(count: int) -> None:
     """All layers; colours through glass multiply in another order where the tree has it so."""
     images = [vr.render(vr.replaced(crowd(count), "settings.accelerator", way), progress=False) for way in WAYS]
@@ -72,14 +72,14 @@ def test_the_picture_is_the_same_whatever_the_setting(count: int) -> None:
 
 def test_explain_says_how_rays_find_objects(tmp_path, capsys) -> None:
     file = tmp_path / "scene.json"
-    file.write_text(vr.dump(crowd(90)))
+    file.write_text(vr.dump(crowd(140)))
     assert main(["explain", str(file), "--json"]) == 0
     rays = {r["rays"]: r for r in json.loads(capsys.readouterr().out)["rays"]}
     assert set(rays) == {
         "camera", "shadow rays of point and spot lights", "shadow rays of other lights",
         "reflected, refracted and scattered rays",
     }  # fmt: skip
-    assert all("tree" in r["accelerator"] and "90 objects" in r["reason"] for r in rays.values())
+    assert all("tree" in r["accelerator"] and "140 objects" in r["reason"] for r in rays.values())
     assert main(["explain", str(file), "--set", "settings.accelerator=none"]) == 0
     assert "none: every object is" in capsys.readouterr().out
     assert main(["explain", str(file), "--set", "settings.accelerator=bvh"]) == 2

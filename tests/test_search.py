@@ -425,7 +425,7 @@ def test_a_wall_seen_from_within_is_lit_from_within_only(name: str) -> None:
         assert sure.mean() > 0.8
         d = enter.p[:, None] - light
         length = np.linalg.norm(d, axis=2)
-        ray = line.ray(light, d / length[..., None])
+        ray = line.ray(light, d / np.where(length > 0, length, 1)[..., None])
         yes = dr.full(a.B, True, length.size)
         found = np.array(line.occludes(ray, a.D(length.ravel()), on_end=yes, inward=yes))
         found = found.reshape(length.shape)

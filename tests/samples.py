@@ -82,6 +82,19 @@ def half_space(o: np.ndarray, d: np.ndarray, n: np.ndarray, k: Any) -> tuple[np.
     return low, np.where(slope > 0, t, np.where((slope == 0) & (gap < 0), -np.inf, np.inf))
 
 
+def endless_tube(w: np.ndarray, d: np.ndarray, a: np.ndarray, radius: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The interval of w + t d within `radius` of a line through 0 along the unit vector a, by the distance of lines."""
+    across, aside = np.cross(d, a), np.cross(w, a)
+    squared = dot(across, across)
+    disc = radius**2 * squared - dot(np.cross(w, d), a) ** 2
+    along = squared == 0
+    safe = np.where(along, 1, squared)
+    half = np.where(disc < 0, -np.inf, np.sqrt(np.maximum(disc, 0)) / safe)
+    half = np.where(along, np.where(dot(aside, aside) <= radius**2, np.inf, -np.inf), half)
+    middle = np.where(along, 0, -dot(aside, across) / safe)
+    return middle - half, middle + half
+
+
 def common(*parts: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.max([p[0] for p in parts], 0), np.min([p[1] for p in parts], 0)
 
@@ -153,17 +166,9 @@ class RoundCapsule:
         middle, n = (real(s.a) + real(s.b)) / 2, unit(way)
         # Not by way of Cylinder, whose fields are rounded to doubles.
         w, radius = o - middle, np.maximum(s.radius + g, 0)
-        across, aside = np.cross(d, n), np.cross(w, n)
-        squared = dot(across, across)
-        disc = radius**2 * squared - dot(np.cross(w, d), n) ** 2
-        along = squared == 0
-        safe = np.where(along, 1, squared)
-        half = np.where(disc < 0, -np.inf, np.sqrt(np.maximum(disc, 0)) / safe)
-        half = np.where(along, np.where(dot(aside, aside) <= radius**2, np.inf, -np.inf), half)
-        at = np.where(along, 0, -dot(aside, across) / safe)
         top = dot(middle, n)
         caps = [half_space(o, d, e * n, e * top + norm(way) / 2) for e in (1, -1)]
-        parts = [common((at - half, at + half), *caps)]
+        parts = [common(endless_tube(w, d, n, radius), *caps)]
         parts += [RoundSphere.interval(Sphere(center=c, radius=s.radius), o, d, g) for c in (s.a, s.b)]
         near = np.min([np.where(low <= high, low, np.inf) for low, high in parts], 0)
         return near, np.max([np.where(low <= high, high, -np.inf) for low, high in parts], 0)
@@ -339,17 +344,9 @@ class RoundCylinder:
     def interval(s: Cylinder, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
         a, w = unit(s.axis), o - real(s.center)
         radius = np.maximum(s.radius + g, 0)
-        across, aside = np.cross(d, a), np.cross(w, a)
-        squared = dot(across, across)
-        disc = radius**2 * squared - dot(np.cross(w, d), a) ** 2
-        along = squared == 0
-        safe = np.where(along, 1, squared)
-        half = np.where(disc < 0, -np.inf, np.sqrt(np.maximum(disc, 0)) / safe)
-        half = np.where(along, np.where(dot(aside, aside) <= radius**2, np.inf, -np.inf), half)
-        middle = np.where(along, 0, -dot(aside, across) / safe)
         top = dot(real(s.center), a)
         caps = [half_space(o, d, n * a, n * top + 0.5 * real(s.height) + g) for n in (1, -1)]
-        return common((middle - half, middle + half), *caps)
+        return common(endless_tube(w, d, a, radius), *caps)
 
     @staticmethod
     def faces(s: Cylinder, p: np.ndarray) -> list[Face]:

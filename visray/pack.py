@@ -255,7 +255,7 @@ def updated(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a:
     if sections - {"objects"}:
         rest = pack(replace(new, objects={}), a)
         fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
-        changes = {fields[s]: getattr(rest, fields[s]) for s in sections if s in fields and s != "objects"}
+        changes = {fields[s]: getattr(rest, fields[s]) for s in sections if s in fields}
     return replace(packed, batches=batches, **changes)
 
 

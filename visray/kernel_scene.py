@@ -19,7 +19,7 @@ from visray.features import Features, RayFamily
 from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
-from visray.pack import LightColumns, Packed
+from visray.pack import LightColumns, Packed, code
 from visray.pytree import evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
@@ -214,7 +214,7 @@ def _many(lights: int, sizes: Iterable[int]) -> bool:
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     """How the rays of a scene find what they hit, and why."""
     on, kinds = features, [type(light) for light in scene.lights.values()]
-    counted = Counter((x.kind, bool(x.transform)) for x in scene.objects.values())
+    counted = Counter(map(code, scene.objects.values()))
     sizes = [policy.Size(n, kind.bounded) for (kind, _), n in counted.items()]
     looped = _many(len(kinds), (size.rows for size in sizes))
     # A lone light of its kind is never looped over.

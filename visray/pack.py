@@ -18,7 +18,7 @@ from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
-from visray.pytree import evaluated, mapped
+from visray.pytree import evaluated, leaves, mapped
 from visray.quantities import Arrays, quantities, stacked
 from visray.scene import address as addresses
 from visray.scene.scene import Gradient, Occlusion, Scene
@@ -101,12 +101,17 @@ class Packed:
     occlusion: Occlusion
 
 
+def code(thing: Primitive) -> tuple[type[Primitive], bool]:
+    """What objects of one batch have in common: their kind, and whether they have a transform."""
+    return thing.kind, bool(thing.transform)
+
+
 def pack(scene: Scene, a: Arrays) -> Packed:
     """The scene's numbers as arrays; batches in the order of their first objects."""
     materials = _materials(scene)
     things: dict[tuple, list[tuple[int, str]]] = {}
     for number, (name, thing) in enumerate(scene.objects.items()):
-        things.setdefault((thing.kind, bool(thing.transform)), []).append((number, name))
+        things.setdefault(code(thing), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -270,7 +275,7 @@ def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -
     index, batches, rows = Index(old, packed), list(packed.batches), {}
     for name in names:
         before, after = old.objects[name], new.objects[name]
-        if (before.kind, bool(before.transform)) != (after.kind, bool(after.transform)):
+        if code(before) != code(after):
             return None
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name
@@ -283,13 +288,11 @@ def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -
 
 def _scattered(columns: Columns, few: Columns, at: Any) -> Columns:
     """The columns with the rows at `at` replaced."""
-    sources: list = []
-    mapped(lambda x: sources.append(x) or x, replace(few, names=None))
-    source = iter(sources)
+    source = iter(leaves(few))
 
     def put(x: Any) -> Any:
         new = type(x)(x)
         dr.scatter(new, next(source), at)
         return new
 
-    return replace(mapped(put, replace(columns, names=None)), names=columns.names)
+    return mapped(put, columns)

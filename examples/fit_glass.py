@@ -8,7 +8,7 @@ true, guess = 1.5, 1.35
 scene = vr.Scene(
     camera=vr.Camera(origin=(0, 0, 5), fov=16.0),
     film=vr.Film(width=32, height=32),
-    background=vr.Gradient(top=(0.1, 0.2, 0.9), bottom=(1.0, 0.6, 0.2)),
+    background=vr.SkyGradient(top=(0.1, 0.2, 0.9), bottom=(1.0, 0.6, 0.2)),
     materials={"glass": vr.Material(kt=(0.9, 0.9, 0.9), ior=true)},
     objects={"ball": vr.Sphere(radius=1.0, material="glass")},
     settings=vr.Settings(spp=4),

@@ -13,7 +13,7 @@ from pathlib import Path
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 from machine import machine
 
-from visray.study import crosscheck
+from visray.study.mitsuba import crosscheck
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 

@@ -26,9 +26,9 @@ from machine import machine
 from rich.console import Console
 from rich.table import Table
 
-from visray.dual_buffer import DualBuffer
+from visray.adaptive.dual_buffer import DualBuffer
+from visray.adaptive.error_floor import Files
 from visray.output.curves import LUMINANCE
-from visray.reachable import Files
 from visray.render import LAYERS, adjusted
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"

@@ -11,7 +11,7 @@ import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.
 from machine import machine
 from rich.console import Console
 
-from visray.study import stability
+from visray.study.stability import study as stability
 
 COUNTS = ("judged", "near_edge", "open", "false_misses", "false_hits", "wrong_roots", "nan", "unresolved", "gross")
 

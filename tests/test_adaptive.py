@@ -18,30 +18,32 @@ from PIL import Image as Pillow
 from test_render import compiled
 from virtual import Machine
 
-from visray import adaptive, allocation, clock, dual_buffer
-from visray.adaptive import AdaptiveRun
-from visray.allocation import LOWEST, MOST, STEPS, Allocation
+from visray import clock
+from visray.adaptive import allocation, dual_buffer
+from visray.adaptive import loop as adaptive
+from visray.adaptive.allocation import LOWEST, MOST, STEPS, Allocation
+from visray.adaptive.depth_bias import truncation
+from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_of_squares
+from visray.adaptive.error_floor import ROUNDINGS, Files
+from visray.adaptive.loop import AdaptiveRun
+from visray.adaptive.stopping import Goal
 from visray.camera import Camera
 from visray.cli import main
-from visray.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_of_squares
 from visray.errors import GoalWarning, UserError
 from visray.geometry import gamma as rounded
-from visray.goals import Goal
 from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
 from visray.output.curves import LUMINANCE, linear
 from visray.output.image import Image
 from visray.output.rounding import rounding
-from visray.pace import Pace
+from visray.pass_timer import PassTimer
 from visray.passes import blank, exposed_once, first_pass
 from visray.primitives import Cylinder, Plane, Rectangle, Sphere
 from visray.progress import Bar, Interrupts
-from visray.reachable import ROUNDINGS, Files
 from visray.render import render
 from visray.scene.load import load
 from visray.scene.scene import Film, Scatter, Scene, Settings
 from visray.setup import Prepared, prepare
-from visray.truncation import truncation
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 # Edges, a thin rod, and a penumbra from one light sample a point.
@@ -357,7 +359,7 @@ def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[DualBuf
     monkeypatch.setattr(dual_buffer, "first_pass", lambda made: samples)
 
     def extend(h: DualBuffer, targets: np.ndarray) -> bool:
-        h.pace, left = Pace(), iter([np.inf])
+        h.pace, left = PassTimer(), iter([np.inf])
         return h.extend(targets, lambda: next(left, 0.0))
 
     return extend

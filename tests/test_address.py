@@ -8,7 +8,7 @@ from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLigh
 from visray.materials import Material
 from visray.primitives import Disk, Sphere
 from visray.scene.address import changed, numeric_addresses, parse_assignment, replaced, value
-from visray.scene.scene import Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.scene import Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate, Scale, Translate
 
@@ -166,7 +166,7 @@ def test_replaced_makes_a_new_checked_scene() -> None:
         ("objects.ball.transform.2.rotate", -45.0),
         ("objects.ball.transform.1.scale", (1.0, 2.0, 3.0)),
         ("background", (0.0, 0.5, 1.0)),
-        ("background", Gradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 0.0, 0.0))),
+        ("background", SkyGradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 0.0, 0.0))),
         ("settings", Settings(spp=3)),
         ("objects.plate", Sphere(radius=0.5)),
         ("settings.precision", "double"),

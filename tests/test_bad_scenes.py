@@ -14,8 +14,8 @@ from test_render import compiled
 
 import visray as vr
 from visray import passes
+from visray.adaptive.dual_buffer import DualBuffer
 from visray.cli import main
-from visray.dual_buffer import DualBuffer
 from visray.features import RULES, features
 from visray.passes import expose
 from visray.render import check_numbers

@@ -33,17 +33,17 @@ from visray.primitives import (
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
-from visray.study import arrivals
-from visray.study.answers import Ours
-from visray.study.comparison import Comparison
-from visray.study.crosscheck import check, random_rays
-from visray.study.facets import FINEST, MOST, around, facets
-from visray.study.findings import Report
-from visray.study.painting import Painting
-from visray.study.parts import twins
-from visray.study.plain import MOST_TRANSPARENT
-from visray.study.rounding import AXES
-from visray.study.twin import Theirs
+from visray.study.mitsuba import light_arrival as arrivals
+from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba.crosscheck import check, random_rays
+from visray.study.mitsuba.diffuse_colour import DiffuseColours
+from visray.study.mitsuba.facets import FINEST, MOST, around, facets
+from visray.study.mitsuba.mitsuba_scene import MitsubaScene
+from visray.study.mitsuba.report import Report
+from visray.study.mitsuba.rounding import AXES
+from visray.study.mitsuba.shapes import twins
+from visray.study.mitsuba.visray_scene import VisrayScene
+from visray.study.mitsuba.without_effects import MOST_TRANSPARENT
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
@@ -342,10 +342,10 @@ def test_many_round_shapes_are_coarser() -> None:
 
 def test_wrong_kernels_are_told_from_rounding(few: Scene) -> None:
     """A difference of ten times the bound is no rounding, one of a tenth is."""
-    ours = Ours(few)
+    ours = VisrayScene(few)
     made = twins(few)[0]
     rays = random_rays(few, ours.centre, 5000, 1)
-    shift = Comparison(ours, Theirs(few, ours.names, made, ours.centre), rays).shift
+    shift = Comparison(ours, MitsubaScene(few, ours.names, made, ours.centre), rays).shift
     typical = float(np.median(shift.start(rays.o)))
     for factor, passes in ((0.1, True), (100, False)):
         moved = replace(few, objects={k: _moved(t, factor * typical) for k, t in few.objects.items()})
@@ -522,7 +522,7 @@ def test_many_lights_in_a_loop_pass() -> None:
     ring = [(3 * np.cos(t), 3.0, 3 * np.sin(t)) for t in turns]
     lamps = {f"p{i}": PointLight(position=tuple(map(float, p)), intensity=0.1) for i, p in enumerate(ring)}
     s = scene(GROUND, lights=lamps)
-    assert Ours(s).kernel.looped_lights
+    assert VisrayScene(s).kernel.looped_lights
     report = checked(s, rays=1000)
     assert report.passed, (failures(report), report.examples)
     assert report.shadows.rays > 26 * 4000
@@ -574,7 +574,7 @@ def test_glass_from_within_passes(ground: Scene) -> None:
 
 
 def test_lights_that_lie_on_glass_pass(ground: Scene) -> None:
-    """Ways that begin on glass and run through it are in it from there on."""
+    """ShadowRays that begin on glass and run through it are in it from there on."""
     lamp = PointLight(position=(0.1, 1.0, 0))
     s = painted(replace(ground, lights={"lamp": lamp}), {"glass": GLASS}, ball="glass", crate="glass")
     report = checked(s, rays=1000)
@@ -671,7 +671,7 @@ def test_paintings_show_pixels_where_they_are(picture: str) -> None:
 
     pixels = linear(np.array(Image.open(picture)) / 255)
     s = replace(few_colours(picture), objects={"card": Rectangle(material="paint")})
-    painting = Painting(s, ("card",))
+    painting = DiffuseColours(s, ("card",))
     rows, columns = np.mgrid[:5, :7].reshape(2, -1)
     uv = np.stack([(columns + 0.5) / 7, 1 - (rows + 0.5) / 5], 1)
     index = np.zeros(len(uv), int)

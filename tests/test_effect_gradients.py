@@ -22,7 +22,7 @@ from visray.passes import expose
 from visray.setup import prepare
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-SKY = vr.Gradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))
+SKY = vr.SkyGradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))
 PAINT = vr.Material(ka=(0.2, 0.1, 0.1), kd=(0.5, 0.2, 0.3), ks=(0.4, 0.5, 0.6), shininess=7.3)
 GLASS = vr.Material(ka=(0.1, 0.2, 0.1), kd=(0.3, 0.2, 0.4), kt=(0.5, 0.7, 0.6), ior=1.4, dmax=5.0)
 LAMP = vr.PointLight(position=(2.0, 3.0, 5.0), Ia=(0.1, 0.2, 0.3), a=0.5, b=0.1, c=0.02)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from visray import direct, indirect, integrator, occlusion, shading, texturing, warp
+from visray import direct, indirect, integrator, occlusion, shading, warp
 from visray.camera import Camera
 from visray.features import RULES, features
 from visray.gradients import gradient
+from visray.images import lookup as texturing
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
 from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
@@ -25,7 +26,7 @@ from visray.render import developed, rasters
 from visray.sampling import Plan
 from visray.scene.address import replaced, value
 from visray.scene.load import load
-from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.setup import Prepared, prepare
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate
@@ -36,7 +37,7 @@ DOTS = "dots.png"  # in the folder where each test runs
 FULL = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0), fov=40.0),
     film=Film(width=24, height=16, transparent=False),
-    background=Gradient(top=(0.2, 0.4, 0.8), bottom=(0.9, 0.8, 0.7)),
+    background=SkyGradient(top=(0.2, 0.4, 0.8), bottom=(0.9, 0.8, 0.7)),
     ambient=(0.3, 0.2, 0.1),
     materials={
         "gloss": Material(ka=(0.2, 0.1, 0.1), kd=(0.5, 0.4, 0.3), ks=(0.3, 0.4, 0.5), shininess=17.5),
@@ -470,7 +471,7 @@ SLOPES = {
     "lights.key.intensity": light(intensity=0.0),
     "lights.key.b": lambda s: light(a=1.0, b=0.0, c=0.0)(lone(Sphere())(s)),
     "ambient": lambda s: light(Ia=BLACK)(whole(ambient=BLACK)(s)),
-    "background.top": whole(background=Gradient(top=BLACK, bottom=BLACK)),
+    "background.top": whole(background=SkyGradient(top=BLACK, bottom=BLACK)),
 }
 
 

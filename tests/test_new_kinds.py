@@ -37,8 +37,8 @@ from visray.primitives.primitive import box_of, outer_frame, scalars
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
 from visray.render import explain
-from visray.study import crosscheck
-from visray.study.facets import facets
+from visray.study.mitsuba import crosscheck
+from visray.study.mitsuba.facets import facets
 
 KINDS = ("Ellipsoid", "Capsule", "Torus")
 U = UNIT_ROUNDOFF["double"]

@@ -6,17 +6,18 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray import clock, pace
-from visray.pace import GROWTH, PASS_SECONDS, SURE, TRACED, Pace
+from visray import clock
+from visray import pass_timer as pace
+from visray.pass_timer import GROWTH, PASS_SECONDS, SURE, TRACED, PassTimer
 from visray.passes import blank, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare
 
 
-def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> Pace:
+def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> PassTimer:
     """After passes of so many seconds of tracing and running, and samples."""
-    found = Pace()
+    found = PassTimer()
     for tracing, running, samples in passes:
         monkeypatch.setattr(clock, "now", lambda tracing=tracing: tracing)
         monkeypatch.setattr(pace, "run", lambda film, running=running: running)
@@ -34,7 +35,7 @@ def test_small_passes_do_not_tell_how_long_samples_take(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, TRACED * 0.2)])
 def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -> None:
-    found = Pace(tracing, 1e-6, 10**6)
+    found = PassTimer(tracing, 1e-6, 10**6)
     assert found.span() == pytest.approx(seconds) and found.room() == pytest.approx(seconds / 1e-6)
     assert found.span(1e3) == found.span(inf)
     # What is left is shared by tracing and samples; half of it is for those that are dearer than was thought.
@@ -43,8 +44,8 @@ def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -
 
 
 def test_what_took_no_time_tells_little() -> None:
-    assert Pace(0.01, 0.0, 7).room() == GROWTH * 7
-    assert Pace(0.01, 1e-12, 7).room() == GROWTH * 7
+    assert PassTimer(0.01, 0.0, 7).room() == GROWTH * 7
+    assert PassTimer(0.01, 1e-12, 7).room() == GROWTH * 7
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -55,7 +56,7 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(clock, "ran", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
     try:
-        film, found = blank(made), Pace()
+        film, found = blank(made), PassTimer()
         for count in (1, 2, 3):
             film = exposed_once(made, film, count, found)
             assert found.rate == pytest.approx(3 / 64**2)
@@ -78,6 +79,6 @@ def test_whoever_counts_kernels_has_them_all() -> None:
         dr.kernel_history_clear()
         film = blank(made)
         for count in (1, 2, 3):
-            film = exposed_once(made, film, count, Pace())
+            film = exposed_once(made, film, count, PassTimer())
         kernels = dr.kernel_history([dr.KernelType.JIT])
     assert sum(k["operation_count"] > 100 for k in kernels) == 3

@@ -19,14 +19,14 @@ from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.ray import Ray
 from visray.render import render
-from visray.scene.scene import Film, Gradient, Scatter, Scene, Settings
+from visray.scene.scene import Film, Scatter, Scene, Settings, SkyGradient
 from visray.setup import Prepared, prepare
 from visray.textures import CheckerTexture
 from visray.transforms import Rotate
 
 PRECISIONS = pytest.mark.parametrize("precision", ["single", "double"])
 BLACK, WHITE, HALF = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
-SKY = Gradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))
+SKY = SkyGradient(top=(0.1, 0.5, 1.0), bottom=(1.0, 0.75, 0.2))
 # A mean of independent samples is off by more than five of its standard errors once in two million times.
 SIGMAS = 5
 
@@ -441,7 +441,7 @@ def test_each_surface_on_a_way_draws_anew() -> None:
     kt^2 (1 + kr^2 + kr^4 + ...) = kt^2 / (1 - kr^2). Were the same drawn at each of them, it would be a half.
     """
     sheets = {f"s{y}": Plane(point=(0, y, 0), material="m") for y in (0, -1)}
-    sky_below = Gradient(top=(0.0, 0.0, 0.0), bottom=(2.0, 4.0, 1.0))
+    sky_below = SkyGradient(top=(0.0, 0.0, 0.0), bottom=(2.0, 4.0, 1.0))
     scene = scene_of(sheets, {"m": plain(kr=HALF, kt=HALF)}, background=sky_below, depth=60)
     found = seen(scene, (0, 3, 0), np.tile((0, -1.0, 0), (40_000, 1)))
     # Straight up the sky is black. No way is longer than 60: 2^-60.

@@ -25,14 +25,14 @@ from visray.primitives import Box, Disk, Plane, Sphere
 from visray.pytree import rows as lanes_of
 from visray.ray import Ray
 from visray.scene.scene import Film, Scene, Settings
-from visray.study import arrivals
-from visray.study.answers import Ours, Rays, rows
-from visray.study.comparison import Comparison
-from visray.study.parts import twins
-from visray.study.rounding import UNRESOLVED, angle, gaps
-from visray.study.shadows import moved
-from visray.study.twin import Theirs
-from visray.study.ways import Ways
+from visray.study.mitsuba import light_arrival as arrivals
+from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba.mitsuba_scene import MitsubaScene
+from visray.study.mitsuba.rounding import UNRESOLVED, angle, gaps
+from visray.study.mitsuba.shadow_rays import ShadowRays
+from visray.study.mitsuba.shadows import moved
+from visray.study.mitsuba.shapes import twins
+from visray.study.mitsuba.visray_scene import Rays, VisrayScene, rows
 from visray.transforms import Rotate, Translate
 
 COUNT = 20_000
@@ -66,7 +66,7 @@ class Level:
         return self.o + self.t[:, None] * self.d
 
 
-def levels(ours: Ours, o: np.ndarray, d: np.ndarray, count: int) -> Iterator[Level]:
+def levels(ours: VisrayScene, o: np.ndarray, d: np.ndarray, count: int) -> Iterator[Level]:
     """The levels of paths, from the centre + o. Of each level, only those that are alive are in the next."""
     a, s = ours.a, ours.kernel
     ray = Ray(ours.triples(ours.centre + o), ours.triples(d / np.linalg.norm(d, axis=1, keepdims=True)))
@@ -94,18 +94,18 @@ def aimed(seed: int, count: int = COUNT, width: float = 1.2) -> tuple[np.ndarray
     return np.broadcast_to(EYE, target.shape).astype(float), target - EYE
 
 
-def pair(objects: dict, materials: dict) -> tuple[Ours, Theirs]:
+def pair(objects: dict, materials: dict) -> tuple[VisrayScene, MitsubaScene]:
     """A scene in visray and in Mitsuba, about the origin. Objects have the material of their own name."""
     things = {name: replace(x, material=name if name in materials else "default") for name, x in objects.items()}
     return pair_of(Scene(objects=things, materials=materials, camera=Camera(origin=(0, 0, 0), target=(0, 0, 1))))
 
 
-def pair_of(scene: Scene) -> tuple[Ours, Theirs]:
-    ours = Ours(scene)
-    return ours, Theirs(scene, ours.names, twins(scene)[0], ours.centre)
+def pair_of(scene: Scene) -> tuple[VisrayScene, MitsubaScene]:
+    ours = VisrayScene(scene)
+    return ours, MitsubaScene(scene, ours.names, twins(scene)[0], ours.centre)
 
 
-def met(ours: Ours, theirs: Theirs, level: Level) -> tuple[Comparison, np.ndarray]:
+def met(ours: VisrayScene, theirs: MitsubaScene, level: Level) -> tuple[Comparison, np.ndarray]:
     """The level's rays through Mitsuba, and which are sure: of which rounding does not decide what they meet.
 
     Rays that leave a surface begin off it, by four times the bound of Mitsuba's rounding of both.
@@ -284,7 +284,7 @@ def test_mirrored_paths_agree_with_mitsuba() -> None:
 INDICES = np.linspace(1.1, 2.4, 14)
 
 
-def _inside(kind: type) -> Ours:
+def _inside(kind: type) -> VisrayScene:
     """A solid of each index, side by side: spheres of radius 1, or slabs from -1 to 1 in y."""
     place = [(float(10 * i), 0.0, 0.0) for i in range(len(INDICES))]
     things = {f"{i}": Sphere(center=p) for i, p in enumerate(place)}
@@ -293,7 +293,7 @@ def _inside(kind: type) -> Ours:
     return pair(things, {f"{i}": Material(kt=(1.0, 1.0, 1.0), ior=float(n)) for i, n in enumerate(INDICES)})[0]
 
 
-def _towards_the_top(ours: Ours, theta: np.ndarray) -> Level:
+def _towards_the_top(ours: VisrayScene, theta: np.ndarray) -> Level:
     """Rays from inside of each solid to its top, at an angle (radians) with the normal there. Shapes: (solids)."""
     d = np.stack([np.sin(theta), np.cos(theta), 0 * theta], 1)
     top = np.stack([10.0 * np.arange(len(INDICES)), 1 + 0 * theta, 0 * theta], 1)
@@ -464,7 +464,7 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     dimension, yours, near = here.sample.along(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
         away = rows(light.light.offset(a.W, *map(a.D, dimension.many(dr.opaque(a.U, j), light.points))))
-        ways = Ways.between(seen.points(), rows(light.light.position) + away - ours.centre)
+        ways = ShadowRays.between(seen.points(), rows(light.light.position) + away - ours.centre)
         cosine = np.where(seen.a.hit, np.abs((ways.l * seen.a.n).sum(1)), 1)
         reached, edge = _reached(seen, ways, seen.shift.start(ways.p) / cosine)
         yours, near = yours + reached.astype(int), near | edge
@@ -475,7 +475,7 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     assert compared.sum() > 0.98 * seen.a.hit.sum()
 
 
-def _reached(seen: Comparison, ways: Ways, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _reached(seen: Comparison, ways: ShadowRays, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether ways are clear by Mitsuba, and whether rounding decides it."""
     straight = arrivals.clear(seen.ours, seen.look, ways, seen.a.hit)
     edge = np.zeros(len(straight), bool)

@@ -32,20 +32,20 @@ import visray as vr
 from visray.accel.origin import RayOrigin
 from visray.accel.search import closest
 from visray.pack import pack
+from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import box_of
 from visray.quantities import Arrays
 from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
-from visray.surfaces import CLASSICS
 
 # Where both of two searches miss, distances are inf - inf.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 HYPERBOLOID = "x^2 + y^2 - z^2 - 1"
 TORUS = "(x^2 + y^2 + z^2 + 21/25)^2 - 4*(x^2 + y^2)"
-HEART = CLASSICS["heart"].expression
-BARTH = CLASSICS["barth-sextic"].expression
+HEART = SURFACES["heart"].expression
+BARTH = SURFACES["barth-sextic"].expression
 
 
 # Degrees 1 and 2
@@ -108,7 +108,7 @@ def test_a_plane_is_the_plane() -> None:
 
 @pytest.mark.parametrize(
     ("expression", "radius"),
-    [(TORUS, 1.5), (HEART, CLASSICS["heart"].radius), (BARTH, CLASSICS["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
+    [(TORUS, 1.5), (HEART, SURFACES["heart"].radius), (BARTH, SURFACES["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
     ids=["torus", "heart", "barth-sextic", "hyperboloid"],
 )
 def test_all_crossings_are_the_exact_roots_there_and_back(expression: str, radius: float) -> None:
@@ -411,7 +411,7 @@ def test_a_capped_surface_is_a_solid(clip: str, expression: str) -> None:
 
 @pytest.mark.parametrize(
     ("expression", "radius"),
-    [(HEART, CLASSICS["heart"].radius), (TORUS, 1.6), (BARTH, CLASSICS["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
+    [(HEART, SURFACES["heart"].radius), (TORUS, 1.6), (BARTH, SURFACES["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
     ids=["heart", "torus", "barth-sextic", "hyperboloid"],
 )
 def test_rays_that_leave_the_surface_never_meet_their_own_point(expression: str, radius: float) -> None:
@@ -693,7 +693,7 @@ def test_normals_and_uv_are_those_of_the_exact_gradient(name: str) -> None:
     if name == "tangle":
         thing, text, names = surface(TANGLE, 3.0, parameters=mu), TANGLE, mu
     else:
-        thing, text, names = Polynomial(surface=name), CLASSICS[name].expression, CLASSICS[name].parameters
+        thing, text, names = Polynomial(surface=name), SURFACES[name].expression, SURFACES[name].parameters
     rig = Rig(thing)
     t, p, n, u, v = rig.surfaces(*rays_at(rng, 6000, thing.limits().radius))
     met = np.flatnonzero(np.isfinite(t))[:800]

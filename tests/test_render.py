@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from visray import film as films
-from visray import integrator, pace, passes
+from visray import integrator, passes
+from visray import pass_timer as pace
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.film import Film as Exposure

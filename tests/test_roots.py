@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from visray import polynomials
+from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.quantities import Arrays
 from visray.roots.along import roundings
 from visray.roots.march import Isolated, bernstein, conversion, isolated
 from visray.roots.numbers import Line, Size, Slope
 from visray.roots.refine import refined
-from visray.surfaces import CLASSICS, Classic
 
 A = Arrays.of()
 D = A.D
@@ -67,11 +67,11 @@ def array(x: np.ndarray) -> Any:
 
 
 POWERS = {
-    "x^20": Classic("", "x^20 + y^20 + z^20 - 1", 1.75, "", True),
-    "ball^10": Classic("", "(x^2 + y^2 + z^2 - 1/2)^10 - 1/1000000", 1.5, "", True),
-    "x^32": Classic("", "x^32 + x*y^31 - z^3", 1.2, "", False),
+    "x^20": KnownSurface("", "x^20 + y^20 + z^20 - 1", 1.75, "", True),
+    "ball^10": KnownSurface("", "(x^2 + y^2 + z^2 - 1/2)^10 - 1/1000000", 1.5, "", True),
+    "x^32": KnownSurface("", "x^32 + x*y^31 - z^3", 1.2, "", False),
 }
-ALL = CLASSICS | POWERS
+ALL = SURFACES | POWERS
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -19,7 +19,7 @@ from visray.primitives import Box, Plane, Polynomial, Rectangle, Sphere, Triangl
 from visray.primitives.clips import Ball, Block
 from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
-from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
@@ -143,7 +143,7 @@ def test_a_file_becomes_a_scene(tmp_path: Path) -> None:
     assert load(write(tmp_path, content)) == Scene(
         camera=Camera(origin=(0.0, 1.0, 5.0), fov=30.0),
         film=Film(width=320, height=200),
-        background=Gradient(top=(0.0, 0.0, 1.0), bottom=(1.0, 1.0, 1.0)),
+        background=SkyGradient(top=(0.0, 0.0, 1.0), bottom=(1.0, 1.0, 1.0)),
         materials={"red": Material(kd=(1.0, 0.0, 0.0))},
         lights={"lamp": PointLight(position=(1.0, 2.0, 3.0))},
         objects={

@@ -7,7 +7,7 @@ import pytest
 
 import visray as vr
 from visray import primitives
-from visray.study import crosscheck
+from visray.study.mitsuba import crosscheck
 
 SCENES = sorted(p for p in (Path(__file__).resolve().parents[1] / "scenes").glob("*.json") if p.name != "schema.json")
 SEED = Path(__file__).resolve().parents[2] / "shared" / "seed-scenes"

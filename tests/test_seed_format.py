@@ -43,9 +43,9 @@ from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Spher
 from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
 from visray.quantities import FARTHEST
+from visray.scene.legacy.convert import SeedWarning, convert
 from visray.scene.load import load
-from visray.scene.scene import Film, Gradient, Occlusion, Scene, Settings
-from visray.scene.seed_format import SeedWarning, convert
+from visray.scene.scene import Film, Occlusion, Scene, Settings, SkyGradient
 from visray.textures import ImageTexture
 
 SHIPPED = Path(__file__).resolve().parents[2] / "shared" / "seed-scenes"
@@ -124,7 +124,7 @@ def test_a_pair_of_files(pair: Pair) -> None:
     assert made.camera == Camera(origin=(0.0, 1.0, 5.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=40.0)
     assert made.film == Film(width=100, height=50)
     assert made.ambient == (0.1, 0.2, 0.3)
-    assert made.background == Gradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    assert made.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     assert made.settings == Settings(spp=9, depth=3)
     assert made.lights == {
         "light 1": PointLight(
@@ -860,7 +860,7 @@ def test_an_empty_setup_has_the_defaults_of_the_original(pair: Pair) -> None:
     ]
     made, told = pair.convert(BALL, setup={"camera": {"lookFrom": [0, 0, 3]}, "colorDownBackground": [1, 1, 1]})
     assert made.camera == Camera(origin=(0.0, 0.0, 3.0), up=(0.0, 1.0, 0.0), fov=90.0)
-    assert made.background == Gradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 1.0, 1.0))
+    assert made.background == SkyGradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 1.0, 1.0))
     assert told == [
         "setup: camera.vup: is missing; (0, 1, 0) is used",
         "setup: camera.vfov: is missing; 90 degrees is used, since the original's 180 gives no picture",
@@ -1123,7 +1123,7 @@ def test_the_two_spheres() -> None:
     assert made.camera == Camera(origin=(13.0, 2.0, 3.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=20.0)
     assert made.film == Film(width=1200, height=600)
     assert made.ambient == (0.1, 0.1, 0.1)
-    assert made.background == Gradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    assert made.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     assert made.lights["light 1"] == PointLight(
         position=(2.0, 8.0, 10.0), Ia=(0.3,) * 3, Id=(0.3,) * 3, Is=(0.7,) * 3, a=0.5, b=0.0, c=0.01
     )
@@ -1166,7 +1166,7 @@ def test_the_transparent_spheres_with_the_setup_of_the_tests() -> None:
     ]
     assert made.materials["Esfera aigua"].kt == (1.0, 1.0, 1.0)
     assert made.materials["Esfera gran"].kr == (1.0, 1.0, 1.0)
-    assert made.background == Gradient(top=(0.0, 0.8, 0.8), bottom=(1.0, 1.0, 1.0))
+    assert made.background == SkyGradient(top=(0.0, 0.8, 0.8), bottom=(1.0, 1.0, 1.0))
 
 
 @shipped

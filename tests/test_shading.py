@@ -18,7 +18,7 @@ from visray.materials import Material
 from visray.primitives import Box, Disk, Plane, Rectangle, Sphere
 from visray.quantities import Arrays
 from visray.ray import Ray
-from visray.scene.scene import Film, Gradient, Scene, Settings
+from visray.scene.scene import Film, Scene, Settings, SkyGradient
 from visray.setup import Prepared, prepare
 from visray.shading import power
 from visray.transforms import Rotate, Translate
@@ -106,7 +106,7 @@ def test_ambient_light_is_the_sum_of_the_scene_and_all_lights_even_in_shadow(pre
 
 @PRECISIONS
 def test_background_is_linear_in_the_height_of_the_ray(precision: str) -> None:
-    sky = Gradient(top=(0.0, 0.5, 1.0), bottom=(1.0, 0.5, 0.25))
+    sky = SkyGradient(top=(0.0, 0.5, 1.0), bottom=(1.0, 0.5, 0.25))
     d = np.array([[0, 1, 0], [0, -1, 0], [1, 0, 0], [0, 0, -1], [0, 1, 1], [3, -4, 0]], float)
     up = 0.5 + 0.5 * d[:, 1] / np.linalg.norm(d, axis=1)
     hand = np.outer(up, sky.top) + np.outer(1 - up, sky.bottom)

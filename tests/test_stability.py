@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 
 from visray.errors import UserError
-from visray.study import ray_sets, stability
-from visray.study.exact.certified import Exact
-from visray.study.exact.formulas import number, parsed, value
-from visray.study.exact.known_surface import Bundle, Surface
-from visray.study.exact.truth import Truth, settled
-from visray.study.exact.twofold import Twofold
-from visray.study.judging import Row, judged
-from visray.study.ray_sets import Named, surfaces_of
-from visray.study.solvers import Function, Kernel
-from visray.surfaces import CLASSICS
+from visray.polynomials.catalogue import SURFACES
+from visray.study.stability import ray_sets
+from visray.study.stability import study as stability
+from visray.study.stability.exact.certified import Exact
+from visray.study.stability.exact.formulas import number, parsed, value
+from visray.study.stability.exact.known_surface import Bundle, Surface
+from visray.study.stability.exact.truth import Truth, settled
+from visray.study.stability.exact.twofold import Twofold
+from visray.study.stability.judging import Row, judged
+from visray.study.stability.ray_sets import Named, surfaces_of
+from visray.study.stability.solvers import Function, Kernel
 
 FILE = Path(__file__).resolve().parents[2] / "shared" / "notes" / "surfaces.json"
 SPHERE = Surface("x^2 + y^2 + z^2 - 1", 1.5)
@@ -236,10 +237,10 @@ def gradient(surface: Surface, p) -> list[float]:
     return [c[0], *found]
 
 
-@pytest.mark.parametrize("name", CLASSICS)
+@pytest.mark.parametrize("name", SURFACES)
 def test_known_surface(name):
     """Its singular points are singular; if it is said to be compact, its clip holds it; and rays hit it."""
-    c, named = CLASSICS[name], surfaces_of(None)[name]
+    c, named = SURFACES[name], surfaces_of(None)[name]
     parameters = named.surface.parameters
     for point in c.singular:
         # Decimals are right to 2^-53.
@@ -308,11 +309,11 @@ SAME = {
 def test_known_surfaces_are_those_of_the_file():
     """At points with exact coordinates, up to a factor."""
     listed = {SAME.get(e["name"], e["name"].replace("_", "-")): e for e in json.loads(FILE.read_text())["surfaces"]}
-    known = [n for n in CLASSICS if n in listed]
+    known = [n for n in SURFACES if n in listed]
     assert len(known) >= 22
     points = np.random.default_rng(0).integers(-40, 41, (6, 3))
     for name in known:
-        mine = CLASSICS[name]
+        mine = SURFACES[name]
         trees = [parsed(mine.expression, mine.parameters), parsed(listed[name]["expression"])]
         values = [[value(t, *(Fraction(int(c), 32) for c in p), Fraction) for p in points] for t in trees]
         ratios = [float(a / b) for a, b in zip(*values)]

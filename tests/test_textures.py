@@ -21,9 +21,9 @@ from PIL import Image as Pillow
 from visray.errors import UserError
 from visray.images import atlas as packing
 from visray.images import pack, read_image, reading
+from visray.images.lookup import colour
 from visray.quantities import Arrays
 from visray.textures import CheckerTexture, ImageTexture
-from visray.texturing import colour
 
 ADDRESS = "textures.globe.file"
 A = Arrays.of("llvm", "single")

@@ -19,7 +19,7 @@ from test_seed_format import MATT
 
 import visray as vr
 from visray import transforms
-from visray.cli.common import opened
+from visray.cli.options import opened
 from visray.primitives import rectangle, triangle
 from visray.scene import check, validated
 from visray.scene.address import changed

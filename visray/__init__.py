@@ -14,13 +14,13 @@ from visray import llvm
 
 llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
 
-from visray import surfaces
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.gradients import EdgeWarning, derivative, difference, gradient
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.output.image import Image
+from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.primitives import (
     Box,
     Capsule,
@@ -39,7 +39,7 @@ from visray.primitives.clips import Ball, Block
 from visray.render import explain, prepare, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
-from visray.scene.scene import Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.setup import Prepared
 from visray.study.cost.study import cost
 from visray.study.cost.tuning import tune
@@ -48,10 +48,72 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
 
 __all__ = [
-    "Ball", "Block", "Box", "Camera", "Capsule", "CheckerTexture", "Cone", "Cylinder", "DirectionalLight", "Disk",
-    "DiskLight", "EdgeWarning", "Ellipsoid", "Film", "Gradient", "Image", "ImageTexture", "Material", "Matrix",
-    "Occlusion", "Plane", "PointLight", "Polynomial", "Prepared", "Rectangle", "RectangleLight", "Rotate", "Scale",
-    "Scatter", "Scene", "Settings", "Sphere", "SphereLight", "SpotLight", "Torus", "Translate", "Triangle", "UserError",
-    "__version__", "cost", "derivative", "difference", "dump", "explain", "gradient", "load", "prepare", "render",
-    "replaced", "surfaces", "tune", "value",
+    "SURFACES",
+    "Ball",
+    "Block",
+    "Box",
+    "Camera",
+    "Capsule",
+    "CheckerTexture",
+    "Cone",
+    "Cylinder",
+    "DirectionalLight",
+    "Disk",
+    "DiskLight",
+    "EdgeWarning",
+    "Ellipsoid",
+    "Film",
+    "Image",
+    "ImageTexture",
+    "KnownSurface",
+    "Material",
+    "Matrix",
+    "Occlusion",
+    "Plane",
+    "PointLight",
+    "Polynomial",
+    "Prepared",
+    "Rectangle",
+    "RectangleLight",
+    "Rotate",
+    "Scale",
+    "Scatter",
+    "Scene",
+    "Settings",
+    "SkyGradient",
+    "Sphere",
+    "SphereLight",
+    "SpotLight",
+    "Torus",
+    "Translate",
+    "Triangle",
+    "UserError",
+    "__version__",
+    "cost",
+    "derivative",
+    "difference",
+    "dump",
+    "explain",
+    "gradient",
+    "load",
+    "prepare",
+    "render",
+    "replaced",
+    "tune",
+    "value",
 ]  # fmt: skip
+
+# Names of earlier versions, and what they are called now.
+_RENAMED = {"Gradient": "SkyGradient", "surfaces": "SURFACES"}
+
+
+def __dir__() -> list[str]:
+    """The public names. Python adds every imported submodule to a package; those are internal."""
+    return sorted(__all__)
+
+
+def __getattr__(name: str) -> object:
+    """Refuses a name that is not there; for one of an earlier version, says the new name."""
+    if name in _RENAMED:
+        raise AttributeError(f"visray.{name} is now visray.{_RENAMED[name]}; use the new name")
+    raise AttributeError(f"module 'visray' has no attribute {name!r}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from visray.materials import Material
 from visray.primitives.flat import Flat
-from visray.scene.scene import Gradient, Scene
+from visray.scene.scene import Scene, SkyGradient
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def _specular(scene: Scene) -> list[str]:
 
 def _background(scene: Scene) -> list[str]:
     sky = scene.background
-    colours = (*sky.top, *sky.bottom) if isinstance(sky, Gradient) else sky
+    colours = (*sky.top, *sky.bottom) if isinstance(sky, SkyGradient) else sky
     return ["background"] if any(colours) else []
 
 

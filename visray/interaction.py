@@ -6,11 +6,11 @@ from typing import Any
 
 import drjit as dr
 
-from visray import texturing
 from visray.accel import policy
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
 from visray.geometry import extent, facing, gamma
+from visray.images import lookup as texturing
 from visray.kernel_scene import KernelScene
 from visray.materials import Material
 from visray.pack import NO_TEXTURE

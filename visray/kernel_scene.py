@@ -23,7 +23,7 @@ from visray.pack import LightColumns, Packed, code
 from visray.pytree import evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
-from visray.scene.scene import Gradient, Scene, Settings
+from visray.scene.scene import Scene, Settings, SkyGradient
 
 # So many objects times lights are written out; more lights are looped over. Written out, a light's shadow rays are
 # found faster, but each of its objects takes 10 ms to compile.
@@ -79,7 +79,7 @@ class KernelScene:
     origin: RayOrigin
     lights: tuple[PreparedLight, ...]
     looped_lights: tuple[LightBatch, ...]
-    sky: Gradient
+    sky: SkyGradient
     ambient: Any
     glow: Any
     reach: Any

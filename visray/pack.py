@@ -21,7 +21,7 @@ from visray.primitives.primitive import Primitive
 from visray.pytree import evaluated, leaves, mapped
 from visray.quantities import Arrays, quantities, stacked
 from visray.scene import address as addresses
-from visray.scene.scene import Gradient, Occlusion, Scene
+from visray.scene.scene import Occlusion, Scene, SkyGradient
 from visray.transforms import compose
 
 NO_TEXTURE = 0xFFFFFFFF
@@ -96,7 +96,7 @@ class Packed:
     lights: tuple[LightColumns, ...]
     materials: Material
     camera: Camera
-    background: Gradient
+    background: SkyGradient
     ambient: Any
     occlusion: Occlusion
 
@@ -116,14 +116,14 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
     sky = scene.background
-    sky = sky if isinstance(sky, Gradient) else Gradient(top=sky, bottom=sky)
+    sky = sky if isinstance(sky, SkyGradient) else SkyGradient(top=sky, bottom=sky)
     return evaluated(
         Packed(
             batches=tuple(_batch(scene, a, kind, places) for (kind, _), places in things.items()),
             lights=tuple(_lights(scene, a, kind, places) for kind, places in lights.items()),
             materials=stacked(a, Material, list(materials.values())),
             camera=stacked(a, Camera, [scene.camera]),
-            background=stacked(a, Gradient, [sky]),
+            background=stacked(a, SkyGradient, [sky]),
             ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
             occlusion=stacked(a, Occlusion, [scene.settings.occlusion]),
         )
@@ -211,7 +211,7 @@ class Index:
         if head == "ambient":
             return Slot((packed.ambient,), 0, int(name) if name else None)
         if head == "background":
-            flat, sky = not isinstance(self.scene.background, Gradient), packed.background
+            flat, sky = not isinstance(self.scene.background, SkyGradient), packed.background
             both = (sky.top, sky.bottom) if flat else (getattr(sky, name or "top"),)
             rest = name if flat else field
             return Slot(both, 0, int(rest) if rest else None)
@@ -267,7 +267,11 @@ def updated(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a:
 def _named(scene: Scene) -> tuple:
     """What names and kinds a scene has besides its objects': where they change, more than numbers does."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
-    return lights, [(name, m.texture) for name, m in _materials(scene).items()], isinstance(scene.background, Gradient)
+    return (
+        lights,
+        [(name, m.texture) for name, m in _materials(scene).items()],
+        isinstance(scene.background, SkyGradient),
+    )
 
 
 def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
-from visray.pace import Pace
+from visray.pass_timer import PassTimer
 from visray.progress import Bar, Interrupts
 from visray.sampling import Plan
 from visray.setup import Prepared
@@ -31,7 +31,7 @@ def expose(
     film: one to go on from, of the same picture and pixels. The bits are those of all samples at once, however they are
     cut into passes and films, and whatever the number of threads. Error: none (tests/test_same_bits.py).
     """
-    interrupts, pace = interrupts or Interrupts(), Pace()
+    interrupts, pace = interrupts or Interrupts(), PassTimer()
     if film is None:
         film = blank(prepared)
     film.check(films.Origin(prepared.scene, prepared.a), prepared.order)
@@ -62,7 +62,7 @@ def first_pass(prepared: Prepared) -> int:
 
 
 def exposed_once(
-    prepared: Prepared, film: films.Film, targets: int | np.ndarray, pace: Pace | None = None
+    prepared: Prepared, film: films.Film, targets: int | np.ndarray, pace: PassTimer | None = None
 ) -> films.Film:
     """The film after one more pass, which brings its lanes to so many samples, and of which `pace` is told. Domain: no
     lane has more than its target."""
@@ -76,5 +76,5 @@ def exposed_once(
         first, more = int(first[0]), int(more[0])
     plan = Plan.of(prepared.a, settings.seed, settings.spp, first, more)
     film = film.after(integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments), targets)
-    (pace or Pace()).evaluated(begun, samples, film.moments)
+    (pace or PassTimer()).evaluated(begun, samples, film.moments)
     return film

@@ -13,17 +13,17 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
-from visray.adaptive import NoNumber, render_adaptively
+from visray.adaptive.error_floor import Files
+from visray.adaptive.loop import NoNumber, render_adaptively
+from visray.adaptive.stopping import Goal
 from visray.errors import GoalWarning, UserError
 from visray.features import Features, features
-from visray.goals import Goal
 from visray.kernel_scene import ray_families
 from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.passes import expose
 from visray.primitives.primitive import scalars
 from visray.progress import Interrupts
-from visray.reachable import Files
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import Prepared

@@ -7,7 +7,7 @@ import warnings
 from cyclopts import CycloptsError
 
 from visray.cli import files, rendering, studies  # noqa: F401 - each adds its commands
-from visray.cli.common import INTERRUPTED, app
+from visray.cli.options import INTERRUPTED, app
 from visray.errors import UserError
 
 

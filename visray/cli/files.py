@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from visray.cli.common import Compat, Setup, app, written
+from visray.cli.options import Compat, Setup, app, written
 from visray.scene import load as loading
 
 

@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from visray import clock
-from visray.cli.common import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
+from visray.adaptive.error_floor import Files
+from visray.adaptive.stopping import Goal
+from visray.cli.options import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
 from visray.errors import UserError
-from visray.goals import Goal
 from visray.output.image import check_destination
 from visray.progress import Interrupts
 from visray.quantities import BACKENDS
-from visray.reachable import Files
 from visray.render import LAYERS, PROOF, render
 
 # What a picture says that was made to an error, or in a time.

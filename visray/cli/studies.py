@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from visray.cli.common import (
+from visray.cli.options import (
     INTERRUPTED,
     Compat,
     Json,
@@ -25,12 +25,12 @@ from visray.cli.common import (
 from visray.errors import UserError
 from visray.output.files import check_writable
 from visray.output.image import check_destination
+from visray.polynomials.catalogue import SURFACES
 from visray.progress import Interrupts
 from visray.render import explain as explain_scene
 from visray.render import render, set_threads
 from visray.scene.scene import Scene
 from visray.study import ablation
-from visray.surfaces import CLASSICS
 
 
 @app.command
@@ -211,7 +211,7 @@ def stability(
 
     It needs python-flint: pip install 'visray[test]'.
     """
-    from visray.study import stability as study  # NumPy twins of the kernels, which no other command needs
+    from visray.study.stability import study  # NumPy twins of the kernels, which no other command needs
 
     chosen = listed(sets) or study.SETS
     report = study.run(surfaces, study.RAYS if rays is None else rays, chosen, listed(only), seed, progress=not json)
@@ -226,10 +226,10 @@ def surfaces(*, json: Json = False) -> int:
     With --json also how each is written, where that is from, and its singular points.
     """
     if json:
-        put({name: asdict(c) for name, c in CLASSICS.items()})
+        put({name: asdict(c) for name, c in SURFACES.items()})
         return 0
     table = Table("surface", "", "parameters", "clip")
-    for name, c in CLASSICS.items():
+    for name, c in SURFACES.items():
         given = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
         table.add_row(name, c.title, given, f"{c.radius:g}")
     Console().print(table)

@@ -10,12 +10,12 @@ from pydantic import Field
 from visray import polynomials
 from visray.geometry import Frame
 from visray.polynomials import Compiled, PolynomialError
+from visray.polynomials.catalogue import SURFACES
 from visray.primitives.algebraic import Algebraic, PlacedPolynomial, Rows
 from visray.primitives.clips import Ball, Block, Clip
 from visray.primitives.primitive import Bounds, scalars
 from visray.primitives.sphere import globe
 from visray.quantities import Arrays, Name, Real
-from visray.surfaces import CLASSICS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +42,9 @@ class Polynomial(Algebraic):
     tolerance: Annotated[Real, Field(ge=0, le=1)] = 0.0
 
     def __post_init__(self):
-        if self.surface in CLASSICS:
+        if self.surface in SURFACES:
             # Written out, so that each has an address.
-            object.__setattr__(self, "parameters", CLASSICS[self.surface].parameters | self.parameters)
+            object.__setattr__(self, "parameters", SURFACES[self.surface].parameters | self.parameters)
 
     @property
     def closed(self) -> bool:
@@ -61,14 +61,14 @@ class Polynomial(Algebraic):
     def limits(self) -> Clip:
         """The clip, by default the named surface's own, or a ball of radius 5."""
         if self.clip is None and self.surface:
-            classic = CLASSICS[self.surface]
+            classic = SURFACES[self.surface]
             return Ball(center=classic.centre, radius=classic.radius)
         return self.clip or Ball()
 
     def written(self) -> str | tuple[str, ...]:
         """The polynomial as text."""
         if self.surface is not None:
-            return CLASSICS[self.surface].expression
+            return SURFACES[self.surface].expression
         return self.monomis if self.expression is None else self.expression
 
     def built(self) -> Compiled:
@@ -81,10 +81,10 @@ class Polynomial(Algebraic):
         if len(ways) != 1:
             several = f"{' and '.join(ways)} are written; keep one"
             return [(ways[-1] if ways else "expression", several if ways else "is missing; or monomis, or surface")]
-        if self.surface is not None and self.surface not in CLASSICS:
-            near = get_close_matches(self.surface, CLASSICS, 1)
+        if self.surface is not None and self.surface not in SURFACES:
+            near = get_close_matches(self.surface, SURFACES, 1)
             hint = f'did you mean "{near[0]}"? ' if near else ""
-            return [("surface", f"unknown surface; {hint}(one of {', '.join(CLASSICS)})")]
+            return [("surface", f"unknown surface; {hint}(one of {', '.join(SURFACES)})")]
         if wrong := [("clip", text) for _, text in self.limits().flaws()] + self._unused():
             return wrong
         try:
@@ -97,7 +97,7 @@ class Polynomial(Algebraic):
     def _unused(self) -> list[tuple[str, str]]:
         """Parameters that nothing depends on."""
         if self.surface is not None:
-            there, of = CLASSICS[self.surface].parameters, f"the surface {self.surface}"
+            there, of = SURFACES[self.surface].parameters, f"the surface {self.surface}"
         elif self.expression is not None:
             there, of = re.findall(r"\w+", self.expression), "the expression"
         else:

@@ -6,9 +6,9 @@ from typing import Any
 
 from visray.errors import UserError
 from visray.scene.check import checked, examined, flaws
+from visray.scene.legacy.convert import SeedWarning, convert, is_seed, is_setup
 from visray.scene.messages import line, printable
 from visray.scene.scene import Scene
-from visray.scene.seed_format import SeedWarning, convert, is_seed, is_setup
 from visray.scene.source import read
 from visray.scene.write import dump, schema, with_files
 

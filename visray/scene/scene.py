@@ -25,7 +25,7 @@ class Film:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gradient:
+class SkyGradient:
     """What a ray sees that hits nothing: `bottom` straight down, `top` straight up, linear in the ray's y between."""
 
     __pydantic_config__ = STRICT
@@ -102,7 +102,7 @@ class Scene:
     __pydantic_config__ = STRICT
     camera: Camera = field(default_factory=Camera)
     film: Film = field(default_factory=Film)
-    background: Gradient | Color = Gradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    background: SkyGradient | Color = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     ambient: Color = (1.0, 1.0, 1.0)
     textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)

@@ -12,21 +12,21 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.lights.light import AreaLight
 from visray.materials import Material
+from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene.check import checked
-from visray.scene.scene import ADAPTER, Film, Gradient, Occlusion, Scatter, Scene, Settings
+from visray.scene.scene import ADAPTER, Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.scene.source import read
-from visray.surfaces import CLASSICS
 from visray.textures import ImageTexture, Texture
 from visray.transforms import STEPS, Matrix, Rotate, Scale
 
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TYPED = (*textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
-KINDS = (Scene, Camera, Film, Gradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
+KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
 # A kind's own fields tell more than those that all kinds have.
 LAST = ("material", "transform")
 
@@ -85,7 +85,7 @@ MEANINGS: dict[type, dict[str, str]] = {
     Polynomial: {
         "expression": 'f as in "x^2 + y^2 - z^2 - a": of x, y, z, numbers, pi, phi, sqrt(number) and the parameters',
         "monomis": 'the terms of f, as in ["0.9x2", "-3y2", "-1"]',
-        "surface": f"the name of a known surface: {', '.join(CLASSICS)}",
+        "surface": f"the name of a known surface: {', '.join(SURFACES)}",
         "parameters": "numbers by name, for those in the expression or instead of those of the known surface",
         "clip": "what part of the surface there is; by default that of the known surface, or a ball of radius 5",
         "ends": "whether the surface is open where the clip cuts it, or the solid where f < 0 is closed there",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.dual_buffer import QUANTILE
+from visray.adaptive.dual_buffer import QUANTILE
 from visray.study.cost.records import Band, Curve, Halving, Point
 from visray.study.cost.wording import sampler
 

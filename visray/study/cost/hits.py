@@ -13,8 +13,8 @@ from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
 from visray.ray import NO_ROW, Ray, unit
 from visray.setup import Prepared
-from visray.study.answers import rows
 from visray.study.cost.records import Geometry
+from visray.study.mitsuba.visray_scene import rows
 
 
 @dataclass(frozen=True)

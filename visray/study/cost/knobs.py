@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from visray.adaptive.error_floor import DEEPEST
 from visray.features import used_materials
 from visray.primitives import Polynomial
-from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed, value
 from visray.scene.scene import Scene

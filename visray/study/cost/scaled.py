@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from visray.dual_buffer import DualBuffer
-from visray.reachable import DEEPEST
+from visray.adaptive.depth_bias import truncation
+from visray.adaptive.dual_buffer import DualBuffer
+from visray.adaptive.error_floor import DEEPEST
 from visray.render import adjusted
 from visray.scene.address import value
 from visray.scene.scene import Scene
@@ -26,7 +27,6 @@ from visray.study.cost.laws import nonnegative
 from visray.study.cost.model import Model
 from visray.study.cost.records import Band, Report
 from visray.study.cost.tuned import Measured, Settings
-from visray.truncation import truncation
 
 # Samples per pixel that tell what a depth leaves out.
 PILOT = 4

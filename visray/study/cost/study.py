@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from visray import clock
-from visray.dual_buffer import QUANTILE
+from visray.adaptive.dual_buffer import QUANTILE
 from visray.errors import UserError
 from visray.progress import Interrupts
 from visray.render import explain, set_threads

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from visray import clock
+from visray.adaptive.error_floor import DEEPEST
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
-from visray.pace import PASS_SECONDS
+from visray.pass_timer import PASS_SECONDS
 from visray.progress import Bar, Interrupts
-from visray.reachable import DEEPEST
 from visray.render import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene

@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.table import Table
 
+from visray.adaptive.stopping import check_target
 from visray.errors import UserError
-from visray.goals import check_target
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study.cost.records import Band, Report

@@ -16,12 +16,12 @@ from typing import NoReturn
 import numpy as np
 
 from visray import clock
-from visray.dual_buffer import Estimate
+from visray.adaptive.dual_buffer import Estimate
+from visray.adaptive.error_floor import LARGER, check_precision
 from visray.errors import UserError
 from visray.geometry import UNIT_ROUNDOFF
 from visray.passes import blank, expose, exposed_once
 from visray.progress import Interrupts
-from visray.reachable import LARGER, check_precision
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
 from visray.scene.load import checked, load

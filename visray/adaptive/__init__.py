@@ -1,0 +1,1 @@
+"""Pictures to a given error, or as good as a given time allows."""

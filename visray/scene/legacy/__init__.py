@@ -1,0 +1,1 @@
+"""Scene files of the original VisRayTrace (2021-22)."""

@@ -1,0 +1,1 @@
+"""Checks of scenes against Mitsuba 3."""

@@ -1,0 +1,1 @@
+"""Polynomial surfaces against exact arithmetic."""

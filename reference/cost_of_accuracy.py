@@ -1,4 +1,4 @@
-"""What accuracy costs for three scenes: `visray cost` on each, as README shows it.
+"""What accuracy costs for three scenes: `visray cost` on each, as docs/accuracy.md shows it.
 
     python reference/cost_of_accuracy.py -o reference/cost_of_accuracy.json --plot docs/cost.png --pages pages
 
@@ -44,7 +44,7 @@ def halving(h: Halving) -> dict:
 
 
 def row(title: str, report: Report, orders: list[list[str]]) -> dict:
-    """What README needs of a study."""
+    """What docs/accuracy.md shows of a study."""
     d = report.default
     slopes = {c.knob: c.by_count for c in report.curves if c.by_count is not None}
     by_time = {c.knob: c.by_time for c in report.curves if c.by_time is not None}

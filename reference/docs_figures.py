@@ -1,6 +1,6 @@
-"""Puts the figures of reference/*.json into README.md, between marks such as <!-- figures: speed -->.
+"""Puts the figures of reference/*.json into README.md and docs/*.md, between marks such as <!-- figures: speed -->.
 
-python reference/readme_figures.py
+python reference/docs_figures.py
 """
 
 import json
@@ -8,7 +8,8 @@ import re
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-README = HERE.parent / "README.md"
+ROOT = HERE.parent
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 VERSIONS = (("visray", "visray"), ("Mitsuba", "mitsuba"), ("Dr.Jit", "drjit"), ("LLVM", "llvm"), ("Python", "python"))
 
 
@@ -134,7 +135,7 @@ def degree() -> list[str]:
     keys += ["inside_single_wrong_hits_per_million", "inside_single_wrong_roots_per_million"]
     precision = [[r["surface"], *(f"{r[key]:.0f}" for key in keys)] for r in report["precision"]]
     return [
-        "![Nanoseconds of a ray against the degree, both logarithmic: less than quadratic](docs/degree.png)",
+        "![Nanoseconds of a ray against the degree, both logarithmic: less than quadratic](degree.png)",
         "",
         f"A camera ray on one thread grows as degree^{report['exponent']:.1f} from degree 4 to 20 "
         "(Banchoff-Chmutov surfaces); compilation takes",
@@ -222,7 +223,7 @@ def cost() -> list[str]:
         rows.append([r["title"], f"{100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f}", text, shown])
     return [
         "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
-        "the scene as it is](docs/cost.png)",
+        "the scene as it is](cost.png)",
         *table(heads, rows),
         "\\*: beyond what was measured, by the law of the last points of that knob, carried on.",
         "",
@@ -244,7 +245,7 @@ FIGURES = {
 
 
 def filled(text: str) -> str:
-    """README with the figures in their places."""
+    """The text of a page with the figures in their places."""
     for name, figure in FIGURES.items():
         marks = f"<!-- figures: {name} -->", f"<!-- /figures: {name} -->"
         block = "\n".join([marks[0], *figure(), marks[1]])
@@ -253,4 +254,5 @@ def filled(text: str) -> str:
 
 
 if __name__ == "__main__":
-    README.write_text(filled(README.read_text()))
+    for page in PAGES:
+        page.write_text(filled(page.read_text()))

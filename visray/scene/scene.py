@@ -16,7 +16,8 @@ STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """The picture's size in pixels. A `transparent` film leaves the background out and keeps its coverage in A."""
+    """Size of the picture in pixels. A `transparent` film leaves the background out; layer A then holds the coverage
+    by objects."""
 
     __pydantic_config__ = STRICT
     width: Count = 640
@@ -26,7 +27,8 @@ class Film:
 
 @dataclass(frozen=True, kw_only=True)
 class SkyGradient:
-    """What a ray sees that hits nothing: `bottom` straight down, `top` straight up, linear in the ray's y between."""
+    """Background colour of a ray that hits nothing. It is `bottom` for a ray straight down, `top` for one straight up,
+    and in between it is linear in the y of the ray's unit direction."""
 
     __pydantic_config__ = STRICT
     top: Color
@@ -39,10 +41,15 @@ Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
 
 @dataclass(frozen=True, kw_only=True)
 class Occlusion:
-    """How much ambient light gets to a point. `sky` rays tell what share of the sky it sees, which weakens the scene's
-    `ambient`; `near` rays tell how close things are, a ramp up to `distance`, which weakens the lights' Ia.
+    """Ambient occlusion: how much ambient light reaches a point.
 
-    0 rays: all of it gets there. `hemisphere`: rays by the cosine, or crowded as the original's `box` did.
+    sky: rays per point that measure which share of the sky is visible; this share scales the scene's `ambient`.
+    near: rays per point that measure how close other surfaces are; the result scales the lights' Ia. A surface counts
+    less the farther away it is, linearly, and no more at all beyond `distance`.
+    hemisphere: distribution of the rays: `cosine`, or `box`, toward uniform points of a half cube, as in the original
+    VisRayTrace.
+
+    With 0 rays nothing is occluded.
     """
 
     __pydantic_config__ = STRICT
@@ -54,8 +61,10 @@ class Occlusion:
 
 @dataclass(frozen=True, kw_only=True)
 class Scatter:
-    """Light that matte surfaces pass on: `rays` from what the eye sees, one from each of the further `depth` - 1
-    levels."""
+    """Diffuse interreflection: light that matte surfaces send on to other surfaces.
+
+    rays: rays per point that the camera sees. depth: bounces; a point of the second bounce and later sends one ray.
+    """
 
     __pydantic_config__ = STRICT
     rays: Rays = 0
@@ -64,17 +73,21 @@ class Scatter:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How the picture is made: samples per pixel, where they fall (`sampler`) and from which seed; precision of
-    shading; what is shaded (`shading`); shadows or none; how many reflections and refractions are followed (`depth`).
+    """How the picture is made.
 
-    `misses`: what a secondary ray finds that hits nothing, the background or the scene's `ambient`. `local`: whether
-    the own colour of a transparent surface is weighted with 1 - kt, or stands in full. `area`: whether area lights
-    light from every sample, or, as in the original, from their centre with a shadow from every sample.
-    `accelerator`: how rays find what they hit; the picture is the same bit for bit.
+    spp: samples per pixel. sampler: how samples are placed in a pixel. seed: seed of the random numbers.
+    precision: precision of shading; geometry is always double.
+    shading: shading model, or the surface property that is shown. shadows: whether lights cast shadows.
+    depth: largest number of reflections and refractions in a row.
+    misses: colour of a secondary ray that hits nothing: the background, or the scene's `ambient`.
+    local: weight of a transparent surface's own colour: `weighted` with 1 - kt, or `full`.
+    area: `samples` lights a point from every sample of an area light; `centre` lights it from the light's centre and
+    takes only the shadow from the samples, as the original VisRayTrace does.
+    accelerator: how rays find what they hit; the picture is the same bit for bit.
     """
 
     __pydantic_config__ = STRICT
-    # Up to here a stratum's row comes out right in single precision (sampling.in_cell).
+    # Up to this limit sampling.in_cell computes the row of a stratum exactly in single precision.
     spp: Annotated[int, Field(strict=True, gt=0, le=2**22)] = 16
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"
@@ -97,7 +110,8 @@ Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """Everything a picture is made of. Materials, lights and objects have names, and keep the order of the file."""
+    """A scene: everything that determines a picture. Textures, materials, lights and objects have names and keep the
+    order of the file."""
 
     __pydantic_config__ = STRICT
     camera: Camera = field(default_factory=Camera)
@@ -111,7 +125,7 @@ class Scene:
     settings: Settings = field(default_factory=Settings)
 
     def hash(self) -> str:
-        """The SHA-256 of the scene's canonical JSON: equal scenes have equal hashes."""
+        """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""
         return hashlib.sha256(ADAPTER.dump_json(self)).hexdigest()
 
 

@@ -27,13 +27,13 @@ LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TYPED = (*textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
 KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
-# A kind's own fields tell more than those that all kinds have.
+# Fields that every object has; they come after a kind's own fields, which say more about it.
 LAST = ("material", "transform")
 
-# What the fields mean that are no numbers of a kernel; those have a unit (quantities.Quantity).
+# Meanings of the fields that are not quantities of a kernel. A quantity has its unit instead (quantities.Quantity).
 MEANINGS: dict[type, dict[str, str]] = {
     Scene: {
-        "background": "what a ray sees that hits nothing: one colour, or a gradient",
+        "background": "colour of rays that hit nothing: one colour, or a gradient",
         "textures": "textures by name",
         "materials": "materials by name",
         "lights": "lights by name",
@@ -42,118 +42,123 @@ MEANINGS: dict[type, dict[str, str]] = {
     Film: {
         "width": "pixels, > 0",
         "height": "pixels, > 0",
-        "transparent": "whether the background is left out",
+        "transparent": "true: the background is left out",
     },
     Settings: {
         "spp": "samples per pixel, > 0",
-        "seed": "a whole number; another one is other noise",
-        "precision": "that of shading; geometry is double",
-        "sampler": "where the samples of a pixel fall",
-        "shading": "what is shown: light by one of three models, or one property of the surface",
-        "shadows": "whether there are shadows",
-        "depth": "reflections and refractions in a row, from 0, which switches both off, to 1000",
-        "misses": "what a secondary ray sees that hits nothing",
-        "local": "the weight of the own colour of a transparent surface: 1 - kt, or 1",
-        "area": "where area lights light from: every sample, or their centre",
+        "seed": "a whole number from 0 to 4294967295; another seed gives other noise",
+        "precision": "precision of shading; geometry is always double",
+        "sampler": "how the samples of a pixel are placed",
+        "shading": "one of three shading models, or the surface property that is shown",
+        "shadows": "whether lights cast shadows",
+        "depth": "largest number of reflections and refractions in a row, from 0 (neither) to 1000",
+        "misses": "colour of a secondary ray that hits nothing",
+        "local": "weight of a transparent surface's own colour: 1 - kt (weighted) or 1 (full)",
+        "area": "where the light of an area light comes from: its samples, or its centre",
         "accelerator": "how rays find what they hit; the picture is the same bit for bit",
     },
     Occlusion: {
         "sky": "rays per point, from 0 to 65536",
         "near": "rays per point, from 0 to 65536",
-        "hemisphere": "how the rays lie: by the cosine, or as in the original",
+        "hemisphere": "distribution of the rays: cosine, or box as in the original VisRayTrace",
     },
     Scatter: {
-        "rays": "rays per point that the eye sees, from 0 to 65536",
-        "depth": "levels, from 0 to 1000",
+        "rays": "rays per point that the camera sees, from 0 to 65536",
+        "depth": "bounces, from 0 to 1000",
     },
     Material: {"texture": "the name of one of the scene's textures, or null"},
     Texture: {
-        "scale": "per unit of u and of v, each from -1e6 to 1e6",
-        "offset": "units of the texture's u and v, each from -1e6 to 1e6",
+        "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
+        "offset": "shift in the texture's own u and v, each from -1e6 to 1e6",
     },
     ImageTexture: {
-        "file": "a path, relative to the scene file",
-        "filter": "the nearest pixel, or a blend of four",
-        "wrap": "what is seen beyond the edges",
-        "encoding": "auto: sRGB in PNG and JPEG files, linear in EXR files",
+        "file": "path of the image, relative to the scene file",
+        "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
+        "wrap": "how the image continues beyond its edges",
+        "encoding": "encoding of the file's numbers; auto is srgb for PNG and JPEG files, linear for EXR files",
     },
-    AreaLight: {"samples": "points of the light per shaded point, from 1 to 65536"},
+    AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
     Primitive: {
         "material": "the name of one of the scene's materials, or default",
-        "transform": "steps, the first one applied first",
+        "transform": "transformation steps; the first one is applied first",
     },
     Polynomial: {
-        "expression": 'f as in "x^2 + y^2 - z^2 - a": of x, y, z, numbers, pi, phi, sqrt(number) and the parameters',
+        "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, pi, phi, sqrt(number) and parameters',
         "monomis": 'the terms of f, as in ["0.9x2", "-3y2", "-1"]',
         "surface": f"the name of a known surface: {', '.join(SURFACES)}",
-        "parameters": "numbers by name, for those in the expression or instead of those of the known surface",
-        "clip": "what part of the surface there is; by default that of the known surface, or a ball of radius 5",
-        "ends": "whether the surface is open where the clip cuts it, or the solid where f < 0 is closed there",
-        "tolerance": "how far off crossings may be, from 0 to 1: a share of half a ray's chord in the clip",
+        "parameters": "values by name: of the parameters in the expression, or new values of the known surface's",
+        "clip": "region that bounds the surface; by default that of the known surface, or a ball of radius 5",
+        "ends": "open: the surface ends where the clip cuts it; closed: the clip closes the solid where f < 0",
+        "tolerance": "largest error of a crossing, from 0 to 1, as a share of half a ray's chord in the clip",
     },
     Scale: {"scale": "one factor, or one for each axis; not 0"},
     Rotate: {"rotate": "degrees"},
-    Matrix: {"matrix": "the three upper rows of a 4 x 4 matrix"},
+    Matrix: {"matrix": "the upper three rows of a 4 x 4 matrix"},
 }
 
 
 def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None = None) -> str:
-    """The text of a scene file that loads back as an equal scene; fields equal to their default are left out.
+    """Text of a scene file that loads as an equal scene. Fields that equal their default are left out.
 
-    The files of textures are named as seen from the current folder, or from `folder`, where the text will lie. like: a
-    scene file whose order is kept, with the defaults that it spells out and its `$schema`.
+    folder: the folder that the text will be written to; texture files are named relative to it, or to the current
+    folder where it is None.
+    like: a scene file to follow; its order of keys, its explicit defaults and its `$schema` are kept.
     """
     scene = checked(scene)
-    place = folder or "."
+    destination = folder or "."
     raw = read(like).raw if like else None
-    found = _plain(scene if folder is None else with_files(scene, lambda file: _way(place, file)), raw)
+    moved = scene if folder is None else with_files(scene, lambda file: _relative_path(destination, file))
+    tree = _json_tree(moved, raw)
     if isinstance(raw, dict) and "$schema" in raw:
         name = raw["$schema"]
-        near = os.path.join(os.path.dirname(like), name)
-        found = {"$schema": _way(place, near) if os.path.exists(near) else name} | found
-    return pretty(found) + "\n"
+        schema_file = os.path.join(os.path.dirname(like), name)
+        shown = _relative_path(destination, schema_file) if os.path.exists(schema_file) else name
+        tree = {"$schema": shown} | tree
+    return pretty(tree) + "\n"
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
-    """The scene with other names for the files of its textures."""
-    found = {
+    """The scene with each texture's file replaced by `renamed(file)`."""
+    textures = {
         name: replace(texture, file=renamed(texture.file)) if isinstance(texture, ImageTexture) else texture
         for name, texture in scene.textures.items()
     }
-    return replace(scene, textures=found)
+    return replace(scene, textures=textures)
 
 
-def _way(folder: str | Path, file: str) -> str:
-    """The way from a folder to a file, with forward slashes."""
-    # `..` leads out of what a link to a folder points at, not out of where the link lies: follow links first.
-    place, name = os.path.split(file)
-    return Path(os.path.relpath(os.path.realpath(place), os.path.realpath(folder)), name).as_posix()
+def _relative_path(folder: str | Path, file: str) -> str:
+    """Path of a file relative to a folder, with forward slashes."""
+    # Links are followed first: `..` leads out of the folder that a link points at, not out of the folder of the link.
+    parent, name = os.path.split(file)
+    return Path(os.path.relpath(os.path.realpath(parent), os.path.realpath(folder)), name).as_posix()
 
 
-def _plain(value: Any, like: Any = None) -> Any:
-    """Dicts and lists for a part of a scene; `like`: that part of a file which it should resemble."""
-    old = like if isinstance(like, dict) else {}
+def _json_tree(value: Any, like: Any = None) -> Any:
+    """A part of a scene as dicts and lists. `like`: the same part of an existing file, whose order and explicit
+    defaults are kept."""
+    previous = like if isinstance(like, dict) else {}
     if is_dataclass(value):
-        told = [f for f in fields(value) if f.name in {"type", *old} or getattr(value, f.name) != _default(f)]
-        told.sort(key=lambda f: (f.name != "type", f.name in LAST))
-        value = {f.name: getattr(value, f.name) for f in told}
+        written = [f for f in fields(value) if f.name in {"type", *previous} or getattr(value, f.name) != _default(f)]
+        written.sort(key=lambda f: (f.name != "type", f.name in LAST))
+        value = {f.name: getattr(value, f.name) for f in written}
     if isinstance(value, dict):
-        names = sorted(value, key=lambda k: list(old).index(k) if k in old else len(old))
-        return {k: _plain(value[k], old.get(k)) for k in names}
-    found = value
+        names = sorted(value, key=lambda k: list(previous).index(k) if k in previous else len(previous))
+        return {k: _json_tree(value[k], previous.get(k)) for k in names}
+    tree = value
     if isinstance(value, tuple):
-        parts = like if isinstance(like, list) and len(like) == len(value) else [None] * len(value)
-        found = [_plain(v, part) for v, part in zip(value, parts)]
-    # A whole number stays one.
-    return like if found == like else found
+        like_parts = like if isinstance(like, list) and len(like) == len(value) else [None] * len(value)
+        tree = [_json_tree(v, part) for v, part in zip(value, like_parts)]
+    # An equal value keeps its spelling: a file's 2 is not written as 2.0.
+    return like if tree == like else tree
 
 
 def _default(f: Field) -> Any:
+    """Default value of a dataclass field."""
     return f.default_factory() if f.default_factory is not MISSING else f.default
 
 
 def pretty(value: Any, indent: str = "") -> str:
-    """JSON with an entry a line, but short lists on one line."""
+    """JSON text with one entry per line; short lists stay on one line."""
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
     short = isinstance(value, list) and len(indent) + len(flat) <= LONGEST_LINE
     if short or not value or not isinstance(value, (dict, list)):
@@ -168,46 +173,46 @@ def pretty(value: Any, indent: str = "") -> str:
 
 
 def schema() -> dict:
-    """The JSON Schema of scene files, for editors: what each field means, and in which unit."""
-    made = ADAPTER.json_schema()
-    kinds = made["$defs"] | {"Scene": made}
+    """The JSON Schema of scene files, for editors. It gives the meaning and the unit of each field."""
+    scene_schema = ADAPTER.json_schema()
+    definitions = scene_schema["$defs"] | {"Scene": scene_schema}
     for kind in KINDS:
-        described = kinds[kind.__name__]
-        described["description"] = _told(kind)
+        definition = definitions[kind.__name__]
+        definition["description"] = _description(kind)
         for name, meaning in _meanings(kind).items():
-            described["properties"][name]["description"] = meaning
-        for field in described["properties"].values():
+            definition["properties"][name]["description"] = meaning
+        for field in definition["properties"].values():
             field.pop("title", None)  # it only repeats the name
             if "patternProperties" in field:
                 field["additionalProperties"] = False
         if kind in TYPED:
-            described["required"] = ["type", *described.get("required", ())]
-    made["properties"]["$schema"] = {"type": "string"}
-    made["title"] = "visray scene"
-    made["$defs"] = made.pop("$defs")  # the scene itself first
-    return {"$schema": DIALECT, "$id": "urn:visray:scene", **_shortened(made)}
+            definition["required"] = ["type", *definition.get("required", ())]
+    scene_schema["properties"]["$schema"] = {"type": "string"}
+    scene_schema["title"] = "visray scene"
+    scene_schema["$defs"] = scene_schema.pop("$defs")  # moves the definitions behind the scene itself
+    return {"$schema": DIALECT, "$id": "urn:visray:scene", **_with_uniform_items(scene_schema)}
 
 
-def _told(kind: type) -> str:
-    """The docstring of a kind, and those of its bases that bring fields into it."""
+def _description(kind: type) -> str:
+    """Docstring of a kind, followed by the docstrings of the bases that declare fields of it."""
     bases = [base for base in kind.__mro__ if is_dataclass(base)]
-    telling = [base for base in bases if any(f.name in get_annotations(base) for f in fields(base))]
-    return "\n\n".join(cleandoc(base.__doc__ or "") for base in telling)
+    declaring = [base for base in bases if any(f.name in get_annotations(base) for f in fields(base))]
+    return "\n\n".join(cleandoc(base.__doc__ or "") for base in declaring)
 
 
 def _meanings(kind: type) -> dict[str, str]:
-    """What the fields of a kind mean, its own and those of its bases: a unit, or what is to choose."""
-    others = {name: text for base in reversed(kind.__mro__) for name, text in MEANINGS.get(base, {}).items()}
-    return others | {name: quantity.unit for name, quantity in quantities(kind).items()}
+    """Meaning of each field of a kind and of its bases: its unit, or its text in MEANINGS."""
+    texts = {name: text for base in reversed(kind.__mro__) for name, text in MEANINGS.get(base, {}).items()}
+    return texts | {name: quantity.unit for name, quantity in quantities(kind).items()}
 
 
-def _shortened(tree: Any) -> Any:
-    """The schema with lists of like entries described once, not entry by entry."""
+def _with_uniform_items(tree: Any) -> Any:
+    """The schema with equal entries of a list described once (`items`) instead of one by one (`prefixItems`)."""
     if isinstance(tree, list):
-        return [_shortened(v) for v in tree]
+        return [_with_uniform_items(v) for v in tree]
     if not isinstance(tree, dict):
         return tree
-    each = tree.get("prefixItems")
-    if each and all(v == each[0] for v in each):
+    entries = tree.get("prefixItems")
+    if entries and all(v == entries[0] for v in entries):
         tree = {("items" if k == "prefixItems" else k): (v[0] if k == "prefixItems" else v) for k, v in tree.items()}
-    return {k: _shortened(v) for k, v in tree.items()}
+    return {k: _with_uniform_items(v) for k, v in tree.items()}

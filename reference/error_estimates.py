@@ -29,7 +29,8 @@ from rich.table import Table
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import Files
 from visray.output.curves import LUMINANCE
-from visray.render import LAYERS, adjusted
+from visray.output.layers import NAMES
+from visray.render import adjusted
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SEEDS, TRUE_SEEDS = (0, 1, 2), (1001, 1002)
@@ -150,11 +151,11 @@ class Stopwatch:
 def times(name: str) -> list[dict]:
     """A scene in so many seconds."""
     scene, rows = opened(name, TIMED_WIDTH), []
-    rendered(scene, error=1.0, layers=LAYERS)
+    rendered(scene, error=1.0, layers=NAMES)
     for asked in TIMED[name]:
         with tempfile.TemporaryDirectory() as folder, Stopwatch() as passes:
             path, begun = Path(folder, "a.exr"), time.perf_counter()
-            image = rendered(scene, time=asked, files=Files([path]), layers=LAYERS)
+            image = rendered(scene, time=asked, files=Files([path]), layers=NAMES)
             image.write(path)
             took = time.perf_counter() - begun
         facts = image.metadata

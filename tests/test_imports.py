@@ -25,7 +25,7 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.defined primitives.torus primitives
 scene.scene
 scene
-features progress output.files output.curves output.exr output.rounding output.png output.image output
+features progress output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack batches sampling moments film
 accel.policy accel.boxes accel.tree accel.culling accel.crossings accel.origin accel.search accel
@@ -37,7 +37,7 @@ indirect
 integrator
 setup passes
 adaptive
-render
+certificate provenance render
 gradients
 study
 cli.options cli.rendering cli.studies cli.files cli.commands cli

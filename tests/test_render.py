@@ -21,10 +21,11 @@ from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.moments import BLOCK, Moments
+from visray.output.layers import names_from
 from visray.passes import blank, expose, exposed_once
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
-from visray.render import ADAPTIVE_LAYERS, LAYERS, PROOF, render
+from visray.render import render
 from visray.sampling import Plan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings
@@ -280,7 +281,7 @@ def test_rows_are_in_the_order_of_the_picture() -> None:
 def test_smallest_pictures(size: tuple[int, int]) -> None:
     image = render(SHOW, size=size, spp=3, progress=False)
     # No roots are searched for, and no error is asked for.
-    assert list(image.layers) == [name for name in LAYERS if name not in PROOF + ADAPTIVE_LAYERS]
+    assert list(image.layers) == list(names_from("film", "first hit"))
     for layer in image.layers.values():
         assert layer.shape[:2] == (size[1], size[0]) and np.isfinite(layer[image["id"] > 0]).all()
     one = render(SHOW, size=size, spp=1, progress=False)

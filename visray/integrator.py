@@ -1,6 +1,6 @@
 """Radiance and layers along rays, composed from the effects that are present."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -140,56 +140,53 @@ class _Pixels:
         return ray.d if ray.rough is None else ray.rough, ray.o
 
 
-@dataclass(frozen=True)
-class FirstHit:
-    """The data layers of the first hit at each pixel's centre: distances are inf and the others 0 where nothing is
-    hit.
+def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
+    """The layers of the first hit along the ray through each pixel's centre, by name (visray/output/layers.py).
 
-    object: its number in the scene, NO_ROW for none. unresolved, residual: the certificate of what is searched for;
-    None where nothing is.
+    Where nothing is hit, distances are inf and all other layers 0. The layers of the certificate are there only if the
+    scene has surfaces whose crossings are searched for.
     """
-
-    object: Any
-    distance: Any
-    depth: Any
-    p: Any
-    n: Any
-    u: Any
-    v: Any
-    albedo: Any
-    unresolved: Any
-    residual: Any
-
-
-def first_hit(s: KernelScene, x: Any, y: Any) -> FirstHit:
-    """What the ray through each pixel's centre hits first."""
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.origin, ray)
-    here = interact(s, ray, hit)
-    depth = a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward)))
-    p, kd = a.V(here.surface.p), here.material.kd
-    shown = (dr.select(hit.valid, x, 0) for x in (p, here.n, here.u, here.v, kd))
-    return FirstHit(object_of(s, hit), a.F(hit.t), depth, *shown, *certificate(s, ray, hit, here.surface.p))
+    at = interact(s, ray, hit)
+
+    def shown(value: Any) -> Any:
+        return dr.select(hit.valid, value, 0)
+
+    layers = {
+        "Z": a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward))),
+        "distance": a.F(hit.t),
+        "N": shown(at.n),
+        "P": shown(a.V(at.surface.p)),
+        "UV": (shown(at.u), shown(at.v)),
+        "albedo": shown(at.material.kd),
+        # NO_ROW + 1 is 0: no object.
+        "id": object_of(s, hit) + 1,
+    }
+    return layers | certificate(s, ray, hit, at.surface.p)
 
 
 def object_of(s: KernelScene, hit: Hit) -> Any:
-    """The number in the scene of the object that is hit, NO_ROW for none."""
-    number = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
+    """The index in the scene of the object that is hit, NO_ROW for none."""
+    index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
-        here = batch.has(hit.row)
-        own = dr.gather(s.a.U, batch.object, dr.select(here, hit.row - batch.base, 0))
-        number = dr.select(here, own, number)
-    return number
+        in_batch = batch.has(hit.row)
+        own = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.base, 0))
+        index = dr.select(in_batch, own, index)
+    return index
 
 
-def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
-    """Of the rows whose crossings are searched for: how many parts of a ray are unresolved, and the distance of the
-    point p that is seen from its surface, to first order, in units in the last place of the largest coordinate, its own
-    or the eye's."""
+def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
+    """The certificate's layers, of surfaces whose crossings are searched for; empty if the scene has none.
+
+    unresolved: parts of the ray in which rounding hides whether there is a crossing.
+    residual: the distance of the visible point p from its surface, to first order, in units in the last place of the
+        largest coordinate of p and the ray's origin.
+    """
     a, searched = s.a, [b for b in s.batches if b.kind.searched]
     if not searched:
-        return None, None
+        return {}
     unresolved, residual = dr.zeros(a.U, dr.width(ray.d)), dr.zeros(a.F, dr.width(ray.d))
     for batch in searched:
 
@@ -199,10 +196,10 @@ def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> tuple[Any, Any]:
 
         n = len(batch)
         unresolved = s.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
-        here = batch.has(hit.row)
-        placed = rows(batch.placed, dr.select(here, hit.row - batch.base, 0))
+        in_batch = batch.has(hit.row)
+        placed = rows(batch.placed, dr.select(in_batch, hit.row - batch.base, 0))
         f, _ = batch.kind.surface_at(placed, p, batch.part(hit.part))
         largest = [dr.maximum(dr.maximum(dr.abs(v.x), dr.abs(v.y)), dr.abs(v.z)) for v in (p, ray.o)]
         ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(*largest)
-        residual = dr.select(here, a.F(dr.abs(f) / dr.select(here, ulp, 1)), residual)
-    return unresolved, residual
+        residual = dr.select(in_batch, a.F(dr.abs(f) / dr.select(in_batch, ulp, 1)), residual)
+    return {"unresolved": unresolved, "residual": residual}

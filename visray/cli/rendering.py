@@ -14,9 +14,10 @@ from visray.adaptive.stopping import Goal
 from visray.cli.options import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
 from visray.errors import UserError
 from visray.output.image import check_destination
+from visray.output.layers import NAMES, names_from
 from visray.progress import Interrupts
 from visray.quantities import BACKENDS
-from visray.render import LAYERS, PROOF, render
+from visray.render import render
 
 # What a picture says that was made to an error, or in a time.
 PURSUED_FACTS = (
@@ -30,11 +31,11 @@ PROVEN = ("unresolved", "residual_ulps")
 def wanted(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
     """The layers that the outputs need: all for an EXR file, colour and coverage for a PNG file, or those named."""
     if text is None or text == "all":
-        return LAYERS if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A", *PROOF)
-    named = {l.lower(): l for l in LAYERS}
+        return NAMES if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A", *names_from("certificate"))
+    named = {l.lower(): l for l in NAMES}
     asked = [l.strip() for l in text.split(",")]
     if unknown := [l for l in asked if l.lower() not in named]:
-        raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(LAYERS)}")
+        raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
     return tuple(dict.fromkeys(("RGB", "A", *(named[l.lower()] for l in asked))))
 
 
@@ -89,7 +90,7 @@ def render_command(
     threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
     backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
     set: Settings = [],  # noqa: B006 - the name of the option; only read
-    layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(LAYERS)}.")] = None,
+    layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(NAMES)}.")] = None,
     gamma: Annotated[str, Parameter(help="Of a PNG file: srgb, or an exponent such as 2.")] = "srgb",
     exposure: Annotated[float, Parameter(help="Of a PNG file, in stops.")] = 0.0,
     quiet: Annotated[bool, Parameter(help="Print nothing, and show no progress.")] = False,

@@ -1,7 +1,6 @@
-"""EXR files as compositors expect them: one part, scan lines, ZIP, mixed half and float.
+"""EXR files as compositors expect them: one part, scan lines, ZIP compression, mixed half and float channels.
 
-`R G B A` and the albedo are half; depth, positions, normals, UV and variances are float; ids are uint32. The names
-follow what Nuke and Blender make of them: at most two dots, no leading digit, and root `Z` without root X and Y.
+Names and types of the channels: visray/output/layers.py.
 """
 
 import os
@@ -14,9 +13,10 @@ import OpenEXR
 
 from visray.errors import UserError
 from visray.output.files import replacing
+from visray.output.layers import BY_NAME, LAYERS
 
 PREFIX = "visray/"
-# Attributes that OpenEXR or other renderers have given a meaning; they stand without the prefix.
+# Attributes to which OpenEXR or other renderers have given a meaning; they are written without the prefix.
 STANDARD = {"software": str, "capDate": str, "utcOffset": float, "owner": str, "comments": str}
 MATRICES = ("worldToCamera", "worldToNDC")
 # Linear light with the primaries and the white of Rec. 709; the numbers are for readers older than OpenEXR 3.4.
@@ -24,41 +24,29 @@ COLOR = {
     "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290),
     "colorInteropID": "lin_rec709_scene",
 }
-# layer: the channels it becomes. A layer that is not here becomes <layer>.<one of BY_SIZE>.
-CHANNELS = {
-    "RGB": ("R", "G", "B"),
-    "A": ("A",),
-    "Z": ("Z",),
-    "distance": ("dist.Z",),
-    "N": ("N.X", "N.Y", "N.Z"),
-    "P": ("P.X", "P.Y", "P.Z"),
-    "id": ("id.object",),
-    "samples": ("samples.count",),
-    "unresolved": ("proof.unresolved",),
-    "residual": ("proof.residual",),
-}
-BY_SIZE = {1: "X", 2: "UV", 3: "RGB", 4: "RGBA"}
-HALF = ("RGB", "A", "albedo")
+# Channel letters of a layer that has no record, by the count of numbers that a pixel has.
+LETTERS = {1: "X", 2: "UV", 3: "RGB", 4: "RGBA"}
 LARGEST_HALF = 65504.0
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)?")
+_RECORDED = {channel for layer in LAYERS for channel in layer.channels}
 _ORDER = {letter: place for place, letter in enumerate("RGBAXYZWUV")}
 
 
 def write_exr(path: str | os.PathLike[str], layers: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
-    """Writes layers and metadata. Colour beyond the range of half is written as its largest number."""
+    """Writes layers and metadata. Values of half channels are clamped to the range of half."""
     channels: dict[str, np.ndarray] = {}
     for name, values in layers.items():
         channels |= _channels(name, values)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
-    # Through Python's file and not by name: then a full disk is an OSError with its number.
+    # OpenEXR gets an open file, not a name: then a full disk raises an OSError with its error number.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         OpenEXR.File(header, channels).write(file)
 
 
 def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Layers and metadata of a file with one part, of visray or of another program: half becomes float32.
+    """Reads layers and metadata from a file of one part, written by visray or by another program.
 
-    The colour is taken as it is, whatever colour space the file states.
+    Half becomes float32. No colour space is converted, whatever the file states.
     """
     path = os.fspath(path)
     if not os.path.isfile(path):
@@ -66,7 +54,7 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
     if not OpenEXR.isOpenExrFile(path):
         raise UserError(f"{path}: this is not an EXR file; give one")
     try:
-        # Without this, OpenEXR would group R, G and B, but leave all other layers apart.
+        # By default OpenEXR joins R, G and B into one array, but not the channels of other layers.
         file = OpenEXR.File(path, separate_channels=True)
     except (RuntimeError, ValueError) as error:
         raise UserError(f"{path}: the EXR file cannot be read ({error}); write it anew") from error
@@ -80,11 +68,12 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
 
 
 def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """The channels of one layer, in the type in which they are written."""
+    """Channels of one layer by name, in the types that are written. Shapes: values (H, W) or (H, W, n)."""
     if not _NAME.fullmatch(name):
         raise UserError(f"image: layer '{name}' cannot be written as EXR; use letters, digits and _, a letter first")
     flat = values[..., None] if values.ndim == 2 else values
-    names = CHANNELS.get(name) or tuple(f"{name}.{letter}" for letter in BY_SIZE.get(flat.shape[2], ""))
+    by_size = tuple(f"{name}.{letter}" for letter in LETTERS.get(flat.shape[2], ""))
+    names = BY_NAME[name].channels if name in BY_NAME else by_size
     if len(names) != flat.shape[2]:
         right = f"{len(names)}" if names else "1 to 4"
         raise UserError(f"image: layer '{name}' has {flat.shape[2]} numbers a pixel; an EXR file takes {right}")
@@ -92,34 +81,36 @@ def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _typed(name: str, values: np.ndarray) -> np.ndarray:
-    if name in ("id", "unresolved") or values.dtype == np.uint32:
+    """Values in the type in which the layer is written: that of its record, else uint32 or float."""
+    dtype = BY_NAME[name].dtype if name in BY_NAME else None
+    if np.uint32 in (dtype, values.dtype):
         if not np.issubdtype(values.dtype, np.integer) or (values.astype(np.uint32) != values).any():
             raise UserError(f"image: layer '{name}' must hold whole numbers from 0 to {2**32 - 1}")
         return np.ascontiguousarray(values, np.uint32)
-    if name in HALF:
+    if dtype is np.float16:
         return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
-    # A double beyond the range of float is written as infinite: for data, a wrong finite number would be worse.
+    # A double beyond the range of float becomes inf: in data, a wrong finite number would be worse.
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(values, np.float32)
 
 
 def _attributes(facts: dict[str, Any]) -> dict[str, Any]:
-    """The metadata as attributes; an empty list of texts is left out, as OpenEXR has none."""
-    found: dict[str, Any] = {}
+    """Metadata as EXR attributes. An empty list is left out, because OpenEXR cannot write one."""
+    attributes: dict[str, Any] = {}
     if "render_seconds" in facts:
-        found["renderTime"] = float(facts["render_seconds"])
+        attributes["renderTime"] = float(facts["render_seconds"])
     for key, value in facts.items():
         if key in MATRICES:
-            found[key] = np.array(value, np.float32)
-            if found[key].shape != (4, 4):
-                raise UserError(f"image: metadata '{key}' must be a 4 x 4 matrix, not {found[key].shape}")
+            attributes[key] = np.array(value, np.float32)
+            if attributes[key].shape != (4, 4):
+                raise UserError(f"image: metadata '{key}' must be a 4 x 4 matrix, not {attributes[key].shape}")
         elif value not in ([], ()):
-            found[key if key in STANDARD else PREFIX + key] = STANDARD.get(key, _attribute)(value)
-    return found
+            attributes[key if key in STANDARD else PREFIX + key] = STANDARD.get(key, _attribute)(value)
+    return attributes
 
 
 def _attribute(value: Any) -> Any:
-    """A value that OpenEXR keeps exactly: a number that its 32-bit types would change is written as text."""
+    """A value that OpenEXR stores exactly: a number that its 32-bit types would change is written as text."""
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, int):
@@ -134,33 +125,34 @@ def _attribute(value: Any) -> Any:
 
 
 def _survives(value: float) -> bool:
-    """Whether `value` is the shortest decimal of its float32, or not finite: then it is read back as it was."""
+    """Whether a float32 gives `value` back: it is the shortest decimal of its float32, or not finite."""
     with np.errstate(over="ignore"):
         return not np.isfinite(value) or float(str(np.float32(value))) == value
 
 
 def _metadata(header: dict[str, Any]) -> dict[str, Any]:
-    """What `_attributes` wrote, undone; matrices come back as lists, and other programs' attributes are left out."""
-    found = {}
+    """Metadata from a header: the inverse of `_attributes`. Matrices become lists; attributes of other programs are
+    left out."""
+    facts = {}
     for key, value in header.items():
         if key in MATRICES and isinstance(value, np.ndarray):
-            found[key] = value.tolist()
+            facts[key] = value.tolist()
         elif key in STANDARD:
-            found[key] = value
+            facts[key] = value
         elif key.startswith(PREFIX):
-            found[key.removeprefix(PREFIX)] = _undone(value)
-    return found
+            facts[key.removeprefix(PREFIX)] = _value(value)
+    return facts
 
 
-def _undone(value: Any) -> Any:
-    """An attribute as `_attribute` got it: floats in the shortest decimals of their float32, texts of numbers read."""
-    if isinstance(value, float):
-        return float(str(np.float32(value)))
-    return _number(value) if isinstance(value, str) else value
+def _value(attribute: Any) -> Any:
+    """The value of an attribute: the inverse of `_attribute`. A float is the shortest decimal of its float32."""
+    if isinstance(attribute, float):
+        return float(str(np.float32(attribute)))
+    return _number(attribute) if isinstance(attribute, str) else attribute
 
 
 def _number(text: str) -> Any:
-    """The number that `_attribute` had to write as text, or the text itself."""
+    """The number that `_attribute` has written as text, or the text itself."""
     for kind in (int, float):
         try:
             number = kind(text)
@@ -172,21 +164,31 @@ def _number(text: str) -> Any:
 
 
 def _layers(pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The layers of the channels, in the order in which visray has them."""
-    left = dict(pixels)
-    found = {}
-    for layer, names in CHANNELS.items():
-        if all(name in left for name in names):
-            found[layer] = _stack(left.pop(name) for name in names)
+    """Layers from channels: first those with a record, in the order of the records, then the others by prefix.
+
+    A record is not used where the file has more channels of that prefix, such as albedo.A: that is another layer.
+    """
+    rest = dict(pixels)
+    foreign = {_prefix(name) for name in set(pixels) - _RECORDED if "." in name}
+    layers = {}
+    for layer in LAYERS:
+        if all(name in rest and _prefix(name) not in foreign for name in layer.channels):
+            layers[layer.name] = _stack(rest.pop(name) for name in layer.channels)
     groups: dict[str, list[str]] = {}
-    for name in left:
-        groups.setdefault(name.rpartition(".")[0] or name, []).append(name)
-    for layer, names in groups.items():
+    for name in rest:
+        groups.setdefault(_prefix(name), []).append(name)
+    for prefix, names in groups.items():
         names.sort(key=lambda name: (_ORDER.get(name.rpartition(".")[2], len(_ORDER)), name))
-        found[layer] = _stack(left[name] for name in names)
-    return found
+        layers[prefix] = _stack(rest[name] for name in names)
+    return layers
+
+
+def _prefix(channel: str) -> str:
+    """The part of a channel's name before its last dot; the whole name if it has no dot."""
+    return channel.rpartition(".")[0] or channel
 
 
 def _stack(channels: Iterable[np.ndarray]) -> np.ndarray:
-    wide = [values.astype(np.float32) if values.dtype == np.float16 else values for values in channels]
-    return wide[0] if len(wide) == 1 else np.stack(wide, axis=-1)
+    """The array of a layer; half becomes float32. Shapes: (H, W) for one channel, else (H, W, n)."""
+    arrays = [values.astype(np.float32) if values.dtype == np.float16 else values for values in channels]
+    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)

@@ -1,0 +1,104 @@
+"""The layers of a picture: one record each. Renderer, files, command line and documentation read them from here.
+
+To add a layer: one record below, and its values where its source is computed (docs/extending.md).
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+# Which code computes a layer; each returns its layers in a dictionary by name.
+#   film         the colours of all samples (render.developed, adaptive.dual_buffer)
+#   adaptive     likewise, only in pictures made to an error or in a time (adaptive.dual_buffer)
+#   first hit    the ray through the pixel's centre (integrator.first_hit)
+#   certificate  likewise, only in scenes with polynomial surfaces or tori (integrator.certificate)
+Source = Literal["film", "adaptive", "first hit", "certificate"]
+TYPES = {np.float16: "half", np.float32: "float", np.uint32: "uint32"}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a picture.
+
+    name: its name in vr.render and in an Image.
+    channels: the names of its channels in an EXR file; as many as a pixel has numbers.
+    dtype: their type in an EXR file. In memory a half is a float.
+    unit: the unit of the numbers.
+    filtered: whether a pixel's value comes from all its samples (True), or from the ray through its centre (False).
+    source: the code that computes it (Source).
+    meaning: one line for users.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    dtype: type
+    unit: str
+    filtered: bool
+    source: Source
+    meaning: str
+
+    @property
+    def memory_dtype(self) -> type:
+        """The type of its numbers in an Image: uint32 or float32."""
+        return np.uint32 if self.dtype is np.uint32 else np.float32
+
+
+def _vector(prefix: str, letters: str) -> tuple[str, ...]:
+    """Channels such as N.X, N.Y, N.Z."""
+    return tuple(f"{prefix}.{letter}" for letter in letters)
+
+
+# In the order in which a picture holds them. Channel names follow what Nuke and Blender make of them: at most two
+# dots, no leading digit, and Z at the root only because there is no X and Y at the root.
+LAYERS = (
+    Layer("RGB", ("R", "G", "B"), np.float16, "linear Rec. 709", True, "film",
+          "colour, premultiplied by A"),
+    Layer("A", ("A",), np.float16, "0 to 1", True, "film",
+          "coverage: 1 unless the film is transparent"),
+    Layer("variance", _vector("variance", "RGB"), np.float32, "RGB squared", True, "film",
+          "variance of the pixel's samples (no such layer at 1 spp); divided by spp, that of the pixel if its samples "
+          "were independent"),
+    Layer("error", _vector("error", "RGB"), np.float32, "RGB", True, "adaptive",
+          "with `--error` or `--time`: standard error of the pixel, from the difference of its two halves over 3 x 3 "
+          "pixels"),
+    Layer("samples", ("samples.count",), np.uint32, "samples", True, "adaptive",
+          "with `--error` or `--time`: number of samples of the pixel"),
+    Layer("Z", ("Z",), np.float32, "world", False, "first hit",
+          "depth along the view direction; inf where nothing is hit"),
+    Layer("distance", ("dist.Z",), np.float32, "world", False, "first hit",
+          "distance along the ray; inf where nothing is hit"),
+    Layer("N", _vector("N", "XYZ"), np.float32, "1", False, "first hit",
+          "unit normal in world space, turned to the camera; 0 where nothing is hit"),
+    Layer("P", _vector("P", "XYZ"), np.float32, "world", False, "first hit",
+          "point in world space; 0 where nothing is hit"),
+    Layer("UV", _vector("UV", "UV"), np.float32, "1", False, "first hit",
+          "texture coordinates, v upwards; 0 where nothing is hit"),
+    Layer("albedo", _vector("albedo", "RGB"), np.float16, "0 to 1", False, "first hit",
+          "kd of the material, or the colour of its texture; 0 where nothing is hit"),
+    Layer("id", ("id.object",), np.uint32, "number", False, "first hit",
+          "number of the object in the order of the scene file, from 1; 0 where nothing is hit"),
+    Layer("unresolved", ("proof.unresolved",), np.uint32, "intervals", False, "certificate",
+          "with polynomial surfaces and tori: parts of the ray where rounding hides whether there is a crossing"),
+    Layer("residual", ("proof.residual",), np.float32, "ulp", False, "certificate",
+          "with polynomial surfaces and tori: distance of the point from its surface, in units in the last place"),
+)  # fmt: skip
+BY_NAME = {layer.name: layer for layer in LAYERS}
+NAMES = tuple(BY_NAME)
+
+
+def names_from(*sources: Source) -> tuple[str, ...]:
+    """Names of the layers with one of these sources."""
+    return tuple(layer.name for layer in LAYERS if layer.source in sources)
+
+
+def table() -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the table of layers in the documentation."""
+    heads = ["layer", "channels", "type", "unit", "taken from", "meaning"]
+    return heads, [_row(layer) for layer in LAYERS]
+
+
+def _row(layer: Layer) -> list[Any]:
+    channels = " ".join(f"`{channel}`" for channel in layer.channels)
+    taken_from = "all samples" if layer.filtered else "pixel's centre"
+    return [f"`{layer.name}`", channels, TYPES[layer.dtype], layer.unit, taken_from, layer.meaning]

@@ -1,4 +1,5 @@
-"""Puts the figures of reference/*.json into README.md and docs/*.md, between marks such as <!-- figures: speed -->.
+"""Fills the tables of README.md and docs/*.md, between marks such as <!-- figures: speed -->: from the reports
+reference/*.json, and from the records of layers.
 
 python reference/docs_figures.py
 """
@@ -6,6 +7,8 @@ python reference/docs_figures.py
 import json
 import re
 from pathlib import Path
+
+from visray.output import layers
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -231,7 +234,13 @@ def cost() -> list[str]:
     ]
 
 
+def layer_records() -> list[str]:
+    """The layers of a picture."""
+    return table(*layers.table())
+
+
 FIGURES = {
+    "layers": layer_records,
     "estimates": estimates,
     "adaptive": adaptive,
     "cost": cost,

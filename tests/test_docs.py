@@ -9,6 +9,7 @@ import OpenEXR
 import pytest
 
 import visray as vr
+from visray.output.layers import BY_NAME, names_from
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -57,19 +58,7 @@ def test_the_links_lead_somewhere(page):
 
 def test_the_exr_has_the_channels_that_the_page_lists(tmp_path):
     vr.render(str(ROOT / "scenes" / "sphere.json"), size=(8, 8), spp=2).write(tmp_path / "a.exr")
-    found = set(OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels())
-    assert {
-        "R",
-        "G",
-        "B",
-        "A",
-        "Z",
-        "dist.Z",
-        "variance.R",
-        "N.X",
-        "P.X",
-        "UV.U",
-        "UV.V",
-        "albedo.R",
-        "id.object",
-    } < found
+    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    types = {name: channel.pixels.dtype.type for name, channel in channels.items()}
+    layers = [BY_NAME[name] for name in names_from("film", "first hit")]
+    assert types == {name: layer.dtype for layer in layers for name in layer.channels}

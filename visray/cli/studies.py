@@ -88,7 +88,7 @@ def check(
     json: Json = False,
 ) -> int:
     """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
-    from visray.study import crosscheck  # Mitsuba takes a while to load, and no other command needs it
+    from visray.study.mitsuba import crosscheck  # Mitsuba takes a while to load, and no other command needs it
 
     if output is not None:
         check_destination(output)

@@ -164,7 +164,7 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
 
 
 def explain(scene: Scene) -> Features:
-    """The effects that are simulated for a scene and those that are not, each with a reason; how its rays find objects."""
+    """The effects that a scene calls for and those it does not, each with a reason; how its rays find objects."""
     scene = checked(scene)
     on = features(scene)
     return replace(on, rays=ray_families(scene, on))

@@ -1,31 +1,110 @@
-"""README and the pages of docs/ say what is measured and what works."""
+"""README and the pages of docs/: what they show runs, what they say of fields and options is so, and their figures are
+those of the reports."""
 
+import inspect
 import json
 import re
+import shlex
 import sys
+import warnings
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import OpenEXR
 import pytest
+from PIL import Image
 
 import visray as vr
+from visray import lights, primitives, textures
+from visray.cli.options import app
+from visray.lights.light import AreaLight, Light
 from visray.output.layers import BY_NAME, names_from
+from visray.polynomials.catalogue import SURFACES
+from visray.primitives.primitive import Primitive
+from visray.scene.check import examined
+from visray.scene.legacy.convert import SeedWarning
+from visray.textures import Texture
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = {path.stem: path for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))}
 sys.path.insert(0, str(ROOT / "reference"))
 import docs_figures  # noqa: E402 - from the folder that the line above adds
 
+TEXTS = {name: path.read_text() for name, path in PAGES.items()}
+page = pytest.mark.parametrize("page", PAGES)
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+
+def blocks(language: str) -> list:
+    """The code blocks of all pages in a language, as parameters with names such as scenes-3."""
+    parts = []
+    for name, text in TEXTS.items():
+        found = re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+        parts += [pytest.param(name, block, id=f"{name}-{i + 1}") for i, block in enumerate(found)]
+    return parts
+
+
+# Pages, figures, links.
+
+
+def test_pages_are_short():
+    lines = {name: text.count("\n") for name, text in TEXTS.items()}
+    assert lines.pop("README") <= 200
+    assert {name: count for name, count in lines.items() if count >= 300} == {}
+
+
+@page
+def test_a_page_begins_with_what_it_is_for(page):
+    first, empty, second = TEXTS[page].splitlines()[:3]
+    assert first.startswith("# ")
+    assert empty == ""
+    assert second[0].isalpha() or second.startswith("![")
+
+
+@page
 def test_the_figures_are_those_of_the_reports(page):
-    text = page.read_text()
-    assert docs_figures.filled(text) == text
+    assert docs_figures.filled(TEXTS[page]) == TEXTS[page]
 
 
 def test_each_figure_stands_on_one_page():
-    marks = [name for page in PAGES for name in re.findall("<!-- figures: (.*?) -->", page.read_text())]
+    marks = [name for text in TEXTS.values() for name in re.findall("<!-- figures: (.*?) -->", text)]
     assert sorted(marks) == sorted(docs_figures.FIGURES)
+
+
+def headings(text: str) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    lines = re.findall(r"^#+ (.*)", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", line.lower()).strip().replace(" ", "-") for line in lines}
+
+
+def links(name: str) -> list[tuple[Path, str]]:
+    """The files that a page links to or shows, and the heading in each."""
+    targets = re.findall(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"", TEXTS[name])
+    parts = [(a or b).partition("#") for a, b in targets if not (a or b).startswith("http")]
+    return [(PAGES[name].parent / file if file else PAGES[name], anchor) for file, _, anchor in parts]
+
+
+@page
+def test_links_lead_somewhere(page):
+    for file, anchor in links(page):
+        assert file.exists(), file
+        assert not anchor or anchor in headings(file.read_text()), f"{file}#{anchor}"
+
+
+def test_each_page_is_reached_from_the_readme():
+    assert {file.resolve() for file, _ in links("README")} >= {path.resolve() for path in PAGES.values()} - {
+        PAGES["README"].resolve()
+    }
+
+
+def test_each_picture_of_docs_is_shown_and_small():
+    shown = {file.resolve() for name in PAGES for file, _ in links(name)}
+    for picture in (ROOT / "docs").rglob("*.png"):
+        assert picture.resolve() in shown, picture
+        with Image.open(picture) as opened:
+            assert max(opened.size) <= 2000
+    for picture in (ROOT / "docs" / "gallery").glob("*.png"):
+        assert picture.stat().st_size < 150_000, picture
+        assert (ROOT / "scenes" / f"{picture.stem}.json").exists()
 
 
 def test_a_table_has_a_line_a_row_and_escapes_bars():
@@ -39,26 +118,199 @@ def test_the_reports_are_of_every_scene_and_all_passed():
     assert all(r["passed"] for r in report.values())
 
 
-def headings(text: str) -> set[str]:
-    """The anchors of a page's headings, as GitHub makes them."""
-    lines = re.findall(r"^#+ (.*)", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", line.lower()).strip().replace(" ", "-") for line in lines}
+# What is shown runs.
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_the_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
-        if target.startswith("http"):
-            continue
-        file, _, anchor = target.partition("#")
-        place = page if not file else page.parent / file
-        assert place.exists(), target
-        assert not anchor or anchor in headings(place.read_text()), target
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder to work in, with the scenes of the repository."""
+    (tmp_path / "scenes").symlink_to(ROOT / "scenes")
+    (tmp_path / "textures").symlink_to(ROOT / "scenes" / "textures")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
-def test_the_exr_has_the_channels_that_the_page_lists(tmp_path):
-    vr.render(str(ROOT / "scenes" / "sphere.json"), size=(8, 8), spp=2).write(tmp_path / "a.exr")
-    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+@pytest.mark.parametrize("page, block", blocks("json"))
+def test_a_scene_on_a_page_loads(page, block, folder):
+    (folder / "scene.json").write_text(block)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SeedWarning)
+        vr.load(folder / "scene.json")
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_setup_file_on_the_page_of_visraytrace_belongs_to_its_scene(folder):
+    for name, language in (("scene", "json"), ("setup", "json setup")):
+        block = next(p.values[1] for p in blocks(language) if p.values[0] == "visraytrace")
+        (folder / f"{name}.json").write_text(block)
+    assert set(vr.load(folder / "scene.json", folder / "setup.json").objects) == {"ball", "floor"}
+
+
+@pytest.mark.parametrize("page, block", blocks("python"))
+def test_a_script_on_a_page_runs(page, block, folder, monkeypatch):
+    """With few samples, on small pictures: what it prints is not looked at."""
+    render, load, scene = vr.render, vr.load, vr.Scene
+    small = vr.Film(width=16, height=12)
+    monkeypatch.setattr(vr, "Scene", lambda **parts: scene(**parts | {"film": small}))
+    monkeypatch.setattr(vr, "load", lambda *a, **k: vr.replaced(load(*a, **k), "film", small))
+    monkeypatch.setattr(vr, "render", lambda made, **k: render(made, **k | {"size": (16, 12), "progress": False}))
+    if "vr.cost(" in block or "vr.tune(" in block:
+        calls = []
+        monkeypatch.setattr(vr, "cost", _stub(vr.cost, calls))
+        monkeypatch.setattr(vr, "tune", _stub(vr.tune, calls))
+    exec(compile(re.sub(r"\bspp=\d+", "spp=2", block), f"{page}.md", "exec"), {"__name__": "__main__"})
+
+
+class _Anything:
+    def __getattr__(self, name):
+        return self
+
+    def __call__(self, *args, **kwargs):
+        return self
+
+
+def _stub(function, calls):
+    """A function that takes what another one takes, and does nothing: the study has tests of its own."""
+    signature = inspect.signature(function)
+
+    def stub(*args, **kwargs):
+        signature.bind(*args, **kwargs)
+        return _Anything()
+
+    return stub
+
+
+def commands() -> list:
+    """Every line of the shell blocks that starts with visray, without its comment."""
+    found = []
+    for param in blocks("sh") + blocks("console"):
+        page, block = param.values
+        for line in block.replace("\\\n", " ").splitlines():
+            for part in line.split("&&"):
+                words = shlex.split(part.removeprefix("$ "), comments=True)
+                if words and Path(words[0]).name == "visray":
+                    found.append(pytest.param(page, words[1:], id=f"{page}: {shlex.join(words)}"))
+    return found
+
+
+@pytest.mark.parametrize("page, words", commands())
+def test_a_command_on_a_page_is_one(page, words):
+    if not words or words in (["--help"], ["--version"], ["COMMAND", "--help"]):
+        return
+    command, *_ = app.parse_args(words, exit_on_error=False, print_error=False)
+    assert command is not None
+    for word in words[1:]:
+        if word.startswith("scenes/"):
+            assert (ROOT / word).exists()
+
+
+def test_each_command_is_on_the_page_of_commands():
+    text = TEXTS["command-line"]
+    for name in app:
+        if not name.startswith("-"):
+            assert f"`visray {name}" in text or f"visray {name} " in text, name
+
+
+# What is said of fields is so.
+
+
+FOR_TABLES = {
+    "Scene": vr.Scene, "Camera": vr.Camera, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
+    "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
+    "Object": Primitive, "Polynomial": vr.Polynomial,
+}  # fmt: skip
+
+
+def own(kind: type, but: type | None = None) -> dict[str, object]:
+    """The fields of a kind and their defaults as JSON; MISSING where there is none. Without those of another kind."""
+    rest = {f.name for f in fields(but)} if but else set()
+    defaults = {}
+    for f in fields(kind):
+        default = f.default_factory() if f.default_factory is not MISSING else f.default
+        if f.name not in rest and f.name != "type":
+            defaults[f.name] = default
+    return defaults
+
+
+def cells(table: str) -> list[list[str]]:
+    """The rows of a Markdown table, without its head."""
+    rows = [line.strip("|").split(" | ") for line in table.strip().splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in row] for row in rows[2:]]
+
+
+def told(name: str) -> str:
+    """The table behind the mark <!-- fields: NAME -->, which stands on one page."""
+    tables = [m[1] for text in TEXTS.values() for m in re.finditer(rf"<!-- fields: {name} -->\n+((?:\|.*\n)+)", text)]
+    assert len(tables) == 1, name
+    return tables[0]
+
+
+def same(text: str, default: object) -> bool:
+    """Whether a default on a page is that of the code."""
+    if default is MISSING:
+        return text == "required"
+    if text == "none":
+        return default is None or default in ({}, ())
+    value = json.loads(text)
+    return value == json.loads(json.dumps(default))
+
+
+@pytest.mark.parametrize("name", FOR_TABLES)
+def test_a_table_of_fields_has_all_of_them_with_their_defaults(name):
+    kind = FOR_TABLES[name]
+    but = {AreaLight: Light, vr.Polynomial: Primitive}.get(kind)
+    expected = own(kind, but)
+    rows = {row[0].strip("`"): row[1].strip("`") for row in cells(told(name))}
+    assert list(rows) == list(expected)
+    for field, text in rows.items():
+        if text != "see below":
+            assert same(text, expected[field]), f"{name}.{field}: {text}, and not {expected[field]}"
+
+
+@pytest.mark.parametrize(
+    "name, kinds, base",
+    [
+        ("lights", [k for k in lights.KINDS if not k.wide], Light),
+        ("area lights", [k for k in lights.KINDS if k.wide], AreaLight),
+        ("objects", [k for k in primitives.KINDS if k is not vr.Polynomial], Primitive),
+        ("textures", textures.KINDS, Texture),
+    ],
+)
+def test_a_table_of_kinds_has_all_of_them_with_their_fields(name, kinds, base):
+    rows = cells(told(name))
+    assert {row[0].strip("`") for row in rows} == {k.type for k in kinds}
+    for row in rows:
+        kind = next(k for k in kinds if k.type == row[0].strip("`"))
+        shown = dict(re.findall(r"`(\w+)` (required|\[.*?\]|\"[^\"]*\"|[-\w.]+)", row[1]))
+        assert {k: v for k, v in own(kind, base).items() if not same(shown.get(k, "null"), v)} == {}, kind.type
+        assert set(shown) == set(own(kind, base)), kind.type
+
+
+def test_choices_are_those_of_the_code():
+    """What is written in the rows of choices, word by word, is accepted; and no choice is missing."""
+    text = told("Settings")
+    schema = json.loads((ROOT / "scenes" / "schema.json").read_text())["$defs"]
+    for field, row in schema["Settings"]["properties"].items():
+        for choice in row.get("enum", ()):
+            line = next(r for r in text.splitlines() if r.startswith(f"| `{field}` "))
+            assert f"`{choice}`" in line, f"settings.{field}: {choice}"
+
+
+def test_the_known_surfaces_are_counted_right():
+    numbers = {int(n) for n in re.findall(r"(\d+) known surfaces", TEXTS["polynomial-surfaces"])}
+    assert numbers == {len(SURFACES)}
+
+
+def test_the_exr_has_the_channels_that_the_page_lists(folder):
+    vr.render("scenes/sphere.json", size=(8, 8), spp=2).write("a.exr")
+    channels = OpenEXR.File("a.exr", separate_channels=True).channels()
     types = {name: channel.pixels.dtype.type for name, channel in channels.items()}
     layers = [BY_NAME[name] for name in names_from("film", "first hit")]
     assert types == {name: layer.dtype for layer in layers for name in layer.channels}
+
+
+def test_an_error_message_on_a_page_is_what_visray_says():
+    """The scene of the page of scenes that is wrong on purpose."""
+    wrong = re.search(r"```text\n(.*?)```", TEXTS["scenes"], re.DOTALL)[1]
+    raw = {"objects": {"ball": {"type": "sphere", "radius": -1, "colour": "red"}}}
+    assert [line.strip() for line in wrong.splitlines()] == examined(raw)[1]

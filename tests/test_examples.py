@@ -1,20 +1,113 @@
-"""Each example runs, in a folder of its own."""
+"""Each example runs in a folder of its own, and prints what it promises: the numbers are read and judged."""
 
+import re
 import runpy
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image as Pillow
+
+import visray as vr
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
-TOLD = {
-    "fit_colour": "found [0.7  0.3  0.15]",
-    "noise": "error ~ samples^-0.",
-    "fit_glass": "step 6: ior = 1.500000",
-    "penumbra": "sobol",
-    "layers": "faces straight up",
-    "what_is_simulated": "without shadows: ambient, diffuse, specular, background",
-}
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf"
+
+
+def numbers(text: str) -> list[float]:
+    return [float(x) for x in re.findall(NUMBER, text)]
+
+
+def fit_colour(text: str) -> None:
+    """The colour that is fitted is the one that the picture was made with, to the last digit printed."""
+    fitted, secret = (numbers(part) for part in text.removeprefix("found ").split("made with"))
+    assert len(fitted) == 3 and np.abs(np.subtract(fitted, secret)).max() <= 1e-4
+
+
+def fit_glass(text: str) -> None:
+    """Newton's steps: six of them, ever smaller errors, and at last the index that the picture was made with."""
+    steps = [numbers(line) for line in text.splitlines()]
+    assert [step[0] for step in steps] == [1, 2, 3, 4, 5, 6]
+    assert steps[-1][1] == 1.5 and steps[-1][2] < 1e-3 * steps[0][2]
+
+
+def hello(text: str) -> None:
+    """The picture has the size that was asked for, on the screen and in the file."""
+    assert numbers(text)[:2] == [480, 320] and "RGB" in text
+    assert Path("hello.png").read_bytes()[16:24] == (480).to_bytes(4) + (320).to_bytes(4)
+
+
+def layers(text: str) -> None:
+    """All pixels are counted once; the depths are those of the file; nothing is seen at no finite depth."""
+    *objects, last = text.splitlines()
+    counts = {line.split()[0]: numbers(line.split(maxsplit=1)[1]) for line in objects}
+    assert sum(count for count, _ in counts.values()) == 320 * 200
+    assert counts.pop("nothing")[1] == np.inf and set(counts) == {"floor", "large", "middle", "small"}
+    again = vr.Image.read("layers.exr")
+    for number, (count, depth) in enumerate(counts.values(), 1):
+        pixels = again["id"] == number
+        assert pixels.sum() == count and abs(again["Z"][pixels].min() - depth) <= 0.00051
+    # All of the floor faces straight up, and at most a hundredth of the balls; the percentage is printed rounded.
+    floor = 100 * counts["floor"][0] / (320 * 200)
+    assert floor - 0.5 <= numbers(last)[0] <= floor + 1 + 0.5
+
+
+def moving_light(text: str) -> None:
+    """The warning says what is left out; the picture shows pixels that brighten, and pixels that darken."""
+    assert "the derivative leaves out" in text
+    picture = np.asarray(Pillow.open("moving_light.png"))
+    assert (picture[..., 0] > 0).mean() > 0.01 and (picture[..., 2] > 0).mean() > 0.01
+    assert not (picture[..., 0].astype(bool) & picture[..., 2].astype(bool)).any()
+
+
+def noise(text: str) -> None:
+    """Errors fall with samples; stratified ones faster than independent ones, whose slope is -1/2."""
+    *rows, last = text.splitlines()
+    counts, errors = zip(*(numbers(line) for line in rows))
+    assert counts == (4, 16, 64) and errors[0] > errors[1] > errors[2] > 0
+    slope = float(re.search(r"samples\^(-[\d.]+)", last)[1])
+    exact = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    # Each error is printed to half of its fifth decimal.
+    assert abs(slope - exact) <= 0.005 + 5e-6 / errors[2] and slope < -0.5
+
+
+def penumbra(text: str) -> None:
+    """The noise falls with the samples of the light, for every sampler. For independent ones it falls by the root of
+    their number, 8, or by less, as edges within a pixel add their own; for the others it is less from 4 samples on."""
+    table = {line.split()[0]: numbers(line)[1::2] for line in text.splitlines()}
+    assert set(table) == {"independent", "stratified", "sobol"}
+    assert all(row == sorted(row, reverse=True) and len(row) == 4 for row in table.values())
+    independent = np.array(table.pop("independent"))
+    assert 6 < independent[0] / independent[3] <= 8.5
+    assert all((row[1:] < 0.8 * independent[1:]).all() for row in map(np.array, table.values()))
+
+
+def to_an_error(text: str) -> None:
+    """Each picture's error is at most the one asked for, and within its own limits; finer ones take more samples."""
+    *rows, last = text.splitlines()
+    asked, got, low, high, samples, least, most = zip(*(numbers(line) for line in rows))
+    assert asked == (0.02, 0.005, 0.002)
+    assert all(g <= a and l <= g <= h for a, g, l, h in zip(asked, got, low, high))
+    assert samples[0] < samples[1] < samples[2] and all(l <= s <= m for l, s, m in zip(least, samples, most))
+    # The last picture is the truth to 0.002; the first one is promised to 0.02.
+    assert numbers(last)[0] <= 0.02 + 0.002
+
+
+def what_is_simulated(text: str) -> None:
+    """What is taken out of the scene is what is missing from the list, and nothing else."""
+    effects = {line.split(": ")[0]: set(line.split(": ")[1].split(", ")) for line in text.splitlines()}
+    whole = effects["as it is"]
+    assert whole - effects["without shadows"] == {"shadows"} and effects["without shadows"] < whole
+    assert whole - effects["without highlights"] == {"specular"} and effects["without highlights"] < whole
+
+
+JUDGES = (fit_colour, fit_glass, hello, layers, moving_light, noise, penumbra, to_an_error, what_is_simulated)
+JUDGES = {judge.__name__: judge for judge in JUDGES}
+
+
+def test_every_example_is_judged():
+    assert {path.stem for path in EXAMPLES} == set(JUDGES), "an example needs a function of its name in this file"
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
@@ -22,7 +115,7 @@ def test_example(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [path.name])
     runpy.run_path(str(path), run_name="__main__")
-    assert TOLD.get(path.stem, "") in capsys.readouterr().out
+    JUDGES[path.stem](capsys.readouterr().out)
 
 
 def test_examples_are_short():

@@ -37,7 +37,7 @@ from visray.output.curves import LUMINANCE, linear
 from visray.output.image import Image
 from visray.output.rounding import rounding
 from visray.pass_timer import PassTimer
-from visray.passes import blank, exposed_once, first_pass
+from visray.passes import empty_film, exposed_once, first_pass_samples
 from visray.primitives import Cylinder, Plane, Rectangle, Sphere
 from visray.progress import Bar, Interrupts
 from visray.render import render
@@ -356,7 +356,7 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
 
 def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[DualBuffer, np.ndarray], bool]:
     """Extends by one pass of so many samples at most, as if there were time for no more."""
-    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: samples)
+    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: samples)
 
     def extend(h: DualBuffer, targets: np.ndarray) -> bool:
         h.pace, left = PassTimer(), iter([np.inf])
@@ -389,7 +389,7 @@ def test_passes_in_any_order_make_the_same_film(sampler: str, monkeypatch: pytes
         stepped.extend(np.minimum(targets, stepped.counts + rng.integers(0, 9, 2 * whole.n)))
     for other in (broken, stepped):
         assert np.array_equal(other.counts, targets)
-        for part, own in zip(whole.film.moments.parts, other.film.moments.parts):
+        for part, own in zip(whole.film.moments.arrays, other.film.moments.arrays):
             assert np.array_equal(np.array(part), np.array(own))
 
 
@@ -403,7 +403,7 @@ def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
     means, squares = np.array(h.film.mean), np.array(h.film.squares)
     for half in (0, 1):
         for count in np.unique(targets):
-            film = exposed_once(seeded(made, dual_buffer.seed_of(77, half)), blank(made), int(count))
+            film = exposed_once(seeded(made, dual_buffer.seed_of(77, half)), empty_film(made), int(count))
             here = half * h.n + np.flatnonzero(targets[half * h.n :][: h.n] == count)
             for own, uniform in ((means, film.mean), (squares, film.squares)):
                 assert np.array_equal(own[:, here], np.array(uniform)[:, here - half * h.n])
@@ -728,7 +728,7 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
 def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """As soon as that is known, not when all pixels have their first samples."""
     machine = Machine(monkeypatch, rate=2e-4)
-    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: 2**14)
+    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**14)
     begun, scene = machine.now, replace(EDGES, film=Film(width=800, height=600))
     with pytest.raises(
         UserError, match=r"^time = 20: two samples of each pixel alone take about .* s; give more, or m"
@@ -742,7 +742,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch: pytest.MonkeyPatch, rate: float, kept: bool
 ) -> None:
     Machine(monkeypatch, rate=rate)
-    monkeypatch.setattr(dual_buffer, "first_pass", lambda made: 2**12)
+    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
         assert set(pursuit(made, error=0.01, interrupts=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
@@ -753,7 +753,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
 
 def test_first_passes_of_dear_samples_are_short() -> None:
     made = prepare(with_settings(EDGES, scatter=Scatter(rays=512)))
-    assert 0 < first_pass(made) <= 2**15 and first_pass(prepare(EDGES)) > 2**20
+    assert 0 < first_pass_samples(made) <= 2**15 and first_pass_samples(prepare(EDGES)) > 2**20
 
 
 def test_a_forecast_of_a_time_without_noise_is_what_the_pilot_has(machine: Machine) -> None:

@@ -20,10 +20,10 @@ from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
 from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
 from visray.materials import Material
-from visray.passes import blank, expose
+from visray.passes import empty_film, expose
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
 from visray.render import developed, rasters
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.scene.address import replaced, value
 from visray.scene.load import load
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
@@ -362,7 +362,7 @@ def traced(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     made = prepare(scene)
     with monkeypatch.context() as patch:
         patch.setattr(dr, "while_loop", counted)
-        integrator.sample(made.kernel, Plan.of(made.a, 0, 4, 0, 4), made.x, made.y, blank(made).moments)
+        integrator.sample(made.kernel, SamplePlan.of(made.a, 0, 4, 0, 4), made.x, made.y, empty_film(made).moments)
     return times
 
 

@@ -9,7 +9,7 @@ import pytest
 from visray import clock
 from visray import pass_timer as pace
 from visray.pass_timer import GROWTH, PASS_SECONDS, SURE, TRACED, PassTimer
-from visray.passes import blank, exposed_once
+from visray.passes import empty_film, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare
@@ -20,32 +20,32 @@ def told(monkeypatch: pytest.MonkeyPatch, *passes: tuple[float, float, int]) -> 
     found = PassTimer()
     for tracing, running, samples in passes:
         monkeypatch.setattr(clock, "now", lambda tracing=tracing: tracing)
-        monkeypatch.setattr(pace, "run", lambda film, running=running: running)
-        assert found.evaluated(0.0, samples, None) == running
+        monkeypatch.setattr(pace, "timed_eval", lambda film, running=running: running)
+        assert found.evaluate(0.0, samples, None) == running
     return found
 
 
 def test_small_passes_do_not_tell_how_long_samples_take(monkeypatch: pytest.MonkeyPatch) -> None:
     found = told(monkeypatch, (0.01, 0.2, 1000), (0.03, 0.1, 5))
-    assert found.rate == pytest.approx(2e-4) and found.tracing == pytest.approx(0.03)
-    assert found.seconds(500) == pytest.approx(0.03 + 0.1)
+    assert found.sample_seconds == pytest.approx(2e-4) and found.trace_seconds == pytest.approx(0.03)
+    assert found.predicted_seconds(500) == pytest.approx(0.03 + 0.1)
     found = told(monkeypatch, (0.01, 0.2, 1000), (0.03, 0.4, 1000))
-    assert found.rate == pytest.approx(4e-4)
+    assert found.sample_seconds == pytest.approx(4e-4)
 
 
 @pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, TRACED * 0.2)])
 def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -> None:
     found = PassTimer(tracing, 1e-6, 10**6)
-    assert found.span() == pytest.approx(seconds) and found.room() == pytest.approx(seconds / 1e-6)
-    assert found.span(1e3) == found.span(inf)
+    assert found.next_seconds() == pytest.approx(seconds) and found.next_samples() == pytest.approx(seconds / 1e-6)
+    assert found.next_seconds(1e3) == found.next_seconds(inf)
     # What is left is shared by tracing and samples; half of it is for those that are dearer than was thought.
-    assert found.span(3 * tracing) == pytest.approx(min(SURE * 2 * tracing, seconds))
-    assert found.span(1.99 * tracing) == found.span(0) == found.span(-1.0) == 0
+    assert found.next_seconds(3 * tracing) == pytest.approx(min(SURE * 2 * tracing, seconds))
+    assert found.next_seconds(1.99 * tracing) == found.next_seconds(0) == found.next_seconds(-1.0) == 0
 
 
 def test_what_took_no_time_tells_little() -> None:
-    assert PassTimer(0.01, 0.0, 7).room() == GROWTH * 7
-    assert PassTimer(0.01, 1e-12, 7).room() == GROWTH * 7
+    assert PassTimer(0.01, 0.0, 7).next_samples() == GROWTH * 7
+    assert PassTimer(0.01, 1e-12, 7).next_samples() == GROWTH * 7
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -53,13 +53,13 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
     """As Dr.Jit's history has them, on one thread too, where they run before dr.eval returns: no compiling, no wait."""
     scene = Scene(film=Film(width=64, height=64), objects={"ball": Sphere()}, settings=Settings(spp=256))
     before, made, told = dr.thread_count(), prepare(scene), []
-    monkeypatch.setattr(clock, "ran", lambda kernels: told.append(list(kernels)) or 3.0)
+    monkeypatch.setattr(clock, "kernel_seconds", lambda kernels: told.append(list(kernels)) or 3.0)
     dr.set_thread_count(threads)
     try:
-        film, found = blank(made), PassTimer()
+        film, found = empty_film(made), PassTimer()
         for count in (1, 2, 3):
             film = exposed_once(made, film, count, found)
-            assert found.rate == pytest.approx(3 / 64**2)
+            assert found.sample_seconds == pytest.approx(3 / 64**2)
     finally:
         dr.set_thread_count(before)
     # Of each pass its own kernels, the picture's among them, with the time that they ran.
@@ -69,7 +69,10 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
 
 
 def test_kernels_ran_so_many_seconds() -> None:
-    assert clock.ran([]) == 0 and clock.ran([{"execution_time": 250.0}, {"execution_time": 1.5}]) == 0.2515
+    assert (
+        clock.kernel_seconds([]) == 0
+        and clock.kernel_seconds([{"execution_time": 250.0}, {"execution_time": 1.5}]) == 0.2515
+    )
 
 
 def test_whoever_counts_kernels_has_them_all() -> None:
@@ -77,7 +80,7 @@ def test_whoever_counts_kernels_has_them_all() -> None:
     made = prepare(scene)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        film = blank(made)
+        film = empty_film(made)
         for count in (1, 2, 3):
             film = exposed_once(made, film, count, PassTimer())
         kernels = dr.kernel_history([dr.KernelType.JIT])

@@ -461,9 +461,9 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     here = interact(ours.kernel, seen.look.ray, seen.look.hit, integrator.first_state(ours.kernel, len(seen.a.t)))
     mean = area_light(ours.kernel, here, light, lambda s, at, row, b: a.V(dr.select(b.reached, a.F(1), 0), 0, 0))
     mine = rows(mean)[:, 0] * samples
-    dimension, yours, near = here.sample.along(0).dimension(DIMENSION + light.number), 0, False
+    dimension, yours, near = here.sample.derived(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
-        away = rows(light.light.offset(a.W, *map(a.D, dimension.many(dr.opaque(a.U, j), light.points))))
+        away = rows(light.light.offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
         ways = ShadowRays.between(seen.points(), rows(light.light.position) + away - ours.centre)
         cosine = np.where(seen.a.hit, np.abs((ways.l * seen.a.n).sum(1)), 1)
         reached, edge = _reached(seen, ways, seen.shift.start(ways.p) / cosine)

@@ -16,17 +16,17 @@ from visray import pass_timer as pace
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.film import Film as Exposure
-from visray.film import check_size, tiled
+from visray.film import check_memory, tile_order
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.moments import BLOCK, Moments
 from visray.output.layers import names_from
-from visray.passes import blank, expose, exposed_once
+from visray.passes import empty_film, expose, exposed_once
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
 from visray.render import render
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare
@@ -136,7 +136,7 @@ def test_a_new_effect_does_compile() -> None:
 
 def in_passes(scene: Scene, counts: list[int]) -> tuple[Exposure, Any]:
     made = prepare(scene)
-    film = blank(made)
+    film = empty_film(made)
     for count in np.cumsum(counts):
         film = exposed_once(made, film, int(count))
     return film, made
@@ -155,7 +155,7 @@ def test_one_pass_and_many_make_the_same_picture(precision: str) -> None:
 
 def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = picture(SHOW, spp=24)
-    monkeypatch.setattr(passes, "first_pass", lambda made: 5 * len(made.order))
+    monkeypatch.setattr(passes, "first_pass_samples", lambda made: 5 * len(made.order))
     monkeypatch.setattr(pace, "PASS_SECONDS", 1e-9)
     monkeypatch.setattr(pace, "TRACED", 0)
     ends = []
@@ -172,9 +172,9 @@ def test_mean_and_variance_are_those_of_the_samples(precision: str) -> None:
     spp, made = 16, prepare(replace(SHOW, settings=Settings(spp=16, precision=precision)))
     single = []
     for i in range(spp):
-        colour = integrator.attached(made.kernel, Plan.of(made.a, 0, spp, i, 1), made.x, made.y)
+        colour = integrator.attached(made.kernel, SamplePlan.of(made.a, 0, spp, i, 1), made.x, made.y)
         single.append(np.array(colour, float))
-    samples, first = np.array(single), exposed_once(made, blank(made), 1)
+    samples, first = np.array(single), exposed_once(made, empty_film(made), 1)
     assert np.array_equal(np.array(first.mean), samples[0]) and not np.array(first.squares).any()
     film, _ = expose(made)
     # Sums of 16 differences and of their squares, in the shading precision, of numbers up to the greatest.
@@ -204,10 +204,10 @@ def test_film_joins_moments_as_numpy_does() -> None:
     a, rng, n, count = Arrays.of("llvm", "double"), np.random.default_rng(2), 500, 11 * BLOCK + 7
     for offset in (0.0, 1.0, 1e6):
         x = offset + 10 ** rng.uniform(-3, 0, (1, 1, n)) * rng.normal(size=(count, 3, n))
-        moments = Moments.blank(a, n)
+        moments = Moments.empty(a, n)
         for i, sample in enumerate(x):
-            moments = moments.plus(a.B(i % BLOCK == 0), a.W(sample.copy()), 1)
-            moments = moments.joined(a, a.B(i % BLOCK == BLOCK - 1), i + 1 - BLOCK, BLOCK)
+            moments = moments.with_sample(a.B(i % BLOCK == 0), a.W(sample.copy()), 1)
+            moments = moments.block_joined(a, a.B(i % BLOCK == BLOCK - 1), i + 1 - BLOCK, BLOCK)
             dr.eval(moments)
         found = moments.closed(a, a.U(count))
         exact = x.astype(np.longdouble)
@@ -223,7 +223,7 @@ def test_film_joins_moments_as_numpy_does() -> None:
 
 def test_ctrl_c_keeps_the_passes_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt in the second pass: that pass is finished, the next is not begun, and the picture says so."""
-    monkeypatch.setattr(passes, "first_pass", lambda made: 2 * len(made.order))
+    monkeypatch.setattr(passes, "first_pass_samples", lambda made: 2 * len(made.order))
     once, counts = passes.exposed_once, []
 
     def interrupted(made, film, targets, pace):
@@ -261,7 +261,7 @@ def test_second_ctrl_c_ends_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 9), (9, 1), (4, 4), (5, 7), (64, 48), (33, 130)])
 def test_tiles_are_a_permutation(width: int, height: int) -> None:
-    order = tiled(width, height)
+    order = tile_order(width, height)
     assert np.array_equal(np.sort(order), np.arange(width * height))
     if width % 4 == 0 and height % 4 == 0:
         y, x = np.divmod(order.reshape(-1, 16), width)
@@ -291,14 +291,14 @@ def test_smallest_pictures(size: tuple[int, int]) -> None:
 def test_a_film_too_large_is_refused_with_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(films, "available_memory", lambda: 2**30)
     most = 2**30 // films.BYTES_PER_PIXEL
-    check_size(most, 1)
+    check_memory(most, 1)
     with pytest.raises(UserError) as caught:
-        check_size(most + 1, 1)
+        check_memory(most + 1, 1)
     assert str(caught.value).startswith(f"film = {most + 1} x 1: needs about 1.0 GiB, 1.0 GiB are free")
     with pytest.raises(UserError, match="100000 x 100000: needs about"):
         render(SHOW, size=(100_000, 100_000), progress=False)
     monkeypatch.setattr(films, "available_memory", lambda: None)
-    check_size(10**6, 10**6)  # a system that does not say is not second-guessed
+    check_memory(10**6, 10**6)  # a system that does not say is not second-guessed
 
 
 @pytest.mark.parametrize(

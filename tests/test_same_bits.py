@@ -18,14 +18,14 @@ from virtual import Machine
 
 from visray import integrator, passes
 from visray.errors import UserError
-from visray.film import Film, Origin
+from visray.film import Film, PictureIdentity
 from visray.geometry import gamma
 from visray.lights import RectangleLight
-from visray.moments import BLOCK, offset
-from visray.passes import blank, expose, exposed_once, part
+from visray.moments import BLOCK, index_in_block
+from visray.passes import empty_film, expose, exposed_once, subset
 from visray.progress import Interrupts
 from visray.render import render
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
 
@@ -45,12 +45,12 @@ def made_of(sampler: str, transparent: bool = False, precision: str = "single") 
 @cache
 def at_once(sampler: str, transparent: bool = False, precision: str = "single") -> Film:
     made = made_of(sampler, transparent, precision)
-    return exposed_once(made, blank(made), SPP)
+    return exposed_once(made, empty_film(made), SPP)
 
 
 def same(one: Film, other: Film) -> bool:
     """Whether two films are equal bit for bit: what is in them, and what is read from them."""
-    parts = zip(*((*f.moments.parts, f.mean, f.squares, f.coverage) for f in (one, other)))
+    parts = zip(*((*f.moments.arrays, f.mean, f.squares, f.coverage) for f in (one, other)))
     equal = all(np.array(x).tobytes() == np.array(y).tobytes() for x, y in parts)
     return equal and np.array_equal(one.counts, other.counts) and np.array_equal(one.pixels, other.pixels)
 
@@ -77,7 +77,7 @@ def threads() -> Iterator[Callable[[int], None]]:
 def test_cut_into_passes(sampler: str, transparent: bool, cuts: list[int], read: bool) -> None:
     """Anywhere within blocks, and read in between or not."""
     made = made_of(sampler, transparent)
-    film = blank(made)
+    film = empty_film(made)
     for target in (*cuts, SPP):
         film = exposed_once(made, film, target)
         assert not read or np.isfinite(np.array(film.mean)).all()
@@ -90,7 +90,7 @@ def test_cut_into_passes(sampler: str, transparent: bool, cuts: list[int], read:
 def test_each_lane_in_steps_of_its_own(sampler: str, seed: int) -> None:
     """Where lanes are apart: strata too go by the index of a sample alone."""
     made, rng = made_of(sampler, True), np.random.default_rng(seed)
-    film, n = blank(made), len(made.order)
+    film, n = empty_film(made), len(made.order)
     while film.counts.min() < SPP:
         film = exposed_once(made, film, np.minimum(film.counts + rng.integers(0, 30, n), SPP))
     assert same(film, at_once(sampler, True))
@@ -98,7 +98,7 @@ def test_each_lane_in_steps_of_its_own(sampler: str, seed: int) -> None:
 
 def test_in_double() -> None:
     made = made_of("stratified", True, "double")
-    film = blank(made)
+    film = empty_film(made)
     for target in (1, 7, 39, SPP):
         film = exposed_once(made, film, target)
     assert same(film, at_once("stratified", True, "double"))
@@ -109,8 +109,8 @@ def test_what_is_read_is_right_in_the_middle_of_a_block(sampler: str) -> None:
     """Mean and variance against NumPy in double, of the samples one by one. Only sums of one block are in single
     precision: more blocks are off by no more."""
     made = made_of(sampler)
-    each = [integrator.attached(made.kernel, Plan.of(made.a, 0, SPP, i, 1), made.x, made.y) for i in range(SPP)]
-    samples, film = np.array([np.array(x, float) for x in each]), blank(made)
+    each = [integrator.attached(made.kernel, SamplePlan.of(made.a, 0, SPP, i, 1), made.x, made.y) for i in range(SPP)]
+    samples, film = np.array([np.array(x, float) for x in each]), empty_film(made)
     most = samples.max() + 1
     bound = gamma(2 * BLOCK + 4, "single") * most
     for count in (1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, SPP):
@@ -118,14 +118,16 @@ def test_what_is_read_is_right_in_the_middle_of_a_block(sampler: str) -> None:
         here = samples[:count]
         assert np.abs(np.array(film.mean) - here.mean(0)).max() <= bound
         assert np.abs(np.array(film.squares) - count * here.var(0)).max() <= 4 * count * bound * most
-        assert not offset(np.int64(count)) or not np.array_equal(np.array(film.mean), np.array(film.moments.mean))
+        assert not index_in_block(np.int64(count)) or not np.array_equal(
+            np.array(film.mean), np.array(film.moments.mean)
+        )
         assert (np.array(film.coverage) == 0).all()
 
 
 @EACH
 def test_the_loop_that_has_derivatives_has_the_same_samples(sampler: str) -> None:
     made = made_of(sampler)
-    mean = np.array(integrator.attached(made.kernel, Plan.of(made.a, 0, SPP, 0, SPP), made.x, made.y))
+    mean = np.array(integrator.attached(made.kernel, SamplePlan.of(made.a, 0, SPP, 0, SPP), made.x, made.y))
     largest = max(1.0, np.abs(mean).max())
     assert np.abs(mean - np.array(at_once(sampler).mean)).max() <= gamma(2 * SPP + 4, "single") * largest
 
@@ -135,10 +137,10 @@ def test_the_loop_that_has_derivatives_has_the_same_samples(sampler: str) -> Non
 def test_no_pass_but_the_first_compiles(sampler: str, transparent: bool) -> None:
     """Of whatever size, and from wherever on."""
     made = made_of(sampler, transparent)
-    np.array(exposed_once(made, blank(made), 3).mean)
+    np.array(exposed_once(made, empty_film(made), 3).mean)
 
     def others() -> None:
-        film = exposed_once(made, blank(made), 1)
+        film = exposed_once(made, empty_film(made), 1)
         for target in (2, 16, 37, SPP):
             film = exposed_once(made, film, target)
             np.array(film.mean)
@@ -152,7 +154,7 @@ def test_no_pass_but_the_first_compiles(sampler: str, transparent: bool) -> None
 def exposed_on(monkeypatch: pytest.MonkeyPatch, made: Prepared, **machine: Any) -> tuple[Film, int]:
     """The film of a machine that is so fast, and in how many passes it was made."""
     with monkeypatch.context() as patch:
-        patch.setattr(passes, "first_pass", lambda made: len(made.order))
+        patch.setattr(passes, "first_pass_samples", lambda made: len(made.order))
         slower = Machine(patch, **machine)
         return expose(made)[0], slower.passes
 
@@ -250,8 +252,8 @@ def test_tiles_in_any_order(sampler: str, transparent: bool) -> None:
     made, rng = made_of(sampler, transparent), np.random.default_rng(3)
     films = []
     for lanes in tiles(made, rng):
-        tile = part(made, lanes)
-        film = exposed_once(tile, blank(tile), int(rng.integers(1, SPP)))
+        tile = subset(made, lanes)
+        film = exposed_once(tile, empty_film(tile), int(rng.integers(1, SPP)))
         films.append(expose(tile, film=film)[0])
     whole = at_once(sampler, transparent)
     assert same(Film.merged(films), whole) and same(Film.merged(films[::-1]), whole)
@@ -263,8 +265,8 @@ def test_tiles_that_are_not_done_go_on_together() -> None:
     made, rng = made_of("stratified", True), np.random.default_rng(4)
     films = []
     for lanes in tiles(made, rng):
-        tile = part(made, lanes)
-        films.append(exposed_once(tile, blank(tile), int(rng.integers(1, SPP))))
+        tile = subset(made, lanes)
+        films.append(exposed_once(tile, empty_film(tile), int(rng.integers(1, SPP))))
     merged = Film.merged(films)
     assert len(np.unique(merged.counts)) > 1
     film, done = expose(made, film=merged)
@@ -274,18 +276,18 @@ def test_tiles_that_are_not_done_go_on_together() -> None:
 def test_many_objects_tile_by_tile() -> None:
     """In a tree, and in loops, where the packets of lanes are others."""
     made = prepare(with_settings(many(SOFT), spp=5))
-    films = [expose(part(made, lanes))[0] for lanes in tiles(made, np.random.default_rng(5))]
+    films = [expose(subset(made, lanes))[0] for lanes in tiles(made, np.random.default_rng(5))]
     assert same(Film.merged(films), expose(made)[0])
 
 
 def test_films_that_do_not_belong_together_are_not_merged() -> None:
     made, n = made_of("sobol"), len(made_of("sobol").order)
-    left, right = (blank(part(made, lanes)) for lanes in (np.arange(n - 5), np.arange(n - 7, n)))
+    left, right = (empty_film(subset(made, lanes)) for lanes in (np.arange(n - 5), np.arange(n - 7, n)))
     with pytest.raises(UserError, match=r"^films: more than one has pixel \d+, \d+; merge films that have no pixel in"):
         Film.merged([left, right])
     other = prepare(with_settings(made.scene, seed=8))
     with pytest.raises(UserError, match=r"^films\[1\]: is of seed 8, not 0; give another, or begin anew"):
-        Film.merged([left, blank(part(other, np.arange(n - 5, n)))])
+        Film.merged([left, empty_film(subset(other, np.arange(n - 5, n)))])
 
 
 # Files
@@ -298,9 +300,9 @@ def test_films_that_do_not_belong_together_are_not_merged() -> None:
 def test_stop_save_load_go_on(sampler: str, transparent: bool, stop: int, tmp_path_factory: Any) -> None:
     path = tmp_path_factory.mktemp("films") / "a.film"
     made = made_of(sampler, transparent)
-    film = exposed_once(made, blank(made), stop)
+    film = exposed_once(made, empty_film(made), stop)
     film.save(path)
-    loaded = Film.load(made.a, path, Origin(made.scene, made.a))
+    loaded = Film.load(made.a, path, PictureIdentity(made.scene, made.a))
     assert same(loaded, film)
     done, count = expose(made, film=loaded)
     assert count == SPP and same(done, at_once(sampler, transparent)) and same(loaded, film)
@@ -312,15 +314,15 @@ def test_stop_save_load_go_on(sampler: str, transparent: bool, stop: int, tmp_pa
 
 def test_stopped_by_ctrl_c_and_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made, interrupts = made_of("stratified"), Interrupts()
-    monkeypatch.setattr(passes, "first_pass", lambda made: 20 * len(made.order))
-    interrupts.asked = True
+    monkeypatch.setattr(passes, "first_pass_samples", lambda made: 20 * len(made.order))
+    interrupts.requested = True
     film, done = expose(made, interrupts=interrupts)
     assert 0 < done < SPP and same(expose(made, film=film)[0], at_once("stratified"))
 
 
 def test_a_loaded_film_compiles_nothing(tmp_path: Path) -> None:
     made, path = made_of("sobol"), tmp_path / "a.film"
-    film = exposed_once(made, blank(made), 7)
+    film = exposed_once(made, empty_film(made), 7)
     film.save(path)
     np.array(exposed_once(made, Film.load(made.a, path), 9).mean)
     assert compiled(lambda: np.array(exposed_once(made, Film.load(made.a, path), 21).mean)) == 0
@@ -351,26 +353,26 @@ FOREIGN = {
 @pytest.mark.parametrize("what", FOREIGN)
 def test_a_film_of_another_picture_is_refused(what: str, tmp_path: Path) -> None:
     made, other = made_of("sobol"), prepare(FOREIGN[what](made_of("sobol").scene))
-    film, path = exposed_once(other, blank(other), 1), tmp_path / "a.film"
+    film, path = exposed_once(other, empty_film(other), 1), tmp_path / "a.film"
     film.save(path)
     with pytest.raises(UserError, match=rf"^film: is of {what.strip()}[,;] ") as refused:
         expose(made, film=film)
     assert len(refused.value.lines) == 1
     with pytest.raises(UserError, match=rf"a\.film: is of {what.strip()}[,;] ") as refused:
-        Film.load(made.a, path, Origin(made.scene, made.a))
+        Film.load(made.a, path, PictureIdentity(made.scene, made.a))
     assert len(refused.value.lines) == 1
 
 
 def test_a_film_of_other_pixels_is_refused() -> None:
     made = made_of("sobol")
     with pytest.raises(UserError, match=r"^film: has other pixels than are to be exposed"):
-        expose(made, film=blank(part(made, np.arange(9))))
+        expose(made, film=empty_film(subset(made, np.arange(9))))
 
 
 def test_a_film_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made, path = made_of("sobol"), tmp_path / "a.film"
     monkeypatch.setattr("visray.film.__version__", "0.0.9")
-    blank(made).save(path)
+    empty_film(made).save(path)
     monkeypatch.undo()
     with pytest.raises(UserError, match=r"a\.film: is of visray 0\.0\.9, not "):
         Film.load(made.a, path)
@@ -379,7 +381,7 @@ def test_a_film_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytes
 def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
     """A file that is cut or altered anywhere, of something else, or not there; and an old one is not lost."""
     made, path, rng = made_of("sobol"), tmp_path / "a.film", np.random.default_rng(0)
-    film = exposed_once(made, blank(made), 5)
+    film = exposed_once(made, empty_film(made), 5)
     film.save(path)
     whole = path.read_bytes()
     broken = [whole[:n] for n in (0, 10, len(whole) // 2, len(whole) - 1)]
@@ -403,5 +405,5 @@ def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
         Film.load(made.a, tmp_path / "none.film")
     path.write_bytes(whole)
     with pytest.raises(UserError, match="does not exist; create it first"):
-        exposed_once(made, blank(made), 5).save(tmp_path / "no" / "a.film")
+        exposed_once(made, empty_film(made), 5).save(tmp_path / "no" / "a.film")
     assert path.read_bytes() == whole and sorted(p.name for p in tmp_path.iterdir()) == ["a.film", "b.npz"]

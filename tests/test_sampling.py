@@ -10,13 +10,13 @@ import pytest
 
 from visray.quantities import Arrays
 from visray.sampling import (
-    Plan,
+    SamplePlan,
     SampleSet,
     SampleState,
-    first_cell,
-    in_cell,
-    mix,
-    next_cell,
+    first_stratum,
+    hash32,
+    jittered,
+    next_stratum,
     pascal,
     pixel_key,
     scrambled,
@@ -33,8 +33,8 @@ def chi_square_limit(k: int, z: float = 4.75) -> float:
     return k * (1 - 2 / (9 * k) + z * sqrt(2 / (9 * k))) ** 3
 
 
-def plan(seed: int = 0, spp: int = 1, first: int = 0, count: int = 1) -> Plan:
-    return Plan.of(A, seed, spp, first, count)
+def plan(seed: int = 0, spp: int = 1, first: int = 0, count: int = 1) -> SamplePlan:
+    return SamplePlan.of(A, seed, spp, first, count)
 
 
 def points(pixels: np.ndarray, seed: int, spp: int, passes: list[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -44,13 +44,13 @@ def points(pixels: np.ndarray, seed: int, spp: int, passes: list[int]) -> tuple[
     for count in passes:
         p = plan(seed, spp, done, count)
         key = pixel_key(p, x, y)
-        cell = first_cell(p, key, A.F)
+        cell = first_stratum(p, key, A.F)
         for i in range(count):
             u, v = SampleState("stratified", A.F, p, key, dr.opaque(A.U, i) + p.first, cell).pixel()
             dr.eval(u, v, cell)
             found.append(np.stack([np.array(u), np.array(v)], 1))
             cells.append(np.array(cell))
-            cell = next_cell(p, cell)
+            cell = next_stratum(p, cell)
         done += count
     return np.array(found), np.array(cells)
 
@@ -88,7 +88,7 @@ def test_pixels_begin_in_different_strata() -> None:
 @pytest.mark.parametrize("spp", [*range(1, 40), 1000, 1023, 1024, 4096, 10**6])
 def test_steps_visit_all_cells_and_stray_far(spp: int) -> None:
     p = plan(0, spp, 5, 1)
-    cells, step, start = (int(v[0]) for v in (p.cells, p.step, p.start))
+    cells, step, start = (int(v[0]) for v in (p.strata, p.step, p.start))
     assert cells == isqrt(spp) ** 2 and gcd(step, cells) == 1 and start == 5 * step % cells
     if cells >= 9:
         # Near the golden ratio, so that a picture stopped early has its samples everywhere.
@@ -100,7 +100,7 @@ def test_a_stratum_is_found_right_up_to_the_promised_size(side: int) -> None:
     """All cells, in single precision, up to k = 2047, the greatest side with k^2 < 2^22."""
     p = plan(0, side * side, 0, 1)
     cell = dr.arange(A.U, side * side)
-    u, v = (np.array(w, np.float64) for w in in_cell(cell, A.U(0) >= p.cells, p.side, mix(cell), A.F))
+    u, v = (np.array(w, np.float64) for w in jittered(cell, A.U(0) >= p.strata, p.side, hash32(cell), A.F))
     number = np.arange(side * side)
     # The sum, the reciprocal and the product are rounded: a jitter may come out at the border itself, or beyond it.
     slack = 2.0**-23 * side
@@ -162,12 +162,12 @@ def test_mixing_changes_half_the_bits() -> None:
     """Flipping any one of 32 bits of 10^5 numbers flips each bit of the hash half of the time."""
     rng, n = np.random.default_rng(1), 100_000
     x = rng.integers(0, 2**32, n, dtype=np.uint32)
-    base = np.array(mix(A.U(x)))
+    base = np.array(hash32(A.U(x)))
     for bit in range(32):
-        changed = base ^ np.array(mix(A.U(x ^ np.uint32(1 << bit))))
+        changed = base ^ np.array(hash32(A.U(x ^ np.uint32(1 << bit))))
         share = np.unpackbits(changed.view(np.uint8)).reshape(n, 32).mean(0)
         assert np.abs(share - 0.5).max() < SIGMA * 0.5 / sqrt(n)
-    assert len(np.unique(np.array(mix(dr.arange(A.U, 1 << 20))))) == 1 << 20
+    assert len(np.unique(np.array(hash32(dr.arange(A.U, 1 << 20))))) == 1 << 20
 
 
 @pytest.mark.parametrize("spp", [1, 4, 16, 100])
@@ -197,7 +197,7 @@ def test_a_seed_and_a_sample_count_are_data_not_code() -> None:
     def draw(seed: int, spp: int, first: int, count: int) -> None:
         p = plan(seed, spp, first, count)
         key = pixel_key(p, x, y)
-        dr.eval(SampleState("stratified", A.F, p, key, p.first, next_cell(p, first_cell(p, key, A.F))).pixel())
+        dr.eval(SampleState("stratified", A.F, p, key, p.first, next_stratum(p, first_stratum(p, key, A.F))).pixel())
 
     draw(1, 4, 0, 4)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
@@ -215,7 +215,7 @@ SHUFFLED = pytest.mark.parametrize("shuffled", [False, True], ids=["in order", "
 
 def keys(n: int) -> np.ndarray:
     """Seeds of sequences as the kernels have them: hashes of small numbers."""
-    return np.array(mix(dr.arange(A.U, n) + 77))
+    return np.array(hash32(dr.arange(A.U, n) + 77))
 
 
 def sobol_points(index: np.ndarray, seed: np.ndarray, shuffled: bool) -> np.ndarray:
@@ -295,7 +295,7 @@ class Samples:
         p = plan(seed, spp, first, count)
         i, x = A.U(np.repeat(np.arange(count, dtype=np.uint32), pixels)), dr.tile(dr.arange(A.U, pixels), count)
         key = pixel_key(p, x, x * 0 + 9)
-        cell = (first_cell(p, key, A.F) + i * p.step) % int(p.cells[0])
+        cell = (first_stratum(p, key, A.F) + i * p.step) % int(p.strata[0])
         return Samples(SampleState(sampler, A.F, p, key, i + p.first, cell), (count, pixels), np.array(cell))
 
     def values(self, pairs: list) -> np.ndarray:
@@ -306,13 +306,13 @@ class Samples:
     def lot(self, stream: int, n: int) -> np.ndarray:
         """The n points of a lot. Shape: (n, 2, samples, pixels)."""
         lot = SampleSet.of(A, n)
-        return self.values([self.draw.dimension(stream).many(A.U(j), lot) for j in range(n)])
+        return self.values([self.draw.dimension(stream).set_point(A.U(j), lot) for j in range(n)])
 
 
 def singles(d: SampleState) -> list:
     """Pairs for the purposes of which a path has one each: pixel, lens, lobe, scatter; and those of its next levels."""
-    levels = [d, d.along(A.U(1)), d.along(A.U(2)), d.along(A.U(1 | 1 << 16))]
-    return [d.pixel(), d.dimension(1).one()] + [level.dimension(n).one() for level in levels for n in (5, 6, 8)]
+    levels = [d, d.derived(A.U(1)), d.derived(A.U(2)), d.derived(A.U(1 | 1 << 16))]
+    return [d.pixel(), d.dimension(1).point()] + [level.dimension(n).point() for level in levels for n in (5, 6, 8)]
 
 
 LOTS = (2, 3, 7, 16, 17, 18)
@@ -320,7 +320,7 @@ LOTS = (2, 3, 7, 16, 17, 18)
 
 def lots(d: SampleState) -> list:
     """A pair each of the lots of occlusion, lights and paths."""
-    return [d.dimension(n).many(A.U(2), SampleSet.of(A, 4)) for n in LOTS]
+    return [d.dimension(n).set_point(A.U(2), SampleSet.of(A, 4)) for n in LOTS]
 
 
 def place(points: np.ndarray, side: int) -> np.ndarray:

@@ -378,7 +378,7 @@ def test_stopped_it_keeps_the_best_that_was_tried(
     def interrupted(self: Any, settings: dict) -> Measured:
         asked.append(settings)
         if len(asked) > measured:
-            self.interrupts.asked = True
+            self.interrupts.requested = True
             raise KeyboardInterrupt
         return whole(self, settings)
 
@@ -535,7 +535,7 @@ def test_without_noise_more_samples_are_never_called_best(monkeypatch: pytest.Mo
     def interrupted(self: Any, settings: dict) -> Measured:
         asked.append(settings)
         if len(asked) > 1:
-            self.interrupts.asked = True
+            self.interrupts.requested = True
             raise KeyboardInterrupt
         return whole(self, settings)
 

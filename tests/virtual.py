@@ -10,7 +10,7 @@ import pytest
 
 from visray import clock, integrator
 from visray.kernel_scene import KernelScene
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 
 
 class Machine:
@@ -31,7 +31,7 @@ class Machine:
         self.pending = self.last = 0.0
         sample, sync = integrator.sample, dr.sync_thread
 
-        def sampled(kernel: KernelScene, plan: Plan, x: Any, y: Any, moments: Any) -> Any:
+        def sampled(kernel: KernelScene, plan: SamplePlan, x: Any, y: Any, moments: Any) -> Any:
             rays = sum(int(np.array(points.count).sum()) for points in kernel.sets.values())
             samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
             self.pending += rate * samples * (1 + rays / 3)
@@ -47,7 +47,7 @@ class Machine:
         patch.setattr(integrator, "sample", sampled)
         patch.setattr(dr, "sync_thread", synced)
         patch.setattr(clock, "now", lambda: self.now)
-        patch.setattr(clock, "ran", lambda kernels: self.last)
+        patch.setattr(clock, "kernel_seconds", lambda kernels: self.last)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ def now() -> float:
     return perf_counter()
 
 
-def ran(kernels: Iterable[dict[str, Any]]) -> float:
+def kernel_seconds(kernels: Iterable[dict[str, Any]]) -> float:
     """How many seconds kernels ran, of Dr.Jit's history."""
     return sum(k["execution_time"] for k in kernels) / 1e3
 

@@ -67,7 +67,7 @@ def area_light(s: KernelScene, at: Interaction, light: PreparedLight, reflected:
     With settings.area "centre" as in the original: what its middle adds, weakened by the mean of all shadows.
     """
     a, n, row = s.a, dr.width(at.surface.p), light.light
-    dimension = at.sample.along(salt).dimension(DIMENSION + light.number)
+    dimension = at.sample.derived(salt).dimension(DIMENSION + light.number)
     base = a.V(row.position - at.surface.p)
     middle = None if s.settings.area == "samples" else _along(s, at, row, base)
     origin = None
@@ -75,7 +75,7 @@ def area_light(s: KernelScene, at: Interaction, light: PreparedLight, reflected:
         origin = at.origin.toward(Cone.around(a, base, row.reach()))
 
     def step(j: Any, colour: Any) -> tuple:
-        sample = _along(s, at, row, base + row.offset(a.V, *dimension.many(j, light.points)), origin, middle)
+        sample = _along(s, at, row, base + row.offset(a.V, *dimension.set_point(j, light.points)), origin, middle)
         return (colour + reflected(s, at, row, sample),)
 
     total = s.repeated(light.samples, light.points.count, at.hit.valid, (dr.zeros(a.V, n),), step)

@@ -23,7 +23,7 @@ from visray.version import __version__
 BYTES_PER_PIXEL = 420
 
 
-class Origin:
+class PictureIdentity:
     """Which picture a film is of: all that its bits depend on, but for the machine. The number of samples is a part of
     that for stratified ones alone, whose strata it decides.
 
@@ -53,8 +53,8 @@ class Origin:
             "scene": bare.hash(),
         }
 
-    def check(self, other: "Origin", name: str) -> None:
-        """Returns if a film of the `other` origin can go with one of this, else raises a UserError that names it."""
+    def check(self, other: "PictureIdentity", name: str) -> None:
+        """Returns if a film of the `other` identity can go with one of this, else raises a UserError that names it."""
         if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
             return
         for fact, value in self.facts.items():
@@ -71,32 +71,32 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Samples of pixels, which may be some of a picture's. Its bits depend on its origin and counts alone, not on how
+    """Samples of pixels, which may be some of a picture's. Its bits depend on its identity and counts alone, not on how
     the samples were cut into passes or the pixels into films.
 
     moments: of the samples, lane by lane; counts: how many there are; pixels: the number (row * width + column) of each
-    lane's pixel; origin: None for films that are neither saved nor merged. Shapes: counts, pixels (N).
+    lane's pixel; identity: None for films that are neither saved nor merged. Shapes: counts, pixels (N).
     """
 
     a: Arrays
     moments: Moments
     counts: np.ndarray
     pixels: np.ndarray
-    origin: Origin | None = None
+    identity: PictureIdentity | None = None
 
     @staticmethod
-    def blank(a: Arrays, pixels: np.ndarray, origin: Origin | None = None) -> "Film":
+    def empty(a: Arrays, pixels: np.ndarray, identity: PictureIdentity | None = None) -> "Film":
         """A film without samples."""
-        return Film(a, Moments.blank(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, origin)
+        return Film(a, Moments.empty(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, identity)
 
-    def after(self, moments: Moments, counts: np.ndarray | int) -> "Film":
+    def with_moments(self, moments: Moments, counts: np.ndarray | int) -> "Film":
         """The film with other moments, of so many samples of each lane."""
         counts = np.broadcast_to(np.asarray(counts, np.int64), self.counts.shape)
         return replace(self, moments=moments, counts=counts)
 
-    def check(self, origin: Origin, pixels: np.ndarray) -> None:
-        """Returns if the film is of these pixels of the picture of `origin`, else raises a UserError."""
-        origin.check(self.origin, "film")
+    def check(self, identity: PictureIdentity, pixels: np.ndarray) -> None:
+        """Returns if the film is of these pixels of the picture of `identity`, else raises a UserError."""
+        identity.check(self.identity, "film")
         if not np.array_equal(self.pixels, pixels):
             raise UserError("film: has other pixels than are to be exposed; give a film of these, or begin anew")
 
@@ -125,14 +125,14 @@ class Film:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the film into a file, from which Film.load makes one that goes on with the same bits."""
         arrays = {f"moments.{name}": np.array(x) for name, x in vars(self.moments).items()}
-        facts = np.frombuffer(json.dumps(self.origin.facts).encode(), np.uint8)
+        facts = np.frombuffer(json.dumps(self.identity.facts).encode(), np.uint8)
         with replacing(path) as aside, open(aside, "wb") as file:
             np.savez(file, origin=facts, counts=self.counts, pixels=self.pixels, **arrays)
 
     @staticmethod
-    def load(a: Arrays, path: str | os.PathLike[str], origin: Origin | None = None) -> "Film":
-        """The film of a file; raises UserError where it is none, or not of `origin` if that is given."""
-        name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.kinds(a)))
+    def load(a: Arrays, path: str | os.PathLike[str], identity: PictureIdentity | None = None) -> "Film":
+        """The film of a file; raises UserError where it is none, or not of `identity` if that is given."""
+        name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
         try:
             with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(bytes(file["origin"]))
@@ -152,40 +152,40 @@ class Film:
         # RuntimeError: of zip files that are encrypted, or packed in a way that Python does not know.
         except (zipfile.BadZipFile, zlib.error, KeyError, TypeError, ValueError, EOFError, RuntimeError) as error:
             raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
-        found = Origin(facts=facts)
+        found = PictureIdentity(facts=facts)
         here = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
-        (origin or Origin(facts=here)).check(found, name)
+        (identity or PictureIdentity(facts=here)).check(found, name)
         return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in arrays.items()}), counts, pixels, found)
 
     @staticmethod
     def merged(films: Sequence["Film"]) -> "Film":
         """One film with the pixels of all, in the order of the picture's lanes; raises UserError where they have pixels
         in common or are not of one picture."""
-        if not films or any(f.origin is None for f in films):
+        if not films or any(f.identity is None for f in films):
             raise UserError("films: there is none, or one that is of no picture; give the films of a picture's tiles")
         first = films[0]
-        width, height = first.origin.facts["size"]
+        width, height = first.identity.facts["size"]
         for i, other in enumerate(films[1:], 1):
-            first.origin.check(other.origin, f"films[{i}]")
+            first.identity.check(other.identity, f"films[{i}]")
         pixels, counts = (np.concatenate([getattr(f, name) for f in films]) for name in ("pixels", "counts"))
         rank = np.empty(width * height, np.int64)
-        rank[tiled(width, height)] = np.arange(width * height)
+        rank[tile_order(width, height)] = np.arange(width * height)
         order = np.argsort(rank[pixels], kind="stable")
         pixels = pixels[order]
         if (twice := pixels[1:][pixels[1:] == pixels[:-1]]).size:
             y, x = divmod(int(twice[0]), width)
             raise UserError(f"films: more than one has pixel {x}, {y}; merge films that have no pixel in common")
-        a, parts = first.a, zip(*(f.moments.parts for f in films))
+        a, parts = first.a, zip(*(f.moments.arrays for f in films))
         moments = Moments(
             *(
                 a.put(kind, np.concatenate([np.array(x) for x in part], -1)[..., order])
-                for kind, part in zip(Moments.kinds(a), parts)
+                for kind, part in zip(Moments.types(a), parts)
             )
         )
-        return Film(a, moments, counts[order], pixels, first.origin)
+        return Film(a, moments, counts[order], pixels, first.identity)
 
 
-def tiled(width: int, height: int, side: int = 4) -> np.ndarray:
+def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
     """The pixels' numbers (row * width + column) in the order of small square tiles.
 
     Sixteen neighbouring lanes then see nearly the same objects, so that a packet of lanes skips more of them.
@@ -197,7 +197,7 @@ def tiled(width: int, height: int, side: int = 4) -> np.ndarray:
     return order[order >= 0]
 
 
-def check_size(width: int, height: int, films: int = 1) -> None:
+def check_memory(width: int, height: int, films: int = 1) -> None:
     """Refuses a film that does not fit into memory so many times, with the estimate."""
     need, free = films * width * height * BYTES_PER_PIXEL, available_memory()
     if free is not None and need > free:

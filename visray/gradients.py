@@ -24,7 +24,7 @@ from visray.kernel_scene import KernelScene
 from visray.pack import Index, Packed, Slot
 from visray.passes import expose
 from visray.render import adjusted
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.scene import address as addresses
 from visray.scene.scene import Scene
 from visray.setup import prepare
@@ -78,7 +78,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
         raise UserError(f"objects.{clear[0]}: {text}")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
-    plan = Plan.of(prepared.a, scene.settings.seed, spp, 0, spp)
+    plan = SamplePlan.of(prepared.a, scene.settings.seed, spp, 0, spp)
     return Trace(slots, integrator.attached(s, plan, prepared.x, prepared.y), prepared.order)
 
 

@@ -142,7 +142,7 @@ class Bounce:
 def scattered(s: KernelScene, at: Interaction, j: Any) -> Bounce:
     """Ray number j of those that a matte surface scatters."""
     dimension = at.sample.dimension(SCATTER)
-    u, v = dimension.one() if j is None else dimension.many(j, s.sets["scatter"])
+    u, v = dimension.point() if j is None else dimension.set_point(j, s.sets["scatter"])
     d = warp.cosine(at.n, u, v)
     yes = dr.full(s.a.B, True, dr.width(d))
     ray = at.leaving(unit(d, s.a.W), s.a.D(dr.dot(at.n, d))).exact()
@@ -168,7 +168,7 @@ def bounce(
         chance = dr.select(shiny, kt / (kr + kt), 0)
         chosen = kt > 0
         if on["reflection"]:
-            chosen = at.sample.dimension(LOBE).one()[0] < chance
+            chosen = at.sample.dimension(LOBE).point()[0] < chance
             weight = weight / dr.select(chosen, 1, 1 - chance)
         left = 1 - dr.square(interface.ratio) * (1 - dr.square(cosine))
         passes = left > 0
@@ -232,7 +232,7 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | No
         path = _ray(*state)
         hit = closest(RayOrigin(s.geometry, path.o, shared=False), path, s.brute_force, alive)
         hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
-        here = interact(s, path, hit, first.sample.along(1 + (0 if number is None else number) + (i << 16)))
+        here = interact(s, path, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
         glass = interface(s, here)
         colour, own = shade(s, here), weight_of_local(s, here, glass)
         colour = dr.select(hit.valid, colour if own is None else colour * own, missed(s, path.d))

@@ -12,7 +12,7 @@ from visray.batches import Batch
 from visray.geometry import UNIT_ROUNDOFF
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
-from visray.moments import BLOCK, Moments, offset
+from visray.moments import BLOCK, Moments, index_in_block
 from visray.pytree import rows
 from visray.ray import NO_ROW, NOTHING_KNOWN, Hit, Ray, unit
 from visray.sampling import SampleState
@@ -46,9 +46,9 @@ def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
 def first_state(s: KernelScene, n: int) -> SampleState:
     """The random numbers of the only sample of n pixels, where none are given."""
     a = s.a
-    plan = sampling.Plan.of(a, 0, 1, 0, 1)
+    plan = sampling.SamplePlan.of(a, 0, 1, 0, 1)
     lane = dr.arange(a.U, n)
-    return SampleState(s.settings.sampler, a.F, plan, sampling.mix(lane), plan.first + 0 * lane, 0 * lane)
+    return SampleState(s.settings.sampler, a.F, plan, sampling.hash32(lane), plan.first + 0 * lane, 0 * lane)
 
 
 def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
@@ -67,7 +67,7 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 
-def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any, moments: Moments) -> Moments:
+def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: Moments) -> Moments:
     """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over its blocks, and in
     that one over the samples of a block.
 
@@ -77,42 +77,44 @@ def sample(s: KernelScene, plan: sampling.Plan, x: Any, y: Any, moments: Moments
     a, end, covers = s.a, plan.first + plan.count, s.features["coverage"]
     pixels = _Pixels(s, plan, x, y)
 
-    def step(i: Any, cell: Any, d: Any, o: Any, *sums: Any) -> tuple:
-        state, after = pixels.state(i, cell), sampling.next_cell(plan, cell)
+    def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
+        state, after = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
         ahead = pixels.ray(pixels.state(i + 1, after))
         ray = Ray(s.view.o, d) if o is None else Ray(o, d).exact()
         colour, covered = radiance(s, ray, state)
-        more = Moments(None, None, None, *sums).plus(offset(i) == 0, colour, covered)
-        return i + 1, after, *ahead, *more.parts[3:]
+        more = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
+        return i + 1, after, *ahead, *more.arrays[3:]
 
-    def block(i: Any, cell: Any, d: Any, o: Any, mean: Any, squares: Any, coverage: Any, *sums: Any) -> tuple:
+    def block(i: Any, stratum: Any, d: Any, o: Any, mean: Any, squares: Any, coverage: Any, *sums: Any) -> tuple:
         stop = dr.minimum(end, (i | (BLOCK - 1)) + 1)
-        i, cell, d, o, *sums = dr.while_loop((i, cell, d, o, *sums), lambda i, *_: i < stop, step, label="samples")
-        joined = Moments(mean, squares, coverage, *sums).joined(a, offset(i) == 0, i - BLOCK, BLOCK)
-        return i, cell, d, o, *joined.parts
+        i, stratum, d, o, *sums = dr.while_loop(
+            (i, stratum, d, o, *sums), lambda i, *_: i < stop, step, label="samples"
+        )
+        joined = Moments(mean, squares, coverage, *sums).block_joined(a, index_in_block(i) == 0, i - BLOCK, BLOCK)
+        return i, stratum, d, o, *joined.arrays
 
     before = moments if covers else replace(moments, coverage=None, open_coverage=None)
-    first = dr.zeros(a.U, dr.width(x)) + plan.first, sampling.first_cell(plan, pixels.key, a.F)
-    start = *first, *pixels.ray(pixels.state(*first)), *before.parts
+    first = dr.zeros(a.U, dr.width(x)) + plan.first, sampling.first_stratum(plan, pixels.key, a.F)
+    start = *first, *pixels.ray(pixels.state(*first)), *before.arrays
     _, _, _, _, *parts = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
     after = Moments(*parts)
     return after if covers else replace(after, coverage=moments.coverage, open_coverage=moments.open_coverage)
 
 
-def attached(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Any:
+def attached(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:
     """The mean colour of the samples of one pass over the pixels (x, y), with its derivatives: one loop over all
     samples, as Dr.Jit 1.5 has no derivatives of loops within loops, and only sums may go through it."""
     a, n = s.a, dr.width(x)
     pixels = _Pixels(s, plan, x, y)
 
-    def step(i: Any, cell: Any, reference: Any, total: Any) -> tuple:
-        state = pixels.state(i + plan.first, cell)
+    def step(i: Any, stratum: Any, reference: Any, total: Any) -> tuple:
+        state = pixels.state(i + plan.first, stratum)
         d, o = pixels.ray(state)
         colour, _ = radiance(s, Ray(s.view.o, d) if o is None else Ray(o, d).exact(), state)
         reference = dr.select(i == 0, dr.detach(colour), reference)
-        return i + 1, sampling.next_cell(plan, cell), reference, total + (colour - reference)
+        return i + 1, sampling.next_stratum(plan, stratum), reference, total + (colour - reference)
 
-    start = dr.zeros(a.U, n), sampling.first_cell(plan, pixels.key, a.F), dr.zeros(a.V, n), dr.zeros(a.V, n)
+    start = dr.zeros(a.U, n), sampling.first_stratum(plan, pixels.key, a.F), dr.zeros(a.V, n), dr.zeros(a.V, n)
     _, _, reference, total = dr.while_loop(
         start, lambda i, *_: i < plan.count, step, max_iterations=-1, label="samples"
     )
@@ -122,13 +124,13 @@ def attached(s: KernelScene, plan: sampling.Plan, x: Any, y: Any) -> Any:
 class _Pixels:
     """The pixels (x, y) of a pass: the random numbers of their samples, and the rays."""
 
-    def __init__(self, s: KernelScene, plan: sampling.Plan, x: Any, y: Any):
+    def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any):
         self.s, self.plan, self.key = s, plan, sampling.pixel_key(plan, x, y)
         self.left, self.top = s.a.F(x), s.a.F(y)
 
-    def state(self, index: Any, cell: Any) -> SampleState:
+    def state(self, index: Any, stratum: Any) -> SampleState:
         """The random numbers of a sample, by its index and stratum."""
-        return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, cell)
+        return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, stratum)
 
     def ray(self, state: SampleState) -> tuple[Any, Any]:
         """Direction and origin of a sample's ray; None for the origin where all have the same."""
@@ -136,7 +138,7 @@ class _Pixels:
         x, y = self.left + across, self.top + down
         if not self.s.features["defocus"]:
             return direction(self.s, x, y), None
-        ray = lens_ray(self.s, x, y, *state.dimension(LENS).one())
+        ray = lens_ray(self.s, x, y, *state.dimension(LENS).point())
         return ray.d if ray.rough is None else ray.rough, ray.o
 
 

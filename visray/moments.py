@@ -17,7 +17,7 @@ from visray.quantities import Arrays
 BLOCK = 16
 
 
-def offset(index: Any) -> Any:
+def index_in_block(index: Any) -> Any:
     """The place of a sample in its block: 0 for the first one."""
     return index & (BLOCK - 1)
 
@@ -41,23 +41,23 @@ class Moments:
     open_coverage: Any
 
     @property
-    def parts(self) -> tuple:
+    def arrays(self) -> tuple:
         """All arrays, in the order of the fields."""
         return tuple(getattr(self, f.name) for f in fields(self))
 
     @staticmethod
-    def kinds(a: Arrays) -> tuple:
+    def types(a: Arrays) -> tuple:
         """The types of all arrays."""
         return a.W, a.W, a.D, a.V, a.V, a.V, a.F
 
     @staticmethod
-    def blank(a: Arrays, n: int) -> "Moments":
+    def empty(a: Arrays, n: int) -> "Moments":
         """No samples, for n lanes. Evaluated, as later ones are: a first pass has the kernel of all others."""
-        moments = Moments(*(dr.opaque(kind, 0, n) for kind in Moments.kinds(a)))
+        moments = Moments(*(dr.opaque(kind, 0, n) for kind in Moments.types(a)))
         dr.eval(moments)
         return moments
 
-    def plus(self, first: Any, colour: Any, covered: Any) -> "Moments":
+    def with_sample(self, first: Any, colour: Any, covered: Any) -> "Moments":
         """The moments with one sample more; `first`: where it is the first one of a block."""
         reference = dr.select(first, colour, self.reference)
         delta = colour - reference
@@ -69,7 +69,7 @@ class Moments:
             open_coverage=None if self.open_coverage is None else self.open_coverage + covered,
         )
 
-    def joined(self, a: Arrays, where: Any, before: Any, count: Any) -> "Moments":
+    def block_joined(self, a: Arrays, where: Any, before: Any, count: Any) -> "Moments":
         """The moments with the open block's `count` samples, which follow `before` others, joined to the full ones, and
         another block opened. Domain: count > 0. Source: Chan, Golub, LeVeque 1979."""
         n, k = a.D(before), a.D(count)
@@ -84,12 +84,12 @@ class Moments:
             dr.select(where, squares, self.squares),
             None if self.coverage is None else dr.select(where, self.coverage + a.D(self.open_coverage), self.coverage),
             self.reference,
-            *(None if sums is None else dr.select(where, 0, sums) for sums in self.parts[4:]),
+            *(None if sums is None else dr.select(where, 0, sums) for sums in self.arrays[4:]),
         )
 
     def closed(self, a: Arrays, counts: Any) -> "Moments":
         """The moments of all samples, `counts` of each lane, with the open block joined as if it were full, and none
         open. For reading alone: samples that follow belong to moments that are not closed."""
-        k = offset(counts)
-        joined = self.joined(a, k > 0, counts - k, dr.maximum(k, 1))
+        k = index_in_block(counts)
+        joined = self.block_joined(a, k > 0, counts - k, dr.maximum(k, 1))
         return Moments(joined.mean, joined.squares, joined.coverage, None, None, None, None)

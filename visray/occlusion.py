@@ -56,10 +56,10 @@ def _mean(s: KernelScene, at: Interaction, name: str, n: int, step: Any) -> Any:
 def _ray(s: KernelScene, at: Interaction, dimension: int, j: Any) -> Ray:
     """Ray number j of its set, over the hemisphere on the viewer's side."""
     rays = s.sets["sky" if dimension == SKY else "near"]
-    u, v = at.sample.dimension(dimension).many(j, rays)
+    u, v = at.sample.dimension(dimension).set_point(j, rays)
     n = at.n
     if s.settings.occlusion.hemisphere == "box":
-        d = warp.box(n, u, v, at.sample.dimension(dimension + TURN).loose(j, rays))
+        d = warp.box(n, u, v, at.sample.dimension(dimension + TURN).set_number(j, rays))
     else:
         d = warp.cosine(n, u, v)
     return at.leaving(d, dr.dot(n, d))

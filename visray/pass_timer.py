@@ -21,36 +21,38 @@ SURE = 0.5
 class PassTimer:
     """Seconds of tracing, which each pass does once, and of a sample, once one is known; told by so many samples."""
 
-    tracing: float = 0.0
-    rate: float | None = None
-    told_by: int = 0
+    trace_seconds: float = 0.0
+    sample_seconds: float | None = None
+    timed_samples: int = 0
 
-    def evaluated(self, begun: float, samples: int, moments: Any) -> float:
+    def evaluate(self, begun: float, samples: int, moments: Any) -> float:
         """Computes the moments of so many more samples, traced since `begun` (clock.now), and takes in
         how long both took. What compiles in between is neither. Returns the seconds that it ran."""
-        self.tracing = clock.now() - begun
-        ran = run(moments)
+        self.trace_seconds = clock.now() - begun
+        ran = timed_eval(moments)
         # What takes a small pass long is not its samples.
-        if self.rate is None or 4 * samples >= self.told_by:
-            self.rate, self.told_by = ran / samples, samples
+        if self.sample_seconds is None or 4 * samples >= self.timed_samples:
+            self.sample_seconds, self.timed_samples = ran / samples, samples
         return ran
 
-    def seconds(self, samples: float) -> float:
+    def predicted_seconds(self, samples: float) -> float:
         """Of a pass of so many samples. Domain: one was made."""
-        return self.tracing + samples * self.rate
+        return self.trace_seconds + samples * self.sample_seconds
 
-    def span(self, left: float = inf) -> float:
+    def next_seconds(self, left: float = inf) -> float:
         """How many seconds the next pass should run; 0 where too few are left for one worth tracing."""
-        if left < 2 * self.tracing or left <= 0:
+        if left < 2 * self.trace_seconds or left <= 0:
             return 0.0
-        return min(max(PASS_SECONDS, TRACED * self.tracing), SURE * (left - self.tracing))
+        return min(max(PASS_SECONDS, TRACED * self.trace_seconds), SURE * (left - self.trace_seconds))
 
-    def room(self) -> float:
+    def next_samples(self) -> float:
         """How many samples the next pass should have. Domain: one was made."""
-        return min(self.span() / self.rate if self.rate else inf, GROWTH * self.told_by)
+        return min(
+            self.next_seconds() / self.sample_seconds if self.sample_seconds else inf, GROWTH * self.timed_samples
+        )
 
 
-def run(arrays: Any) -> float:
+def timed_eval(arrays: Any) -> float:
     """Computes arrays; how many seconds their kernels ran. On one thread they run before dr.eval returns, and small
     ones do on many: so only Dr.Jit can tell that from compiling."""
     listened = dr.flag(dr.JitFlag.KernelHistory)
@@ -63,4 +65,4 @@ def run(arrays: Any) -> float:
         if listened:
             # Reading the history would take it from whoever listens.
             return clock.now() - begun
-        return clock.ran(dr.kernel_history())
+        return clock.kernel_seconds(dr.kernel_history())

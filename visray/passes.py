@@ -8,19 +8,19 @@ from visray import clock, integrator
 from visray import film as films
 from visray.pass_timer import PassTimer
 from visray.progress import Bar, Interrupts
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.setup import Prepared
 
 
-def part(prepared: Prepared, lanes: np.ndarray) -> Prepared:
+def subset(prepared: Prepared, lanes: np.ndarray) -> Prepared:
     """The scene prepared for some of its pixels: those of these lanes, which are numbers or a mask."""
     x, y = (prepared.a.put(prepared.a.U, np.array(v)[lanes]) for v in (prepared.x, prepared.y))
     return replace(prepared, order=prepared.order[lanes], x=x, y=y)
 
 
-def blank(prepared: Prepared) -> films.Film:
+def empty_film(prepared: Prepared) -> films.Film:
     """A film for the pixels of a prepared scene, without samples."""
-    return films.Film.blank(prepared.a, prepared.order, films.Origin(prepared.scene, prepared.a))
+    return films.Film.empty(prepared.a, prepared.order, films.PictureIdentity(prepared.scene, prepared.a))
 
 
 def expose(
@@ -33,21 +33,21 @@ def expose(
     """
     interrupts, pace = interrupts or Interrupts(), PassTimer()
     if film is None:
-        film = blank(prepared)
-    film.check(films.Origin(prepared.scene, prepared.a), prepared.order)
+        film = empty_film(prepared)
+    film.check(films.PictureIdentity(prepared.scene, prepared.a), prepared.order)
     settings, n = prepared.scene.settings, len(prepared.order)
-    passes = -(-settings.spp * n // max(first_pass(prepared), n))
+    passes = -(-settings.spp * n // max(first_pass_samples(prepared), n))
     count = -(-settings.spp // passes)
     with Bar("rendering", settings.spp, progress) as bar:
-        while (done := int(film.counts.min())) < settings.spp and not (done and interrupts.asked):
+        while (done := int(film.counts.min())) < settings.spp and not (done and interrupts.requested):
             target = min(done + count, settings.spp)
             film = exposed_once(prepared, film, np.maximum(film.counts, target), pace)
-            bar.at(target)
-            count = max(1, round(pace.room() / n))
+            bar.update(target)
+            count = max(1, round(pace.next_samples() / n))
     return film, done
 
 
-def first_pass(prepared: Prepared) -> int:
+def first_pass_samples(prepared: Prepared) -> int:
     """Samples of a first pass over all pixels: a fraction of a second, by the rays of a sample and what they meet."""
     s = prepared.kernel
     on, settings = s.features, s.settings
@@ -74,7 +74,7 @@ def exposed_once(
     if (first == first[0]).all() and (more == more[0]).all():
         # Numbers for all lanes are a kernel of their own, without a load from memory for each lane.
         first, more = int(first[0]), int(more[0])
-    plan = Plan.of(prepared.a, settings.seed, settings.spp, first, more)
-    film = film.after(integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments), targets)
-    (pace or PassTimer()).evaluated(begun, samples, film.moments)
+    plan = SamplePlan.of(prepared.a, settings.seed, settings.spp, first, more)
+    film = film.with_moments(integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments), targets)
+    (pace or PassTimer()).evaluate(begun, samples, film.moments)
     return film

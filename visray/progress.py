@@ -27,7 +27,7 @@ class Bar:
         if self.bar is not None:
             self.bar.stop()
 
-    def at(self, done: int) -> None:
+    def update(self, done: int) -> None:
         """Says that `done` steps are done."""
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
@@ -43,13 +43,13 @@ class Bar:
 
 
 class Interrupts:
-    """Takes Ctrl-C as a wish: `asked` becomes true, and the work stops where nothing is lost. A second one interrupts.
+    """Takes Ctrl-C as a request: `requested` becomes true, and the work stops at a safe point. A second one interrupts.
 
     An interrupt in the middle of Dr.Jit's tracing would leave half a kernel behind.
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         self.before: object = None
 
     def __enter__(self) -> "Interrupts":
@@ -62,6 +62,6 @@ class Interrupts:
             signal.signal(signal.SIGINT, self.before)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
+        if self.requested:
             raise KeyboardInterrupt
-        self.asked = True
+        self.requested = True

@@ -109,7 +109,7 @@ def render(
         check_numbers(prepared, values["RGB"])
     if goal and not values["RGB"].any():
         warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=2)
-    elif goal and not (goal.seconds or interrupts.asked) and facts["error_high"] > error:
+    elif goal and not (goal.seconds or interrupts.requested) and facts["error_high"] > error:
         text = f"the error asked for, {error:g}, is not reached with {facts['spp_most']} samples of a pixel"
         warnings.warn(text, GoalWarning, stacklevel=2)
     pictures = rasters(prepared, values, layers)
@@ -118,7 +118,7 @@ def render(
     facts = provenance(prepared, scene_hash, spp_taken, clock.now() - now) | facts | certificate
     if goal:
         del facts["spp_asked"]
-    return Image(pictures, facts | {"interrupted": int(interrupts.asked)})
+    return Image(pictures, facts | {"interrupted": int(interrupts.requested)})
 
 
 def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:

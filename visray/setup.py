@@ -78,7 +78,7 @@ def prepare(
     """
     a = arrays(backend, scene.settings.precision)
     width, height = scene.film.width, scene.film.height
-    films.check_size(width, height)
+    films.check_memory(width, height)
     on, packed = features(scene, wrt, everything, without), pack(scene, a)
     if attach is not None:
         attach(packed)
@@ -105,7 +105,7 @@ def arrays(backend: str, precision: str) -> Arrays:
 
 def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
     """The pixels in the order of the lanes, and their columns and rows."""
-    order = films.tiled(width, height)
+    order = films.tile_order(width, height)
     y, x = np.divmod(order, width)
     x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
     dr.eval(x, y)

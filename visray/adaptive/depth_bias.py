@@ -6,7 +6,7 @@ import drjit as dr
 import numpy as np
 
 from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, windowed
-from visray.passes import part
+from visray.passes import subset
 from visray.setup import Prepared
 
 # Pixels that are looked at, at most and at least, and samples of each in each half at most; where they are few, more.
@@ -42,7 +42,7 @@ def truncation(
     """
     n, prepared = halves.n, halves.prepared
     count = count or min(int(halves.counts.min()), SAMPLES)
-    most, rate = pixels, halves.pace.rate or 0.0
+    most, rate = pixels, halves.pace.sample_seconds or 0.0
     if seconds < np.inf and rate:
         most = int(np.clip(seconds / (rate * 2 * count * (1 + len(depths))), FEWEST, pixels))
     there = np.zeros(n, bool)
@@ -58,7 +58,7 @@ def truncation(
     some = np.flatnonzero(share)
     # What chose the pixels must not say what is found there.
     scene = replace(prepared.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
-    looked = part(replace(prepared, scene=scene), some)
+    looked = subset(replace(prepared, scene=scene), some)
     a, b = _means(looked, counts[some], deep)
     found = []
     for depth in depths:
@@ -92,7 +92,7 @@ def _differing(prepared: Prepared, lanes: np.ndarray, depths: tuple[int, int], c
     """The lanes about which so many samples of these differ by depth."""
     if not len(lanes):
         return lanes
-    film, looked = prepared.scene.film, part(prepared, lanes)
+    film, looked = prepared.scene.film, subset(prepared, lanes)
     once = np.repeat([count, 0], len(lanes))
     shallow, whole = (_at(looked, depth, once).means()[0] for depth in depths)
     picture = np.zeros(len(prepared.order))

@@ -18,8 +18,8 @@ from visray.film import Film
 from visray.moments import Moments
 from visray.output.curves import LUMINANCE
 from visray.pass_timer import PassTimer
-from visray.passes import first_pass
-from visray.sampling import Plan
+from visray.passes import first_pass_samples
+from visray.sampling import SamplePlan
 from visray.setup import Prepared
 
 # Of the normal distribution, for 95 %.
@@ -90,8 +90,8 @@ class DualBuffer:
 
     def __init__(self, prepared: Prepared):
         self.prepared, self.n = prepared, len(prepared.order)
-        films.check_size(prepared.scene.film.width, prepared.scene.film.height, 2)
-        self.film = Film.blank(prepared.a, np.tile(prepared.order, 2))
+        films.check_memory(prepared.scene.film.width, prepared.scene.film.height, 2)
+        self.film = Film.empty(prepared.a, np.tile(prepared.order, 2))
         self.pace = PassTimer()
         # Of each lane, seconds of a sample in the last pass that it was in: where there is more noise they take longer.
         self.rates = np.zeros(2 * self.n)
@@ -120,16 +120,17 @@ class DualBuffer:
         # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
         while len(lanes):
-            span, pace = self.pace.span(left()), self.pace
+            span, pace = self.pace.next_seconds(left()), self.pace
             if span <= 0:
                 return False
             more = (targets - self.counts)[lanes]
-            if pace.rate is None:
-                fit = np.searchsorted(np.cumsum(more), first_pass(self.prepared), "right")
+            if pace.sample_seconds is None:
+                fit = np.searchsorted(np.cumsum(more), first_pass_samples(self.prepared), "right")
             else:
-                seconds = np.cumsum(more * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.rate))
+                seconds = np.cumsum(more * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.sample_seconds))
                 fit = min(
-                    np.searchsorted(x, most, "right") for x, most in ((np.cumsum(more), pace.room()), (seconds, span))
+                    np.searchsorted(x, most, "right")
+                    for x, most in ((np.cumsum(more), pace.next_samples()), (seconds, span))
                 )
             some, lanes = np.split(lanes, [max(int(fit), 1)])
             self.take(some, targets)
@@ -144,12 +145,12 @@ class DualBuffer:
         before, counts[lanes] = counts[lanes], targets[lanes]
         count = counts[lanes] - before
         old, new, at = self._sampled(lanes, before, count)
-        for whole, was, part in zip(moments.parts, old.parts, new.parts):
+        for whole, was, part in zip(moments.arrays, old.arrays, new.arrays):
             if part is not was:
                 dr.scatter(whole, part, at)
         samples = int(count.sum())
-        self.rates[lanes] = self.pace.evaluated(begun, samples, moments) / samples
-        self.film = self.film.after(moments, counts)
+        self.rates[lanes] = self.pace.evaluate(begun, samples, moments) / samples
+        self.film = self.film.with_moments(moments, counts)
 
     def _sampled(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
         """The moments of lanes before and after `count` samples from `first` on, and the lanes as opaque numbers."""
@@ -160,8 +161,8 @@ class DualBuffer:
         one, other = (dr.opaque(a.U, seed_of(prepared.scene.settings.seed, half)) for half in (0, 1))
         seeds = dr.select(second, other, one)
         x, y = (dr.gather(a.U, v, pixel) for v in (prepared.x, prepared.y))
-        plan = Plan.each(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-        old = Moments(*(dr.gather(type(x), x, at) for x in self.film.moments.parts))
+        plan = SamplePlan.per_lane(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
+        old = Moments(*(dr.gather(type(x), x, at) for x in self.film.moments.arrays))
         return old, integrator.sample(prepared.kernel, plan, x, y, old), at
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:

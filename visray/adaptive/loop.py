@@ -26,7 +26,7 @@ from visray.adaptive.dual_buffer import DualBuffer, Estimate
 from visray.adaptive.error_floor import Files, Floor, rounded_off, unavoidable
 from visray.adaptive.stopping import Goal
 from visray.errors import UserError
-from visray.passes import first_pass
+from visray.passes import first_pass_samples
 from visray.progress import Bar, Interrupts
 from visray.setup import Prepared
 
@@ -82,14 +82,14 @@ class AdaptiveRun:
                     f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more"
                 )
         allocation = self._pilot()
-        if not self.interrupts.asked:
+        if not self.interrupts.requested:
             self.floor = unavoidable(halves, self.found, goal.error, files, goal.left())
         self._tell(allocation)
         # Without noise a time would be spent for nothing.
         while not self._reached() and (goal.error is not None or self.found.square > 0):
             # The error is looked at again when there are twice the samples, or four times, where that is soon: long
             # rounds are many samples too many, where the error falls faster than was expected.
-            soon = 3 * halves.counts.sum() <= first_pass(halves.prepared)
+            soon = 3 * halves.counts.sum() <= first_pass_samples(halves.prepared)
             targets = np.tile(allocation.targets(self._outlook(allocation, 4 if soon else 2)[0]), 2)
             if not (targets > halves.counts).any():
                 return
@@ -106,7 +106,7 @@ class AdaptiveRun:
         """As many samples of each pixel as tell who needs how many more; and what they tell."""
         halves = self.halves
         # Whatever happens, each pixel has that: what takes a fraction of a second, or one sample.
-        short = SHORTEST_PILOT * len(halves.counts) <= first_pass(halves.prepared)
+        short = SHORTEST_PILOT * len(halves.counts) <= first_pass_samples(halves.prepared)
         count = SHORTEST_PILOT if short and self.goal.seconds is None else 1
         self.bar.total = count * len(halves.counts)
         halves.extend(np.full_like(halves.counts, count), self._first)
@@ -116,7 +116,7 @@ class AdaptiveRun:
                 return self._allocation()
         while True:
             allocation = self._allocation()
-            seconds = halves.pace.seconds(len(halves.counts) * count)
+            seconds = halves.pace.predicted_seconds(len(halves.counts) * count)
             # In little time a short pilot is better than none.
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
             dark = self.found.luminance == 0
@@ -144,9 +144,9 @@ class AdaptiveRun:
         """How many seconds there are for the first samples, without which there is no picture: as many as they take, or
         a UserError that says how many that is."""
         halves, goal = self.halves, self.goal
-        self.bar.at(int(halves.counts.sum()))
-        needed = np.count_nonzero(halves.counts == 0) * (halves.pace.rate or 0.0)
-        if self.interrupts.asked and needed > WAITED:
+        self.bar.update(int(halves.counts.sum()))
+        needed = np.count_nonzero(halves.counts == 0) * (halves.pace.sample_seconds or 0.0)
+        if self.interrupts.requested and needed > WAITED:
             # There is nothing yet that could be kept.
             raise KeyboardInterrupt
         if needed > goal.left():
@@ -183,8 +183,8 @@ class AdaptiveRun:
 
     def _left(self) -> float:
         """How many seconds there are for another pass."""
-        self.bar.at(int(self.halves.counts.sum()))
-        return 0.0 if self.interrupts.asked else self.goal.left()
+        self.bar.update(int(self.halves.counts.sum()))
+        return 0.0 if self.interrupts.requested else self.goal.left()
 
     def _reached(self) -> bool:
         found = self.found
@@ -235,7 +235,7 @@ class AdaptiveRun:
         told.learn(self.found.square, counts[: self.halves.n])
         mean, square = self._expect(told)
         more = (mean - counts.mean()) * len(counts)
-        seconds = goal.passed() + goal.reserve + self.halves.pace.tracing + more * self._rate(allocation)
+        seconds = goal.passed() + goal.reserve + self.halves.pace.trace_seconds + more * self._rate(allocation)
         seconds = seconds if goal.seconds is None else min(seconds, goal.seconds)
         total = square + self.floor.square
         error = float(np.sqrt(total) / self.found.luminance) if self.found.luminance else 0.0
@@ -265,8 +265,8 @@ def render_adaptively(
     with Bar("rendering", 1, progress) as bar:
         pursuit = AdaptiveRun(prepared, goal, interrupts, bar, say)
         pursuit.run(files)
-        if not interrupts.asked:
-            bar.at(bar.total)
+        if not interrupts.requested:
+            bar.update(bar.total)
     halves, found, counts = pursuit.halves, pursuit.found, pursuit.halves.counts.reshape(2, -1)
     scale = 1 / found.luminance if found.luminance > 0 else 1.0
     # What samples do not take away is in the error, and in both of its ends.

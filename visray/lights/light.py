@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field
 
 from visray.quantities import Color, Factor
 
-# Up to here a sample's stratum comes out right in single precision (sampling.in_cell).
+# Up to here a sample's stratum comes out right in single precision (sampling.jittered).
 Samples = Annotated[int, Field(strict=True, gt=0, le=2**16)]
 
 

@@ -87,7 +87,7 @@ class Settings:
     """
 
     __pydantic_config__ = STRICT
-    # Up to this limit sampling.in_cell computes the row of a stratum exactly in single precision.
+    # Up to this limit sampling.jittered computes the row of a stratum exactly in single precision.
     spp: Annotated[int, Field(strict=True, gt=0, le=2**22)] = 16
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"

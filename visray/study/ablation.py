@@ -30,7 +30,7 @@ from visray.errors import UserError
 from visray.features import Feature
 from visray.lights import PointLight
 from visray.lights.light import Light
-from visray.passes import blank, exposed_once
+from visray.passes import empty_film, exposed_once
 from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays
 from visray.render import adjusted, explain
@@ -163,7 +163,7 @@ class Picture:
     def kernels(self) -> list[dict[str, Any]]:
         """Makes the picture in one pass; what Dr.Jit says of the kernels that did."""
         prepared = self.prepared
-        film = blank(prepared)
+        film = empty_film(prepared)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             # Anew each time: were it kept, the next kernel would be traced in another order.
@@ -173,7 +173,7 @@ class Picture:
 
     def seconds(self) -> float:
         """How long its kernels run."""
-        return clock.ran(self.kernels())
+        return clock.kernel_seconds(self.kernels())
 
     def compiled(self) -> tuple[int, float]:
         """Operations and compile seconds of its kernel, where it is made for the first time."""
@@ -228,11 +228,11 @@ class _Steps:
         self.interrupts, self.bar, self.done = interrupts, bar, 0
 
     def __call__(self, work: Callable[[], Any]) -> Any:
-        if self.interrupts.asked:
+        if self.interrupts.requested:
             raise KeyboardInterrupt
         result = work()
         self.done += 1
-        self.bar.at(self.done)
+        self.bar.update(self.done)
         return result
 
 

@@ -21,7 +21,7 @@ from visray.errors import UserError
 from visray.film import Film
 from visray.progress import Bar, Interrupts
 from visray.render import adjusted
-from visray.sampling import Plan
+from visray.sampling import SamplePlan
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare
 from visray.study import ablation
@@ -80,7 +80,7 @@ def reduced(scene: Scene, longest: int) -> Scene:
 
 def blank(prepared: Prepared, pictures: int) -> Film:
     """An unexposed film for several pictures side by side."""
-    return Film.blank(prepared.a, np.tile(prepared.order, pictures))
+    return Film.empty(prepared.a, np.tile(prepared.order, pictures))
 
 
 def exposed(
@@ -95,8 +95,8 @@ def exposed(
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
         x = ablation.marked(a, x, mark)
-        plan = replace(Plan.of(a, 0, spp, done, count), seed=numbers)
-        film = film.after(integrator.sample(prepared.kernel, plan, x, y, film.moments), done + count)
+        plan = replace(SamplePlan.of(a, 0, spp, done, count), seed=numbers)
+        film = film.with_moments(integrator.sample(prepared.kernel, plan, x, y, film.moments), done + count)
         dr.eval(film.moments)
         dr.sync_thread()
         return film, dr.kernel_history([dr.KernelType.JIT])
@@ -136,10 +136,10 @@ class Studio:
             if not self.compiled:
                 self._awake()
             for choice in choices:
-                if self.interrupts.asked:
+                if self.interrupts.requested:
                     break
                 found.append(self._prepared(choice))
-                bar.at(len(found))
+                bar.update(len(found))
         return found
 
     def _prepared(self, choice: Choice) -> Taken:
@@ -150,7 +150,7 @@ class Studio:
         k = max(kernels, key=lambda k: k["operation_count"])
         # A kernel that is there already took as long as it did then.
         seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
-        return Taken(choice, prepared, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
+        return Taken(choice, prepared, seconds, k["operation_count"], clock.kernel_seconds(kernels) / n * spp / count)
 
     def _awake(self) -> None:
         """Compiles something small: what LLVM takes to start is no kernel's."""
@@ -185,11 +185,11 @@ class Studio:
                 # Each turn in an order of its own, so that none always comes after the same one.
                 order, turn = np.random.default_rng(number).permutation(len(taken)), {}
                 for i in order:
-                    if self.interrupts.asked:
+                    if self.interrupts.requested:
                         return finished
                     turn[i] = self._once(taken[i], seeds)
                     done += 1
-                    bar.at(done)
+                    bar.update(done)
                 for i, (seconds, pictures) in turn.items():
                     taken[i].times.append(seconds)
                     taken[i].parts.append(pictures)
@@ -202,4 +202,4 @@ class Studio:
         copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(prepared.order))))
         many = np.resize(seeds, n * copies)
         film, kernels = exposed(prepared, blank(prepared, len(many)), many, 0, prepared.scene.settings.spp, self.mark)
-        return clock.ran(kernels) / len(many), developed(prepared, film, len(seeds))
+        return clock.kernel_seconds(kernels) / len(many), developed(prepared, film, len(seeds))

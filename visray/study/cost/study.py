@@ -76,7 +76,7 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, interrupts: 
     studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress)
     others = [c for k in turned for c in k.choices(quick) if not c.own]
     studio, taken = _measured(studio, [own, *others], budgets[0])
-    stopped, small = interrupts.asked, studio.scene
+    stopped, small = interrupts.requested, studio.scene
     zero = [address for k in turned if k.name == "roots" for address in k.all[0].settings]
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
@@ -85,7 +85,7 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, interrupts: 
     same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
     joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
-    every, ended = (*points, *joint), interrupts.asked
+    every, ended = (*points, *joint), interrupts.requested
     # Without noise there is nothing that samples could halve.
     halved = [c for c in curves if not (same and c.kind == "sampling")]
     return Study(
@@ -133,7 +133,7 @@ def _joint(
     ladder = [s for s in model.ladder(JOINT[not quick], longest) if model.error(s) >= known]
     choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
     taken = studio.prepared([replace(own.choice, knob="again"), *choices])
-    if studio.interrupts.asked or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
+    if studio.interrupts.requested or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
         return ()
     pace = own.seconds.middle / taken[0].seconds.middle
     for t in taken:

@@ -73,7 +73,7 @@ def truth(
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
-        why = "it was cut short by Ctrl-C" if interrupts.asked else "that is what its seconds allowed"
+        why = "it was cut short by Ctrl-C" if interrupts.requested else "that is what its seconds allowed"
         notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
     settings[SPP] = 2 * count
     found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
@@ -93,7 +93,7 @@ def _deep_enough(
         deeper = min(2 * depth, DEEPEST)
         after = _look(scene, deeper, seeds, mark)
         left = float(((after - before) ** 2).mean() ** 0.5) / (luminance(after.mean(0)) or 1.0)
-        if left <= target or interrupts.asked:
+        if left <= target or interrupts.requested:
             break
         depth, before = deeper, after
     return depth, left
@@ -122,20 +122,20 @@ def _halves(
         while True:
             goal, started = max(2 * done, FIRST), clock.now()
             while done < goal:
-                if pictures is not None and interrupts.asked:
+                if pictures is not None and interrupts.requested:
                     return pictures, goal // 2
                 before = clock.now()
                 step = min(step, goal - done)
                 film, _ = exposed(prepared, film, seeds, done, step, mark)
                 done += step
                 now = clock.now()
-                bar.at(min(round(now - begun), round(budget) - 1))
+                bar.update(min(round(now - begun), round(budget) - 1))
                 # Longer steps are traced less often; but Ctrl-C waits for them.
                 step *= 2 if now - before < PASS_SECONDS else 1
             pictures = developed(prepared, film, 2, np.float64)
             noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))
             enough = noise <= target * (luminance(pictures.mean(0)) or 1.0)
             # The next doubling takes twice as long as the last one.
-            if enough or interrupts.asked or 2 * (now - started) > budget - (now - begun):
-                bar.at(bar.total)
+            if enough or interrupts.requested or 2 * (now - started) > budget - (now - begun):
+                bar.update(bar.total)
                 return pictures, done

@@ -20,7 +20,7 @@ from visray.adaptive.dual_buffer import Estimate
 from visray.adaptive.error_floor import LARGER, check_precision
 from visray.errors import UserError
 from visray.geometry import UNIT_ROUNDOFF
-from visray.passes import blank, expose, exposed_once
+from visray.passes import empty_film, expose, exposed_once
 from visray.progress import Interrupts
 from visray.render import adjusted, check_numbers
 from visray.scene.address import changed
@@ -95,7 +95,7 @@ class _Tuning:
                 self.base = self.fastest = self.tried[-1]
             self._try()
         except KeyboardInterrupt:
-            if not self.interrupts.asked:
+            if not self.interrupts.requested:
                 raise
         return self._told(self._best() or min(self._fewest(self.tried), key=self.target.missed))
 
@@ -228,7 +228,7 @@ class _Tuning:
             begun = clock.now()
             film, _ = expose(shot, self.progress, self.interrupts)
             times.append(clock.now() - begun)
-            if self.interrupts.asked:
+            if self.interrupts.requested:
                 raise KeyboardInterrupt
             if len(pictures) < 2:
                 pictures.append(np.array(film.mean))
@@ -241,7 +241,7 @@ class _Tuning:
 
     def _told(self, found: Measured) -> Tuned:
         """The outcome, with its reasons."""
-        before, model, stopped = self.tried[0], self._whole(), self.interrupts.asked
+        before, model, stopped = self.tried[0], self._whole(), self.interrupts.requested
         guess = Prediction(found.settings, model.seconds(found.settings), model.error(found.settings))
         guess = next((c for c in self.predicted if c.settings == found.settings), guess)
         changes = self.scaled.changes(found.settings)
@@ -262,6 +262,6 @@ class _Tuning:
 def _compiled(scene: Scene) -> None:
     """Makes the kernels of a render, by a small picture: first passes and further ones."""
     prepared = prepare(reduced(scene, SMALLEST))
-    film = blank(prepared)
+    film = empty_film(prepared)
     for count in (1, 2):
         film = exposed_once(prepared, film, count)

@@ -127,7 +127,7 @@ class Kernel:
                 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
                     dr.kernel_history_clear()
                     dr.eval(closest(self.origin(ray.o), ray))
-                    spent = clock.ran(dr.kernel_history([dr.KernelType.JIT]))
+                    spent = clock.kernel_seconds(dr.kernel_history([dr.KernelType.JIT]))
                 best = min(best, spent)
         finally:
             dr.set_thread_count(threads)

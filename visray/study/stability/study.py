@@ -167,11 +167,11 @@ def run(
     rows, left_out = [], {}
     with Interrupts() as interrupts, Bar("testing", len(chosen), progress) as bar:
         for i, (name, one) in enumerate(chosen.items()):
-            if interrupts.asked:
+            if interrupts.requested:
                 break
             try:
                 rows += tested(one, sets, rays, seed, solver(one.surface))
             except UserError as error:
                 left_out[name] = error.lines[0]
             bar.at(i + 1)
-        return Report(rays, seed, rows, left_out, interrupts.asked)
+        return Report(rays, seed, rows, left_out, interrupts.requested)

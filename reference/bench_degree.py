@@ -57,7 +57,7 @@ def banchoff_chmutov(n: int) -> Polynomial:
 
 
 def scene(surface: Polynomial, **settings: Any) -> Scene:
-    radius = surface.limits().radius
+    radius = surface.clip_volume().radius
     camera = Camera(origin=tuple(radius * x for x in EYE), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     lights = {"key": PointLight(position=tuple(radius * x for x in LAMP))}
     made = Scene(camera=camera, film=Film(width=SIZE, height=SIZE), lights=lights, objects={"surface": surface})
@@ -90,7 +90,7 @@ def of_degree(n: int) -> dict:
     """What one surface costs."""
     surface = banchoff_chmutov(n)
     begun = time.perf_counter()
-    surface.built()
+    surface.compiled()
     built = time.perf_counter() - begun
     prepared = prepare(scene(surface))
     stage, a = prepared.kernel, prepared.a
@@ -147,18 +147,18 @@ def precision(name: str) -> dict:
 
 def _in_single(made: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> tuple[Any, np.ndarray]:
     """Distances by the same kernel, all of it in single."""
-    a, built = made.a, surface.built()
+    a, built = made.a, surface.compiled()
     real, many = a.F32, a.V32
     direction = many(np.ascontiguousarray(d.astype(np.float32)))
     origin = [real(float(x)) for x in o]
-    radius = surface.limits().radius
+    radius = surface.clip_volume().radius
     middle = -(origin[0] * direction.x + origin[1] * direction.y + origin[2] * direction.z)
     nearest = [dr.fma(middle, y, x) for x, y in zip(origin, direction)]
     rest = radius**2 - sum(x * x for x in nearest)
     half = dr.sqrt(dr.maximum(rest, 0))
     ends = middle - half, middle + half
     way = roots.ChordSegment.of(origin, tuple(direction), ends, *ends)
-    c = roots.first_crossing(built.form, tuple(map(real, built.values)), way, rest > 0)
+    c = roots.first_crossing(built.program, tuple(map(real, built.values)), way, rest > 0)
     return c.t, np.array(c.t)
 
 

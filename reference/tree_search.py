@@ -117,7 +117,7 @@ def has_boxes() -> bool:
 
 def after(search: Search, limits: list) -> Callable:
     """The way through the tree over boxes. The walk's result: state, box tests and rows a lane."""
-    from visray.accel.tree import WIDTH, Walk, build
+    from visray.accel.bvh import WIDTH, Walk, build
 
     low, high = (np.concatenate([x[k] for x in limits]) for k in range(2))
     batch = np.repeat(np.arange(len(limits)), np.diff(search.base))

@@ -11,8 +11,8 @@ import flint
 import numpy as np
 from samples import array
 
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, closest, occluded
 from visray.interaction import surface_of
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial

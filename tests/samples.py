@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from visray.accel.crossings import Piece, occludes, way_inside
 from visray.accel.origin import Geometry
+from visray.accel.ray_segment import RaySegment, length_inside, occludes
 from visray.geometry import gamma
 from visray.interaction import surface_of
 from visray.primitives import (
@@ -36,7 +36,7 @@ from visray.primitives import (
     Triangle,
 )
 from visray.primitives.clips import Ball
-from visray.primitives.defined import Defined
+from visray.primitives.polynomial_solid import PolynomialSolid
 from visray.primitives.primitive import scalars
 from visray.pytree import rows
 from visray.ray import NOTHING_KNOWN, Crossing, Hit, KnownEnds, Ray
@@ -632,7 +632,7 @@ SAMPLES = {
 }
 NAMES = [k.__name__ for k in KINDS]
 # No ray that leaves one of these outwards meets it again. The polynomial of the sample is a ball.
-CONVEX = [k.__name__ for k in KINDS if not issubclass(k, Defined)]
+CONVEX = [k.__name__ for k in KINDS if not issubclass(k, PolynomialSolid)]
 
 
 def stretched(rng: np.random.Generator, thing: Any) -> Any:
@@ -719,18 +719,18 @@ class Lineup:
         """The distance of the first crossing."""
         return self.crossing(ray, leaving).t
 
-    def piece(self, ray: Ray, length: Any, **known: Any) -> Piece:
+    def piece(self, ray: Ray, length: Any, **known: Any) -> RaySegment:
         """Each ray up to a distance, with what is known of its ends (KnownEnds)."""
         known = {"end_error": self.a.D(0)} | known
-        return Piece(self.kind, self.placed(), self.seen(ray.o), ray, 0, length, KnownEnds(**known))
+        return RaySegment(self.kind, self.placed(), self.seen(ray.o), ray, 0, length, KnownEnds(**known))
 
     def occludes(self, ray: Ray, length: Any, **known: Any) -> Any:
         """Whether the object is in the way up to a distance."""
         return occludes(self.piece(ray, length, **known))
 
-    def way_inside(self, ray: Ray, length: Any, **known: Any) -> tuple[Any, Any]:
+    def length_inside(self, ray: Ray, length: Any, **known: Any) -> tuple[Any, Any]:
         """Whether each ray goes through the object up to a distance, and how long it is inside."""
-        return way_inside(self.piece(ray, length, **known))
+        return length_inside(self.piece(ray, length, **known))
 
     def surface(self, ray: Ray, t: Any, part: Any = None) -> tuple:
         """Surface, u and v where the rays have run t; lanes that miss are to be ignored."""

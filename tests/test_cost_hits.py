@@ -68,7 +68,7 @@ def test_the_looser_crossings_are_the_more_is_wrong() -> None:
     assert found[1].self_shadows < 0.01 * found[1].leaving
     assert all((x.lost, x.added, x.other) == (0, 0, 0) for x in found)
     # Half the chord in the clip's ball is at most its radius; nothing is nearer than 2.
-    assert found[-1].ulps < 1e-12 * HEART.limits().radius / np.spacing(2.0)
+    assert found[-1].ulps < 1e-12 * HEART.clip_volume().radius / np.spacing(2.0)
 
 
 def test_objects_are_told_by_name() -> None:

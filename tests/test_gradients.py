@@ -123,8 +123,8 @@ def test_kinds_with_creases_are_right_on_a_face_but_warn(kind, thing, addresses)
 
 def test_looped_objects_have_the_derivatives_of_written_out_ones(monkeypatch):
     written = vr.gradient(CROWD, ADDRESSES)
-    monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
-    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
+    monkeypatch.setattr(policy, "MAX_UNROLLED", 0)
+    monkeypatch.setattr(policy, "MAX_UNROLLED_SHARED", 0)
     looped = vr.gradient(CROWD, ADDRESSES)
     for address in ADDRESSES:
         np.testing.assert_allclose(looped[address], written[address], rtol=ROUNDING, atol=ROUNDING)

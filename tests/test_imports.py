@@ -13,22 +13,23 @@ llvm
 quantities pytree
 ray geometry transforms
 warp
-polynomials.error polynomials.tree polynomials.grammar polynomials.monomis polynomials.fields polynomials.expansion
-polynomials.generic polynomials.factoring polynomials.algebra polynomials.program polynomials.catalogue polynomials
-roots.numbers roots.march roots.refine roots.along roots.crossing roots.level roots
+polynomials.error polynomials.expression polynomials.grammar polynomials.monomials polynomials.modular
+polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.factorization polynomials.program
+polynomials.catalogue polynomials
+roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
-primitives.primitive primitives.flat primitives.solid primitives.revolved
+primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule
 primitives.clips
-primitives.algebraic primitives.polynomial primitives.defined primitives.torus primitives
+primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
 features progress output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack batches sampling moments film
-accel.policy accel.boxes accel.tree accel.culling accel.crossings accel.origin accel.search accel
+accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.intersect accel
 kernel_scene
 interaction
 direct occlusion

@@ -309,7 +309,7 @@ def test_the_order_of_the_file_changes_nothing() -> None:
 
 @PRECISIONS
 def test_looped_solids_refract_as_written_out_ones(precision: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than policy.WRITTEN_OUT solids of a family are looped over and hang in a tree."""
+    """More than policy.MAX_UNROLLED solids of a family are looped over and hang in a tree."""
     rng = np.random.default_rng(22)
     names = list(MEDIA)
     objects = {
@@ -319,9 +319,9 @@ def test_looped_solids_refract_as_written_out_ones(precision: str, monkeypatch: 
     objects["box"] = Box(min=(-1, -0.2, -1), max=(1, 0.3, 1), material="flint")
     o, d = rays_at(rng, 2000, 1.5)
     written = seen(media(objects, precision), o, d)
-    monkeypatch.setattr(policy, "WRITTEN_OUT", 3)
-    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 3)
-    monkeypatch.setattr(policy, "FEW", 3)
+    monkeypatch.setattr(policy, "MAX_UNROLLED", 3)
+    monkeypatch.setattr(policy, "MAX_UNROLLED_SHARED", 3)
+    monkeypatch.setattr(policy, "MAX_INLINED", 3)
     looped = seen(media(objects, precision), o, d)
     assert np.array_equal(written, looped)
     assert (np.abs(written - sky(unit(d)[:, 1])).max(1) > 0.01).mean() > 0.4

@@ -33,7 +33,7 @@ import visray as vr
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.pack import pack, updated
 from visray.primitives import Capsule, Ellipsoid, Torus
-from visray.primitives.primitive import box_of, outer_frame, scalars
+from visray.primitives.primitive import bounding_box, scalars, transform_frame
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
 from visray.render import explain
@@ -238,8 +238,8 @@ def test_box_is_tight_and_ball_holds_the_object(name: str, moved: bool) -> None:
     """Against the points where the object touches the planes of its box, from its normals in 80 bits."""
     for thing in instances(name, 17, 100, moved):
         m, offset = outer(thing)
-        bounds = scalars(thing).bounds(outer_frame(thing))
-        low, high = box_of(thing)
+        bounds = scalars(thing).bounds(transform_frame(thing))
+        low, high = bounding_box(thing)
         middle, reach = SAMPLES[name].hull(thing)
         rounded = gamma(24) * (np.linalg.norm(m, 2) * (np.linalg.norm(middle) + reach) + np.linalg.norm(offset))
         for sign, side in ((1, high), (-1, low)):
@@ -345,13 +345,13 @@ def test_torus_agrees_with_exact_algebra() -> None:
     assert worst < 4
 
 
-def test_way_inside_is_the_sum_of_the_chords() -> None:
+def test_length_inside_is_the_sum_of_the_chords() -> None:
     """Of a torus by exact roots, of the others by their twins' intervals."""
     rng = np.random.default_rng(33)
     r = Run(tori(rng, 20), 34, 50)
     ray = r.line.ray(r.o, r.d)
     end = 4e3 * np.array([x.major + x.minor for x in r.things])
-    through, length = r.line.way_inside(ray, r.line.a.D(np.repeat(end, 50)))
+    through, length = r.line.length_inside(ray, r.line.a.D(np.repeat(end, 50)))
     through, length = np.array(through).reshape(r.t.shape), np.array(length).reshape(r.t.shape)
     twice = 0
     for i, thing in enumerate(r.things):
@@ -372,7 +372,7 @@ def test_way_inside_is_the_sum_of_the_chords() -> None:
     for name in ("Ellipsoid", "Capsule"):
         r = run(name, False)
         ray = r.line.ray(r.o, r.d)
-        _, length = r.line.way_inside(ray, r.line.a.D(1e30))
+        _, length = r.line.length_inside(ray, r.line.a.D(1e30))
         length = np.array(length).reshape(r.t.shape)
         for i, thing in enumerate(r.things):
             o, d = real(r.o[i]), real(r.d[i])

@@ -9,8 +9,8 @@ import pytest
 from samples import SAMPLES, array
 
 from visray import indirect, integrator
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.camera import Camera
 from visray.geometry import gamma
 from visray.interaction import interact

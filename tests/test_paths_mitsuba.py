@@ -13,8 +13,8 @@ import pytest
 from flint import arb, ctx
 
 from visray import indirect, integrator
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.camera import Camera
 from visray.direct import DIMENSION, area_light
 from visray.geometry import UNIT_ROUNDOFF, gamma

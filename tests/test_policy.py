@@ -9,33 +9,33 @@ from hypothesis import strategies as st
 
 import visray as vr
 from visray.accel import policy
-from visray.accel.policy import Size, plan
+from visray.accel.policy import BatchSize, plan
 from visray.cli import main
 from visray.primitives import KINDS
 
-SIZES = st.lists(st.builds(Size, st.integers(1, 200), st.booleans()), max_size=8)
+SIZES = st.lists(st.builds(BatchSize, st.integers(1, 200), st.booleans()), max_size=8)
 WAYS = ("auto", "none", "tree")
 
 
 @given(SIZES, st.sampled_from(WAYS))
-def test_every_batch_is_found_in_one_way_and_no_endless_one_in_a_tree(sizes: list[Size], way: str) -> None:
+def test_every_batch_is_found_in_one_way_and_no_endless_one_in_a_tree(sizes: list[BatchSize], way: str) -> None:
     for shared in (False, True):
         p = plan(sizes, way, shared)
-        assert sorted([*p.written, *p.looped, *p.tree]) == list(range(len(sizes)))
+        assert sorted([*p.unrolled, *p.looped, *p.tree]) == list(range(len(sizes)))
         assert all(sizes[i].bounded for i in p.tree) and p.reason and p.name
-        limit = policy.WRITTEN_OUT_SHARED if shared else policy.WRITTEN_OUT
-        assert all(sizes[i].rows <= limit for i in p.written)
+        limit = policy.MAX_UNROLLED_SHARED if shared else policy.MAX_UNROLLED
+        assert all(sizes[i].rows <= limit for i in p.unrolled)
         if way == "none":
             assert not p.tree
         if way == "tree":
             assert set(p.tree) == {i for i, s in enumerate(sizes) if s.bounded}
         # What code there is for rows that are written out is bounded.
-        bounded = sum(sizes[i].rows for i in p.written if sizes[i].bounded)
+        bounded = sum(sizes[i].rows for i in p.unrolled if sizes[i].bounded)
         assert way != "auto" or bounded <= limit
 
 
 @given(SIZES, st.sampled_from(WAYS))
-def test_rays_that_share_an_origin_look_in_the_tree_that_all_others_have(sizes: list[Size], way: str) -> None:
+def test_rays_that_share_an_origin_look_in_the_tree_that_all_others_have(sizes: list[BatchSize], way: str) -> None:
     one, many = (plan(sizes, way, shared) for shared in (True, False))
     assert one.tree in ((), many.tree)
 

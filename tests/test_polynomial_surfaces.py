@@ -29,13 +29,13 @@ from samples import Lineup, array, polynomial_sphere
 from test_render import compiled
 
 import visray as vr
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.pack import pack
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
-from visray.primitives.primitive import box_of
+from visray.primitives.primitive import bounding_box
 from visray.quantities import Arrays
 from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
@@ -497,7 +497,7 @@ def test_the_way_inside_a_solid_is_that_of_the_exact_roots(expression: str) -> N
     o, d = rays_at(rng, n, radius, 5.0)
     length = np.where(rng.random(n) < 0.5, 1e3, rng.uniform(0, 2 * radius, n))
     ray, far = line.ray(o, d), line.a.D(length)
-    through, inside = (np.array(x) for x in line.way_inside(ray, far))
+    through, inside = (np.array(x) for x in line.length_inside(ray, far))
     occludes = np.array(line.occludes(ray, far))
     for i in range(n):
         b = o[i] @ d[i]
@@ -595,7 +595,7 @@ def test_crossings_are_no_farther_off_than_the_tolerance(name: str) -> None:
     """20 000 rays: those that hit are the same, and the distances within the tolerance times half the chord, which is
     at most that of the clip's sphere; the looser the farther off."""
     thing, rng = LOOSE[name], np.random.default_rng(32)
-    low, high = box_of(thing)
+    low, high = bounding_box(thing)
     reach = 0.5 * float((high - low).max())
     o, d = rays_at(rng, 20_000, reach)
     o = o + 0.5 * (low + high)
@@ -695,7 +695,7 @@ def test_normals_and_uv_are_those_of_the_exact_gradient(name: str) -> None:
     else:
         thing, text, names = Polynomial(surface=name), SURFACES[name].expression, SURFACES[name].parameters
     rig = Rig(thing)
-    t, p, n, u, v = rig.surfaces(*rays_at(rng, 6000, thing.limits().radius))
+    t, p, n, u, v = rig.surfaces(*rays_at(rng, 6000, thing.clip_volume().radius))
     met = np.flatnonzero(np.isfinite(t))[:800]
     p, n, u, v = p[met], n[met], u[met], v[met]
     exact = gradient(text, p, **names)
@@ -706,7 +706,7 @@ def test_normals_and_uv_are_those_of_the_exact_gradient(name: str) -> None:
     assert sine[clear].max() < 1e-9
     assert ((n * exact).sum(1) > 0)[clear].all()
     assert (u >= 0).all() and (u <= 1).all() and (v >= 0).all() and (v <= 1).all()
-    middle = p - np.array(thing.limits().center)
+    middle = p - np.array(thing.clip_volume().center)
     assert np.abs(v - (np.arcsin(unit(middle)[:, 1]) / np.pi + 0.5)).max() < 1e-6
     assert np.abs(np.cos(2 * np.pi * (u - 0.5)) - middle[:, 0] / np.hypot(middle[:, 0], middle[:, 2])).max() < 1e-6
 

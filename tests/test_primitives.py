@@ -31,8 +31,8 @@ from samples import (
     unit,
 )
 
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.geometry import gamma
 from visray.primitives import (
     KINDS,
@@ -50,16 +50,16 @@ from visray.primitives import (
     Triangle,
 )
 from visray.primitives.algebraic import Algebraic
+from visray.primitives.convex import ConvexSolid
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import box_of, outer_frame, scalars
-from visray.primitives.solid import Solid
+from visray.primitives.primitive import bounding_box, scalars, transform_frame
 from visray.ray import Ray
 from visray.scene.scene import Scene
 from visray.transforms import Scale
 
 OBJECTS, RAYS = 250, 64
 FLATS = [k.__name__ for k in KINDS if issubclass(k, Flat)]
-SOLIDS = [k.__name__ for k in KINDS if issubclass(k, Solid)]
+SOLIDS = [k.__name__ for k in KINDS if issubclass(k, ConvexSolid)]
 ALGEBRAIC = [k.__name__ for k in KINDS if issubclass(k, Algebraic)]
 U = 2.0**-53
 
@@ -205,10 +205,10 @@ def test_bounds_and_sphere_hold_the_object_and_little_more(name: str, moved: boo
     r = run(name, moved)
     for i, thing in enumerate(r.things):
         if name == "Plane":
-            assert box_of(thing) is None
+            assert bounding_box(thing) is None
             continue
-        low, high = box_of(thing)
-        ball = scalars(thing).bounds(outer_frame(thing))
+        low, high = bounding_box(thing)
+        ball = scalars(thing).bounds(transform_frame(thing))
         centre, radius = np.array(ball.centre, float), np.array(ball.radius, float)
         p, e = r.p[i][r.hit[i]], r.error[i][r.hit[i]][:, None]
         # The corners come out of at most 12 roundings of numbers no greater than these.

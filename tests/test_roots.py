@@ -12,10 +12,10 @@ import pytest
 from visray import polynomials
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.quantities import Arrays
-from visray.roots.along import roundings
-from visray.roots.march import Isolated, bernstein, conversion, isolated
-from visray.roots.numbers import Line, Size, Slope
-from visray.roots.refine import refined
+from visray.roots.chord import rounding_count
+from visray.roots.isolation import IsolatedRoot, bernstein, conversion, isolate
+from visray.roots.number_types import DualNumber, Magnitude, Univariate
+from visray.roots.refinement import refine
 
 A = Arrays.of()
 D = A.D
@@ -84,13 +84,13 @@ def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
     high = low + (1 - low) * 2.0 ** -np.where(np.arange(n) < 4, 0, rng.integers(0, 8, n))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     slots = [D(v) for v in built.values]
-    for factor in built.form.factors:
+    for factor in built.program.factors:
         axes = [(array(x), array(y)) for x, y in zip(l, e)]
-        line = polynomials.interpret(factor.code, list(map(Line, slots)), [Line(x, y) for x, y in axes])
+        line = polynomials.interpret(factor.code, list(map(Univariate, slots)), [Univariate(x, y) for x, y in axes])
         r = array(np.abs(middle) + half)
-        reach = [Size(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
-        size = polynomials.interpret(factor.code, [Size(dr.abs(x)) for x in slots], reach).x
-        noise = roundings(factor.code) * 2.0**-53 * np.broadcast_to(np.array(size), n)
+        reach = [Magnitude(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
+        size = polynomials.interpret(factor.code, [Magnitude(dr.abs(x)) for x in slots], reach).x
+        noise = rounding_count(factor.code) * 2.0**-53 * np.broadcast_to(np.array(size), n)
         assert len(line.c) == factor.degree + 1
         found = [np.broadcast_to(np.array(b), n) for b in bernstein(line.c, array(middle), array(half))]
         for k in range(n):
@@ -115,9 +115,9 @@ def test_slopes_are_those_of_exact_arithmetic() -> None:
     """Product and chain rule on a form, against differences of exact values that are exact for a cubic in one step."""
     built = polynomials.build("(2*x - 3*y*z)^2*x - 5*(y - 1)^3*z - x*y")
     p = [Fraction(1, 3), Fraction(-2, 7), Fraction(5, 4)]
-    factor = built.form.factors[0]
-    axes = [Slope(float(x), tuple(1.0 if i == j else None for j in range(3))) for i, x in enumerate(p)]
-    found = polynomials.interpret(factor.code, [Slope(v, (None,) * 3) for v in built.values], axes)
+    factor = built.program.factors[0]
+    axes = [DualNumber(float(x), tuple(1.0 if i == j else None for j in range(3))) for i, x in enumerate(p)]
+    found = polynomials.interpret(factor.code, [DualNumber(v, (None,) * 3) for v in built.values], axes)
 
     def f(q: list) -> Fraction:
         return polynomials.interpret(factor.code, [Fraction(v) for v in built.values], q)
@@ -159,10 +159,10 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     c, roots = with_roots(rng, d, n)
     sign = np.where(sum(x * (-1.0) ** k for k, x in enumerate(c)) < 0, -1, 1)
     c = c * sign
-    line = Line(*map(array, c))
+    line = Univariate(*map(array, c))
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(line.c, lambda r: noise, plainly(line.c, noise), D(-1), D(1), A.B(True))
-    s = np.array(refined(line, part, line(part.low), line(part.high), (-1, 1)))
+    part = isolate(line.c, lambda r: noise, plainly(line.c, noise), D(-1), D(1), A.B(True))
+    s = np.array(refine(line, part, line(part.low), line(part.high), (-1, 1)))
     found = np.array(part.found)
     if not len(roots):
         assert not found.any() and not np.array(part.unresolved).any()
@@ -188,7 +188,7 @@ def test_a_root_is_no_farther_off_than_the_tolerance(tolerance: float) -> None:
     out = 1e-6 * np.select([np.arange(n) % 4 == 0, np.arange(n) % 4 == 2], [-1, 1], 0) * rng.uniform(0, 1, n)
     share = np.where(out < 0, 0, np.where(out > 0, 1, share))
     low = r - out - share * w
-    part = Isolated(array(low), array(low + w), dr.full(A.B, True, n), dr.zeros(A.U, n))
+    part = IsolatedRoot(array(low), array(low + w), dr.full(A.B, True, n), dr.zeros(A.U, n))
     calls = dr.zeros(A.U, 1)
 
     def f(s: Any) -> Any:
@@ -197,12 +197,12 @@ def test_a_root_is_no_farther_off_than_the_tolerance(tolerance: float) -> None:
         return gap * (1 + 3 * gap * gap)
 
     high = -array(np.full(n, 0.1))
-    s = np.array(refined(f, part, -high, high, (-1, 1), None, dr.opaque(D, tolerance)))
+    s = np.array(refine(f, part, -high, high, (-1, 1), None, dr.opaque(D, tolerance)))
     loose = np.array(calls)[0]
     assert np.abs(s - r).max() <= max(tolerance, 2.0**-52)
     dr.eval(calls)
     calls = dr.zeros(A.U, 1)
-    exact = np.array(refined(f, part, -high, high, (-1, 1)))
+    exact = np.array(refine(f, part, -high, high, (-1, 1)))
     assert np.abs(exact - r).max() <= 2.0**-52
     assert loose <= np.array(calls)[0] * (0.5 if tolerance >= 1e-2 else 1.2)
 
@@ -216,14 +216,14 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
         c = r * np.vstack([c, 0 * r]) - np.vstack([0 * r, c])
     c = np.vstack([c, 0 * r, 0 * r]) + np.vstack([0 * r, 0 * r, c])
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
-    part = isolated(tuple(map(array, c)), lambda r: noise, plainly(tuple(map(array, c)), noise), D(-1), D(1), A.B(True))
+    part = isolate(tuple(map(array, c)), lambda r: noise, plainly(tuple(map(array, c)), noise), D(-1), D(1), A.B(True))
 
     def structured(s: Any) -> Any:
         gap = array(r) - s
         return gap**m * (s * s + 1)
 
     assert np.array(part.found).all() and not np.array(part.unresolved).any()
-    found = refined(structured, part, structured(part.low), structured(part.high), (-1, 1))
+    found = refine(structured, part, structured(part.low), structured(part.high), (-1, 1))
     assert np.abs(np.array(found) - r).max() <= 2.0**-52
 
 
@@ -232,6 +232,6 @@ def test_touching_is_no_crossing() -> None:
     r = np.linspace(-0.9, 0.9, 501)
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
     noise = array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2)
-    part = isolated(c, lambda _: noise, plainly(c, noise), D(-1), D(1), A.B(True))
+    part = isolate(c, lambda _: noise, plainly(c, noise), D(-1), D(1), A.B(True))
     assert not np.array(part.found).any()
     assert np.isin(np.array(part.unresolved), [0, 1]).all() and np.array(part.unresolved).mean() > 0.5

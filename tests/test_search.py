@@ -29,14 +29,14 @@ from samples import (
 
 import visray as vr
 from visray.accel import policy
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, closest, occluded
 from visray.camera import Camera
 from visray.geometry import gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere
-from visray.primitives.solid import Solid
+from visray.primitives.convex import ConvexSolid
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, Ray
 from visray.scene.scene import Film, Scene
@@ -45,7 +45,7 @@ from visray.transforms import Translate
 A = Arrays.of("llvm", "single")
 RAYS = 10_000
 # The polynomial of the sample is a convex solid, though not all are.
-SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid | Polynomial)]
+SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, ConvexSolid | Polynomial)]
 
 
 # Worlds of one structure, so that one kernel serves them all: an object of each kind as it is, and one transformed.
@@ -202,8 +202,8 @@ def test_looped_search_is_the_written_out_one_bit_for_bit(
     """Nothing written out: every bounded family hangs in a tree, planes and the plain search are looped over."""
     worlds = [World.of(make, seed) for seed in SEEDS]
     written = [w.searched(shared, False) for w in worlds]
-    monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
-    monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
+    monkeypatch.setattr(policy, "MAX_UNROLLED", 0)
+    monkeypatch.setattr(policy, "MAX_UNROLLED_SHARED", 0)
     for w, before in zip(worlds, written):
         assert same(before, w.searched(shared, False))
         assert same(before, w.searched(shared, True))
@@ -217,7 +217,7 @@ def test_gathered_objects_are_the_written_out_ones_bit_for_bit(make: Callable, m
     w = replace(w, scene=replace(w.scene, objects=objects), first=None)
     written = w.searched(True, False)
     assert same(written, w.searched(True, True)) and same(written, w.searched(False, False))
-    monkeypatch.setattr(policy, "FEW", 0)
+    monkeypatch.setattr(policy, "MAX_INLINED", 0)
     assert same(written, w.searched(True, False))
 
 
@@ -272,7 +272,7 @@ def test_the_object_found_is_the_first_by_the_twins(make: Callable) -> None:
 def test_ties_go_to_the_object_that_comes_first() -> None:
     """Equal spheres, and sheets in one plane, the first of them last in space: the index is that of the first, written
     out and in a tree."""
-    for count in (2, policy.WRITTEN_OUT + 8):
+    for count in (2, policy.MAX_UNROLLED + 8):
         balls = [Sphere(center=(0, 0, -3)) for _ in range(count)]
         sheets = [Rectangle(center=(-0.01 * i, 0, -2), width=(4, 0, 0), height=(0, 4, 0)) for i in range(count)]
         for things in (balls, sheets):

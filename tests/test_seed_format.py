@@ -38,7 +38,7 @@ from visray.camera import Camera
 from visray.errors import UserError
 from visray.lights import DirectionalLight, PointLight, RectangleLight, SpotLight
 from visray.materials import Material
-from visray.polynomials import exact
+from visray.polynomials import exact_terms
 from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
@@ -377,7 +377,7 @@ def surface(pair: Pair, *monomis: object) -> tuple[Polynomial, list[str]]:
 
 
 def same(monomis: list[str], expression: str) -> bool:
-    return exact(monomis) == exact(expression)
+    return exact_terms(monomis) == exact_terms(expression)
 
 
 def test_a_polynomial(pair: Pair) -> None:

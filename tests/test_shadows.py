@@ -28,8 +28,8 @@ from visray.geometry import gamma
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives.convex import ConvexSolid
 from visray.primitives.flat import Flat
-from visray.primitives.solid import Solid
 from visray.render import render
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare
@@ -37,7 +37,7 @@ from visray.transforms import Matrix, Rotate, Translate
 
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
 # The polynomial of the sample is a convex solid, though not all are.
-SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Solid | Polynomial)]
+SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, ConvexSolid | Polynomial)]
 FLATS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Flat) and n != "Plane"]
 EACH_SOLID = pytest.mark.parametrize("name", SOLIDS)
 MOVED = pytest.mark.parametrize("moved", [False, True], ids=["as it is", "transformed"])
@@ -320,8 +320,8 @@ def test_things_that_overlap_multiply(how: str, written: bool, precision: str, m
     """16 things of one material, so that none can be told from another by it: each counts for itself, the product of
     all; and in any order, written out or in trees."""
     if not written:
-        monkeypatch.setattr(policy, "WRITTEN_OUT", 0)
-        monkeypatch.setattr(policy, "WRITTEN_OUT_SHARED", 0)
+        monkeypatch.setattr(policy, "MAX_UNROLLED", 0)
+        monkeypatch.setattr(policy, "MAX_UNROLLED_SHARED", 0)
     rng = np.random.default_rng(5)
     room = Room.of(rng, 1500, how)
     things, dmax, kt = several(rng, room), 3 * room.size, (0.9, 0.8, 0.7)

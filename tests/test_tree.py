@@ -8,9 +8,9 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray.accel import boxes
-from visray.accel.boxes import DEPTH, NONE, WIDTH, split, widened
-from visray.accel.tree import NOTHING, ROW, STACK, STRIDE, Walk, build
+from visray.accel import sah
+from visray.accel.bvh import NOTHING, ROW, STACK, STRIDE, Walk, build
+from visray.accel.sah import DEPTH, NONE, WIDTH, split, widened
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, unit
 
@@ -49,7 +49,7 @@ def sphere(middle: Any, half: Any, o: Any, d: Any) -> Any:
 
 
 def box(middle: Any, half: Any, o: Any, d: Any) -> Any:
-    """The same for boxes."""
+    """The same for sah."""
     begin, end = A.D(-dr.inf), A.D(dr.inf)
     for axis in range(3):
         low, high = middle[axis] - half[axis] - o[axis], middle[axis] + half[axis] - o[axis]
@@ -315,7 +315,7 @@ def test_the_stack_holds_what_a_way_down_leaves(name: str) -> None:
 @pytest.mark.parametrize("limit", [6, 7, 10])
 def test_no_tree_is_deeper_than_it_may_be(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Boxes that ask for a deep tree are cut in equal halves where they must be."""
-    monkeypatch.setattr(boxes, "DEPTH", limit)
+    monkeypatch.setattr(sah, "DEPTH", limit)
     low, high = (x.T.astype(np.float32) for x in world("halved").corners())
     low, high = low[:, : 1 << limit], high[:, : 1 << limit]
     two = split(low, high)

@@ -7,8 +7,8 @@ from typing import Any
 import drjit as dr
 
 from visray.accel.culling import Cone
+from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, occluded, transmittance
 from visray.geometry import extent, gamma
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene, LightBatch, PreparedLight

@@ -14,8 +14,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
-from visray.accel.policy import WRITTEN_OUT
-from visray.accel.search import closest
+from visray.accel.intersect import closest
+from visray.accel.policy import MAX_UNROLLED
 from visray.direct import LightSample, light_sample
 from visray.errors import UserError
 from visray.images import Atlas
@@ -64,10 +64,10 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
 
     prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
     s = prepared.kernel
-    if s.features["coloured shadows"] and any(len(b) > WRITTEN_OUT for b in s.batches):
-        most = WRITTEN_OUT
+    if s.features["coloured shadows"] and any(len(b) > MAX_UNROLLED for b in s.batches):
+        most = MAX_UNROLLED
         raise UserError(f"objects: derivatives through shadows in colour are had for up to {most} objects of a kind")
-    solids = [name for b in s.batches if b.kind.searched and b.kind.closed for name in b.names]
+    solids = [name for b in s.batches if b.kind.finds_roots and b.kind.closed for name in b.names]
     through = {name for name, material in scene.materials.items() if any(material.kt)}
     clear = [name for name in solids if scene.objects[name].material in through]
     if s.features["coloured shadows"] and clear and any(_moves(scene, w) for w in wrt):
@@ -92,7 +92,7 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
     seen = np.unique(np.array(hit.row))
     shown = [b.kind for b in s.batches if ((seen >= b.base) & (seen < b.base + len(b))).any()]
     # What a line crosses more than twice may hide a part of itself.
-    if len(seen) > 1 or any(kind.smooth and kind.crossings > 2 for kind in shown):
+    if len(seen) > 1 or any(kind.smooth and kind.max_crossings > 2 for kind in shown):
         found.append("silhouettes")
     if not all(kind.smooth for kind in shown):
         found.append("creases")

@@ -16,8 +16,8 @@ import drjit as dr
 from visray import warp
 from visray.accel import policy
 from visray.accel.culling import flush
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.batches import Batch
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
@@ -109,7 +109,7 @@ def _others(s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyon
         return (*leaves(before), *leaves(beyond))
 
     state = (*leaves(before), *leaves(beyond))
-    if size > policy.FEW:
+    if size > policy.MAX_INLINED:
         state = s.repeated(size, dr.opaque(s.a.U, size), at.hit.valid, state, step)
     else:
         for i in range(size):

@@ -6,8 +6,8 @@ from typing import Any
 import drjit as dr
 
 from visray import indirect, sampling, warp
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.batches import Batch
 from visray.geometry import UNIT_ROUNDOFF
 from visray.interaction import interact
@@ -186,7 +186,7 @@ def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
     residual: the distance of the visible point p from its surface, to first order, in units in the last place of the
         largest coordinate of p and the ray's origin.
     """
-    a, searched = s.a, [b for b in s.batches if b.kind.searched]
+    a, searched = s.a, [b for b in s.batches if b.kind.finds_roots]
     if not searched:
         return {}
     unresolved, residual = dr.zeros(a.U, dr.width(ray.d)), dr.zeros(a.F, dr.width(ray.d))

@@ -111,7 +111,7 @@ def _row_of(s: KernelScene, table: tuple, size: int, here: Any, index: Any) -> t
 
     Not where derivatives are asked for: of what a branch in a loop hands through from outside, Dr.Jit 1.5 makes zero.
     """
-    if s.attached or size > policy.FEW:
+    if s.attached or size > policy.MAX_INLINED:
         return rows(table, dr.select(here, index, 0))
     u = s.a.U
     row = leaves(rows(table, u(0)))

@@ -206,8 +206,8 @@ def _glow(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
 def _many(lights: int, sizes: Iterable[int]) -> bool:
     """Whether there are too many lights to write them out, by the numbers of rows in the batches. Of many rows only the
     guards are written out, which takes a quarter of the time."""
-    sizes = [n for n in sizes if n <= policy.WRITTEN_OUT_SHARED]
-    objects = sum(n if n <= policy.WRITTEN_OUT else n // 4 for n in sizes)
+    sizes = [n for n in sizes if n <= policy.MAX_UNROLLED_SHARED]
+    objects = sum(n if n <= policy.MAX_UNROLLED else n // 4 for n in sizes)
     return lights > 2 and lights * (1 + objects) > WRITTEN_OUT_LIGHTS
 
 
@@ -215,7 +215,7 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     """How the rays of a scene find what they hit, and why."""
     on, kinds = features, [type(light) for light in scene.lights.values()]
     counted = Counter(map(code, scene.objects.values()))
-    sizes = [policy.Size(n, kind.bounded) for (kind, _), n in counted.items()]
+    sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in counted.items()]
     looped = _many(len(kinds), (size.rows for size in sizes))
     # A lone light of its kind is never looped over.
     own = [k for k in kinds if k.placed and not k.wide and not (looped and kinds.count(k) > 1)]

@@ -9,8 +9,8 @@ import drjit as dr
 
 from visray import warp
 from visray.accel.culling import Cone
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, closest, occluded
 from visray.interaction import Interaction, attached_distance
 from visray.kernel_scene import KernelScene
 from visray.ray import Ray

@@ -54,7 +54,7 @@ def first_pass_samples(prepared: Prepared) -> int:
     rays = 1 + sum(getattr(light, "samples", 1) for light in prepared.scene.lights.values())
     rays += settings.occlusion.sky * on["sky occlusion"] + settings.occlusion.near * on["near occlusion"]
     paths = max(settings.scatter.rays * on["scatter"], 1) * 2 if on["paths"] else 0
-    trees, searched = s.geometry.tree is not None, any(b.kind.searched for b in s.batches)
+    trees, searched = s.geometry.tree is not None, any(b.kind.finds_roots for b in s.batches)
     rays *= 1 + 4 * paths
     samples = 2**25 // (rays * (8 if trees else 1) * (64 if searched else 1))
     # Small pictures are one pass, which is traced once, where that takes no more than about two seconds.

@@ -214,7 +214,7 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:
     """The layers of the first hit, if any of the given layers needs them; else none."""
     needed = set(layers) & set(names_from("first hit"))
-    if set(layers) & set(names_from("certificate")) and any(b.kind.searched for b in prepared.kernel.batches):
+    if set(layers) & set(names_from("certificate")) and any(b.kind.finds_roots for b in prepared.kernel.batches):
         needed.add("certificate")
     return _first_hit(prepared) if needed else {}
 

@@ -16,8 +16,8 @@ import drjit as dr
 import numpy as np
 
 from visray.accel import policy
+from visray.accel.bvh import Tree, Walk, build
 from visray.accel.culling import Cone, Ground, Guard, flush, ground, guard, rounding
-from visray.accel.tree import Tree, Walk, build
 from visray.batches import Batch, boxes
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
@@ -50,7 +50,7 @@ class Geometry:
 
     def plan(self, shared: bool) -> policy.Plan:
         """How rays find rows. shared: they share their origin."""
-        sizes = [policy.Size(len(b), b.kind.bounded) for b in self.batches]
+        sizes = [policy.BatchSize(len(b), b.kind.bounded) for b in self.batches]
         return policy.plan(sizes, self.accelerator, shared)
 
     @property
@@ -73,7 +73,7 @@ class Candidate:
     row: Any
     index: Any
     present: Any
-    written: int | None = None
+    unrolled: int | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def _touching(batch: Batch, o: Any) -> tuple[Any, Any] | None:
     is one is structure: a camera or light that comes to lie on a surface compiles anew.
     """
     f, g = batch.kind.surface_at(batch.placed, o)
-    on = flush(batch, f, g, o) & batch.kind.has_sides(batch.placed, o)
+    on = flush(batch, f, g, o) & batch.kind.has_normal(batch.placed, o)
     return (on, g) if np.any(np.array(on)) else None
 
 
@@ -116,7 +116,7 @@ class RayOrigin:
         self.batches = detached(geometry.batches)
         self.shared = dr.width(o) == 1 if shared is None else shared
         self.plan = geometry.plan(self.shared)
-        written = [i in self.plan.written for i in range(len(self.batches))]
+        written = [i in self.plan.unrolled for i in range(len(self.batches))]
         self.may_reach: list[list[Any]] | None = None
         if self.shared:
             self.seen = tuple(
@@ -157,7 +157,7 @@ class RayOrigin:
     def guard(self, c: Candidate) -> Guard | Ground:
         """The guard of a row."""
         if not self.shared:
-            return self._guard(self._row(c)) if c.written is None else self.near[c.batch][c.written]
+            return self._guard(self._row(c)) if c.unrolled is None else self.near[c.batch][c.unrolled]
         guards = self.guards[c.batch]
         if guards is None:
             return self._guard(self._row(c))
@@ -200,12 +200,12 @@ class RayOrigin:
             n = len(batch)
             if number in self.plan.tree and not brute_force:
                 continue
-            if number in self.plan.looped or (brute_force and n > policy.WRITTEN_OUT):
+            if number in self.plan.looped or (brute_force and n > policy.MAX_UNROLLED):
                 state, few = self._few(query, few, state), []
                 state = self._looped(query, batch, number, state, brute_force)
                 continue
             each = [Candidate(number, self.a.U(i), self.a.U(batch.base + i), True, i) for i in range(n)]
-            if self.shared and n <= policy.FEW and not brute_force:
+            if self.shared and n <= policy.MAX_INLINED and not brute_force:
                 few += each
                 continue
             state, few = self._few(query, few, state), []
@@ -249,9 +249,9 @@ class RayOrigin:
         for c in each:
 
             def add(bits: Any, c: Candidate = c) -> tuple:
-                return (bits | dr.select(query.may_hit(c, *state), u(1 << (c.written - first)), 0),)
+                return (bits | dr.select(query.may_hit(c, *state), u(1 << (c.unrolled - first)), 0),)
 
-            reached = None if self.may_reach is None else self.may_reach[number][c.written]
+            reached = None if self.may_reach is None else self.may_reach[number][c.unrolled]
             bits = add(bits)[0] if reached is None else _where(reached, (bits,), add, "may reach")[0]
 
         def step(bits: Any, *state: Any) -> tuple:

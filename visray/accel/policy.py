@@ -13,16 +13,16 @@ Accelerator = Literal["auto", "none", "tree"]
 
 # So many rows are written out; more hang in the tree. Written out they cost a few cycles each, but each takes a
 # millisecond to compile, wherever rays start anew.
-WRITTEN_OUT = 32
+MAX_UNROLLED = 32
 # For rays that share their origin, whose guards are made before, it pays for four times as many (reference/
 # bench_mitsuba.py: 100 spheres take 0.7 of the time that they take in a tree, 200 as much).
-WRITTEN_OUT_SHARED = 128
+MAX_UNROLLED_SHARED = 128
 # Up to so many of a batch, not only their guards but all that is done with them.
-FEW = 12
+MAX_INLINED = 12
 
 
 @dataclass(frozen=True)
-class Size:
+class BatchSize:
     """A batch as the policy sees it."""
 
     rows: int
@@ -33,7 +33,7 @@ class Size:
 class Plan:
     """The numbers of the batches that are written out, looped over, and in the tree, and why, in words."""
 
-    written: tuple[int, ...]
+    unrolled: tuple[int, ...]
     looped: tuple[int, ...]
     tree: tuple[int, ...]
     reason: str
@@ -41,19 +41,19 @@ class Plan:
     @property
     def name(self) -> str:
         """What it is called."""
-        ways = {"one by one": self.written, "in a loop": self.looped, "in a tree": self.tree}
+        ways = {"one by one": self.unrolled, "in a loop": self.looped, "in a tree": self.tree}
         return ", others ".join(way for way, batches in ways.items() if batches) or "nothing to find"
 
 
-def plan(sizes: Sequence[Size], accelerator: Accelerator, shared: bool) -> Plan:
+def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> Plan:
     """How rays find rows. shared: they share their origin."""
     numbers = range(len(sizes))
-    limit = WRITTEN_OUT_SHARED if shared else WRITTEN_OUT
+    limit = MAX_UNROLLED_SHARED if shared else MAX_UNROLLED
     bounded = [i for i in numbers if sizes[i].bounded]
     small = {i for i in numbers if sizes[i].rows <= limit}
     endless = "; endless planes are in no tree" if len(bounded) < len(sizes) else ""
     if accelerator == "none":
-        few = {i for i in numbers if sizes[i].rows <= FEW}
+        few = {i for i in numbers if sizes[i].rows <= MAX_INLINED}
         return _plan(numbers, few, set(), "settings.accelerator is none: every object is asked")
     if accelerator == "tree":
         return _plan(numbers, small - set(bounded), set(bounded), f"settings.accelerator is tree{endless}")
@@ -63,7 +63,7 @@ def plan(sizes: Sequence[Size], accelerator: Accelerator, shared: bool) -> Plan:
     # The tree is the same for all rays: it holds what is too much for those that share no origin.
     written: set[int] = set()
     for i in sorted(bounded, key=lambda i: sizes[i].rows):
-        if sum(sizes[j].rows for j in written) + sizes[i].rows <= WRITTEN_OUT:
+        if sum(sizes[j].rows for j in written) + sizes[i].rows <= MAX_UNROLLED:
             written.add(i)
     tree = set(bounded) - written
     return _plan(numbers, small - tree, tree, f"{total} objects that have an end, more than {limit}{endless}")

@@ -1,8 +1,17 @@
 """Polynomial surfaces f(x, y, z) = 0: from text to what kernels evaluate."""
 
 from visray.polynomials.error import PolynomialError
-from visray.polynomials.program import Compiled, Factor, Program, build, exact, interpret, magnitude, refuse_sizes
-from visray.polynomials.tree import evaluate
+from visray.polynomials.expression import evaluate
+from visray.polynomials.program import (
+    Compiled,
+    Factor,
+    Program,
+    build,
+    check_sizes,
+    exact_terms,
+    interpret,
+    magnitude_bounds,
+)
 
 __all__ = [
     "Compiled",
@@ -10,9 +19,9 @@ __all__ = [
     "PolynomialError",
     "Program",
     "build",
+    "check_sizes",
     "evaluate",
-    "exact",
+    "exact_terms",
     "interpret",
-    "magnitude",
-    "refuse_sizes",
+    "magnitude_bounds",
 ]

@@ -5,18 +5,18 @@ from fractions import Fraction
 from math import comb
 from typing import Any
 
-from visray.polynomials.tree import (
+from visray.polynomials.expression import (
     ONE,
     Axis,
+    Expression,
     Negative,
     Number,
     Power,
     Product,
     Sum,
-    Tree,
-    negated,
+    is_zero,
+    negate,
     rational,
-    vanishes,
 )
 
 Exponents = tuple[int, ...]
@@ -27,7 +27,7 @@ class TooLong(Exception):
     """An expansion over its budget."""
 
 
-def expand(tree: Tree, constant: Callable[[Tree], Terms], size: int, budget: int) -> Terms:
+def expand(tree: Expression, constant: Callable[[Expression], Terms], size: int, budget: int) -> Terms:
     """The terms of a tree over `size` variables, x, y and z first, with at most `budget` products of two terms.
 
     `constant` gives the terms of each largest part without x, y and z.
@@ -46,7 +46,7 @@ def expand(tree: Tree, constant: Callable[[Tree], Terms], size: int, budget: int
                 found[e] = found[e] + c * d if e in found else c * d
         return found
 
-    def terms(node: Tree) -> Terms:
+    def terms(node: Expression) -> Terms:
         if not node.degree:
             return constant(node)
         match node:
@@ -76,12 +76,12 @@ def expand(tree: Tree, constant: Callable[[Tree], Terms], size: int, budget: int
     return {e: c for e, c in terms(tree).items() if c}
 
 
-Coefficients = dict[tuple[int, int, int], Tree]
+Coefficients = dict[tuple[int, int, int], Expression]
 
 
-def written_terms(tree: Tree) -> Coefficients | None:
-    """The monomials of a simplified tree that is written as a plain sum of them, or None; like ones are added."""
-    found: dict[tuple[int, int, int], list[Tree]] = {}
+def monomial_terms(tree: Expression) -> Coefficients | None:
+    """The monomials of a simplify tree that is written as a plain sum of them, or None; like ones are added."""
+    found: dict[tuple[int, int, int], list[Expression]] = {}
     for term in tree.parts if isinstance(tree, Sum) else [tree]:
         one = _monomial(term)
         if one is None:
@@ -91,13 +91,13 @@ def written_terms(tree: Tree) -> Coefficients | None:
 
 
 def _without_zeros(terms: Coefficients) -> Coefficients:
-    return {e: c for e, c in terms.items() if not vanishes(c)}
+    return {e: c for e, c in terms.items() if not is_zero(c)}
 
 
-def _monomial(term: Tree) -> tuple[tuple[int, int, int], Tree] | None:
+def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | None:
     if isinstance(term, Negative) and term.degree:
         inner = _monomial(term.of)
-        return inner and (inner[0], negated(inner[1]))
+        return inner and (inner[0], negate(inner[1]))
     coefficient, exponents = ONE, [0, 0, 0]
     for factor in term.parts if isinstance(term, Product) and term.degree else [term]:
         match factor:
@@ -112,12 +112,12 @@ def _monomial(term: Tree) -> tuple[tuple[int, int, int], Tree] | None:
     return tuple(exponents), coefficient
 
 
-def about(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> Coefficients:
+def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> Coefficients:
     """The terms in p - centre: each x^n becomes (x + centre's x)^n, multiplied out where that is not 0."""
     for axis, c in enumerate(centre):
         if not c:
             continue
-        found: dict[tuple[int, int, int], list[Tree]] = {}
+        found: dict[tuple[int, int, int], list[Expression]] = {}
         for e, coefficient in terms.items():
             n = e[axis]
             # Rational coefficients are numbers at once: trees of sums of sums would be evaluated again and again.
@@ -132,7 +132,7 @@ def about(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> C
     return terms
 
 
-def _added(parts: list[Tree]) -> Tree:
+def _added(parts: list[Expression]) -> Expression:
     plain = [p for p in parts if not p.parametric and not p.irrational]
     others = [p for p in parts if p.parametric or p.irrational]
     if plain:
@@ -140,7 +140,7 @@ def _added(parts: list[Tree]) -> Tree:
     return others[0] if len(others) == 1 else Sum(tuple(others))
 
 
-def horner(terms: Coefficients) -> Tree:
+def horner(terms: Coefficients) -> Expression:
     """The variable in most terms is taken out of them, by its least power there; and so on in what is left."""
     often, axis = max((sum(e[k] > 0 for e in terms), -k) for k in range(3))
     axis = -axis
@@ -155,12 +155,12 @@ def horner(terms: Coefficients) -> Tree:
     return Sum((whole, horner(rest))) if rest else whole
 
 
-def _power(axis: int, n: int) -> Tree:
+def _power(axis: int, n: int) -> Expression:
     return Power(Axis(axis), n) if n > 1 else Axis(axis)
 
 
-def _term(exponents: tuple[int, int, int], coefficient: Tree) -> Tree:
+def _term(exponents: tuple[int, int, int], coefficient: Expression) -> Expression:
     powers = tuple(_power(k, n) for k, n in enumerate(exponents) if n)
-    if coefficient == negated(ONE):
+    if coefficient == negate(ONE):
         return Negative(Product(powers)) if powers else coefficient
     return Product((coefficient, *powers)) if powers else coefficient

@@ -8,9 +8,10 @@ from itertools import pairwise
 from keyword import iskeyword
 
 from visray.polynomials.error import PolynomialError
-from visray.polynomials.tree import (
+from visray.polynomials.expression import (
     Axis,
-    Named,
+    Expression,
+    NamedConstant,
     Negative,
     Number,
     Parameter,
@@ -19,10 +20,9 @@ from visray.polynomials.tree import (
     Reciprocal,
     Root,
     Sum,
-    Tree,
+    is_zero,
     rational,
     square_root,
-    vanishes,
 )
 
 MAX_DEGREE = 32
@@ -55,7 +55,7 @@ _HINTS = {
 }
 
 
-def parse(text: str, parameters: dict[str, float]) -> Tree:
+def parse(text: str, parameters: dict[str, float]) -> Expression:
     """The tree of a polynomial in x, y, z and the parameters; PolynomialError says what it cannot be."""
     exact = known(parameters)
     if len(text) > MAX_LENGTH:
@@ -181,7 +181,7 @@ class _Reader:
     def shown(self, node: ast.expr) -> str:
         return _cut(self.source(node).replace("**", "^"))
 
-    def tree(self, node: ast.expr, depth: int) -> Tree:
+    def tree(self, node: ast.expr, depth: int) -> Expression:
         if depth > MAX_DEPTH:
             raise _deep()
         match node:
@@ -206,7 +206,7 @@ class _Reader:
             f"{self.shown(node)!r} has no meaning in a polynomial; only numbers, names and + - * / ^ ( ) have"
         )
 
-    def terms(self, node: ast.expr, depth: int) -> list[Tree]:
+    def terms(self, node: ast.expr, depth: int) -> list[Expression]:
         # Python nests a sum to the left, once for each term: it is walked in a loop, not by recursion.
         found = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
@@ -216,7 +216,7 @@ class _Reader:
         found.append(self.tree(node, depth + 1))
         return found[::-1]
 
-    def factors(self, node: ast.expr, depth: int) -> list[Tree]:
+    def factors(self, node: ast.expr, depth: int) -> list[Expression]:
         found = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Mult, ast.Div)):
             factor = self.tree(node.right, depth + 1)
@@ -225,14 +225,14 @@ class _Reader:
         found.append(self.tree(node, depth + 1))
         return found[::-1]
 
-    def divisor(self, of: Tree, node: ast.expr) -> Tree:
+    def divisor(self, of: Expression, node: ast.expr) -> Expression:
         if of.degree:
             raise PolynomialError(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
-        if not rational(of, self.parameters) or vanishes(of):
+        if not rational(of, self.parameters) or is_zero(of):
             raise PolynomialError(f"it divides by {self.shown(node)}, which is 0; divide by another number")
         return Reciprocal(of)
 
-    def power(self, node: ast.BinOp, depth: int) -> Tree:
+    def power(self, node: ast.BinOp, depth: int) -> Expression:
         of, exponent = self.tree(node.left, depth + 1), node.right
         written = self.source(exponent)
         if not (isinstance(exponent, ast.Constant) and written.isdecimal()):
@@ -247,7 +247,7 @@ class _Reader:
             raise self.unwieldy(node)
         return self.checked(Power(of, n), node)
 
-    def checked(self, made: Tree, node: ast.expr) -> Tree:
+    def checked(self, made: Expression, node: ast.expr) -> Expression:
         """The tree, where it is a constant that can be computed."""
         if made.degree:
             return made
@@ -256,7 +256,7 @@ class _Reader:
         if bits > MAX_BITS or self.bits > MAX_ALL_BITS:
             raise self.unwieldy(node)
         value = rational(made, self.parameters)
-        if value and not vanishes(made) and not _fits(value):
+        if value and not is_zero(made) and not _fits(value):
             raise PolynomialError(
                 f"{self.shown(node)} is too large or too small; a constant is 0 or between 1e-301 and 1e301"
             )
@@ -265,11 +265,11 @@ class _Reader:
     def unwieldy(self, node: ast.expr) -> PolynomialError:
         return PolynomialError(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
 
-    def named(self, name: str) -> Tree:
+    def named(self, name: str) -> Expression:
         if name in AXES:
             return Axis(AXES.index(name))
         if name in CONSTANTS:
-            return Named(name)
+            return NamedConstant(name)
         if name in self.parameters:
             return Parameter(name)
         if name == "sqrt":
@@ -288,7 +288,7 @@ class _Reader:
         listed = f"one of {', '.join(choices)}"
         return f"did you mean {near[0]}? ({listed})" if near else listed
 
-    def root(self, node: ast.Call, depth: int) -> Tree:
+    def root(self, node: ast.Call, depth: int) -> Expression:
         function = node.func
         if not isinstance(function, ast.Name):
             raise PolynomialError(f"a sign is missing before a bracket in {self.shown(node)}; write * for a product")
@@ -304,7 +304,7 @@ class _Reader:
             raise PolynomialError(
                 f"sqrt of {self.shown(node.args[0])} is no polynomial; only constants have a sqrt here"
             )
-        value = Fraction(0) if vanishes(of) else rational(of, self.parameters)
+        value = Fraction(0) if is_zero(of) else rational(of, self.parameters)
         if value < 0:
             raise PolynomialError(
                 f"sqrt of {self.shown(node.args[0])}, which is negative; it takes a number of at least 0"
@@ -314,7 +314,7 @@ class _Reader:
         return self.checked(Root(of), node)
 
 
-def _bits(node: Tree) -> int:
+def _bits(node: Expression) -> int:
     """About how many bits a constant has when it is computed."""
     match node:
         case Number(value):

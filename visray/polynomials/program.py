@@ -6,21 +6,21 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-from visray.polynomials import grammar, monomis
-from visray.polynomials.algebra import split
+from visray.polynomials import grammar, monomials
 from visray.polynomials.error import PolynomialError
-from visray.polynomials.expansion import TooLong, about, expand, horner, written_terms
-from visray.polynomials.tree import (
+from visray.polynomials.expansion import TooLong, expand, horner, monomial_terms, recentre
+from visray.polynomials.expression import (
     BITS,
     Axis,
+    Expression,
     Negative,
     Power,
     Product,
-    Tree,
-    moved,
     rational,
-    simplified,
+    simplify,
+    translate,
 )
+from visray.polynomials.factorization import factorize
 
 Source = str | tuple[str, ...] | list[str]
 # A bound on |f| outside of these leaves no room for the sums and differences of it that are computed in doubles.
@@ -57,10 +57,10 @@ class Program:
 class Compiled:
     """A form and the numbers in its slots: as doubles, as trees of constants, and as rationals before rounding."""
 
-    form: Program
+    program: Program
     values: tuple[float, ...]
-    constants: tuple[Tree, ...]
-    wide: tuple[Fraction, ...]
+    constants: tuple[Expression, ...]
+    exact_values: tuple[Fraction, ...]
 
 
 def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Compiled:
@@ -83,12 +83,12 @@ def _built(source: str | tuple, parameters: tuple, centre: tuple[float, float, f
 @lru_cache(maxsize=256)
 def _split(source: str | tuple, parameters: tuple) -> tuple:
     """The part that is the same about every centre."""
-    return split(read(source, dict(parameters)), grammar.known(dict(parameters)))
+    return factorize(read(source, dict(parameters)), grammar.known(dict(parameters)))
 
 
-def read(source: Source, parameters: dict[str, float]) -> Tree:
+def read(source: Source, parameters: dict[str, float]) -> Expression:
     """The tree of a polynomial, written as text or as a list of monomials."""
-    return grammar.parse(source, parameters) if isinstance(source, str) else monomis.parse(list(source))
+    return grammar.parse(source, parameters) if isinstance(source, str) else monomials.parse(list(source))
 
 
 def _double(value: Fraction) -> float:
@@ -98,20 +98,20 @@ def _double(value: Fraction) -> float:
     return float(value)
 
 
-def _about(tree: Tree, centre: tuple[Fraction, Fraction, Fraction]) -> Tree:
-    """A simplified tree about a centre: what is written expanded in Horner's scheme, all else as it is written."""
-    terms = written_terms(tree)
-    return simplified(moved(tree, centre) if terms is None else horner(about(terms, centre)))
+def _about(tree: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
+    """A simplify tree about a centre: what is written expanded in Horner's scheme, all else as it is written."""
+    terms = monomial_terms(tree)
+    return simplify(translate(tree, centre) if terms is None else horner(recentre(terms, centre)))
 
 
 class _Slots:
     """The constants of a form. Only those with a name in them, or a root, share a slot where they are equal."""
 
     def __init__(self):
-        self.constants: list[Tree] = []
-        self.shared: dict[Tree, int] = {}
+        self.constants: list[Expression] = []
+        self.shared: dict[Expression, int] = {}
 
-    def of(self, constant: Tree) -> int:
+    def of(self, constant: Expression) -> int:
         if constant in self.shared:
             return self.shared[constant]
         self.constants.append(constant)
@@ -120,14 +120,14 @@ class _Slots:
         return len(self.constants) - 1
 
 
-def _code(tree: Tree, slots: _Slots) -> tuple[tuple, ...]:
+def _code(tree: Expression, slots: _Slots) -> tuple[tuple, ...]:
     found: dict[tuple, int] = {}
-    sums: dict[Tree, int] = {}
+    sums: dict[Expression, int] = {}
 
     def put(*operation) -> int:
         return found.setdefault(operation, len(found))
 
-    def emit(node: Tree) -> int:
+    def emit(node: Expression) -> int:
         match node:
             case _ if not node.degree:
                 return put("slot", slots.of(node))
@@ -144,7 +144,7 @@ def _code(tree: Tree, slots: _Slots) -> tuple[tuple, ...]:
             sums[node] = total(node.parts)
         return sums[node]
 
-    def product(parts: tuple[Tree, ...]) -> int:
+    def product(parts: tuple[Expression, ...]) -> int:
         exponents: dict[int, int] = {}
         for part in parts:
             of, n = (part.of, part.exponent) if isinstance(part, Power) and part.degree else (part, 1)
@@ -156,10 +156,10 @@ def _code(tree: Tree, slots: _Slots) -> tuple[tuple, ...]:
             whole = power if whole is None else put("mul", whole, power)
         return whole
 
-    def total(parts: tuple[Tree, ...]) -> int:
+    def total(parts: tuple[Expression, ...]) -> int:
         minus = [isinstance(p, Negative) and p.degree > 0 for p in parts]
         terms = [emit(p.of if m else p) for p, m in zip(parts, minus)]
-        # A sum starts with a term that is added, so that none has to be negated first.
+        # A sum starts with a term that is added, so that none has to be negate first.
         first = minus.index(False) if False in minus else 0
         whole = terms[first]
         for k, (term, m) in enumerate(zip(terms, minus)):
@@ -207,21 +207,21 @@ def repeated(value: Any, n: int) -> Any:
         value = value * value
 
 
-def magnitude(built: Compiled, reach: float) -> tuple[float, ...]:
+def magnitude_bounds(built: Compiled, reach: float) -> tuple[float, ...]:
     """For each factor a bound on its size where no coordinate of q is above `reach` in size."""
     sizes = [abs(v) for v in built.values]
     # The bound of a difference is that of the sum, and that of -a is that of a.
     bounds = {"sub": lambda i, j: ("add", i, j), "neg": lambda i: ("pow", i, 1)}
     found = []
-    for factor in built.form.factors:
+    for factor in built.program.factors:
         code = tuple(bounds[name](*at) if name in bounds else (name, *at) for name, *at in factor.code)
         found.append(interpret(code, sizes, (abs(reach),) * 3))
     return tuple(found)
 
 
-def refuse_sizes(built: Compiled, reach: float):
+def check_sizes(built: Compiled, reach: float):
     """PolynomialError where a factor would overflow or vanish in doubles."""
-    for size in magnitude(built, reach):
+    for size in magnitude_bounds(built, reach):
         if not size <= LARGEST:
             raise PolynomialError(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
         if size < SMALLEST:
@@ -230,10 +230,10 @@ def refuse_sizes(built: Compiled, reach: float):
             )
 
 
-def exact(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
+def exact_terms(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
     """The polynomial expanded, with irrational constants as rationals of 77 digits; for tests and studies."""
     values = grammar.known(parameters or {})
-    tree = simplified(read(source, parameters or {}))
+    tree = simplify(read(source, parameters or {}))
     try:
         found = expand(tree, lambda node: {(0, 0, 0): rational(node, values)}, 3, MAX_PRODUCTS)
     except TooLong:

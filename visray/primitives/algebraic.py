@@ -20,7 +20,7 @@ from visray.roots import ChordSegment
 
 
 @dataclass(frozen=True)
-class Rows:
+class PolynomialRows:
     """Polynomials of one form as arrays, an entry each: the form's slots, the parameters, the slopes of the slots by
     each of these, the tolerances (None: of none of them), and the clips."""
 
@@ -31,9 +31,13 @@ class Rows:
     clip: Any
 
     @classmethod
-    def of(cls, a: Arrays, things: list) -> "Rows":
+    def of(cls, a: Arrays, things: list) -> "PolynomialRows":
         """The numbers of polynomials (polynomial.py) that share their code."""
-        built, known, limits = [x.built() for x in things], [x.parameters for x in things], [x.limits() for x in things]
+        built, known, limits = (
+            [x.compiled() for x in things],
+            [x.parameters for x in things],
+            [x.clip_volume() for x in things],
+        )
         slopes = [[_slopes(b, k, name) for name in k] for b, k in zip(built, known)]
 
         def put(values: list) -> tuple:
@@ -94,19 +98,21 @@ class Algebraic(Primitive):
     """A surface whose crossings are searched for, with a certificate.
 
     Of each kind, whose objects have polynomials of one form and clips of one kind:
-    form: what is compiled; solid: the kind of the clip; loose: whether crossings have a tolerance.
+    program: what is compiled; solid: the kind of the clip; loose: whether crossings have a tolerance.
     clipped: whether the clip may cut the surface; what is closed then has caps, which are the last of its parts.
     """
 
-    searched = True
+    finds_roots = True
     clipped = True
     # Without types: they would be fields.
-    form = solid = loose = None
+    program = solid = loose = None
 
     @classmethod
-    def kind_of(cls, form: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool) -> type["Algebraic"]:
+    def kind_of(
+        cls, program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
+    ) -> type["Algebraic"]:
         """The kind of the objects that share their code: so form, closed, clip and number of parameters."""
-        return _kind(cls, form, closed, clip, parameters, loose)
+        return _kind(cls, program, closed, clip, parameters, loose)
 
     @staticmethod
     def seen(placed: PlacedPolynomial, o: Any) -> SeenPolynomial:
@@ -114,7 +120,7 @@ class Algebraic(Primitive):
 
     @classmethod
     def crossing(cls, seen: SeenPolynomial, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
-        d, placed, count = seen.placed.inverse.vector(ray.d), seen.placed, len(cls.form.factors)
+        d, placed, count = seen.placed.inverse.vector(ray.d), seen.placed, len(cls.program.factors)
         # The line in the clip, and what of it lies between the ends. Lanes that have nothing there take part with a
         # piece of their own, so that all in them is finite.
         unit, end = placed.unit(d), dr.inf if end is None else end
@@ -134,7 +140,7 @@ class Algebraic(Primitive):
                 there &= ~(capped & ~known.inside)
                 known_sides = replace(known, on_start=known.on_start & ~capped)
         way = ChordSegment.of(seen.o, d, chord, first, last)
-        c = roots.first_crossing(cls.form, placed.slots, way, there, known_sides, placed.tolerance)
+        c = roots.first_crossing(cls.program, placed.slots, way, there, known_sides, placed.tolerance)
         if not (cls.closed and cls.clipped):
             return c
         # A solid is entered through its cap, or left through it; but not where the way ends on it.
@@ -156,14 +162,16 @@ class Algebraic(Primitive):
     @classmethod
     def _on_cap(cls, placed: PlacedPolynomial, q: Any, part: Any) -> Any:
         """Whether a point of the surface is on a cap: by its part, or where that is not known, by what is nearer."""
-        return cls._surface(placed, q, None)[2] if part is None else part >= len(cls.form.factors)
+        return cls._surface(placed, q, None)[2] if part is None else part >= len(cls.program.factors)
 
     @classmethod
     def _surface(cls, placed: PlacedPolynomial, q: Any, part: Any) -> tuple[Any, Any, Any]:
         """Signed distance and normal of a part of the surface, or of the nearest; and whether the clip is nearer than
         it, or is that part. Of an open surface the clip is no part; its points are only as near as the clip."""
-        count = len(cls.form.factors)
-        f, g = roots.level(cls.form, placed.slots, q, DIFFERENCE * dr.rcp(placed.scale[0]), part if count > 1 else None)
+        count = len(cls.program.factors)
+        f, g = roots.signed_distance(
+            cls.program, placed.slots, q, DIFFERENCE * dr.rcp(placed.scale[0]), part if count > 1 else None
+        )
         if cls.closed and not cls.clipped:
             return f, g, None
         unit = placed.unit(q)
@@ -189,8 +197,8 @@ class Algebraic(Primitive):
         return f * dr.detach(inverse), g * inverse
 
     @classmethod
-    def has_sides(cls, placed: PlacedPolynomial, p: Any) -> Any:
-        return roots.has_sides(cls.form, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
+    def has_normal(cls, placed: PlacedPolynomial, p: Any) -> Any:
+        return roots.has_normal(cls.program, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
 
 # Differences of this share of the clip stand in for a gradient that is zero: the root of a root of the rounding, as
@@ -200,18 +208,18 @@ DIFFERENCE = 2.0**-13
 
 @cache
 def _kind(
-    base: type[Algebraic], form: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
+    base: type[Algebraic], program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
 ) -> type[Algebraic]:
     """The objects of a class that share their code. `parameters`: how many there are is structure."""
-    count, caps = len(form.factors), closed and base.clipped
+    count, caps = len(program.factors), closed and base.clipped
     facts = {
-        "form": form,
+        "program": program,
         "closed": closed,
         "solid": clip.solid,
         "loose": loose,
         "uses_part": caps,
         "parts": count + clip.solid.parts if caps else count,
-        "crossings": 2 * caps + sum(f.degree for f in form.factors),
+        "max_crossings": 2 * caps + sum(f.degree for f in program.factors),
     }
     return type(base.__name__, (base,), facts)
 

@@ -6,14 +6,14 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import MitsubaShapes, boxed_reach, half_box, homogeneous, scalars
-from visray.primitives.solid import Interval, Solid, slab
+from visray.primitives.convex import ConvexSolid, Interval, slab
+from visray.primitives.primitive import MitsubaShapes, corner_distance, half_extents, scalars, to_world_matrix
 from visray.quantities import Point
 from visray.transforms import compose
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box(Solid):
+class Box(ConvexSolid):
     """All points between two corners, `min` and `max`; turn it with a transform.
 
     uv: each face from 0 to 1, upright and unmirrored when looked at from outside (top and bottom with -z and +z up).
@@ -36,13 +36,13 @@ class Box(Solid):
 
     @staticmethod
     def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        return boxed_reach(whole), half_box(whole, "xyz")
+        return corner_distance(whole), half_extents(whole, "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The common part of three slabs."""
         x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))
-        return x.common(y.common(z))
+        return x.intersection(y.intersection(z))
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
@@ -71,7 +71,7 @@ class Box(Solid):
         for n, u, v in _FACES:
             face = Frame(*(f.x * e[0] + f.y * e[1] + f.z * e[2] for e in (u, v, n)), f.o)
             face = Frame(face.x, face.y, face.z, f.o + face.z)
-            shapes.append({"type": "rectangle", "to_world": homogeneous(face, compose(self.transform))})
+            shapes.append({"type": "rectangle", "to_world": to_world_matrix(face, compose(self.transform))})
         return MitsubaShapes(shapes)
 
 

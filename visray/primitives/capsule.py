@@ -6,9 +6,9 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame, tangents
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
-from visray.primitives.revolved import around, through_wall
-from visray.primitives.solid import Interval, Solid
+from visray.primitives.convex import ConvexSolid, Interval
+from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
+from visray.primitives.revolved import angle_u, through_wall
 from visray.quantities import FARTHEST, Length, Point
 from visray.transforms import compose
 
@@ -17,7 +17,7 @@ WALL, CAP_A, CAP_B = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Capsule(Solid):
+class Capsule(ConvexSolid):
     """All points within `radius` of the straight way from `a` to `b`: a cylinder with half balls at its ends.
 
     uv: u around the axis, as on the cylinder; v along the surface from 0 at the end beyond a to 1 at that beyond b, in
@@ -49,7 +49,7 @@ class Capsule(Solid):
     @staticmethod
     def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
         (h,) = shape
-        return h * dr.norm(whole.z) + whole.longest(), h * half_box(whole, "z") + half_box(whole, "", "xyz")
+        return h * dr.norm(whole.z) + whole.longest(), h * half_extents(whole, "z") + half_extents(whole, "", "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
@@ -89,11 +89,11 @@ class Capsule(Solid):
         beyond = _beyond(q, part, shape)
         # The length of the surface from the middle, in radii.
         along = q.z - beyond + dr.atan2(beyond, dr.sqrt(q.x * q.x + q.y * q.y))
-        return around(q), 0.5 + along / (dr.pi + 2 * shape[0])
+        return angle_u(q), 0.5 + along / (dr.pi + 2 * shape[0])
 
     def mitsuba(self) -> MitsubaShapes | str:
         thing = scalars(self)
-        whole = homogeneous(thing.frame(), compose(self.transform))
+        whole = to_world_matrix(thing.frame(), compose(self.transform))
         return MitsubaShapes([{"type": "capsule", "shape": float(thing.shape()[0]), "to_world": whole}])
 
 

@@ -6,9 +6,9 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
-from visray.primitives.revolved import Revolved, around, axial_frame
-from visray.primitives.solid import Interval, slab
+from visray.primitives.convex import Interval, slab
+from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
+from visray.primitives.revolved import Revolved, angle_u, axial_frame
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -61,7 +61,7 @@ class Cone(Revolved):
         near = dr.select(a >= 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a >= 0, high, dr.select(forward, dr.inf, low)) + shift
         # The slab's other side has the apex only.
-        return Interval(near, far, wall, wall).common(slab(o.z, d.z, BASE, WALL))
+        return Interval(near, far, wall, wall).intersection(slab(o.z, d.z, BASE, WALL))
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
@@ -81,9 +81,9 @@ class Cone(Revolved):
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
         wall = part == WALL
-        return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
+        return dr.select(wall, angle_u(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 - 0.5 * q.y)
 
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
-            [{"type": "cone", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+            [{"type": "cone", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]
         )

@@ -6,9 +6,9 @@ from typing import Any, Literal
 import drjit as dr
 
 from visray.geometry import Frame
-from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
-from visray.primitives.revolved import Revolved, around, axial_frame, through_wall
-from visray.primitives.solid import Interval, slab
+from visray.primitives.convex import Interval, slab
+from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
+from visray.primitives.revolved import Revolved, angle_u, axial_frame, through_wall
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -41,7 +41,7 @@ class Cylinder(Revolved):
         middle, half, along, inside = through_wall(o, d)
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
         far = dr.select(along, dr.select(inside, dr.inf, -dr.inf), middle + half)
-        return Interval(near, far, wall, wall).common(slab(o.z, d.z, BOTTOM, TOP))
+        return Interval(near, far, wall, wall).intersection(slab(o.z, d.z, BOTTOM, TOP))
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
@@ -61,9 +61,9 @@ class Cylinder(Revolved):
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
         wall = part == WALL
         up = dr.select(part == TOP, q.y, -q.y)
-        return dr.select(wall, around(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
+        return dr.select(wall, angle_u(q), 0.5 + 0.5 * q.x), dr.select(wall, 0.5 + 0.5 * q.z, 0.5 + 0.5 * up)
 
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
-            [{"type": "cylinder", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+            [{"type": "cylinder", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]
         )

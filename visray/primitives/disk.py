@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
+from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -31,7 +31,7 @@ class Disk(Flat):
 
     @staticmethod
     def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest(), half_box(whole, "", "xy")
+        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest(), half_extents(whole, "", "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
@@ -39,5 +39,5 @@ class Disk(Flat):
 
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
-            [{"type": "disk", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+            [{"type": "disk", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]
         )

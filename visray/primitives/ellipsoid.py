@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from visray.geometry import Frame
-from visray.primitives.sphere import Round
+from visray.primitives.sphere import UnitSphere
 from visray.quantities import Lengths, Point
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ellipsoid(Round):
+class Ellipsoid(UnitSphere):
     """A sphere about `center` that is stretched along x, y and z: `radii` are its half axes. Turn it with a transform.
 
     uv: as on the sphere that is stretched: u is 0.5 at +x and grows eastwards, v is 0 at the south pole (-y) and 1 at

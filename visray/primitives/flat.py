@@ -30,7 +30,7 @@ class Flat(Primitive):
         raise TypeError("no within")
 
     @classmethod
-    def through(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
+    def intersect_plane(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
         """Where a line goes through the plane: (t, whether that is in the shape, d . n, n . n) for a normal n of any
         length. An unbounded shape is its whole plane."""
         local = seen.inverse.vector(d)
@@ -41,7 +41,7 @@ class Flat(Primitive):
 
     @classmethod
     def crossing(cls, seen: Any, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
-        t, within, slope, squared = cls.through(seen, ray.d)
+        t, within, slope, squared = cls.intersect_plane(seen, ray.d)
         met = (t > begin) & within
         if end is not None:
             # A plane nearer to the end than that is known to be is the plane that the end lies on.

@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame, tangents
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import MitsubaShapes, homogeneous, scalars
+from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
 from visray.quantities import Direction, Point
 from visray.transforms import compose
 
@@ -36,5 +36,5 @@ class Plane(Flat):
 
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
-            [{"type": "plane", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+            [{"type": "plane", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]
         )

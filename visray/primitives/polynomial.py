@@ -11,10 +11,10 @@ from visray import polynomials
 from visray.geometry import Frame
 from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES
-from visray.primitives.algebraic import Algebraic, PlacedPolynomial, Rows
+from visray.primitives.algebraic import Algebraic, PlacedPolynomial, PolynomialRows
 from visray.primitives.clips import Ball, Block, Clip
 from visray.primitives.primitive import Bounds, scalars
-from visray.primitives.sphere import globe
+from visray.primitives.sphere import sphere_uv
 from visray.quantities import Arrays, Name, Real
 
 
@@ -53,28 +53,28 @@ class Polynomial(Algebraic):
 
     @property
     def kind(self) -> Any:
-        form = self.built().form
+        form = self.compiled().program
         # That there is a tolerance is structure, as code for it costs time even where it is 0; what it is is data.
         loose = self.tolerance > 0 and any(f.degree > 2 for f in form.factors)
-        return self.kind_of(form, self.closed, type(self.limits()), len(self.parameters), loose)
+        return self.kind_of(form, self.closed, type(self.clip_volume()), len(self.parameters), loose)
 
-    def limits(self) -> Clip:
+    def clip_volume(self) -> Clip:
         """The clip, by default the named surface's own, or a ball of radius 5."""
         if self.clip is None and self.surface:
             classic = SURFACES[self.surface]
             return Ball(center=classic.centre, radius=classic.radius)
         return self.clip or Ball()
 
-    def written(self) -> str | tuple[str, ...]:
+    def source(self) -> str | tuple[str, ...]:
         """The polynomial as text."""
         if self.surface is not None:
             return SURFACES[self.surface].expression
         return self.monomis if self.expression is None else self.expression
 
-    def built(self) -> Compiled:
+    def compiled(self) -> Compiled:
         """The polynomial, ready for kernels, in coordinates about the clip's centre."""
-        o = scalars(self.limits()).frame().o
-        return polynomials.build(self.written(), self.parameters, tuple(map(float, o)))
+        o = scalars(self.clip_volume()).frame().o
+        return polynomials.build(self.source(), self.parameters, tuple(map(float, o)))
 
     def flaws(self) -> list[tuple[str, str]]:
         ways = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]
@@ -85,10 +85,10 @@ class Polynomial(Algebraic):
             near = get_close_matches(self.surface, SURFACES, 1)
             hint = f'did you mean "{near[0]}"? ' if near else ""
             return [("surface", f"unknown surface; {hint}(one of {', '.join(SURFACES)})")]
-        if wrong := [("clip", text) for _, text in self.limits().flaws()] + self._unused():
+        if wrong := [("clip", text) for _, text in self.clip_volume().flaws()] + self._unused():
             return wrong
         try:
-            polynomials.refuse_sizes(self.built(), max(map(float, scalars(self.limits()).half())))
+            polynomials.check_sizes(self.compiled(), max(map(float, scalars(self.clip_volume()).half())))
         except PolynomialError as error:
             part = "" if error.part is None else f".{error.part}"
             return [(f"{ways[0]}{part}", str(error))]
@@ -106,20 +106,20 @@ class Polynomial(Algebraic):
         return [("parameters", f"{wrong[0]} is not in {of}; leave it out")] if wrong else []
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        # Of the host, as box_of asks; kernels have Rows.
-        return scalars(self.limits()).bounds(outer)
+        # Of the host, as bounding_box asks; kernels have PolynomialRows.
+        return scalars(self.clip_volume()).bounds(outer)
 
     @classmethod
-    def table(cls, a: Arrays, things: list["Polynomial"]) -> Rows:
-        return Rows.of(a, things)
+    def table(cls, a: Arrays, things: list["Polynomial"]) -> PolynomialRows:
+        return PolynomialRows.of(a, things)
 
     @classmethod
-    def columns(cls, thing: "Polynomial", table: Rows) -> dict[str, Any]:
+    def columns(cls, thing: "Polynomial", table: PolynomialRows) -> dict[str, Any]:
         return {f"parameters.{name}": column for name, column in zip(thing.parameters, table.parameters)}
 
     @staticmethod
     def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
-        return globe(placed.inverse.point(p))
+        return sphere_uv(placed.inverse.point(p))
 
     def mitsuba(self) -> str:
         return "Mitsuba has no polynomial surfaces; `visray stability` compares them with exact arithmetic"

@@ -2,7 +2,7 @@
 
 A kind is one file. It declares its fields and answers a few questions about one row, in kernels that serve all rows of
 its batch. All else is derived from these answers: closest and any hit, shadows in colour, nested media
-(accel/search.py, accel/crossings.py, indirect.py).
+(accel/intersect.py, accel/ray_segment.py, indirect.py).
 
     rows.placed(outer)                 what depends on no ray: once a scene
     rows.bounds(outer)                 a box and a ball in the world that hold the object
@@ -15,8 +15,8 @@ its batch. All else is derived from these answers: closest and any hit, shadows 
 
 `placed` and `seen` are records of arrays, an entry a row or a lane; what rows have in common is in a pytree.Shared. All
 of it is double. The distance t along the world ray is kept by affine maps, so local directions are not normalised.
-The families Flat and Solid answer for kinds that are a canonical shape in a frame; a kind may be defined by another
-kind (torus.py).
+Flat and ConvexSolid answer for kinds that are a canonical shape in a frame; a kind may be defined by another kind
+(torus.py).
 """
 
 from collections.abc import Callable
@@ -90,10 +90,10 @@ class Primitive:
     closed = False
     bounded = True
     smooth = False
-    searched = False
+    finds_roots = False
     parts = 1
     uses_part = False
-    crossings = 1
+    max_crossings = 1
 
     @property
     def kind(self) -> "type[Primitive]":
@@ -174,7 +174,7 @@ class Primitive:
         raise TypeError("no surface")
 
     @staticmethod
-    def has_sides(placed: Any, p: Any) -> Any:
+    def has_normal(placed: Any, p: Any) -> Any:
         """Whether there is one normal at a point of the surface, and so two sides."""
         return True
 
@@ -194,21 +194,21 @@ def scalars(thing: Any) -> Any:
     return replace(thing, **{k: Array3f64(*getattr(thing, k)) for k, q in sizes.items() if q.size == 3})
 
 
-def outer_frame(thing: Primitive) -> Frame | None:
+def transform_frame(thing: Primitive) -> Frame | None:
     """An object's transform as a Frame of scalar values."""
     whole = compose(thing.transform)
     return None if whole is None else Frame(*(Array3f64(*column) for column in whole.T))
 
 
-def box_of(thing: Primitive) -> tuple[np.ndarray, np.ndarray] | None:
+def bounding_box(thing: Primitive) -> tuple[np.ndarray, np.ndarray] | None:
     """The least corner and the greatest of a box in world units that holds an object, or None if it is unbounded."""
     if not thing.bounded:
         return None
-    bounds = scalars(thing).bounds(outer_frame(thing))
+    bounds = scalars(thing).bounds(transform_frame(thing))
     return np.array(bounds.low, float), np.array(bounds.high, float)
 
 
-def half_box(frame: Frame | Similarity, straight: str, round: str = "") -> Any:
+def half_extents(frame: Frame | Similarity, straight: str, round: str = "") -> Any:
     """Half the sides of the box that holds the image of a canonical shape about its frame's origin: the sum of an
     interval from -1 to 1 along each of the axes named in `straight`, and of the unit ball over those in `round`."""
     if isinstance(frame, Similarity):
@@ -221,13 +221,13 @@ def half_box(frame: Frame | Similarity, straight: str, round: str = "") -> Any:
     return half + type(squares)(*(dr.sqrt(x) for x in squares))
 
 
-def boxed_reach(whole: Frame) -> Any:
+def corner_distance(whole: Frame) -> Any:
     """Distance of the farthest of the corners (+-1, +-1, +-1)."""
     far = [dr.squared_norm(whole.x + sy * whole.y + sz * whole.z) for sy in (1, -1) for sz in (1, -1)]
     return dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), dr.maximum(far[2], far[3])))
 
 
-def homogeneous(frame: Frame, outer: np.ndarray | None) -> np.ndarray:
+def to_world_matrix(frame: Frame, outer: np.ndarray | None) -> np.ndarray:
     """A frame of scalar values as a 4 x 4 matrix, after a transform: what Mitsuba's `to_world` takes."""
     whole = np.vstack([np.stack([np.array(v, float) for v in (frame.x, frame.y, frame.z, frame.o)], 1), [0, 0, 0, 1]])
     return whole if outer is None else np.vstack([outer, [0, 0, 0, 1]]) @ whole

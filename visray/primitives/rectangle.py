@@ -8,7 +8,7 @@ import numpy as np
 
 from visray.geometry import Frame, clearly_across
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
+from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Point, Vector
 from visray.transforms import compose
 
@@ -39,7 +39,7 @@ class Rectangle(Flat):
     @staticmethod
     def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
         longest = dr.maximum(dr.squared_norm(whole.x + whole.y), dr.squared_norm(whole.x - whole.y))
-        return dr.sqrt(longest), half_box(whole, "xy")
+        return dr.sqrt(longest), half_extents(whole, "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
@@ -47,5 +47,5 @@ class Rectangle(Flat):
 
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
-            [{"type": "rectangle", "to_world": homogeneous(scalars(self).frame(), compose(self.transform))}]
+            [{"type": "rectangle", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]
         )

@@ -5,11 +5,11 @@ from typing import Any
 import drjit as dr
 
 from visray.geometry import Frame, tangents
-from visray.primitives.primitive import half_box
-from visray.primitives.solid import Solid
+from visray.primitives.convex import ConvexSolid
+from visray.primitives.primitive import half_extents
 
 
-def around(local: Any) -> Any:
+def angle_u(local: Any) -> Any:
     """The angle about the axis, from 0 to 1, eastwards; 0.5 along the frame's first axis, as on the sphere."""
     return 0.5 + dr.atan2(local.y, local.x) * (0.5 / dr.pi)
 
@@ -32,7 +32,7 @@ def axial_frame(middle: Any, axis: Any, radius: Any, height: Any) -> Frame:
     return Frame(radius * s, radius * t, 0.5 * height * n, middle)
 
 
-class Revolved(Solid):
+class Revolved(ConvexSolid):
     """A closed solid about the z axis of its frame, between z = -1 and z = 1, nowhere wider than 1."""
 
     @staticmethod
@@ -41,4 +41,4 @@ class Revolved(Solid):
         along = dr.norm(whole.z)
         # Upright cylinders reach the corner of their section; leaning the axis adds at most the plain sum.
         lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
-        return dr.sqrt(across * across + along * along + 2 * lean), half_box(whole, "z", "xy")
+        return dr.sqrt(across * across + along * along + 2 * lean), half_extents(whole, "z", "xy")

@@ -7,19 +7,19 @@ import drjit as dr
 from drjit.scalar import Array3f64
 
 from visray.geometry import Frame, Similarity
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
-from visray.primitives.solid import Interval, Solid
+from visray.primitives.convex import ConvexSolid, Interval
+from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Length, Point
 from visray.transforms import compose
 
 
-def globe(local: Any) -> tuple[Any, Any]:
+def sphere_uv(local: Any) -> tuple[Any, Any]:
     """Longitude and latitude as (u, v), as seen from the origin: u is 0.5 at +x and grows eastwards, v upwards."""
     u = 0.5 - dr.atan2(local.z, local.x) * (0.5 / dr.pi)
     return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
 
 
-class Round(Solid):
+class UnitSphere(ConvexSolid):
     """The unit sphere in a frame: what sphere and ellipsoid share. Its poles are on the frame's y axis, like a globe's.
 
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
@@ -29,7 +29,7 @@ class Round(Solid):
 
     @staticmethod
     def extents(whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
-        return whole.longest(), half_box(whole, "", "xyz")
+        return whole.longest(), half_extents(whole, "", "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
@@ -46,12 +46,12 @@ class Round(Solid):
 
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        return globe(q)
+        return sphere_uv(q)
 
     def mitsuba(self) -> MitsubaShapes | str:
         f = scalars(self).frame().then(IDENTITY)
         # Mitsuba's poles are on its z axis, its u begins at its x axis, and its v at the north pole.
-        whole = homogeneous(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
+        whole = to_world_matrix(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
         return MitsubaShapes([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))
 
 
@@ -60,7 +60,7 @@ IDENTITY = Frame(*(Array3f64(*(float(i == j) for j in range(3))) for i in range(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sphere(Round):
+class Sphere(UnitSphere):
     """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
 
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.

@@ -8,10 +8,10 @@ import drjit as dr
 from visray.geometry import Frame, tangents
 from visray.primitives.algebraic import PlacedPolynomial
 from visray.primitives.clips import Block
-from visray.primitives.defined import Defined
 from visray.primitives.polynomial import Polynomial
-from visray.primitives.primitive import MitsubaShapes, half_box, homogeneous, scalars
-from visray.primitives.revolved import around
+from visray.primitives.polynomial_solid import PolynomialSolid
+from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
+from visray.primitives.revolved import angle_u
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
@@ -23,7 +23,7 @@ ROOM = 1 + 2.0**-7
 
 
 @dataclass(frozen=True, kw_only=True)
-class Torus(Defined):
+class Torus(PolynomialSolid):
     """A ring about `axis`: all points within `minor` of a circle of radius `major` about `center`.
 
     uv: u around the axis, eastwards, as on the cylinder; v around the tube: 0.5 at the outermost circle, growing
@@ -65,14 +65,14 @@ class Torus(Defined):
         major, minor = shape
         across = Frame(whole.x, whole.y, 0 * whole.z, whole.o)
         reach = major * across.longest() + minor * whole.longest()
-        return reach, major * half_box(whole, "", "xy") + minor * half_box(whole, "", "xyz")
+        return reach, major * half_extents(whole, "", "xy") + minor * half_extents(whole, "", "xyz")
 
     @staticmethod
     def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
         q = placed.inverse.point(p)
-        return around(q), 0.5 + dr.atan2(q.z, dr.sqrt(q.x * q.x + q.y * q.y) - placed.shape[0]) * (0.5 / dr.pi)
+        return angle_u(q), 0.5 + dr.atan2(q.z, dr.sqrt(q.x * q.x + q.y * q.y) - placed.shape[0]) * (0.5 / dr.pi)
 
     def mitsuba(self) -> MitsubaShapes | str:
         f, size = scalars(self).frame(), self.major
-        whole = homogeneous(Frame(size * f.x, size * f.y, size * f.z, f.o), compose(self.transform))
+        whole = to_world_matrix(Frame(size * f.x, size * f.y, size * f.z, f.o), compose(self.transform))
         return MitsubaShapes([{"type": "torus", "shape": self.minor / self.major, "to_world": whole}])

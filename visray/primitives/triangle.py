@@ -8,12 +8,12 @@ import numpy as np
 
 from visray.geometry import Frame, clearly_across
 from visray.primitives.flat import Flat
-from visray.primitives.primitive import Bounds, MitsubaShapes, outer_frame, scalars
+from visray.primitives.primitive import Bounds, MitsubaShapes, scalars, transform_frame
 from visray.quantities import Point
 
 
 @dataclass(frozen=True)
-class Corners:
+class PlacedTriangle:
     """A triangle in the world: its corners and its unit normal."""
 
     a: Any
@@ -23,7 +23,7 @@ class Corners:
 
 
 @dataclass(frozen=True)
-class SeenCorners:
+class SeenTriangle:
     """A triangle as seen from an origin: its corners from there, and its unit normal."""
 
     a: Any
@@ -73,9 +73,9 @@ class Triangle(Flat):
         x, y = self.b - self.a, self.c - self.a
         return Frame(x, y, dr.normalize(dr.cross(x, y)), self.a)
 
-    def placed(self, outer: Frame | None) -> Corners:
+    def placed(self, outer: Frame | None) -> PlacedTriangle:
         a, b, c = (v if outer is None else outer.point(v) for v in (self.a, self.b, self.c))
-        return Corners(a, b, c, dr.normalize(dr.cross(b - a, c - a)))
+        return PlacedTriangle(a, b, c, dr.normalize(dr.cross(b - a, c - a)))
 
     def bounds(self, outer: Frame | None) -> Bounds:
         p = self.placed(outer)
@@ -86,11 +86,11 @@ class Triangle(Flat):
         return Bounds(low, high, centre, radius)
 
     @staticmethod
-    def seen(placed: Corners, o: Any) -> SeenCorners:
-        return SeenCorners(placed.a - o, placed.b - o, placed.c - o, placed.n)
+    def seen(placed: PlacedTriangle, o: Any) -> SeenTriangle:
+        return SeenTriangle(placed.a - o, placed.b - o, placed.c - o, placed.n)
 
     @classmethod
-    def through(cls, seen: SeenCorners, d: Any) -> tuple[Any, Any, Any, Any]:
+    def intersect_plane(cls, seen: SeenTriangle, d: Any) -> tuple[Any, Any, Any, Any]:
         a, b, c = (_beside(d, v) for v in (seen.a, seen.b, seen.c))
         wa, wb, wc = _area(b, c), _area(c, a), _area(a, b)
         whole = wa + wb + wc
@@ -100,16 +100,16 @@ class Triangle(Flat):
         return t, inside & (whole != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
 
     @staticmethod
-    def surface_at(placed: Corners, p: Any, part: Any = None) -> tuple[Any, Any]:
+    def surface_at(placed: PlacedTriangle, p: Any, part: Any = None) -> tuple[Any, Any]:
         return dr.dot(p - placed.a, placed.n), placed.n
 
     @staticmethod
-    def uv(placed: Corners, p: Any, part: Any = None) -> tuple[Any, Any]:
+    def uv(placed: PlacedTriangle, p: Any, part: Any = None) -> tuple[Any, Any]:
         x, y = placed.b - placed.a, placed.c - placed.a
         local = Frame(x, y, dr.cross(x, y), placed.a).inverse().point(p)
         return local.x, local.y
 
     def mitsuba(self) -> MitsubaShapes | str:
-        corners = scalars(self).placed(outer_frame(self))
+        corners = scalars(self).placed(transform_frame(self))
         corners = np.array([corners.a, corners.b, corners.c], float)
         return MitsubaShapes([{"type": "mesh", "vertices": corners, "faces": np.array([[0, 1, 2]])}])

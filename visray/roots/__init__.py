@@ -7,10 +7,10 @@ The march walks along the chord. On [a, a + w] the coefficients in Bernstein's b
 them has the other sign, nothing is crossed there; if their sign changes once and the last is certain, it is crossed
 exactly once. A coefficient within `noise` of zero counts as of the sign carried along, which is never computed anew:
 so no crossing at the end of an interval is lost or found twice. Source: Collins and Akritas 1976; Lane and Riesenfeld
-1981; Eigenwillig et al. 2005. What is isolated is refined on the surface's own structure (Chandrupatla 1997).
+1981; Eigenwillig et al. 2005. What is isolate is refine on the surface's own structure (Chandrupatla 1997).
 """
 
 from visray.roots.crossing import ChordSegment, first_crossing
-from visray.roots.level import has_sides, level
+from visray.roots.signed_distance import has_normal, signed_distance
 
-__all__ = ["ChordSegment", "first_crossing", "has_sides", "level"]
+__all__ = ["ChordSegment", "first_crossing", "has_normal", "signed_distance"]

@@ -7,8 +7,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator, warp
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, closest, occluded
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
 from visray.ray import NO_ROW, Ray, unit

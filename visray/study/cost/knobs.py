@@ -165,7 +165,7 @@ def _times(n: int, factor: float) -> int:
 
 def _searched(thing: Any) -> bool:
     """Whether the crossings of an object are searched for up to a tolerance: those of degree 2 have a formula."""
-    return isinstance(thing, Polynomial) and any(f.degree > 2 for f in thing.built().form.factors)
+    return isinstance(thing, Polynomial) and any(f.degree > 2 for f in thing.compiled().program.factors)
 
 
 def _images(scene: Scene) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from visray.geometry import gamma
-from visray.primitives.primitive import Primitive, box_of
+from visray.primitives.primitive import Primitive, bounding_box
 from visray.study.mitsuba import light_arrival as arrivals
 from visray.study.mitsuba import light_emission as emission
 from visray.study.mitsuba.comparison import Comparison, most, part
@@ -94,7 +94,7 @@ def _passed(
     met, nothing = np.isfinite(t), np.zeros(len(t))
     if not thing.closed:
         return met, nothing, nothing
-    low, high = (np.array(corner) - theirs.centre for corner in box_of(thing))
+    low, high = (np.array(corner) - theirs.centre for corner in bounding_box(thing))
     # From beyond the object back to where the way began.
     beyond = np.linalg.norm(0.5 * (low + high) - ways.p, axis=1) + np.linalg.norm(high - low)
     whole = ways.cut(beyond)

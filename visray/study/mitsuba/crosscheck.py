@@ -8,7 +8,7 @@ from visray.errors import UserError
 from visray.features import features
 from visray.geometry import gamma
 from visray.output.image import Image
-from visray.primitives.primitive import box_of
+from visray.primitives.primitive import bounding_box
 from visray.progress import Bar
 from visray.render import adjusted
 from visray.scene.scene import Scene
@@ -87,7 +87,7 @@ def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays
     Where there are none, the bounds of camera, target and those lights that have a place take theirs.
     """
     rng = np.random.default_rng(seed)
-    boxes = [box for thing in scene.objects.values() if (box := box_of(thing)) is not None]
+    boxes = [box for thing in scene.objects.values() if (box := bounding_box(thing)) is not None]
     if not boxes:
         places = [light.position for light in scene.lights.values() if light.placed]
         points = [scene.camera.origin, scene.camera.target, *places]

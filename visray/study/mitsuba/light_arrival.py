@@ -8,8 +8,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator, pytree
+from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, occluded, transmittance
 from visray.direct import area_light, light_sample
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import PreparedLight

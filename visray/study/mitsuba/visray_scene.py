@@ -10,8 +10,8 @@ import drjit as dr
 import numpy as np
 
 from visray import integrator
+from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
-from visray.accel.search import closest
 from visray.interaction import surface_of
 from visray.ray import NO_ROW, Hit, Ray, Surface, unit
 from visray.scene.scene import Scene

@@ -8,8 +8,8 @@ import drjit as dr
 import numpy as np
 
 from visray import clock
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
-from visray.accel.search import Target, closest, occluded
 from visray.errors import UserError
 from visray.geometry import facing
 from visray.interaction import surface_of

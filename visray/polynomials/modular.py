@@ -6,7 +6,7 @@ from functools import cache
 from itertools import chain, count, islice
 from random import Random
 
-from visray.polynomials.tree import Axis, Named, Number, Parameter, Root, Tree, fold
+from visray.polynomials.expression import Axis, Expression, NamedConstant, Number, Parameter, Root, fold
 
 # Modulo a prime p = -1 mod 8 * 3 * 5 * ... * 23 each of these primes is a square, and the root (p + 1) / 4 takes is
 # itself a square: roots multiply as positive reals do, sqrt(12) is 2 sqrt(3).
@@ -16,7 +16,7 @@ _MERSENNE = (1 << 61) - 1
 MAX_TRIES = 1000
 
 
-class Singular(Exception):
+class UndefinedModulo(Exception):
     """A number of the tree does not exist in this field; it may in another."""
 
 
@@ -49,11 +49,13 @@ class Residues:
 def inverse(value: int, p: int) -> int:
     """1 / value modulo p."""
     if value % p == 0:
-        raise Singular
+        raise UndefinedModulo
     return pow(value, -1, p)
 
 
-def restricted(tree: Tree, parameters: dict[str, Fraction], p: int, seed: int, free: bool = False) -> list[int]:
+def restrict_to_line(
+    tree: Expression, parameters: dict[str, Fraction], p: int, seed: int, free: bool = False
+) -> list[int]:
     """The coefficients modulo p, low to high, along a random line; the same seed is the same line and the same pi.
 
     Where `free`, phi and square roots are random like pi, not roots.
@@ -63,56 +65,56 @@ def restricted(tree: Tree, parameters: dict[str, Fraction], p: int, seed: int, f
     steps = [random.randrange(1, p) for _ in range(3)]
     pi = random.randrange(1, p)
     points = range(tree.degree + 1)
-    chosen: dict[Tree, int] = {}
+    chosen: dict[Expression, int] = {}
 
     def number(value: Fraction) -> Residues:
         return Residues([value.numerator * inverse(value.denominator, p) % p] * len(points), p)
 
-    def irrational(node: Tree) -> int:
+    def irrational(node: Expression) -> int:
         if free:
             return random.randrange(1, p)
         if isinstance(node, Root):
             return _root(fold(node.of, number, leaf).values[0], p)
         return (1 + _root(5, p)) * inverse(2, p) % p
 
-    def leaf(node: Tree) -> Residues:
+    def leaf(node: Expression) -> Residues:
         match node:
             case Axis(k):
                 return Residues([(starts[k] + t * steps[k]) % p for t in points], p)
             case Parameter(name):
                 return number(parameters[name])
-            case Named("pi"):
+            case NamedConstant("pi"):
                 return Residues([pi] * len(points), p)
         if node not in chosen:
             chosen[node] = irrational(node)
         return Residues([chosen[node]] * len(points), p)
 
-    return _interpolated(fold(tree, number, leaf).values, p)
+    return _interpolate(fold(tree, number, leaf).values, p)
 
 
 def _root(value: int, p: int) -> int:
     found = pow(value, (p + 1) // 4, p)
     if found * found % p != value % p:
-        raise Singular
+        raise UndefinedModulo
     return found
 
 
-def field(tree: Tree, parameters: dict[str, Fraction]) -> int:
+def suitable_prime(tree: Expression, parameters: dict[str, Fraction]) -> int:
     """A prime about 2^61 modulo which all numbers of the tree exist."""
     candidates = (_STEP * k - 1 for k in count((1 << 61) // _STEP))
-    primes = chain([] if tree.irrational else [_MERSENNE], filter(prime, candidates))
+    primes = chain([] if tree.irrational else [_MERSENNE], filter(is_prime, candidates))
     for p in islice(primes, MAX_TRIES):
         try:
             for node in _constants(tree):
                 if not (isinstance(node, Number) and node.value.denominator % p):
-                    restricted(node, parameters, p, 1)
-        except Singular:
+                    restrict_to_line(node, parameters, p, 1)
+        except UndefinedModulo:
             continue
         return p
-    raise Singular
+    raise UndefinedModulo
 
 
-def _constants(tree: Tree) -> Iterator[Tree]:
+def _constants(tree: Expression) -> Iterator[Expression]:
     """The largest parts without x, y and z."""
     if not tree.degree:
         yield tree
@@ -122,7 +124,7 @@ def _constants(tree: Tree) -> Iterator[Tree]:
 
 
 @cache
-def prime(n: int) -> bool:
+def is_prime(n: int) -> bool:
     """Whether n < 2^64 is prime (Miller and Rabin; these bases leave no doubt)."""
     bases = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
     if n < 2 or any(n % b == 0 for b in bases):
@@ -135,7 +137,7 @@ def prime(n: int) -> bool:
     return True
 
 
-def _interpolated(values: list[int], p: int) -> list[int]:
+def _interpolate(values: list[int], p: int) -> list[int]:
     """The polynomial modulo p with these values at 0, 1, 2, ...: Newton's differences, then Horner."""
     differences = list(values)
     for k in range(1, len(values)):
@@ -146,17 +148,17 @@ def _interpolated(values: list[int], p: int) -> list[int]:
     for k in range(len(values) - 1, -1, -1):
         found = [(a - k * b) % p for a, b in zip([0, *found], [*found, 0])]
         found[0] = (found[0] + differences[k]) % p
-    return stripped(found)
+    return without_leading_zeros(found)
 
 
-def stripped(a: list[int]) -> list[int]:
+def without_leading_zeros(a: list[int]) -> list[int]:
     """Without leading zeros; the polynomial 0 is empty."""
     while a and not a[-1]:
         a.pop()
     return a
 
 
-def divided(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
+def divide(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
     """Quotient and remainder."""
     a, quotient, by = list(a), [0] * max(0, len(a) - len(b) + 1), inverse(b[-1], p)
     for k in range(len(quotient) - 1, -1, -1):
@@ -164,50 +166,50 @@ def divided(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
         if factor:
             for j, c in enumerate(b):
                 a[k + j] = (a[k + j] - factor * c) % p
-    return quotient, stripped(a)
+    return quotient, without_leading_zeros(a)
 
 
-def common(a: list[int], b: list[int], p: int) -> list[int]:
+def gcd(a: list[int], b: list[int], p: int) -> list[int]:
     """The greatest common divisor, with leading coefficient 1."""
     while b:
-        a, b = b, divided(a, b, p)[1]
+        a, b = b, divide(a, b, p)[1]
     by = inverse(a[-1], p)
     return [c * by % p for c in a]
 
 
-def squarefree(a: list[int], p: int) -> bool:
+def is_square_free(a: list[int], p: int) -> bool:
     """Whether a polynomial of a degree below p has no repeated factor."""
-    return len(common(a, [k * c % p for k, c in enumerate(a)][1:], p)) == 1
+    return len(gcd(a, [k * c % p for k, c in enumerate(a)][1:], p)) == 1
 
 
-def degrees(a: list[int], p: int) -> list[int]:
+def factor_degrees(a: list[int], p: int) -> list[int]:
     """The degrees of the irreducible factors of a squarefree polynomial modulo p."""
     found, power = [], [0, 1]
     for k in count(1):
         if 2 * k > len(a) - 1:
             return found + [len(a) - 1] * (len(a) > 1)
-        power = _powered(divided(power, a, p)[1], p, a)
+        power = _power_modulo(divide(power, a, p)[1], p, a)
         # The factors of degree k divide t^(p^k) - t.
         rest = power + [0] * (2 - len(power))
-        part = common(a, stripped([rest[0], (rest[1] - 1) % p, *rest[2:]]), p)
+        part = gcd(a, without_leading_zeros([rest[0], (rest[1] - 1) % p, *rest[2:]]), p)
         if len(part) > 1:
             found += [k] * ((len(part) - 1) // k)
-            a = divided(a, part, p)[0]
+            a = divide(a, part, p)[0]
 
 
-def _powered(a: list[int], n: int, modulus: list[int]) -> list[int]:
+def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
     """a^n modulo n and a polynomial."""
     result = [1]
     for bit in bin(n)[2:]:
-        result = _multiplied(result, result, modulus, n)
+        result = _multiply_modulo(result, result, modulus, n)
         if bit == "1":
-            result = _multiplied(result, a, modulus, n)
+            result = _multiply_modulo(result, a, modulus, n)
     return result
 
 
-def _multiplied(a: list[int], b: list[int], modulus: list[int], p: int) -> list[int]:
+def _multiply_modulo(a: list[int], b: list[int], modulus: list[int], p: int) -> list[int]:
     product = [0] * (len(a) + len(b) - 1) if a and b else []
     for i, x in enumerate(a):
         for j, y in enumerate(b):
             product[i + j] += x * y
-    return divided(stripped([c % p for c in product]), modulus, p)[1]
+    return divide(without_leading_zeros([c % p for c in product]), modulus, p)[1]

@@ -19,7 +19,7 @@ class Interval:
     near_part: Any = None
     far_part: Any = None
 
-    def common(self, other: "Interval") -> "Interval":
+    def intersection(self, other: "Interval") -> "Interval":
         """What two intervals have in common; (inf, -inf) where this one is empty or NaN."""
         missed = ~(self.near <= self.far)
         later, sooner = self.near > other.near, self.far < other.far
@@ -46,14 +46,14 @@ def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interv
     return Interval(near, far, *(dr.select(up, u(x), u(y)) for x, y in ((low_part, high_part), (high_part, low_part))))
 
 
-class Solid(Primitive):
+class ConvexSolid(Primitive):
     """A closed convex solid, known by the interval of a ray inside it.
 
     A ray that leaves the surface of a convex solid meets it again only if it runs into it, and then at the far end.
     """
 
     closed = True
-    crossings = 2
+    max_crossings = 2
 
     @staticmethod
     def never_rehit(inside: Any) -> Any:

@@ -3,8 +3,8 @@
 import re
 
 from visray.polynomials.error import PolynomialError
+from visray.polynomials.expression import Axis, Expression, Negative, Power, Product, Sum
 from visray.polynomials.grammar import AXES, MAX_DEGREE, literal, too_high
-from visray.polynomials.tree import Axis, Negative, Power, Product, Sum, Tree
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
 _FACTOR = r"([xyz])(?:\s*(?:\^|\*\*)\s*(\d+)|(\d+))?"
@@ -13,7 +13,7 @@ _FACTORS = re.compile(_FACTOR, re.IGNORECASE | re.ASCII)
 MAX_ENTRIES = 10_000
 
 
-def parse(entries: list[str]) -> Tree:
+def parse(entries: list[str]) -> Expression:
     """The sum of the monomials; PolynomialError has the index of the entry it is about."""
     if not entries:
         raise PolynomialError('there is no monomial; write for example ["x2", "y2", "z2", "-1"]')
@@ -22,7 +22,7 @@ def parse(entries: list[str]) -> Tree:
     return Sum(tuple(_monomial(entry, k) for k, entry in enumerate(entries)))
 
 
-def _monomial(entry: str, part: int) -> Tree:
+def _monomial(entry: str, part: int) -> Expression:
     found = _MONOMIAL.fullmatch(entry)
     # An exponent is what follows its letter at once or after ^: "x 2" could also be a product.
     if not found or not (found[2] or found[3]) or (not found[2] and found[3].lstrip().startswith("*")):
@@ -32,7 +32,7 @@ def _monomial(entry: str, part: int) -> Tree:
             part,
         )
     try:
-        parts: list[Tree] = [literal(found[2])] if found[2] else []
+        parts: list[Expression] = [literal(found[2])] if found[2] else []
     except PolynomialError as e:
         raise PolynomialError(str(e), part) from None
     for letter, *exponents in _FACTORS.findall(found[3]):

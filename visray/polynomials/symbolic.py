@@ -4,9 +4,10 @@ from fractions import Fraction
 
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Coefficients, Terms, TooLong, expand, horner
-from visray.polynomials.tree import (
+from visray.polynomials.expression import (
     ONE,
-    Named,
+    Expression,
+    NamedConstant,
     Negative,
     Number,
     Parameter,
@@ -15,10 +16,9 @@ from visray.polynomials.tree import (
     Reciprocal,
     Root,
     Sum,
-    Tree,
-    negated,
+    negate,
     rational,
-    simplified,
+    simplify,
 )
 
 # What an expansion may take, and the terms that it may have: about a second.
@@ -26,10 +26,10 @@ MAX_PRODUCTS = 200_000
 MOST_TERMS = 600
 
 
-def _atoms(tree: Tree) -> list[Tree]:
+def _atoms(tree: Expression) -> list[Expression]:
     """The constants in a tree that are not rational numbers, and what is divided by them."""
     match tree:
-        case Named() | Parameter() | Root():
+        case NamedConstant() | Parameter() | Root():
             return [tree]
         case Reciprocal(of) if of.irrational or of.parametric:
             return [tree]
@@ -40,13 +40,13 @@ def _atoms(tree: Tree) -> list[Tree]:
     return []
 
 
-def generic(tree: Tree, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Tree]]:
+def symbolic_terms(tree: Expression, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Expression]]:
     """The terms of a tree over x, y, z and its irrational constants and parameters, as if these were variables."""
     atoms = _atoms(tree)
     size = 3 + len(atoms)
     zero = (0,) * size
 
-    def constant(node: Tree) -> Terms:
+    def constant(node: Expression) -> Terms:
         if node in atoms:
             e = [0] * size
             e[3 + atoms.index(node)] = 1
@@ -82,9 +82,9 @@ def generic(tree: Tree, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Tree]]:
     return expand(tree, constant, size, budget), atoms
 
 
-def _coefficients(terms: Terms, atoms: list[Tree]) -> Coefficients:
+def _coefficients(terms: Terms, atoms: list[Expression]) -> Coefficients:
     """The terms over x, y and z, their coefficients as trees; 1 and -1 are not written."""
-    found: dict[tuple[int, int, int], list[Tree]] = {}
+    found: dict[tuple[int, int, int], list[Expression]] = {}
     for e, c in terms.items():
         powers = tuple(Power(a, n) if n > 1 else a for a, n in zip(atoms, e[3:]) if n)
         if abs(c) == 1:
@@ -95,23 +95,23 @@ def _coefficients(terms: Terms, atoms: list[Tree]) -> Coefficients:
     return {e: _coefficient(parts) for e, parts in found.items()}
 
 
-def _coefficient(parts: list[Tree]) -> Tree:
+def _coefficient(parts: list[Expression]) -> Expression:
     if len(parts) > 1:
         return Sum(tuple(parts))
-    return parts[0] if parts[0] in (ONE, negated(ONE)) else simplified(parts[0])
+    return parts[0] if parts[0] in (ONE, negate(ONE)) else simplify(parts[0])
 
 
-def lowered(tree: Tree, parameters: dict[str, Fraction], degree: int) -> Tree:
+def drop_cancelled_terms(tree: Expression, parameters: dict[str, Fraction], degree: int) -> Expression:
     """A tree whose highest terms cancel, without them."""
     try:
-        terms, atoms = generic(tree)
+        terms, atoms = symbolic_terms(tree)
     except TooLong:
         raise PolynomialError(
             f"its degree is {degree}, not {tree.degree} as written, and it is too long to be written anew; "
             "leave out what cancels"
         ) from None
-    return rebuilt({e: c for e, c in terms.items() if sum(e[:3]) <= degree}, atoms)
+    return from_terms({e: c for e, c in terms.items() if sum(e[:3]) <= degree}, atoms)
 
 
-def rebuilt(terms: Terms, atoms: list[Tree]) -> Tree:
-    return simplified(horner(_coefficients(terms, atoms)))
+def from_terms(terms: Terms, atoms: list[Expression]) -> Expression:
+    return simplify(horner(_coefficients(terms, atoms)))

@@ -5,16 +5,16 @@ from typing import Any
 
 import drjit as dr
 
-from visray.roots.march import Isolated
-from visray.roots.numbers import roundoff
+from visray.roots.isolation import IsolatedRoot
+from visray.roots.number_types import roundoff
 
 # An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
 # needed (a triple root), the two differ by the cube root of the rounding.
 WIDENED = 3e-4
 
 
-def refined(
-    f: Callable, part: Isolated, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
+def refine(
+    f: Callable, part: IsolatedRoot, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
 ) -> Any:
     """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
     digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
@@ -52,7 +52,7 @@ def refined(
 
     middle = 0.5 * (part.low + part.high)
     a, b, fa, fb = closed_in(part.high, part.low, at_high, at_low, middle, part.found)
-    # At an end f's sign is not that of the polynomial that was isolated: then that end is moved.
+    # At an end f's sign is not that of the polynomial that was isolate: then that end is moved.
     first = part.found & (fa != 0) & (b == part.low)
     last = part.found & (fa != 0) & (b == part.high)
     more = dr.maximum(part.high - part.low, WIDENED)

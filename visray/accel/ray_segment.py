@@ -10,7 +10,7 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 
 @dataclass(frozen=True)
-class Piece:
+class RaySegment:
     """A ray from the distance `begin` to `end`, for one row of a kind, with what is known of its ends.
 
     placed, seen: the row's own, as its kind has them.
@@ -28,7 +28,7 @@ class Piece:
         """The first crossing on it."""
         return self.kind.crossing(self.seen, self.ray, self.begin, self.end, self.known)
 
-    def backwards(self) -> "Piece":
+    def backwards(self) -> "RaySegment":
         """The same way from its end, where that is known to lie on the row: crossings near a known beginning are told
         from it, whatever the rounding of the end."""
         known, on_start, begin = self.known, self.known.on_start, self.begin
@@ -47,14 +47,14 @@ class Piece:
                        known=turned)  # fmt: skip
 
 
-def occludes(piece: Piece) -> Any:
+def occludes(piece: RaySegment) -> Any:
     """Whether the row is crossed between the ends."""
-    if piece.kind.searched and piece.known.on_end is not None:
+    if piece.kind.finds_roots and piece.known.on_end is not None:
         piece = piece.backwards()
     return piece.crossing().met
 
 
-def way_inside(piece: Piece) -> tuple[Any, Any]:
+def length_inside(piece: RaySegment) -> tuple[Any, Any]:
     """Whether a ray both enters and leaves a row on its way, and how long it is inside. An end on the row's own surface
     counts as entered or left there. Kinds that are not closed have no inside."""
     kind, known, end = piece.kind, piece.known, piece.end
@@ -76,13 +76,13 @@ def way_inside(piece: Piece) -> tuple[Any, Any]:
         """What is known after a crossing."""
         return replace(known, on_start=~none, inside=inside, start_part=part)
 
-    if kind.crossings <= 2:
+    if kind.max_crossings <= 2:
         # Of a line that only touches, both crossings are one: the second is looked for from the beginning.
         _, _, _, last, more = onwards(piece.begin, at, zero, beyond(inside, first.part))
         inside, length = dr.select(crossed, last, inside), length + dr.select(crossed, more, 0)
     else:
         # Where the ray leaves the surface, or comes to it, rounding may add a crossing.
-        most = 2 + kind.crossings
+        most = 2 + kind.max_crossings
 
         def step(at: Any, inside: Any, length: Any, part: Any, count: Any, going: Any) -> tuple:
             c, to, crossed, after, total = onwards(at, at, length, beyond(inside, part))

@@ -11,7 +11,7 @@ PI = Fraction("3.141592653589793238462643383279502884197169399375105820974944592
 BITS = 256
 
 
-class Tree:
+class Expression:
     """A node. A tree is a constant where its degree, as written, is 0."""
 
     degree = 0
@@ -20,14 +20,14 @@ class Tree:
 
 
 @dataclass(frozen=True)
-class Number(Tree):
+class Number(Expression):
     """A number literal, exactly."""
 
     value: Fraction
 
 
 @dataclass(frozen=True)
-class Named(Tree):
+class NamedConstant(Expression):
     """pi or phi."""
 
     name: str
@@ -35,7 +35,7 @@ class Named(Tree):
 
 
 @dataclass(frozen=True)
-class Parameter(Tree):
+class Parameter(Expression):
     """A number that has a name and is given apart."""
 
     name: str
@@ -43,7 +43,7 @@ class Parameter(Tree):
 
 
 @dataclass(frozen=True)
-class Axis(Tree):
+class Axis(Expression):
     """x, y or z."""
 
     index: int
@@ -51,8 +51,8 @@ class Axis(Tree):
 
 
 @dataclass(frozen=True)
-class _Unary(Tree):
-    of: Tree
+class _Unary(Expression):
+    of: Expression
     degree: int = field(init=False, compare=False, repr=False)
     parametric: bool = field(init=False, compare=False, repr=False)
     irrational: bool = field(init=False, compare=False, repr=False)
@@ -91,15 +91,15 @@ class Power(_Unary):
 
 
 @dataclass(frozen=True)
-class _Many(Tree):
-    parts: tuple[Tree, ...]
+class _Nary(Expression):
+    parts: tuple[Expression, ...]
     degree: int = field(init=False, compare=False, repr=False)
     parametric: bool = field(init=False, compare=False, repr=False)
     irrational: bool = field(init=False, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
-class Sum(_Many):
+class Sum(_Nary):
     """A sum of trees."""
 
     def __post_init__(self):
@@ -107,14 +107,14 @@ class Sum(_Many):
 
 
 @dataclass(frozen=True)
-class Product(_Many):
+class Product(_Nary):
     """A product of trees."""
 
     def __post_init__(self):
         _know(self, sum(p.degree for p in self.parts), self.parts)
 
 
-def _know(node: Tree, degree: int, parts: tuple[Tree, ...]):
+def _know(node: Expression, degree: int, parts: tuple[Expression, ...]):
     object.__setattr__(node, "degree", degree)
     object.__setattr__(node, "parametric", any(p.parametric for p in parts))
     object.__setattr__(node, "irrational", any(p.irrational for p in parts))
@@ -123,7 +123,7 @@ def _know(node: Tree, degree: int, parts: tuple[Tree, ...]):
 ONE = Product(())  # the coefficient that is not written
 
 
-def fold(node: Tree, number: Callable[[Fraction], Any], leaf: Callable[[Tree], Any]) -> Any:
+def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Expression], Any]) -> Any:
     """The tree in another arithmetic: `number` takes literals there, `leaf` axes, parameters, pi, phi and roots."""
     match node:
         case Number(value):
@@ -148,7 +148,7 @@ def fold(node: Tree, number: Callable[[Fraction], Any], leaf: Callable[[Tree], A
 
 
 def evaluate(
-    node: Tree,
+    node: Expression,
     parameter: Callable[[str], Any],
     number: Callable[[Fraction], Any],
     sqrt: Callable[[Any], Any] | None = None,
@@ -159,7 +159,7 @@ def evaluate(
     Roots of numbers are taken exactly; only a root with a parameter in it asks for `sqrt`.
     """
 
-    def leaf(n: Tree) -> Any:
+    def leaf(n: Expression) -> Any:
         match n:
             case Axis(index):
                 return axes[index]
@@ -174,18 +174,18 @@ def evaluate(
     return fold(node, number, leaf)
 
 
-def rational(node: Tree, parameters: dict[str, Fraction], point: tuple = ()) -> Fraction:
+def rational(node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> Fraction:
     """The tree as a rational at a point: exact, or good to BITS where it is irrational."""
 
-    def leaf(n: Tree) -> Fraction:
+    def leaf(n: Expression) -> Fraction:
         match n:
             case Axis(index):
                 return Fraction(point[index])
             case Parameter(name):
                 return parameters[name]
-            case Named("pi"):
+            case NamedConstant("pi"):
                 return PI
-            case Named():
+            case NamedConstant():
                 return (1 + square_root(Fraction(5))) / 2
         return square_root(rational(n.of, parameters))
 
@@ -201,12 +201,12 @@ def square_root(value: Fraction) -> Fraction:
     return Fraction(isqrt(n * d << 2 * k), d << k)
 
 
-def vanishes(node: Tree) -> bool:
+def is_zero(node: Expression) -> bool:
     """Whether a constant is 0 whatever the parameters are."""
-    return not node.parametric and negligible(rational(node, {}), node, {})
+    return not node.parametric and is_negligible(rational(node, {}), node, {})
 
 
-def negligible(value: Fraction, node: Tree, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
+def is_negligible(value: Fraction, node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
     """Whether a value of the tree is 0, or no more than the rounding of its irrational constants."""
     if not value or not node.irrational:
         return not value
@@ -215,7 +215,7 @@ def negligible(value: Fraction, node: Tree, parameters: dict[str, Fraction], poi
     return abs(value) < rational(_positive(node), sizes, tuple(map(abs, point))) / (1 << BITS // 2)
 
 
-def _positive(node: Tree) -> Tree:
+def _positive(node: Expression) -> Expression:
     """The tree with all signs +."""
     match node:
         case Number(value):
@@ -231,62 +231,62 @@ def _positive(node: Tree) -> Tree:
     return node
 
 
-def simplified(node: Tree) -> Tree:
+def simplify(node: Expression) -> Expression:
     """The tree with nested sums and products as one, their constants merged and signs pulled out, nothing expanded."""
     if node.degree == 0:
         return node
     match node:
         case Negative(of):
-            return negated(simplified(of))
+            return negate(simplify(of))
         case Power(of, exponent=n):
-            return _power(simplified(of), n)
+            return _power(simplify(of), n)
         case Sum(parts):
-            return _sum([simplified(p) for p in parts])
+            return _sum([simplify(p) for p in parts])
         case Product(parts):
-            return _product([simplified(p) for p in parts])
+            return _product([simplify(p) for p in parts])
     return node
 
 
-def negated(node: Tree) -> Tree:
+def negate(node: Expression) -> Expression:
     match node:
         case Negative(of):
             return of
         case Product((first, *rest)) if first.degree == 0:
-            return Product((negated(first), *rest))
+            return Product((negate(first), *rest))
         case Number(value):
             return Number(-value)
     return Negative(node)
 
 
-def _power(of: Tree, n: int) -> Tree:
+def _power(of: Expression, n: int) -> Expression:
     if n == 1:
         return of
     match of:
         case Negative(inner):
-            return _power(inner, n) if n % 2 == 0 else negated(_power(inner, n))
+            return _power(inner, n) if n % 2 == 0 else negate(_power(inner, n))
         case Power(inner, exponent=m):
             return Power(inner, m * n)
     return Power(of, n)
 
 
-def _sum(parts: list[Tree]) -> Tree:
+def _sum(parts: list[Expression]) -> Expression:
     terms, constants = [], []
     for p in parts:
         inner = [p]
         if isinstance(p, Sum):
             inner = p.parts
         elif isinstance(p, Negative) and isinstance(p.of, Sum):
-            inner = [negated(t) for t in p.of.parts]
+            inner = [negate(t) for t in p.of.parts]
         for t in inner:
             (terms if t.degree else constants).append(t)
     if constants:
         constant = constants[0] if len(constants) == 1 else Sum(tuple(constants))
-        if not terms or not vanishes(constant):
+        if not terms or not is_zero(constant):
             terms.append(constant)
     return terms[0] if len(terms) == 1 else Sum(tuple(terms))
 
 
-def _product(parts: list[Tree]) -> Tree:
+def _product(parts: list[Expression]) -> Expression:
     factors, constants, minus = [], [], False
     for p in parts:
         if isinstance(p, Negative) and p.degree:
@@ -296,24 +296,24 @@ def _product(parts: list[Tree]) -> Tree:
     constants = [c for c in constants if c != ONE]
     if constants:
         constant = constants[0] if len(constants) == 1 else Product(tuple(constants))
-        if vanishes(constant):
+        if is_zero(constant):
             return Number(Fraction(0))
-        return Product((negated(constant) if minus else constant, *factors)) if factors else constant
+        return Product((negate(constant) if minus else constant, *factors)) if factors else constant
     whole = factors[0] if len(factors) == 1 else Product(tuple(factors))
     return Negative(whole) if minus else whole
 
 
-def moved(node: Tree, centre: tuple[Fraction, Fraction, Fraction]) -> Tree:
+def translate(node: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
     """The tree about a centre: each x in it becomes x + centre's x, where that is not 0."""
     match node:
         case Axis(index) if centre[index]:
             return Sum((node, Number(centre[index])))
         case Sum(parts):
-            return Sum(tuple(moved(p, centre) for p in parts))
+            return Sum(tuple(translate(p, centre) for p in parts))
         case Product(parts):
-            return Product(tuple(moved(p, centre) for p in parts))
+            return Product(tuple(translate(p, centre) for p in parts))
         case Negative(of):
-            return Negative(moved(of, centre))
+            return Negative(translate(of, centre))
         case Power(of, exponent=n):
-            return Power(moved(of, centre), n)
+            return Power(translate(of, centre), n)
     return node

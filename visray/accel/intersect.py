@@ -10,9 +10,9 @@ from typing import Any
 
 import drjit as dr
 
-from visray.accel.crossings import Piece, occludes, way_inside
 from visray.accel.culling import flush, rounding
 from visray.accel.origin import Candidate, Query, RayOrigin
+from visray.accel.ray_segment import RaySegment, length_inside, occludes
 from visray.geometry import gamma
 from visray.pytree import detached, leaves, rows
 from visray.quantities import Arrays
@@ -80,7 +80,7 @@ class Target:
 def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool = False) -> Any:
     """Whether a row lies between the origin and the target of each ray."""
 
-    def stop(c: Candidate, piece: Piece, _: Piece | None, hidden: Any) -> tuple:
+    def stop(c: Candidate, piece: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
         return (hidden | occludes(piece),)
 
     start = (dr.full(origin.a.B, False, _width(origin, ray)),)
@@ -99,9 +99,9 @@ def transmittance(
     """
     a = origin.a
 
-    def tint(c: Candidate, piece: Piece, attached_piece: Piece | None, *state: Any) -> tuple:
+    def tint(c: Candidate, piece: RaySegment, attached_piece: RaySegment | None, *state: Any) -> tuple:
         kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), c.row)
-        through, inside = way_inside(attached_piece or piece)
+        through, inside = length_inside(attached_piece or piece)
         share = a.F(dr.select(through, 1 - dr.minimum(inside / dmax, 1), 1))
         hit = occludes(piece)
         return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
@@ -142,7 +142,7 @@ def _between(
     def begin() -> tuple[Ray, Any]:
         return target.exact(a, ray)
 
-    def piece(c: Candidate, whole: Ray, distance: Any) -> Piece:
+    def piece(c: Candidate, whole: Ray, distance: Any) -> RaySegment:
         batch = origin.batches[c.batch]
         kind, one, seen = batch.kind, rows(batch.placed, c.row), origin.seen_row(c)
         on_end, inward = arrives(c), a.B(False) if target.inward is None else target.inward
@@ -158,10 +158,10 @@ def _between(
         elif target.row is None:
             on_end = inward = None
         known = replace(origin.start(c, whole), on_end=on_end, inward=inward, end_part=end_part, end_error=error)
-        return Piece(kind, one, seen, whole, whole.begin(known), distance, known)
+        return RaySegment(kind, one, seen, whole, whole.begin(known), distance, known)
 
-    def attached(c: Candidate, p: Piece) -> Piece | None:
-        if p.kind.searched:
+    def attached(c: Candidate, p: RaySegment) -> RaySegment | None:
+        if p.kind.finds_roots:
             # Only what is opaque: gradients.py refuses the others. Its share is zero however long the way inside.
             return None
         placed = origin.geometry.batches[c.batch].placed

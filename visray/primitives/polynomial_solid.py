@@ -4,18 +4,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from visray.geometry import Frame
-from visray.primitives.algebraic import Algebraic, PlacedPolynomial, Rows
+from visray.primitives.algebraic import Algebraic, PlacedPolynomial, PolynomialRows
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Bounds
 from visray.quantities import Arrays, stacked
 
 
 @dataclass(frozen=True)
-class DefinedRows:
+class PolynomialSolidRows:
     """Objects of such a kind as arrays: the kind's own columns, by which derivatives are taken, and the polynomials."""
 
     own: Any
-    polynomials: Rows
+    polynomials: PolynomialRows
 
     def placed(self, outer: Frame | None) -> PlacedPolynomial:
         """The polynomials in the objects' frames; their parameters are the objects' own columns."""
@@ -28,7 +28,7 @@ class DefinedRows:
         return self.own.bounds(outer)
 
 
-class Defined(Algebraic):
+class PolynomialSolid(Algebraic):
     """A kind that is the solid of a polynomial (polynomial.py), whole within its clip, in the frame of its fields.
 
     A kind says its `frame`, `shape` and `extents`, as all kinds do; its `definition`; and `parameters`: the fields that
@@ -45,13 +45,13 @@ class Defined(Algebraic):
 
     @property
     def kind(self) -> Any:
-        form = self.definition().built().form
-        return self.kind_of(form, True, type(self.definition().limits()), len(self.parameters), False)
+        form = self.definition().compiled().program
+        return self.kind_of(form, True, type(self.definition().clip_volume()), len(self.parameters), False)
 
     @classmethod
-    def table(cls, a: Arrays, things: list) -> DefinedRows:
-        return DefinedRows(stacked(a, cls, things), Rows.of(a, [x.definition() for x in things]))
+    def table(cls, a: Arrays, things: list) -> PolynomialSolidRows:
+        return PolynomialSolidRows(stacked(a, cls, things), PolynomialRows.of(a, [x.definition() for x in things]))
 
     @classmethod
-    def columns(cls, thing: Any, table: DefinedRows) -> dict[str, Any]:
+    def columns(cls, thing: Any, table: PolynomialSolidRows) -> dict[str, Any]:
         return super().columns(thing, table.own)

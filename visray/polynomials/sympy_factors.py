@@ -5,21 +5,32 @@ from fractions import Fraction
 
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
-from visray.polynomials.generic import MOST_TERMS, generic, rebuilt
-from visray.polynomials.tree import BITS, Named, Negative, Number, Parameter, Power, Reciprocal, Root, Sum, Tree
+from visray.polynomials.expression import (
+    BITS,
+    Expression,
+    NamedConstant,
+    Negative,
+    Number,
+    Parameter,
+    Power,
+    Reciprocal,
+    Root,
+    Sum,
+)
+from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
 
 # Where a factoring must be, and where it only makes rendering faster.
 MAX_TERMS = {True: MOST_TERMS, False: 300}
 MAX_ALGEBRAIC_TERMS = 60
 
 
-def repeated() -> PolynomialError:
+def repeated_factor_error() -> PolynomialError:
     return PolynomialError("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
 
 
-def factored(tree: Tree, parameters: dict[str, Fraction], needed: bool) -> list[tuple[Tree, int]]:
+def rational_factors(tree: Expression, parameters: dict[str, Fraction], needed: bool) -> list[tuple[Expression, int]]:
     """The factors over the rationals, whatever the values of parameters and irrational constants."""
-    terms, atoms = generic(tree)
+    terms, atoms = symbolic_terms(tree)
     if len(terms) > MAX_TERMS[needed]:
         raise TooLong
     from sympy import QQ, Poly, symbols
@@ -44,28 +55,28 @@ def factored(tree: Tree, parameters: dict[str, Fraction], needed: bool) -> list[
             often = Counter(map(abs, inner.values())).most_common(1)[0][0]
             found.append(({e: c / often for e, c in inner.items()}, n))
     found.sort(key=lambda f: (max(sum(e[:3]) for e in f[0]), len(f[0]), sorted(f[0].items())))
-    return [(rebuilt(inner, atoms), n) for inner, n in found]
+    return [(from_terms(inner, atoms), n) for inner, n in found]
 
 
-def algebraic(tree: Tree, parameters: dict[str, Fraction]) -> list[tuple[Tree, int]]:
+def multiplicity_parts(tree: Expression, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
     """The parts of each multiplicity at the values of the constants: roots are roots here, parameters are numbers."""
     try:
-        terms, atoms = generic(tree)
+        terms, atoms = symbolic_terms(tree)
     except TooLong:
-        raise repeated() from None
+        raise repeated_factor_error() from None
     if len(terms) > MAX_ALGEBRAIC_TERMS:
-        raise repeated()
+        raise repeated_factor_error()
     import sympy
 
-    def value(node: Tree) -> sympy.Expr:
+    def value(node: Expression) -> sympy.Expr:
         match node:
             case Number(v):
                 return sympy.Rational(v.numerator, v.denominator)
             case Parameter(name):
                 return sympy.Rational(parameters[name].numerator, parameters[name].denominator)
-            case Named("pi"):
+            case NamedConstant("pi"):
                 return pi
-            case Named():
+            case NamedConstant():
                 return (1 + sympy.sqrt(5)) / 2
             case Root(of):
                 return sympy.sqrt(value(of))
@@ -93,14 +104,14 @@ def algebraic(tree: Tree, parameters: dict[str, Fraction]) -> list[tuple[Tree, i
     try:
         parts = sympy.Poly(whole, *symbols, **options).sqf_list()[1]
     except (sympy.PolynomialError, NotImplementedError):
-        raise repeated() from None
+        raise repeated_factor_error() from None
     found = []
     for part, n in parts:
         inner: Terms = {}
         for e, c in part.terms():
             inner[(*e, 0)[:4]] = _number(c)
         if any(any(e[:3]) for e in inner):
-            found.append((rebuilt(inner, [Named("pi")]), n))
+            found.append((from_terms(inner, [NamedConstant("pi")]), n))
     return found
 
 

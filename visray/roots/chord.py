@@ -8,9 +8,9 @@ from typing import Any
 import drjit as dr
 
 from visray.polynomials import Factor, interpret
-from visray.roots.march import Isolated, converted, isolated, isolated_by_formula
-from visray.roots.numbers import BoundedPolynomial, Line, Size, roundoff
-from visray.roots.refine import refined
+from visray.roots.isolation import IsolatedRoot, isolate, isolate_by_formula, to_bernstein
+from visray.roots.number_types import BoundedPolynomial, Magnitude, Univariate, roundoff
+from visray.roots.refinement import refine
 
 # A value along a chord is off by no more than so many roundings of the sizes of all that was added up to it
 # (tests/test_roots.py): they rarely go the same way.
@@ -18,7 +18,7 @@ NOISE = 4
 
 
 @cache
-def roundings(code: tuple) -> float:
+def rounding_count(code: tuple) -> float:
     """How many roundings a value is off at most; in a power all go the same way, as it is squared again and again."""
     found: list[int] = []
     for name, *at in code:
@@ -27,10 +27,10 @@ def roundings(code: tuple) -> float:
     return max(NOISE, found[-1] / 2)
 
 
-def off(factor: Factor, slots: tuple, reach: Iterable) -> Any:
+def value_error(factor: Factor, slots: tuple, reach: Iterable) -> Any:
     """How far off a factor's values are where no coordinate is larger."""
-    size = interpret(factor.code, [Size(dr.abs(x)) for x in slots], tuple(map(Size, reach))).x
-    return roundings(factor.code) * roundoff(size) * size
+    size = interpret(factor.code, [Magnitude(dr.abs(x)) for x in slots], tuple(map(Magnitude, reach))).x
+    return rounding_count(factor.code) * roundoff(size) * size
 
 
 @dataclass(frozen=True)
@@ -65,24 +65,24 @@ class ChordSegment:
         """How far along the ray a point is."""
         return dr.fma(self.half, s, self.middle)
 
-    def begun(self, s: Any) -> Any:
+    def is_after_begin(self, s: Any) -> Any:
         """Whether a point lies beyond the beginning of the way."""
         return self.distance(s) > self.begin
 
 
 @dataclass(frozen=True)
-class Along:
+class FactorOnChord:
     """A factor of a form along a way."""
 
     factor: Factor
     slots: tuple
     way: ChordSegment
-    line: Line
+    line: Univariate
 
     def noise(self, r: Any) -> Any:
         """How far off its values are for |s| <= r."""
         reach = (dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.way.l, self.way.e))
-        return off(self.factor, self.slots, reach)
+        return value_error(self.factor, self.slots, reach)
 
     def first(self, sign: Any, floor: Any, active: Any, on_start: Any, tolerance: Any) -> tuple[Any, Any, Any]:
         """Whether it is crossed, where, and how many parts are unresolved. sign: whether it begins below zero; floor:
@@ -90,7 +90,7 @@ class Along:
         # All is relative to the sizes of what is added up, so that products of values stay within a double's range.
         scale = roundoff(floor) / self.noise(1)
         turn = dr.mulsign(scale, dr.select(sign, type(scale)(-1), 1))
-        line = Line(*(x * turn for x in self.line.c))
+        line = Univariate(*(x * turn for x in self.line.c))
 
         def f(s: Any) -> Any:
             return self.value(s) * turn
@@ -100,36 +100,36 @@ class Along:
 
         ends = self.way.first, self.way.last
         if self.factor.degree <= 2:
-            part, s = isolated_by_formula(line.c, noise, *ends, active)
+            part, s = isolate_by_formula(line.c, noise, *ends, active)
             return part.found, self._polished(f, line, part, s), part.unresolved
 
-        def closely(middle: Any, half: Any) -> tuple:
-            b, off = self.closely(middle, half)
+        def accurate_bernstein(middle: Any, half: Any) -> tuple:
+            b, off = self.accurate_bernstein(middle, half)
             return [x * turn for x in b], (off + floor) * scale
 
-        part = isolated(line.c, noise, closely, *ends, active)
+        part = isolate(line.c, noise, accurate_bernstein, *ends, active)
         least = roundoff(floor)
         low, high = dr.maximum(line(part.low), least), dr.minimum(line(part.high), -least)
         if on_start is None:
-            return part.found, refined(f, part, low, high, ends, None, tolerance), part.unresolved
+            return part.found, refine(f, part, low, high, ends, None, tolerance), part.unresolved
         # Near a start on the surface what is only noise counts as of the side that the way begins on.
-        flat = dr.select(on_start & (part.low == ends[0]), (floor + self.off_at(ends[0])) * scale, 0)
+        flat = dr.select(on_start & (part.low == ends[0]), (floor + self.error_at(ends[0])) * scale, 0)
         low = dr.select(flat > 0, flat, low)
-        return part.found, refined(f, part, low, high, ends, flat, tolerance), part.unresolved
+        return part.found, refine(f, part, low, high, ends, flat, tolerance), part.unresolved
 
-    def closely(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
+    def accurate_bernstein(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
         """Bernstein's coefficients on a part of the way and how far off they are, from its structure on that part."""
-        sure = self._sure(Line(dr.fma(middle, y, x), half * y) for x, y in zip(self.way.l, self.way.e))
+        sure = self._sure(Univariate(dr.fma(middle, y, x), half * y) for x, y in zip(self.way.l, self.way.e))
         rounds = len(sure.line.c) * roundoff(middle)
-        return converted(sure.line.c), sure.error + rounds * sure.size
+        return to_bernstein(sure.line.c), sure.error + rounds * sure.size
 
     def _sure(self, axes: Iterable) -> BoundedPolynomial:
         """The factor where the coordinates are polynomials in s, with how far off it is: places too are rounded."""
         known = (BoundedPolynomial(line, 0) for line in axes)
         places = tuple(BoundedPolynomial(x.line, 2 * roundoff(x.size) * x.size) for x in known)
-        return interpret(self.factor.code, tuple(BoundedPolynomial(Line(x), 0) for x in self.slots), places)
+        return interpret(self.factor.code, tuple(BoundedPolynomial(Univariate(x), 0) for x in self.slots), places)
 
-    def runs_below(self, x: Any, zero: Any) -> Any:
+    def starts_below(self, x: Any, zero: Any) -> Any:
         """Whether the way begins below zero, with the value x; where that is no more than rounding (`zero`), whether it
         runs there: by the sign of the first derivative that is more."""
         way, c = self.way, list(self.line.c)
@@ -146,16 +146,16 @@ class Along:
 
         return dr.if_stmt((x,), zero, leading, lambda x: (x,), label="leading")[0] < 0
 
-    def off_at(self, s: Any) -> Any:
+    def error_at(self, s: Any) -> Any:
         """How far off the value by structure is at a point."""
-        return self._sure(Line(dr.fma(s, y, x)) for x, y in zip(self.way.l, self.way.e)).error
+        return self._sure(Univariate(dr.fma(s, y, x)) for x, y in zip(self.way.l, self.way.e)).error
 
     def value(self, s: Any) -> Any:
         """The factor by its structure."""
         return interpret(self.factor.code, self.slots, self.way.at(s))
 
     @staticmethod
-    def _polished(f: Callable, line: Line, part: Isolated, s: Any) -> Any:
+    def _polished(f: Callable, line: Univariate, part: IsolatedRoot, s: Any) -> Any:
         """Two steps of Newton's from a root by formula, which lost digits if the surface is small in its clip."""
         for _ in range(2):
             slope = line.slope(s)
@@ -164,7 +164,7 @@ class Along:
         return s
 
 
-def along(factor: Factor, slots: tuple, way: ChordSegment) -> Along:
+def on_chord(factor: Factor, slots: tuple, way: ChordSegment) -> FactorOnChord:
     """The factor along the way, with its polynomial in s."""
-    line = interpret(factor.code, tuple(map(Line, slots)), tuple(map(Line, way.l, way.e)))
-    return Along(factor, slots, way, line)
+    line = interpret(factor.code, tuple(map(Univariate, slots)), tuple(map(Univariate, way.l, way.e)))
+    return FactorOnChord(factor, slots, way, line)

@@ -1,4 +1,4 @@
-"""How far points are from the surface of a form, to first order, and on which side."""
+"""How far points are from the surface of a program, to first order, and on which side."""
 
 import operator
 from functools import reduce
@@ -7,41 +7,41 @@ from typing import Any
 import drjit as dr
 
 from visray.polynomials import Factor, Program, interpret
-from visray.roots.along import off
-from visray.roots.numbers import Slope
+from visray.roots.chord import value_error
+from visray.roots.number_types import DualNumber
 
 # A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
 SMALLEST = 2.0**-500
 
 
-def has_sides(form: Program, slots: tuple, q: Any, reach: Any) -> Any:
+def has_normal(program: Program, slots: tuple, q: Any, reach: Any) -> Any:
     """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
     found = []
-    for factor in form.factors:
+    for factor in program.factors:
         longest = sum(0 if p is None else dr.abs(p) for p in _sloped(factor, slots, q).slopes)
-        found.append(longest * reach > off(factor, slots, map(dr.abs, q)))
+        found.append(longest * reach > value_error(factor, slots, map(dr.abs, q)))
     return reduce(operator.and_, found)
 
 
-def _sloped(factor: Factor, slots: tuple, q: Any) -> Slope:
+def _sloped(factor: Factor, slots: tuple, q: Any) -> DualNumber:
     """A factor with its slopes at a point."""
-    axes = (Slope(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
-    return interpret(factor.code, tuple(Slope(x, (None,) * 3) for x in slots), tuple(axes))
+    axes = (DualNumber(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
+    return interpret(factor.code, tuple(DualNumber(x, (None,) * 3) for x in slots), tuple(axes))
 
 
-def level(form: Program, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
+def signed_distance(program: Program, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
 
     part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a
     singular point, the normal is that of differences over `step`.
     """
     levels = []
-    for factor in form.factors:
+    for factor in program.factors:
         s = _sloped(factor, slots, q)
         g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
         levels.append(_unit(factor, slots, q, step, s.x, g))
     f, g = levels[0]
-    others = type(f)(-1 if form.sign < 0 else 1)
+    others = type(f)(-1 if program.sign < 0 else 1)
     for number, (distance, normal) in enumerate(levels[1:], 1):
         nearer = dr.abs(distance) < dr.abs(f)
         if part is not None:
@@ -66,7 +66,7 @@ def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tu
         longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
         # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
         found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
-        far = dr.select(dr.abs(f) <= off(factor, slots, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
+        far = dr.select(dr.abs(f) <= value_error(factor, slots, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
         return dr.normalize(type(p)(*found)), dr.detach(far)
 
     n = max(dr.width(q), dr.width(f))

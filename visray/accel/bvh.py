@@ -15,7 +15,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.accel.boxes import DEPTH, NONE, WIDTH, Split, split, widened
+from visray.accel.sah import DEPTH, NONE, WIDTH, Split, split, widened
 from visray.geometry import UNIT_ROUNDOFF, extent, gamma
 from visray.quantities import Arrays
 from visray.ray import unit
@@ -138,7 +138,7 @@ class Walk:
         # Before it comes into the ball around the box of all rows a ray meets none.
         skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
         p = q + skipped * d
-        # Kinds are off by gamma(32) of the size of what they compute with (guards.rounding), this by less.
+        # Kinds are off by gamma(32) of the size of what they compute with (culling.rounding), this by less.
         precision = "single" if a.D is a.F32 else "double"
         error = gamma(128, precision) * (extent(o) + tree.size + skipped + ball)
         # A component below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no further than

@@ -9,17 +9,17 @@ from typing import Any
 
 import drjit as dr
 
-from visray.roots.numbers import Line, roundoff
+from visray.roots.number_types import Univariate, roundoff
 
-# No root is looked for within a part that is narrower than so many roundings of its distance from the chord's middle
-# (or of 2^-30): beyond, the places s are no longer told apart.
+# No root is looked for within a part that is narrower than so many roundings of its distance from the middle of the
+# chord (or of 2^-30): beyond, the places s are no longer told apart.
 NARROWEST = 32
 # A part whose coefficients differ by no more than so many times what they are off is not worth to be halved.
 FLAT = 4
 
 
 @dataclass(frozen=True)
-class Isolated:
+class IsolatedRoot:
     """Parts [low, high] of chords in which a polynomial crosses zero exactly once, first of all; `found`: lanes that
     have one. unresolved: how many places were left without knowing: what is below zero there could be noise, or the
     part was too narrow."""
@@ -56,10 +56,10 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
     for k in range(1, d + 1):
         c[k] = c[k] * power
         power = power * half
-    return converted(c)
+    return to_bernstein(c)
 
 
-def converted(c: Sequence) -> list[Any]:
+def to_bernstein(c: Sequence) -> list[Any]:
     """The same on [-1, 1]."""
     d, found = len(c) - 1, [None] * len(c)
     for i in range(d // 2 + 1):
@@ -74,14 +74,16 @@ def converted(c: Sequence) -> list[Any]:
     return found
 
 
-def isolated(c: tuple, noise: Callable, closely: Callable, first: Any, last: Any, active: Any) -> Isolated:
+def isolate(
+    c: tuple, noise: Callable, accurate_bernstein: Callable, first: Any, last: Any, active: Any
+) -> IsolatedRoot:
     """The first crossing from above zero to below on [first, last], for a polynomial that counts as positive at first.
 
     noise(r): how far off its values are for |s| <= r. Where its sign changes more than once, the first part of the
     interval is left behind, up to which the coefficients' hull stays above zero, and the rest halved.
-    closely(middle, half): coefficients in Bernstein's basis on a part, and how far off they are, with more care: asked
-    for where coefficients could be below zero but for the noise. Where they still could, the part is halved as long as
-    they differ by more than that.
+    accurate_bernstein(middle, half): coefficients in Bernstein's basis on a part, and how far off they are, with more
+    care: asked for where coefficients could be below zero but for the noise. Where they still could, the part is
+    halved as long as they differ by more than that.
     """
     d, n = len(c) - 1, max(map(dr.width, (*c, first, last, active)))
     number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
@@ -94,7 +96,7 @@ def isolated(c: tuple, noise: Callable, closely: Callable, first: Any, last: Any
         blurred = (least < 0) & (least >= -off)
 
         def again(*_: Any) -> tuple:
-            b, off = closely(middle, half)
+            b, off = accurate_bernstein(middle, half)
             return (*b, off, *_range(b))
 
         *b, off, least, most = dr.if_stmt((*b, off, least, most), blurred, again, lambda *same: same, label="blurred")
@@ -129,7 +131,7 @@ def isolated(c: tuple, noise: Callable, closely: Callable, first: Any, last: Any
     places = first + dr.zeros(number, n), last - first + dr.zeros(number, n)
     start = *places, no | active, no, no, dr.zeros(count, n)
     a, w, _, found, unsure, unresolved = dr.while_loop(start, lambda a, w, going, *_: going, step, label="march")
-    return Isolated(a, a + w, found, unresolved + dr.select(unsure, count(1), 0))
+    return IsolatedRoot(a, a + w, found, unresolved + dr.select(unsure, count(1), 0))
 
 
 def _range(b: Sequence) -> tuple[Any, Any]:
@@ -140,14 +142,14 @@ def _range(b: Sequence) -> tuple[Any, Any]:
     return least, most
 
 
-def isolated_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[Isolated, Any]:
-    """As isolated, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
+def isolate_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[IsolatedRoot, Any]:
+    """As isolate, and the crossing itself, for degrees 1 and 2: up to the extremum and beyond it there is one root."""
     zero = 0 * c[0]
     flat = zero if len(c) < 3 else c[2]
     extremum = -0.5 * c[1] / flat
     extremum = dr.select((flat > 0) & (extremum > first) & (extremum < last), extremum, last)
     # How deep it is at its extremum and at its end, and how far that may be off.
-    depths = [(-Line(*c)(s), noise(dr.abs(s))) for s in (extremum, last)]
+    depths = [(-Univariate(*c)(s), noise(dr.abs(s))) for s in (extremum, last)]
     down, end = (depth > off for depth, off in depths)
     blurred = ~(down | end) & ((depths[0][0] > 0) | (depths[1][0] > 0))
     # A parabola that opens downwards falls after its extremum, one that opens upwards before it.
@@ -159,4 +161,4 @@ def isolated_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active
     found = active & (down | end)
     s = dr.select(found, dr.maximum(dr.minimum(s, last), first), 0)
     unresolved = dr.select(active & blurred, dr.uint32_array_t(type(zero))(1), 0)
-    return Isolated(first + zero, dr.select(down, extremum, last), found, unresolved), s
+    return IsolatedRoot(first + zero, dr.select(down, extremum, last), found, unresolved), s

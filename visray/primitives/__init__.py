@@ -1,4 +1,7 @@
-"""The primitives. A new kind is one file here, its name in KINDS and one sample in tests/samples.py."""
+"""The kinds of primitives.
+
+A new kind is one file in this folder, its class in KINDS, and one sample in tests/samples.py.
+"""
 
 from visray.primitives.box import Box
 from visray.primitives.capsule import Capsule

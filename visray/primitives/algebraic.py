@@ -1,5 +1,7 @@
-"""Algebraic surfaces: the points of a clip where polynomials are zero. What `polynomial` and the kinds that are defined
-by one share."""
+"""Algebraic surfaces: the zero set of a polynomial inside a clip.
+
+The shared base of the kind `polynomial` and of kinds that are defined by a polynomial (polynomial_solid.py).
+"""
 
 import cmath
 from dataclasses import dataclass, replace
@@ -21,8 +23,14 @@ from visray.roots import ChordSegment
 
 @dataclass(frozen=True)
 class PolynomialRows:
-    """Polynomials of one form as arrays, an entry each: the form's slots, the parameters, the slopes of the slots by
-    each of these, the tolerances (None: of none of them), and the clips."""
+    """Polynomials that share one program, as arrays with one entry per object.
+
+    slots: values of the program's constants, an array per slot.
+    parameters: values of the named parameters, an array per parameter.
+    slopes: for each parameter, the derivative of every slot by it.
+    tolerance: tolerance of the crossings, or None where no object has one.
+    clip: fields of the clips.
+    """
 
     slots: tuple
     parameters: tuple
@@ -31,49 +39,53 @@ class PolynomialRows:
     clip: Any
 
     @classmethod
-    def of(cls, a: Arrays, things: list) -> "PolynomialRows":
-        """The numbers of polynomials (polynomial.py) that share their code."""
-        built, known, limits = (
-            [x.compiled() for x in things],
-            [x.parameters for x in things],
-            [x.clip_volume() for x in things],
-        )
-        slopes = [[_slopes(b, k, name) for name in k] for b, k in zip(built, known)]
+    def of(cls, a: Arrays, polynomials: list) -> "PolynomialRows":
+        """The arrays of `Polynomial` objects of one kind."""
+        compiled, parameters = [x.compiled() for x in polynomials], [x.parameters for x in polynomials]
+        clips = [x.clip_volume() for x in polynomials]
+        slopes = [[_slot_slopes(c, p, name) for name in p] for c, p in zip(compiled, parameters)]
+        loose = polynomials[0].kind.loose
 
         def put(values: list) -> tuple:
             return tuple(a.put(a.D, column) for column in np.array(values, float).T)
 
         return cls(
-            slots=put([b.values for b in built]),
-            parameters=put([list(k.values()) for k in known]),
-            slopes=tuple(put([s[i] for s in slopes]) for i in range(len(known[0]))),
-            tolerance=a.put(a.D, np.array([x.tolerance for x in things], float)) if things[0].kind.loose else None,
-            clip=stacked(a, type(limits[0]), limits),
+            slots=put([c.values for c in compiled]),
+            parameters=put([list(p.values()) for p in parameters]),
+            slopes=tuple(put([s[i] for s in slopes]) for i in range(len(parameters[0]))),
+            tolerance=a.put(a.D, np.array([x.tolerance for x in polynomials], float)) if loose else None,
+            clip=stacked(a, type(clips[0]), clips),
         )
 
     def placed(self, outer: Frame | None) -> "PlacedPolynomial":
-        """Where they are, and the slots with derivatives by the parameters."""
+        """The polynomials in the world; their slots carry derivatives by the parameters."""
         o = self.clip.frame().o
-        return self.within(Similarity(0 * o.x + 1, o).then(outer))
+        return self.placed_in(Similarity(0 * o.x + 1, o).then(outer))
 
-    def within(self, frame: Frame | Similarity, shape: tuple = ()) -> "PlacedPolynomial":
-        """As `placed`, in a frame about the clip's centre."""
+    def placed_in(self, frame: Frame | Similarity, shape: tuple = ()) -> "PlacedPolynomial":
+        """The polynomials in a frame whose origin is the clip's centre."""
         slots = self.slots
         for p, slopes in zip(self.parameters, self.slopes):
             if dr.grad_enabled(p):
-                # Zero, with the slope that a slot has.
+                # The added term is zero; its derivative by p is the slot's slope.
                 slots = tuple(x + k * (p - dr.detach(p)) for x, k in zip(slots, slopes))
-        return PlacedPolynomial(frame.inverse(), slots, self.tolerance, tuple(map(dr.rcp, self.clip.half())), shape)
+        scale = tuple(map(dr.rcp, self.clip.half_sides()))
+        return PlacedPolynomial(frame.inverse(), slots, self.tolerance, scale, shape)
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        """A box and a ball in the world that hold the clip."""
+        """Bounding box and ball of the clip in world space."""
         return self.clip.bounds(outer)
 
 
 @dataclass(frozen=True)
 class PlacedPolynomial:
-    """A polynomial in the world: the way into coordinates about the clip's centre, the slots, the tolerance, and 1
-    over the clip's half extents; shape: as of a kind that is defined by one."""
+    """A polynomial in the world.
+
+    inverse: map from world coordinates to coordinates about the clip's centre.
+    slots, tolerance: as in PolynomialRows.
+    scale: 1 over the clip's half sides, one entry per axis.
+    shape: parameters of the canonical shape, for kinds that are defined by a polynomial.
+    """
 
     inverse: Inverse | SimilarityInverse
     slots: tuple
@@ -81,37 +93,41 @@ class PlacedPolynomial:
     scale: tuple
     shape: tuple = ()
 
-    def unit(self, q: Any) -> Any:
-        """A vector about the clip's centre in coordinates of the canonical clip."""
+    def to_unit_clip(self, q: Any) -> Any:
+        """A vector about the clip's centre, in coordinates of the canonical clip."""
         return type(q)(*(x * s for x, s in zip(q, self.scale)))
 
 
 @dataclass(frozen=True)
 class SeenPolynomial:
-    """A polynomial as seen from an origin, which is in coordinates about the clip's centre."""
+    """A polynomial as seen from a ray origin o, given in coordinates about the clip's centre."""
 
     placed: PlacedPolynomial
     o: Any
 
 
 class Algebraic(Primitive):
-    """A surface whose crossings are searched for, with a certificate.
+    """A surface whose crossings are isolated roots of a polynomial, with a certificate.
 
-    Of each kind, whose objects have polynomials of one form and clips of one kind:
-    program: what is compiled; solid: the kind of the clip; loose: whether crossings have a tolerance.
-    clipped: whether the clip may cut the surface; what is closed then has caps, which are the last of its parts.
+    The objects of one kind share one program and one kind of clip.
+
+    Facts about a kind, besides those of Primitive:
+    program: operations that evaluate the polynomial; see polynomials/program.py.
+    solid: the kind of the clip.
+    loose: crossings have a tolerance.
+    clipped: the clip may cut the surface. A closed surface then has caps, which come last among its parts.
     """
 
     finds_roots = True
     clipped = True
-    # Without types: they would be fields.
+    # Without type annotations, because an annotation would make them fields of the scene.
     program = solid = loose = None
 
     @classmethod
     def kind_of(
         cls, program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
     ) -> type["Algebraic"]:
-        """The kind of the objects that share their code: so form, closed, clip and number of parameters."""
+        """The kind of objects with this structure. parameters: the number of named parameters."""
         return _kind(cls, program, closed, clip, parameters, loose)
 
     @staticmethod
@@ -121,73 +137,76 @@ class Algebraic(Primitive):
     @classmethod
     def crossing(cls, seen: SeenPolynomial, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
         d, placed, count = seen.placed.inverse.vector(ray.d), seen.placed, len(cls.program.factors)
-        # The line in the clip, and what of it lies between the ends. Lanes that have nothing there take part with a
-        # piece of their own, so that all in them is finite.
-        unit, end = placed.unit(d), dr.inf if end is None else end
-        line = cls.solid.interval(placed.unit(seen.o), unit, dr.squared_norm(unit), ())
+        # The line's chord in the clip, and its part between the ends of the ray. Lanes without such a part are given an
+        # arbitrary finite chord, so that all their numbers are finite.
+        unit, end = placed.to_unit_clip(d), dr.inf if end is None else end
+        line = cls.solid.interval(placed.to_unit_clip(seen.o), unit, dr.squared_norm(unit), ())
         first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
-        there = (line.near <= line.far) & (first < last)
+        active = (line.near <= line.far) & (first < last)
         first, last, *chord = (
-            dr.select(there, t, x) for t, x in ((first, 0), (last, 0), (line.near, -1), (line.far, 1))
+            dr.select(active, t, x) for t, x in ((first, 0), (last, 0), (line.near, -1), (line.far, 1))
         )
-        starts_in, on_clip, known_sides = line.near <= begin, None, known
+        starts_in_clip, on_clip, known_sides = line.near <= begin, None, known
         if known.on_start is not None:
-            # Who leaves the surface is in the clip, whatever rounding says.
-            starts_in |= known.on_start
+            # A ray that leaves the surface starts in the clip, even where rounding says otherwise.
+            starts_in_clip |= known.on_start
             if cls.closed and cls.clipped:
                 capped = known.on_start & cls._on_cap(placed, seen.o, known.start_part)
-                # A cap is convex: who leaves it outwards does not come back.
-                there &= ~(capped & ~known.inside)
+                # The clip is convex, so a ray that leaves it outwards does not return.
+                active &= ~(capped & ~known.inside)
                 known_sides = replace(known, on_start=known.on_start & ~capped)
-        way = ChordSegment.of(seen.o, d, chord, first, last)
-        c = roots.first_crossing(cls.program, placed.slots, way, there, known_sides, placed.tolerance)
+        segment = ChordSegment.of(seen.o, d, chord, first, last)
+        c = roots.first_crossing(cls.program, placed.slots, segment, active, known_sides, placed.tolerance)
         if not (cls.closed and cls.clipped):
             return c
-        # A solid is entered through its cap, or left through it; but not where the way ends on it.
+        # A ray may enter or leave a capped solid through a cap, but not where the ray ends on that cap.
         leaves = line.far < end
         if known.on_end is not None:
             q = seen.o + dr.select(known.on_end, end, 0) * d
             on_clip = known.on_end & cls._on_cap(placed, q, known.end_part)
             leaves &= ~on_clip
-        cap = dr.select(starts_in, dr.select(leaves, line.far, dr.inf), line.near)
-        through = there & ~c.enters & (~starts_in | ~c.met)
-        # Before its cap the ray is outside, and so it is where it runs into nothing.
-        enters = dr.select(through, ~starts_in, c.enters)
+        cap = dr.select(starts_in_clip, dr.select(leaves, line.far, dr.inf), line.near)
+        through_cap = active & ~c.enters & (~starts_in_clip | ~c.met)
+        # Before it enters through a cap the ray is outside. A ray that crosses nothing keeps its side.
+        enters = dr.select(through_cap, ~starts_in_clip, c.enters)
         u = dr.uint32_array_t(c.t)
-        face = u(0) if line.near_part is None else dr.select(starts_in, line.far_part, line.near_part)
-        part = dr.select(through, face + count, u(0) if c.part is None else c.part)
-        t = dr.select(through, cap, c.t)
+        face = u(0) if line.near_part is None else dr.select(starts_in_clip, line.far_part, line.near_part)
+        part = dr.select(through_cap, face + count, u(0) if c.part is None else c.part)
+        t = dr.select(through_cap, cap, c.t)
         return Crossing(t < dr.inf, t, part, enters, c.unresolved)
 
     @classmethod
     def _on_cap(cls, placed: PlacedPolynomial, q: Any, part: Any) -> Any:
-        """Whether a point of the surface is on a cap: by its part, or where that is not known, by what is nearer."""
+        """Whether a surface point lies on a cap. Decided by its part, or by the nearer surface if part is None."""
         return cls._surface(placed, q, None)[2] if part is None else part >= len(cls.program.factors)
 
     @classmethod
     def _surface(cls, placed: PlacedPolynomial, q: Any, part: Any) -> tuple[Any, Any, Any]:
-        """Signed distance and normal of a part of the surface, or of the nearest; and whether the clip is nearer than
-        it, or is that part. Of an open surface the clip is no part; its points are only as near as the clip."""
-        count = len(cls.program.factors)
-        f, g = roots.signed_distance(
-            cls.program, placed.slots, q, DIFFERENCE * dr.rcp(placed.scale[0]), part if count > 1 else None
-        )
+        """(f, g, on_clip) at a local point q, for one part of the surface or for the nearest one.
+
+        f, g: signed distance to first order, and unit normal.
+        on_clip: the clip is nearer than the polynomial's surface, or it is the given part; None where the clip never
+            cuts the surface. The clip is no part of an open surface; there on_clip only compares the distances.
+        """
+        count, reach = len(cls.program.factors), dr.rcp(placed.scale[0])
+        own_part = part if count > 1 else None
+        f, g = roots.signed_distance(cls.program, placed.slots, q, DIFFERENCE * reach, own_part)
         if cls.closed and not cls.clipped:
             return f, g, None
-        unit = placed.unit(q)
+        unit = placed.to_unit_clip(q)
         face = None
         if cls.solid.parts > 1:
             nearest = cls.solid.part_at(unit, ())
             face = nearest if part is None else dr.select(part >= count, part - count, nearest)
         cap, normal = cls.solid.depth(unit, face, ())
-        normal = placed.unit(normal)
+        normal = placed.to_unit_clip(normal)
         inverse = dr.rcp(dr.norm(normal))
         cap = cap * inverse
-        on = cap > (f if cls.closed else dr.abs(f))
+        on_clip = cap > (f if cls.closed else dr.abs(f))
         if cls.closed and part is not None:
-            on = part >= count
-        f = dr.select(on, cap, f)
-        return f, dr.select(on, normal * inverse, g) if cls.closed else g, on
+            on_clip = part >= count
+        f = dr.select(on_clip, cap, f)
+        return f, dr.select(on_clip, normal * inverse, g) if cls.closed else g, on_clip
 
     @classmethod
     def surface_at(cls, placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
@@ -201,8 +220,8 @@ class Algebraic(Primitive):
         return roots.has_normal(cls.program, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
 
-# Differences of this share of the clip stand in for a gradient that is zero: the root of a root of the rounding, as
-# where they are needed the surface has a term of third order.
+# Step of the finite differences that replace a gradient of zero, as a share of the clip. It is the fourth root of the
+# unit roundoff, because the surface has a term of third order where they are needed.
 DIFFERENCE = 2.0**-13
 
 
@@ -210,7 +229,7 @@ DIFFERENCE = 2.0**-13
 def _kind(
     base: type[Algebraic], program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
 ) -> type[Algebraic]:
-    """The objects of a class that share their code. `parameters`: how many there are is structure."""
+    """The subclass of `base` for objects with this structure. parameters: the number of named parameters."""
     count, caps = len(program.factors), closed and base.clipped
     facts = {
         "program": program,
@@ -224,13 +243,17 @@ def _kind(
     return type(base.__name__, (base,), facts)
 
 
-def _slopes(built: Compiled, known: dict[str, float], name: str) -> list[float]:
-    """The derivatives of the slots by a parameter, exact to rounding: of an analytic function, the imaginary part after
-    a step too small to change the real one."""
-    tiny = 1e-200
-    moved = {k: complex(v, tiny if k == name else 0) for k, v in known.items()}
-    return [_moved(c, moved).imag / tiny for c in built.constants]
+def _slot_slopes(compiled: Compiled, parameters: dict[str, float], name: str) -> list[float]:
+    """Derivatives of all slots by the parameter `name`, exact to rounding.
+
+    Complex-step differentiation: the imaginary part of an analytic function after an imaginary step that is too small
+    to change the real part.
+    """
+    step = 1e-200
+    stepped = {k: complex(v, step if k == name else 0) for k, v in parameters.items()}
+    return [_complex_value(c, stepped).imag / step for c in compiled.constants]
 
 
-def _moved(constant: Any, parameters: dict[str, complex]) -> complex:
+def _complex_value(constant: Any, parameters: dict[str, complex]) -> complex:
+    """The value of a constant at complex parameters."""
     return complex(polynomials.evaluate(constant, parameters.__getitem__, lambda x: complex(float(x)), cmath.sqrt))

@@ -1,4 +1,4 @@
-"""The box."""
+"""The axis-aligned box."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,12 +14,13 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Box(ConvexSolid):
-    """All points between two corners, `min` and `max`; turn it with a transform.
+    """A box between the corners `min` and `max`, along the axes; a transform rotates it.
 
-    uv: each face from 0 to 1, upright and unmirrored when looked at from outside (top and bottom with -z and +z up).
+    uv: from 0 to 1 on each face, upright and not mirrored when seen from outside. Up is -z on the top face and +z on
+    the bottom face.
     """
 
-    # The faces: +x, -x, +y, -y, +z, -z.
+    # Faces in this order: +x, -x, +y, -y, +z, -z.
     parts = 6
 
     type: Literal["box"] = "box"
@@ -27,20 +28,20 @@ class Box(ConvexSolid):
     max: Point = (0.5, 0.5, 0.5)
 
     def flaws(self) -> list[tuple[str, str]]:
-        flat = [axis for axis, low, high in zip("xyz", self.min, self.max) if not high > low]
-        return [("max", f"must be greater than min in {', '.join(flat)}")] if flat else []
+        empty = [axis for axis, low, high in zip("xyz", self.min, self.max) if not high > low]
+        return [("max", f"must be greater than min in {', '.join(empty)}")] if empty else []
 
     def frame(self) -> Frame:
         h, w = 0.5 * (self.max - self.min), type(self.min)
         return Frame(w(h.x, 0, 0), w(0, h.y, 0), w(0, 0, h.z), 0.5 * (self.min + self.max))
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        return corner_distance(whole), half_extents(whole, "xyz")
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
+        return corner_distance(to_world), half_extents(to_world, "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The common part of three slabs."""
+        """The intersection of three slabs."""
         x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))
         return x.intersection(y.intersection(z))
 
@@ -75,7 +76,7 @@ class Box(ConvexSolid):
         return MitsubaShapes(shapes)
 
 
-# Each face of the box, by number: its normal, and the directions of u and v on it.
+# For each face of the box, in the order of its parts: the normal, and the directions of u and v.
 _FACES = (
     ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),

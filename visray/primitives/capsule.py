@@ -12,16 +12,16 @@ from visray.primitives.revolved import angle_u, through_wall
 from visray.quantities import FARTHEST, Length, Point
 from visray.transforms import compose
 
-# The parts of its surface.
+# The parts of the surface.
 WALL, CAP_A, CAP_B = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Capsule(ConvexSolid):
-    """All points within `radius` of the straight way from `a` to `b`: a cylinder with half balls at its ends.
+    """A cylinder with hemispherical caps: all points within `radius` of the segment from `a` to `b`.
 
-    uv: u around the axis, as on the cylinder; v along the surface from 0 at the end beyond a to 1 at that beyond b, in
-    equal steps of its length: it goes on smoothly from the wall to the caps.
+    uv: u around the axis, as on the cylinder; v along the surface, proportional to length, from 0 at the tip beyond a
+    to 1 at the tip beyond b. So v continues smoothly from the wall to the caps.
     """
 
     parts = 3
@@ -33,32 +33,37 @@ class Capsule(ConvexSolid):
     radius: Length = 0.5
 
     def flaws(self) -> list[tuple[str, str]]:
-        near = max(abs(y - x) for x, y in zip(self.a, self.b)) < 1 / FARTHEST
-        return [("b", "must be another point than a; where they are one, write a sphere")] if near else []
+        same = max(abs(y - x) for x, y in zip(self.a, self.b)) < 1 / FARTHEST
+        return [("b", "must be another point than a; where they are one, write a sphere")] if same else []
 
     def frame(self) -> Frame:
-        """Radius 1 about z; the distance of the ends from the middle is left to `shape`."""
+        """The canonical capsule has radius 1 and the axis z. `shape` holds the half length of its segment."""
         n = dr.normalize(self.b - self.a)
         s, t = tangents(n)
         return Frame(self.radius * s, self.radius * t, self.radius * n, 0.5 * (self.a + self.b))
 
     def shape(self) -> tuple:
-        """Half the way from a to b, in radii."""
+        """Half the length of the segment from a to b, in units of the radius."""
         return (0.5 * dr.norm(self.b - self.a) / self.radius,)
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         (h,) = shape
-        return h * dr.norm(whole.z) + whole.longest(), h * half_extents(whole, "z") + half_extents(whole, "", "xyz")
+        radius = h * dr.norm(to_world.z) + to_world.longest()
+        return radius, h * half_extents(to_world, "z") + half_extents(to_world, "", "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The line in the endless cylinder, and where that ends beyond a cap, in the cap's ball: all of them recentred,
-        where no digits cancel. A line that is in the cylinder beyond a cap meets the capsule only through it."""
+        """The interval in the infinite cylinder; an end that lies beyond a cap is replaced by the crossing of the cap's
+        ball.
+
+        A line that enters or leaves the cylinder beyond a cap meets the capsule only through that cap. In each
+        quadratic the origin is moved to the point of the line nearest to the axis or centre, where no digits cancel.
+        """
         (h,), u = shape, dr.uint32_array_t(o.x)
         scale, (middle, half, along, inside) = dr.rcp(squared), through_wall(o, d)
-        # A line along the axis is in the cylinder for ever or never. For any line it is enough to know beyond which
-        # cap the cylinder is met; one that misses the cylinder (NaN) misses the ball as well.
+        # A line parallel to the axis is in the cylinder everywhere or nowhere. For other lines only the cap beyond
+        # which the cylinder is crossed matters. A line that misses the cylinder (NaN) also misses the balls.
 
         def end(sign: int) -> tuple[Any, Any]:
             wall = middle + sign * half
@@ -81,23 +86,23 @@ class Capsule(ConvexSolid):
 
     @staticmethod
     def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        away = type(q)(q.x, q.y, _beyond(q, part, shape))
-        return 0.5 * (dr.squared_norm(away) - 1), away
+        from_axis = type(q)(q.x, q.y, _beyond(q, part, shape))
+        return 0.5 * (dr.squared_norm(from_axis) - 1), from_axis
 
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
         beyond = _beyond(q, part, shape)
-        # The length of the surface from the middle, in radii.
+        # Length along the surface from the middle, in units of the radius.
         along = q.z - beyond + dr.atan2(beyond, dr.sqrt(q.x * q.x + q.y * q.y))
         return angle_u(q), 0.5 + along / (dr.pi + 2 * shape[0])
 
     def mitsuba(self) -> MitsubaShapes | str:
-        thing = scalars(self)
-        whole = to_world_matrix(thing.frame(), compose(self.transform))
-        return MitsubaShapes([{"type": "capsule", "shape": float(thing.shape()[0]), "to_world": whole}])
+        capsule = scalars(self)
+        matrix = to_world_matrix(capsule.frame(), compose(self.transform))
+        return MitsubaShapes([{"type": "capsule", "shape": float(capsule.shape()[0]), "to_world": matrix}])
 
 
 def _beyond(q: Any, part: Any, shape: tuple) -> Any:
-    """How far a point of a part is beyond the nearest point of the axis between a and b, along it."""
+    """Coordinate of a point along the axis, relative to the nearest point of the segment: zero on the wall."""
     (h,) = shape
     return dr.select(part == WALL, 0, q.z - dr.select(part == CAP_B, h, -h))

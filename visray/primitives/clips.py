@@ -1,4 +1,4 @@
-"""Clips: what part of an unbounded surface there is."""
+"""Clips: solids that bound the visible part of an unbounded surface."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,41 +14,41 @@ from visray.quantities import Length, Point
 
 @dataclass(frozen=True, kw_only=True)
 class Clip:
-    """What part of a surface there is: that in a solid, whose fields these are."""
+    """A solid; only the part of a surface inside it exists. Its fields are those of the kind `solid`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
-    # Without a type: it would be a field.
+    # The kind of the solid. It has no type annotation, because an annotation would make it a field of the scene.
     solid = None
 
     def frame(self) -> Frame | Similarity:
         """The map from the canonical solid to this one."""
         return self.solid.frame(self)
 
-    def half(self) -> tuple[Any, Any, Any]:
-        """Half its extents along the axes."""
+    def half_sides(self) -> tuple[Any, Any, Any]:
+        """Half the extent of the clip along each axis."""
         f = self.frame()
         return (f.scale,) * 3 if isinstance(f, Similarity) else (f.x.x, f.y.y, f.z.z)
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        """A box and a ball in the world that hold it."""
+        """Bounding box and ball of the clip in world space."""
         return self.solid.bounds(self, outer)
 
     def shape(self) -> tuple:
-        """As of a primitive."""
+        """As Primitive.shape."""
         return ()
 
-    def extents(self, whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
-        """As of a primitive."""
-        return self.solid.extents(whole, shape)
+    def extents(self, to_world: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
+        """As Primitive.extents."""
+        return self.solid.extents(to_world, shape)
 
     def flaws(self) -> list[tuple[str, str]]:
-        """As of a primitive."""
+        """As Primitive.flaws."""
         return self.solid.flaws(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ball(Clip):
-    """A clip: all points within `radius` of `center`."""
+    """A spherical clip: all points within `radius` of `center`."""
 
     type: Literal["sphere"] = "sphere"
     center: Point = (0.0, 0.0, 0.0)
@@ -59,7 +59,7 @@ class Ball(Clip):
 
 @dataclass(frozen=True, kw_only=True)
 class Block(Clip):
-    """A clip: all points between two corners, `min` and `max`."""
+    """A box-shaped clip between the corners `min` and `max`."""
 
     type: Literal["box"] = "box"
     min: Point = (-1.0, -1.0, -1.0)

@@ -12,15 +12,16 @@ from visray.primitives.revolved import Revolved, angle_u, axial_frame
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
-# The parts of its surface.
+# The parts of the surface.
 WALL, BASE = range(2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cone(Revolved):
-    """A closed cone: a disk of `radius` about `base`, and the apex at `height` along `axis` from it.
+    """A capped cone: a disk of `radius` about `base`, and an apex at distance `height` from it along `axis`.
 
-    uv: u around the axis, eastwards; v along it from 0 at the base to 1 at the apex. On the base: the square around it.
+    uv on the wall: u around the axis, eastwards; v along the axis, from 0 at the base to 1 at the apex. On the base:
+    from 0 to 1 on the square around the disk.
     """
 
     parts = 2
@@ -37,12 +38,12 @@ class Cone(Revolved):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """x^2 + y^2 <= w^2 with w = (1 - z)/2, cut by the slab, where w is not negative.
+        """The interval where x^2 + y^2 <= w^2, w = (1 - z)/2 and w >= 0, intersected with the slab of the base.
 
-        Recentred at the line's point nearest to the apex: the cone is the same seen from there at every distance, so
-        that no digits cancel even for a ray that all but meets the apex.
-        a >= 0: inside between the roots, one of which is infinite for a ray parallel to the wall. a < 0: inside beyond
-        one root, on the side to which w grows.
+        The origin is moved to the point of the line nearest to the apex. About the apex the cone looks the same at
+        every scale, so no digits cancel even for a ray that almost meets the apex.
+        With the quadratic a t^2 + 2 b t + c: if a >= 0 the line is inside between the two roots, one of which is
+        infinite for a ray parallel to the wall. If a < 0 it is inside beyond one root, on the side to which w grows.
         """
         wall = dr.uint32_array_t(o.x)(WALL)
         shift = -(o.x * d.x + o.y * d.y + (o.z - 1) * d.z) * dr.rcp(squared)
@@ -54,18 +55,19 @@ class Cone(Revolved):
         disc = b * b - a * c
         root = dr.sqrt(dr.select((disc < 0) & (a < 0), 0, disc))
         q = -(b + dr.copysign(root, b))
-        # q = 0 only if b = 0 and disc = 0: both roots are 0 (a != 0), or the ray runs along the wall and misses (NaN).
+        # q = 0 only if b = 0 and disc = 0. Then both roots are 0 (a != 0), or the ray runs along the wall and misses
+        # (NaN).
         first, second = dr.select(q == 0, 0, c / q), q / a
         low, high = dr.select(first < second, first, second), dr.select(first < second, second, first)
         forward = dw > 0
         near = dr.select(a >= 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a >= 0, high, dr.select(forward, dr.inf, low)) + shift
-        # The slab's other side has the apex only.
+        # The upper side of the slab touches the cone at the apex only, which belongs to the wall.
         return Interval(near, far, wall, wall).intersection(slab(o.z, d.z, BASE, WALL))
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The face that a point is less deep under."""
+        """The part nearest to a point, by its depth."""
         u = dr.uint32_array_t(q.x)
         return dr.select(dr.sqrt(q.x * q.x + q.y * q.y) - 0.5 * (1 - q.z) >= -1 - q.z, u(WALL), u(BASE))
 
@@ -73,7 +75,7 @@ class Cone(Revolved):
     def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
         wall, w, zero = part == WALL, 0.5 * (1 - q.z), 0 * q.z
         f = dr.select(wall, 0.5 * (q.x * q.x + q.y * q.y - w * w), -1 - q.z)
-        # At the apex itself the wall has no normal: the axis is the mean of all of them.
+        # At the apex the wall has no unique normal. The axis is the mean of all its normals.
         apex = (q.x == 0) & (q.y == 0)
         slope = type(q)(q.x, q.y, dr.select(apex, 1, 0.5 * w))
         return f, dr.select(wall, slope, type(q)(zero, zero, zero - 1))

@@ -1,4 +1,4 @@
-"""Closed convex solids: a ray is inside them on one interval."""
+"""Closed convex solids: a line is inside them on one interval."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,8 +11,11 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 @dataclass(frozen=True)
 class Interval:
-    """Where a line is inside a convex shape: from `near` to `far`, nowhere if near > far or either is NaN; and the
-    parts of the surface that it passes there, None where it has one only."""
+    """The interval of a line that is inside a convex shape; empty if near > far or if either is NaN.
+
+    near, far: distances where the line enters and leaves.
+    near_part, far_part: parts of the surface that are crossed there; None where the surface has one part.
+    """
 
     near: Any
     far: Any
@@ -20,7 +23,7 @@ class Interval:
     far_part: Any = None
 
     def intersection(self, other: "Interval") -> "Interval":
-        """What two intervals have in common; (inf, -inf) where this one is empty or NaN."""
+        """The intersection of two intervals; (inf, -inf) where this one is empty or NaN."""
         missed = ~(self.near <= self.far)
         later, sooner = self.near > other.near, self.far < other.far
         near, far = dr.select(later, self.near, other.near), dr.select(sooner, self.far, other.far)
@@ -34,8 +37,10 @@ class Interval:
 
 
 def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interval:
-    """The interval of z + t dz between -1 and 1; a ray parallel to the slab is in it for ever or never. The parts of
-    its two sides."""
+    """The interval of t where -1 <= z + t dz <= 1. A line parallel to the slab is inside everywhere or nowhere.
+
+    low_part, high_part: parts of the surface at -1 and at 1.
+    """
     inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
     middle, half = -z * inverse, dr.abs(inverse)
     near = dr.select(dz == 0, dr.select(inside, -dr.inf, dr.inf), middle - half)
@@ -47,9 +52,10 @@ def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interv
 
 
 class ConvexSolid(Primitive):
-    """A closed convex solid, known by the interval of a ray inside it.
+    """A closed convex solid, given by the interval of a line inside its canonical shape.
 
-    A ray that leaves the surface of a convex solid meets it again only if it runs into it, and then at the far end.
+    A ray that starts on the surface of a convex solid crosses it again only if it starts into the solid, and then at
+    the far end of the interval.
     """
 
     closed = True
@@ -61,29 +67,30 @@ class ConvexSolid(Primitive):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The line o + t d in the canonical shape. `squared` is |d|^2. The test is always `near <= far`, which NaN
-        fails."""
+        """The interval of the line o + t d inside the canonical shape. squared: |d|^2.
+
+        The callers test `near <= far`, which NaN fails.
+        """
         raise TypeError("no interval")
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part of the canonical shape's surface that is nearest to a point; None where it has one only."""
+        """The part of the canonical surface nearest to a point; None where the surface has one part."""
         return None
 
     @staticmethod
     def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        """(f, g) on the canonical shape, for one part of its surface: f zero there and negative inside, g its
-        gradient."""
+        """(f, g) for one part of the canonical surface: f is zero there and negative inside; g is its gradient."""
         raise TypeError("no depth")
 
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        """Texture coordinates of a point of a part of the canonical shape's surface."""
+        """Texture coordinates of a point on a part of the canonical surface."""
         raise TypeError("no uv")
 
     @classmethod
     def intervals(cls, seen: Seen, d: Any) -> Interval:
-        """Where the whole line is inside."""
+        """The interval of the line along each world direction d inside the object."""
         local = seen.inverse.vector(d)
         return cls.interval(seen.o, local, seen.inverse.squared_length(local), seen.shape)
 
@@ -99,21 +106,21 @@ class ConvexSolid(Primitive):
             ahead &= ~known.on_start | known.inside
         met = ahead if end is None else ahead & (t < end)
         if known.on_end is not None:
-            # One of its two crossings is the end itself.
+            # One of the two crossings is the end itself.
             met = dr.select(known.on_end, ahead & entering & known.inward, met)
         part = None if line.near_part is None else dr.select(entering, line.near_part, line.far_part)
         return Crossing(met, dr.select(met, t, dr.inf), part, entering | ~ahead)
 
     @classmethod
     def runs_inside(cls, seen: Seen, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
-        """By the depth of the middle: an edge has more than one normal."""
+        """Decided by the depth of the middle of the interval, because an edge has no unique normal."""
         line = cls.intervals(seen, ray.d)
         first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
         middle = 0.5 * (first + last)
-        there = (line.near <= line.far) & (dr.abs(middle) < dr.inf)
-        q = seen.o + dr.select(there, middle, 0) * seen.inverse.vector(ray.d)
+        valid = (line.near <= line.far) & (dr.abs(middle) < dr.inf)
+        q = seen.o + dr.select(valid, middle, 0) * seen.inverse.vector(ray.d)
         f, g = cls.depth(q, cls.part_at(q, seen.shape), seen.shape)
-        return there & (f < -error * dr.norm(seen.inverse.normal(g)))
+        return valid & (f < -error * dr.norm(seen.inverse.normal(g)))
 
     @classmethod
     def surface_at(cls, placed: Placed, p: Any, part: Any = None) -> tuple[Any, Any]:

@@ -12,15 +12,16 @@ from visray.primitives.revolved import Revolved, angle_u, axial_frame, through_w
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
-# The parts of its surface.
+# The parts of the surface.
 WALL, BOTTOM, TOP = range(3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Revolved):
-    """A closed cylinder about `axis`, `center` at the middle of its `height`.
+    """A capped cylinder along `axis`. `center` is the middle of its `height`.
 
-    uv: u around the axis, eastwards; v along it from 0 to 1. On the caps: the square around the disk from 0 to 1.
+    uv on the wall: u around the axis, eastwards; v along the axis, from 0 to 1. On the caps: from 0 to 1 on the square
+    around the disk.
     """
 
     parts = 3
@@ -36,7 +37,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The wall's interval, recentred in the plane across the axis, cut by that of the caps."""
+        """The interval in the infinite cylinder, intersected with the slab between the caps."""
         wall = dr.uint32_array_t(o.x)(WALL)
         middle, half, along, inside = through_wall(o, d)
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
@@ -45,7 +46,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The face that a point is less deep under."""
+        """The part nearest to a point, by its depth."""
         u = dr.uint32_array_t(q.x)
         wall = dr.sqrt(q.x * q.x + q.y * q.y) >= dr.abs(q.z)
         return dr.select(wall, u(WALL), dr.select(q.z < 0, u(BOTTOM), u(TOP)))

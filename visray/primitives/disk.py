@@ -14,9 +14,9 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Disk(Flat):
-    """The points of a plane within `radius` of `center`.
+    """A disk of `radius` about `center`.
 
-    uv: the square around the disk from 0 to 1, upright as on a plane with the same normal.
+    uv: from 0 to 1 on the square around the disk, upright as on a plane with the same normal.
     """
 
     type: Literal["disk"] = "disk"
@@ -30,8 +30,9 @@ class Disk(Flat):
         return Frame(self.radius * s, self.radius * t, n, self.center)
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        return Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest(), half_extents(whole, "", "xy")
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
+        flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
+        return flat.longest(), half_extents(to_world, "", "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:

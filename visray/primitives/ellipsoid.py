@@ -10,10 +10,10 @@ from visray.quantities import Lengths, Point
 
 @dataclass(frozen=True, kw_only=True)
 class Ellipsoid(UnitSphere):
-    """A sphere about `center` that is stretched along x, y and z: `radii` are its half axes. Turn it with a transform.
+    """An ellipsoid about `center` with half axes `radii` along x, y and z; a transform rotates it.
 
-    uv: as on the sphere that is stretched: u is 0.5 at +x and grows eastwards, v is 0 at the south pole (-y) and 1 at
-    the north pole.
+    uv: as on the sphere that is stretched to the ellipsoid: u is 0.5 at +x and grows eastwards; v is 0 at the south
+    pole (-y) and 1 at the north pole.
     """
 
     type: Literal["ellipsoid"] = "ellipsoid"

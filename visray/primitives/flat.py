@@ -1,4 +1,4 @@
-"""Flat primitives: a part of the plane z = 0 of their frame, chosen by `within`."""
+"""Flat primitives: the part of the plane z = 0 of their frame that `within` selects."""
 
 from typing import Any
 
@@ -8,15 +8,19 @@ from visray.primitives.primitive import Primitive, Seen
 from visray.ray import Crossing, KnownEnds, Ray
 
 
-def clear(path: Any, slope: Any, squared: Any, error: Any) -> Any:
-    """Whether a path along a ray, crossing a plane's normal n at n . d = slope, ends farther than `error` from the
-    plane."""
+def farther_than(path: Any, slope: Any, squared: Any, error: Any) -> Any:
+    """Whether a point lies beyond a plane, and farther than `error` from it.
+
+    path: distance along a ray from its crossing with the plane to the point; negative if the point comes first.
+    slope: n . d, for a plane normal n of any length.
+    squared: |n|^2.
+    """
     height = path * slope
     return (path > 0) & (height * height > error * error * squared)
 
 
 class Flat(Primitive):
-    """A flat shape. It is crossed once by a ray, and never by a ray that leaves it or ends on it."""
+    """A flat shape. A ray crosses it at most once, and not at all if it starts or ends on the shape."""
 
     smooth = True
 
@@ -26,15 +30,17 @@ class Flat(Primitive):
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
-        """Whether a point of the plane belongs to the shape."""
+        """Whether the point (x, y) of the plane belongs to the shape."""
         raise TypeError("no within")
 
     @classmethod
     def intersect_plane(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
-        """Where a line goes through the plane: (t, whether that is in the shape, d . n, n . n) for a normal n of any
-        length. An unbounded shape is its whole plane."""
+        """Intersection of a line with the shape's plane: (t, whether it is in the shape, d . n, n . n).
+
+        The normal n has any length. An unbounded shape is its whole plane.
+        """
         local = seen.inverse.vector(d)
-        # A ray in the plane has local.z = 0: t is then inf or NaN, both of which fail every comparison with a number.
+        # A ray in the plane has local.z = 0. Then t is inf or NaN, and both fail every comparison with a number.
         t = -seen.o.z / local.z
         inside = cls.within(seen.o.x + t * local.x, seen.o.y + t * local.y) if cls.bounded else True
         return t, inside, local.z, dr.squared_norm(seen.inverse.z)
@@ -44,10 +50,10 @@ class Flat(Primitive):
         t, within, slope, squared = cls.intersect_plane(seen, ray.d)
         met = (t > begin) & within
         if end is not None:
-            # A plane nearer to the end than that is known to be is the plane that the end lies on.
-            met &= clear(end - t, slope, squared, known.end_error)
-        for here in (known.on_start, known.on_end):
-            met = met if here is None else met & ~here
+            # The end is known only to within end_error. A plane that is nearer to it contains the end.
+            met &= farther_than(end - t, slope, squared, known.end_error)
+        for on_surface in (known.on_start, known.on_end):
+            met = met if on_surface is None else met & ~on_surface
         return Crossing(met, dr.select(met, t, dr.inf), None, slope < 0)
 
     @staticmethod

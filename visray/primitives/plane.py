@@ -14,9 +14,9 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Plane(Flat):
-    """All points p with normal . (p - point) = 0.
+    """An infinite plane: all points p with normal . (p - point) = 0.
 
-    uv: distances from `point` in world units along the plane's tangents (u east and v north on a floor).
+    uv: distances from `point` along the tangents of the plane, in world units. On a floor, u runs east and v north.
     """
 
     bounded = False

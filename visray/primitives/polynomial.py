@@ -1,4 +1,4 @@
-"""Polynomial surfaces: f(x, y, z) = 0 of any degree, within a clip."""
+"""Polynomial surfaces: f(x, y, z) = 0 of any degree, inside a clip."""
 
 import re
 from dataclasses import dataclass, field
@@ -20,16 +20,18 @@ from visray.quantities import Arrays, Name, Real
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(Algebraic):
-    """All points with f(x, y, z) = 0 in the clip. Written in one of three ways: an `expression` such as
-    "x^2 + y^2 - z^2 - 1", with + - * / ^, numbers, pi, phi, sqrt(number) and the `parameters`; the list `monomis` of
-    the original VisRayTrace; or the name of a known `surface`.
+    """A polynomial surface: all points with f(x, y, z) = 0 inside the clip.
 
-    `ends` says whether the surface is open where it is cut by the clip, or capped: a closed solid of all points of
-    the clip where f < 0, as glass should be. Multiple factors count once.
-    `tolerance`: how far off a crossing may be along its ray, as a share of half the ray's chord in the clip: so by no
-    more than so many radii of the clip. 0: to the last digit. Degrees 1 and 2 have formulas, and no tolerance. It is
-    for studies of what accuracy costs: it saves next to nothing.
-    uv: as on a globe about the clip's centre.
+    f is given in one of three ways: as an `expression` such as "x^2 + y^2 - z^2 - 1", with + - * / ^, numbers, pi, phi,
+    sqrt(number) and the `parameters`; as the list `monomis` of the original VisRayTrace; or as the name of a known
+    `surface`. Repeated factors count once.
+
+    `ends`: "open" leaves the surface open where the clip cuts it. "capped" makes a closed solid of all points of the
+    clip where f < 0; glass should be capped.
+    `tolerance`: greatest error of a crossing along its ray, as a share of half the ray's chord in the clip. So the
+    error is at most this many radii of the clip. 0 means exact to the last digit. Degrees 1 and 2 have formulas and no
+    tolerance. The field serves studies of what accuracy costs; it saves almost no time.
+    uv: longitude and latitude about the clip's centre, as on a sphere.
     """
 
     type: Literal["polynomial"] = "polynomial"
@@ -43,79 +45,79 @@ class Polynomial(Algebraic):
 
     def __post_init__(self):
         if self.surface in SURFACES:
-            # Written out, so that each has an address.
+            # All parameters of the surface become fields, so that each has an address.
             object.__setattr__(self, "parameters", SURFACES[self.surface].parameters | self.parameters)
 
     @property
     def closed(self) -> bool:
-        """Whether it is the surface of a solid."""
+        """Whether this is the surface of a solid."""
         return self.ends == "capped"
 
     @property
     def kind(self) -> Any:
-        form = self.compiled().program
-        # That there is a tolerance is structure, as code for it costs time even where it is 0; what it is is data.
-        loose = self.tolerance > 0 and any(f.degree > 2 for f in form.factors)
-        return self.kind_of(form, self.closed, type(self.clip_volume()), len(self.parameters), loose)
+        program = self.compiled().program
+        # A tolerance is part of the structure, because its code costs time even where it is 0. Its value is data.
+        loose = self.tolerance > 0 and any(f.degree > 2 for f in program.factors)
+        return self.kind_of(program, self.closed, type(self.clip_volume()), len(self.parameters), loose)
 
     def clip_volume(self) -> Clip:
-        """The clip, by default the named surface's own, or a ball of radius 5."""
+        """The clip. By default that of the known surface, or a ball of radius 5."""
         if self.clip is None and self.surface:
-            classic = SURFACES[self.surface]
-            return Ball(center=classic.centre, radius=classic.radius)
+            known = SURFACES[self.surface]
+            return Ball(center=known.centre, radius=known.radius)
         return self.clip or Ball()
 
     def source(self) -> str | tuple[str, ...]:
-        """The polynomial as text."""
+        """The polynomial as the scene gives it: one text, or a list of monomials."""
         if self.surface is not None:
             return SURFACES[self.surface].expression
         return self.monomis if self.expression is None else self.expression
 
     def compiled(self) -> Compiled:
-        """The polynomial, ready for kernels, in coordinates about the clip's centre."""
+        """The compiled polynomial, in coordinates about the clip's centre."""
         o = scalars(self.clip_volume()).frame().o
         return polynomials.build(self.source(), self.parameters, tuple(map(float, o)))
 
     def flaws(self) -> list[tuple[str, str]]:
-        ways = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]
-        if len(ways) != 1:
-            several = f"{' and '.join(ways)} are written; keep one"
-            return [(ways[-1] if ways else "expression", several if ways else "is missing; or monomis, or surface")]
+        given = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]
+        if len(given) != 1:
+            several = f"{' and '.join(given)} are written; keep one"
+            return [(given[-1] if given else "expression", several if given else "is missing; or monomis, or surface")]
         if self.surface is not None and self.surface not in SURFACES:
             near = get_close_matches(self.surface, SURFACES, 1)
             hint = f'did you mean "{near[0]}"? ' if near else ""
             return [("surface", f"unknown surface; {hint}(one of {', '.join(SURFACES)})")]
-        if wrong := [("clip", text) for _, text in self.clip_volume().flaws()] + self._unused():
-            return wrong
+        if errors := [("clip", text) for _, text in self.clip_volume().flaws()] + self._unused():
+            return errors
         try:
-            polynomials.check_sizes(self.compiled(), max(map(float, scalars(self.clip_volume()).half())))
+            polynomials.check_sizes(self.compiled(), max(map(float, scalars(self.clip_volume()).half_sides())))
         except PolynomialError as error:
             part = "" if error.part is None else f".{error.part}"
-            return [(f"{ways[0]}{part}", str(error))]
+            return [(f"{given[0]}{part}", str(error))]
         return []
 
     def _unused(self) -> list[tuple[str, str]]:
-        """Parameters that nothing depends on."""
+        """An error for the first parameter that the polynomial does not contain."""
         if self.surface is not None:
-            there, of = SURFACES[self.surface].parameters, f"the surface {self.surface}"
+            names, place = SURFACES[self.surface].parameters, f"the surface {self.surface}"
         elif self.expression is not None:
-            there, of = re.findall(r"\w+", self.expression), "the expression"
+            names, place = re.findall(r"\w+", self.expression), "the expression"
         else:
-            there, of = (), "monomis, which have none"
-        wrong = [name for name in self.parameters if name not in there and (there or self.expression is None)]
-        return [("parameters", f"{wrong[0]} is not in {of}; leave it out")] if wrong else []
+            names, place = (), "monomis, which have none"
+        unused = [name for name in self.parameters if name not in names and (names or self.expression is None)]
+        return [("parameters", f"{unused[0]} is not in {place}; leave it out")] if unused else []
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        # Of the host, as bounding_box asks; kernels have PolynomialRows.
+        # On the host only, for bounding_box; kernels use PolynomialRows.bounds.
         return scalars(self.clip_volume()).bounds(outer)
 
     @classmethod
-    def table(cls, a: Arrays, things: list["Polynomial"]) -> PolynomialRows:
-        return PolynomialRows.of(a, things)
+    def table(cls, a: Arrays, objects: list["Polynomial"]) -> PolynomialRows:
+        return PolynomialRows.of(a, objects)
 
     @classmethod
-    def columns(cls, thing: "Polynomial", table: PolynomialRows) -> dict[str, Any]:
-        return {f"parameters.{name}": column for name, column in zip(thing.parameters, table.parameters)}
+    def columns(cls, primitive: "Polynomial", table: PolynomialRows) -> dict[str, Any]:
+        return {f"parameters.{name}": column for name, column in zip(primitive.parameters, table.parameters)}
 
     @staticmethod
     def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""Kinds that are defined by another kind: a polynomial surface in a frame of their own, with fields of their own."""
+"""Kinds with fields of their own whose surface is that of a polynomial, such as the torus."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,27 +12,32 @@ from visray.quantities import Arrays, stacked
 
 @dataclass(frozen=True)
 class PolynomialSolidRows:
-    """Objects of such a kind as arrays: the kind's own columns, by which derivatives are taken, and the polynomials."""
+    """Objects of such a kind as arrays with one entry per object.
+
+    own: the fields of the kind; derivatives are taken by these.
+    polynomials: the polynomials that define the surfaces.
+    """
 
     own: Any
     polynomials: PolynomialRows
 
     def placed(self, outer: Frame | None) -> PlacedPolynomial:
-        """The polynomials in the objects' frames; their parameters are the objects' own columns."""
+        """The polynomials in the frames of the objects. The objects' own fields serve as the parameters."""
         own = self.own
-        known = tuple(getattr(own, name) for name in own.parameters)
-        return replace(self.polynomials, parameters=known).within(own.frame().then(outer), own.shape())
+        parameters = tuple(getattr(own, name) for name in own.parameters)
+        return replace(self.polynomials, parameters=parameters).placed_in(own.frame().then(outer), own.shape())
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        """As of a primitive."""
+        """As Primitive.bounds."""
         return self.own.bounds(outer)
 
 
 class PolynomialSolid(Algebraic):
-    """A kind that is the solid of a polynomial (polynomial.py), whole within its clip, in the frame of its fields.
+    """A closed solid bounded by a polynomial surface that lies within its clip, in the frame of the object's fields.
 
-    A kind says its `frame`, `shape` and `extents`, as all kinds do; its `definition`; and `parameters`: the fields that
-    are the definition's parameters, in their order there.
+    A kind defines `frame`, `shape` and `extents`, as all kinds do. It also defines:
+    definition: the polynomial.
+    parameters: names of the fields that are the polynomial's parameters, in the order of the parameters.
     """
 
     closed = True
@@ -40,18 +45,20 @@ class PolynomialSolid(Algebraic):
     parameters: tuple[str, ...]
 
     def definition(self) -> Polynomial:
-        """The polynomial in coordinates of the frame, its clip about the frame's origin: a clip that never cuts it."""
+        """The polynomial in coordinates of the frame. Its clip is centred at the frame's origin and never cuts the
+        surface."""
         raise TypeError(f"{type(self).__name__} has no definition")
 
     @property
     def kind(self) -> Any:
-        form = self.definition().compiled().program
-        return self.kind_of(form, True, type(self.definition().clip_volume()), len(self.parameters), False)
+        program = self.definition().compiled().program
+        return self.kind_of(program, True, type(self.definition().clip_volume()), len(self.parameters), False)
 
     @classmethod
-    def table(cls, a: Arrays, things: list) -> PolynomialSolidRows:
-        return PolynomialSolidRows(stacked(a, cls, things), PolynomialRows.of(a, [x.definition() for x in things]))
+    def table(cls, a: Arrays, objects: list) -> PolynomialSolidRows:
+        definitions = PolynomialRows.of(a, [x.definition() for x in objects])
+        return PolynomialSolidRows(stacked(a, cls, objects), definitions)
 
     @classmethod
-    def columns(cls, thing: Any, table: PolynomialSolidRows) -> dict[str, Any]:
-        return super().columns(thing, table.own)
+    def columns(cls, primitive: Any, table: PolynomialSolidRows) -> dict[str, Any]:
+        return super().columns(primitive, table.own)

@@ -1,4 +1,4 @@
-"""The rectangle, or any parallelogram."""
+"""The rectangle, and any other parallelogram."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -15,9 +15,9 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Rectangle(Flat):
-    """The points center + a width + b height, with a and b from -1/2 to 1/2; its normal is width x height.
+    """A parallelogram: the points center + a width + b height for a and b from -1/2 to 1/2.
 
-    uv: u along `width`, v along `height`, both from 0 to 1.
+    Its normal is width x height. uv: u along `width` and v along `height`, both from 0 to 1.
     """
 
     type: Literal["rectangle"] = "rectangle"
@@ -37,9 +37,10 @@ class Rectangle(Flat):
         return Frame(w, h, dr.normalize(dr.cross(w, h)), self.center)
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        longest = dr.maximum(dr.squared_norm(whole.x + whole.y), dr.squared_norm(whole.x - whole.y))
-        return dr.sqrt(longest), half_extents(whole, "xy")
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
+        x, y = to_world.x, to_world.y
+        longest = dr.maximum(dr.squared_norm(x + y), dr.squared_norm(x - y))
+        return dr.sqrt(longest), half_extents(to_world, "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:

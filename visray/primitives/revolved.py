@@ -1,4 +1,4 @@
-"""Solids of revolution: what cylinder and cone share."""
+"""Solids of revolution: the base of Cylinder and Cone, and helpers for shapes about an axis."""
 
 from typing import Any
 
@@ -10,13 +10,19 @@ from visray.primitives.primitive import half_extents
 
 
 def angle_u(local: Any) -> Any:
-    """The angle about the axis, from 0 to 1, eastwards; 0.5 along the frame's first axis, as on the sphere."""
+    """Texture coordinate u: the angle about the z axis, eastwards, from 0 to 1.
+
+    It is 0.5 at the x axis of the frame, as on the sphere.
+    """
     return 0.5 + dr.atan2(local.y, local.x) * (0.5 / dr.pi)
 
 
 def through_wall(o: Any, d: Any) -> tuple[Any, Any, Any, Any]:
-    """Where the line o + t d is in the endless cylinder of radius 1 about z: at middle - half to middle + half (NaN
-    where it misses), recentred at its point nearest to the axis; whether it is parallel to the axis, and then inside.
+    """The line o + t d in the infinite cylinder of radius 1 about z: (middle, half, parallel, inside).
+
+    The line is inside from t = middle - half to middle + half; half is NaN where the line misses. The origin is moved
+    to the point nearest to the axis, where no digits cancel. parallel: the line is parallel to the axis; then `inside`
+    says whether it is inside the cylinder.
     """
     a = d.x * d.x + d.y * d.y
     scale = dr.rcp(a)
@@ -26,19 +32,20 @@ def through_wall(o: Any, d: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def axial_frame(middle: Any, axis: Any, radius: Any, height: Any) -> Frame:
-    """The frame of a shape of revolution: z along the axis from -1 to 1, radius 1."""
+    """The frame of a shape of revolution: canonical radius 1, and z from -1 to 1 along the axis."""
     n = dr.normalize(axis)
     s, t = tangents(n)
     return Frame(radius * s, radius * t, 0.5 * height * n, middle)
 
 
 class Revolved(ConvexSolid):
-    """A closed solid about the z axis of its frame, between z = -1 and z = 1, nowhere wider than 1."""
+    """A closed convex solid of revolution about the z axis of its frame: z from -1 to 1, radius at most 1."""
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o).longest()
-        along = dr.norm(whole.z)
-        # Upright cylinders reach the corner of their section; leaning the axis adds at most the plain sum.
-        lean = dr.abs(dr.dot(whole.x, whole.z)) + dr.abs(dr.dot(whole.y, whole.z))
-        return dr.sqrt(across * across + along * along + 2 * lean), half_extents(whole, "z", "xy")
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
+        x, y, z = to_world.x, to_world.y, to_world.z
+        across, along = Frame(x, y, 0 * z, to_world.o).longest(), dr.norm(z)
+        # |p|^2 of a rim point is across^2 + along^2 where the axis is normal to the base. Otherwise the products of the
+        # columns add at most 2 lean.
+        lean = dr.abs(dr.dot(x, z)) + dr.abs(dr.dot(y, z))
+        return dr.sqrt(across * across + along * along + 2 * lean), half_extents(to_world, "z", "xy")

@@ -14,13 +14,16 @@ from visray.transforms import compose
 
 
 def sphere_uv(local: Any) -> tuple[Any, Any]:
-    """Longitude and latitude as (u, v), as seen from the origin: u is 0.5 at +x and grows eastwards, v upwards."""
+    """(u, v) from longitude and latitude about the origin.
+
+    u is 0.5 at +x and grows eastwards; v is 0 at the south pole (-y) and 1 at the north pole (+y).
+    """
     u = 0.5 - dr.atan2(local.z, local.x) * (0.5 / dr.pi)
     return u, dr.atan2(local.y, dr.norm(type(local)(local.x, 0, local.z))) * (1 / dr.pi) + 0.5
 
 
 class UnitSphere(ConvexSolid):
-    """The unit sphere in a frame: what sphere and ellipsoid share. Its poles are on the frame's y axis, like a globe's.
+    """The unit sphere in a frame, the base of Sphere and Ellipsoid. Its poles are on the frame's y axis.
 
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
     """
@@ -28,12 +31,15 @@ class UnitSphere(ConvexSolid):
     smooth = True
 
     @staticmethod
-    def extents(whole: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
-        return whole.longest(), half_extents(whole, "", "xyz")
+    def extents(to_world: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
+        return to_world.longest(), half_extents(to_world, "", "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """Recentred at the line's point nearest to the centre, where no digits cancel (Hearn and Baker; Haines)."""
+        """The origin is moved to the point of the line nearest to the centre, where no digits cancel.
+
+        Source: Hearn and Baker; Haines.
+        """
         scale = dr.rcp(squared)
         middle = -dr.dot(o, d) * scale
         nearest = dr.fma(middle, d, o)
@@ -50,18 +56,18 @@ class UnitSphere(ConvexSolid):
 
     def mitsuba(self) -> MitsubaShapes | str:
         f = scalars(self).frame().then(IDENTITY)
-        # Mitsuba's poles are on its z axis, its u begins at its x axis, and its v at the north pole.
-        whole = to_world_matrix(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
-        return MitsubaShapes([{"type": "sphere", "to_world": whole}], uv=lambda uv: (uv[0], 1 - uv[1]))
+        # In Mitsuba the poles are on the z axis, u begins at the x axis, and v is 0 at the north pole.
+        matrix = to_world_matrix(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
+        return MitsubaShapes([{"type": "sphere", "to_world": matrix}], uv=lambda uv: (uv[0], 1 - uv[1]))
 
 
-# The world's own frame, as scalar values.
+# The world frame, as scalar values.
 IDENTITY = Frame(*(Array3f64(*(float(i == j) for j in range(3))) for i in range(4)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sphere(UnitSphere):
-    """All points at `radius` from `center`; its poles are on the y axis, like a globe's.
+    """A sphere about `center`. Its poles are on the y axis.
 
     uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
     """

@@ -1,4 +1,4 @@
-"""The torus: a polynomial of degree 4 with fields of its own."""
+"""The torus: a polynomial surface of degree 4 with fields of its own."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -15,20 +15,20 @@ from visray.primitives.revolved import angle_u
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
-# (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2) written so that no greater numbers are subtracted than R^2: as
-# above, R^4 would be, and on a thin ring the surface would be R/r times less exact.
+# This equals (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2), but subtracts no numbers greater than R^2. The other
+# form subtracts numbers of size R^4, which would make the surface of a thin ring R/r times less exact.
 EQUATION = "(x^2 + y^2 + z^2 - R^2 - r^2)^2 - 4*R^2*(r^2 - z^2)"
-# Half the sides of the clip, over those of the box around the torus: rounding cuts none of it, however far the eye is.
-ROOM = 1 + 2.0**-7
+# Size of the clip over that of the bounding box: rounding never cuts the surface, however far away the eye is.
+CLIP_MARGIN = 1 + 2.0**-7
 
 
 @dataclass(frozen=True, kw_only=True)
 class Torus(PolynomialSolid):
-    """A ring about `axis`: all points within `minor` of a circle of radius `major` about `center`.
+    """A torus about `axis`: all points within `minor` of a circle of radius `major` about `center`.
 
-    uv: u around the axis, eastwards, as on the cylinder; v around the tube: 0.5 at the outermost circle, growing
-    upwards along the axis. Both have a seam where 1 meets 0: u across the tube, opposite to 0.5; v along the innermost
-    circle.
+    uv: u around the axis, eastwards, as on the cylinder. v around the tube: 0.5 at the outermost circle, and growing
+    from there towards the axis direction. Each has a seam where 1 meets 0: for u a circle around the tube, opposite to
+    u = 0.5; for v the innermost circle.
     """
 
     smooth = True
@@ -44,7 +44,11 @@ class Torus(PolynomialSolid):
         return [] if self.minor < self.major else [("minor", "must be less than major")]
 
     def definition(self) -> Polynomial:
-        half = ROOM * (self.major + self.minor), ROOM * (self.major + self.minor), ROOM * self.minor
+        half = (
+            CLIP_MARGIN * (self.major + self.minor),
+            CLIP_MARGIN * (self.major + self.minor),
+            CLIP_MARGIN * self.minor,
+        )
         return Polynomial(
             expression=EQUATION,
             parameters={"R": self.major, "r": self.minor},
@@ -60,12 +64,12 @@ class Torus(PolynomialSolid):
         return self.major, self.minor
 
     @staticmethod
-    def extents(whole: Frame, shape: tuple) -> tuple[Any, Any]:
-        """Those of a circle and a ball, whose points are added up."""
+    def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
+        """The torus is the Minkowski sum of a circle and a ball, so its extents are the sum of theirs."""
         major, minor = shape
-        across = Frame(whole.x, whole.y, 0 * whole.z, whole.o)
-        reach = major * across.longest() + minor * whole.longest()
-        return reach, major * half_extents(whole, "", "xy") + minor * half_extents(whole, "", "xyz")
+        flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
+        radius = major * flat.longest() + minor * to_world.longest()
+        return radius, major * half_extents(to_world, "", "xy") + minor * half_extents(to_world, "", "xyz")
 
     @staticmethod
     def uv(placed: PlacedPolynomial, p: Any, part: Any = None) -> tuple[Any, Any]:
@@ -74,5 +78,5 @@ class Torus(PolynomialSolid):
 
     def mitsuba(self) -> MitsubaShapes | str:
         f, size = scalars(self).frame(), self.major
-        whole = to_world_matrix(Frame(size * f.x, size * f.y, size * f.z, f.o), compose(self.transform))
-        return MitsubaShapes([{"type": "torus", "shape": self.minor / self.major, "to_world": whole}])
+        matrix = to_world_matrix(Frame(size * f.x, size * f.y, size * f.z, f.o), compose(self.transform))
+        return MitsubaShapes([{"type": "torus", "shape": self.minor / self.major, "to_world": matrix}])

@@ -14,7 +14,7 @@ from visray.quantities import Point
 
 @dataclass(frozen=True)
 class PlacedTriangle:
-    """A triangle in the world: its corners and its unit normal."""
+    """A triangle in the world: corners a, b, c and unit normal n."""
 
     a: Any
     b: Any
@@ -24,7 +24,7 @@ class PlacedTriangle:
 
 @dataclass(frozen=True)
 class SeenTriangle:
-    """A triangle as seen from an origin: its corners from there, and its unit normal."""
+    """A triangle as seen from a ray origin: corners a, b, c relative to the origin, and unit normal n."""
 
     a: Any
     b: Any
@@ -32,28 +32,31 @@ class SeenTriangle:
     n: Any
 
 
-def _beside(d: Any, v: Any) -> tuple[Any, Any]:
-    """Where `v` is seen by a ray along d: two of the three components of d x v, not that of d's longest component."""
+def _projected(d: Any, v: Any) -> tuple[Any, Any]:
+    """The projection of v along d: two components of d x v, without the one along the axis where d is largest."""
     x, y, z = dr.abs(d.x), dr.abs(d.y), dr.abs(d.z)
     on_x = (x >= y) & (x >= z)
     on_z = ~on_x & (z >= y)
-    aside = dr.cross(d, v)
-    return dr.select(on_x, aside.y, aside.x), dr.select(on_z, aside.y, aside.z)
+    product = dr.cross(d, v)
+    return dr.select(on_x, product.y, product.x), dr.select(on_z, product.y, product.z)
 
 
 def _area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
-    """p x q, of the right sign or zero: two products keep their order when they are rounded. No fused multiply-add."""
+    """The cross product p x q in the plane, with its exact sign or zero.
+
+    Rounding keeps the order of the two products. A fused multiply-add would not.
+    """
     return p[0] * q[1] - p[1] * q[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Triangle(Flat):
-    """The triangle a, b, c; its normal is (b - a) x (c - a).
+    """The triangle with corners a, b, c. Its normal is (b - a) x (c - a).
 
-    Watertight: a corner is seen in the same place by all triangles that share it, and on which side of an edge the ray
-    passes is exact from there on; so no ray gets through between triangles, at an edge or at a corner, and one that
-    meets an edge or corner exactly meets all that share it (tests/test_primitives.py). Source: Woop, Benthin, Wald
-    2013. uv: a is (0, 0), b is (1, 0), c is (0, 1).
+    Watertight: all triangles that share a corner project it to the same place, and from there on the side of an edge on
+    which a ray passes is exact. So no ray passes between two triangles, neither at an edge nor at a corner. A ray that
+    meets an edge or a corner exactly meets all triangles that share it (tests/test_primitives.py). Source: Woop,
+    Benthin, Wald 2013. uv: a is (0, 0), b is (1, 0), c is (0, 1).
     """
 
     type: Literal["triangle"] = "triangle"
@@ -80,8 +83,8 @@ class Triangle(Flat):
     def bounds(self, outer: Frame | None) -> Bounds:
         p = self.placed(outer)
         centre = (p.a + p.b + p.c) / 3
-        far = [dr.squared_norm(v - centre) for v in (p.a, p.b, p.c)]
-        radius = dr.sqrt(dr.maximum(dr.maximum(far[0], far[1]), far[2]))
+        squared = [dr.squared_norm(v - centre) for v in (p.a, p.b, p.c)]
+        radius = dr.sqrt(dr.maximum(dr.maximum(squared[0], squared[1]), squared[2]))
         low, high = (f(f(p.a, p.b), p.c) for f in (dr.minimum, dr.maximum))
         return Bounds(low, high, centre, radius)
 
@@ -91,13 +94,13 @@ class Triangle(Flat):
 
     @classmethod
     def intersect_plane(cls, seen: SeenTriangle, d: Any) -> tuple[Any, Any, Any, Any]:
-        a, b, c = (_beside(d, v) for v in (seen.a, seen.b, seen.c))
+        a, b, c = (_projected(d, v) for v in (seen.a, seen.b, seen.c))
         wa, wb, wc = _area(b, c), _area(c, a), _area(a, b)
-        whole = wa + wb + wc
+        area = wa + wb + wc
         inside = ((wa >= 0) & (wb >= 0) & (wc >= 0)) | ((wa <= 0) & (wb <= 0) & (wc <= 0))
-        # A mean of the corners' distances: even a ray all but in the plane gets none beyond them.
-        t = (wa * dr.dot(seen.a, d) + wb * dr.dot(seen.b, d) + wc * dr.dot(seen.c, d)) / whole
-        return t, inside & (whole != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
+        # t is a weighted mean of the corners' distances, so it lies between them even for a ray almost in the plane.
+        t = (wa * dr.dot(seen.a, d) + wb * dr.dot(seen.b, d) + wc * dr.dot(seen.c, d)) / area
+        return t, inside & (area != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
 
     @staticmethod
     def surface_at(placed: PlacedTriangle, p: Any, part: Any = None) -> tuple[Any, Any]:

@@ -152,7 +152,7 @@ def moved(places: list[tuple]) -> dict[str, Any]:
     """The lights at these places, one after the other; the sun shines from its place."""
     lights = {}
     for (name, light), p in zip(LIGHTS.items(), places):
-        away = {"position": p} if light.placed else {"direction": tuple(-x for x in p)}
+        away = {"position": p} if light.has_position else {"direction": tuple(-x for x in p)}
         lights[name] = replace(light, **away)
     return lights
 
@@ -196,7 +196,7 @@ def forest(scene: vr.Scene) -> vr.Scene:
 
 def many_lights(scene: vr.Scene) -> vr.Scene:
     """Three of each kind, with other numbers of samples."""
-    lights = {f"{name}{i}": replace(light, intensity=0.2, **({"samples": i + 1} if light.wide else {}))
+    lights = {f"{name}{i}": replace(light, intensity=0.2, **({"samples": i + 1} if light.has_area else {}))
               for name, light in LIGHTS.items() for i in range(3)}  # fmt: skip
     return replace(scene, lights=lights, objects=forest(scene).objects)
 

@@ -426,8 +426,8 @@ def test_every_light_passes(ground: Scene, name: str) -> None:
     assert 500 < report.shadows.reached < report.shadows.rays - 200
     assert report.shadows.near_edge < 10
     assert report.picture.rms < 1e-4 and report.picture.compared > 6100
-    assert bool(report.notes) == lamp.wide
-    assert (report.penumbras.rays > 80_000) == lamp.wide
+    assert bool(report.notes) == lamp.has_area
+    assert (report.penumbras.rays > 80_000) == lamp.has_area
     assert report.penumbras.near_edge < 20 and report.penumbras.difference == 0
 
 
@@ -477,7 +477,7 @@ def test_a_kernel_that_is_wrong_of_one_pixel_fails(ground: Scene, name: str, mon
     monkeypatch.setattr(arrivals, "beam_of_point", lambda *args: flipped(of_point(*args)))
     report = checked(replace(ground, lights={"it": LAMPS[name]}), rays=1000)
     assert report.shadows.mismatches == 1
-    assert report.penumbras.mismatches == (16 if LAMPS[name].wide else 0)
+    assert report.penumbras.mismatches == (16 if LAMPS[name].has_area else 0)
     assert "visray dark, Mitsuba lit" in report.examples[0]
 
 

@@ -270,8 +270,8 @@ def test_a_table_of_fields_has_all_of_them_with_their_defaults(name):
 @pytest.mark.parametrize(
     "name, kinds, base",
     [
-        ("lights", [k for k in lights.KINDS if not k.wide], Light),
-        ("area lights", [k for k in lights.KINDS if k.wide], AreaLight),
+        ("lights", [k for k in lights.KINDS if not k.has_area], Light),
+        ("area lights", [k for k in lights.KINDS if k.has_area], AreaLight),
         ("objects", [k for k in primitives.KINDS if k is not vr.Polynomial], Primitive),
         ("textures", textures.KINDS, Texture),
     ],

@@ -25,7 +25,7 @@ def test_the_report_is_json_and_names_everything() -> None:
     assert report["verdict"] == doctor.GOOD
     assert {"platform", "Python", "visray", "Dr.Jit", "Mitsuba", "NumPy", "OpenEXR", "threads"} <= set(report)
     assert report["Dr.Jit"].count(".") == 2
-    assert report["LLVM"]["path"] == llvm.found().path
+    assert report["LLVM"]["path"] == llvm.library().path
     assert int(report["LLVM"]["version"].split(".")[0]) >= llvm.OLDEST
     assert report["LLVM"]["vector width"] in (4, 8, 16)
     assert "llvm" in report["backends"]

@@ -164,7 +164,7 @@ def test_similarity_is_the_frame_it_stands_for() -> None:
             # A reciprocal and a product; the frame's has cross products, a determinant and three sums more.
             size = (norm(v) + norm(o))[:, None] / scale[:, None]
             assert (np.abs(one - two) <= gamma(16) * size).all()
-    assert np.array_equal(np.array(s.longest()), scale)
+    assert np.array_equal(np.array(s.max_stretch()), scale)
     unit = v / np.linalg.norm(v, axis=1, keepdims=True)
     squared = np.array(s.inverse().squared_length(s.inverse().vector(triples(a, unit))))
     assert np.abs(squared * scale**2 - 1).max() <= gamma(8)
@@ -172,7 +172,7 @@ def test_similarity_is_the_frame_it_stands_for() -> None:
 
 def test_longest_bounds_the_stretch_and_is_exact_where_axes_are_orthogonal() -> None:
     a, m = double(), frames(9)
-    found = np.array(framed(a, m).longest())
+    found = np.array(framed(a, m).max_stretch())
     exact = np.linalg.svd(m[:, :, :3], compute_uv=False)[:, 0]
     # NumPy's singular values are good to a few roundings of the matrix; the square sums here are 8 roundings.
     slack = 1 + gamma(40)
@@ -180,7 +180,7 @@ def test_longest_bounds_the_stretch_and_is_exact_where_axes_are_orthogonal() -> 
     # Gershgorin's row sum is at most the dimension times the greatest entry.
     assert (found <= np.sqrt(3) * exact * slack).all()
     q = np.linalg.qr(m[:, :, :3])[0] * 10 ** np.random.default_rng(10).uniform(-2, 2, (N, 1, 3))
-    orthogonal = np.array(framed(a, np.dstack([q, m[:, :, 3:]])).longest())
+    orthogonal = np.array(framed(a, np.dstack([q, m[:, :, 3:]])).max_stretch())
     longest = np.linalg.norm(q, axis=1).max(1)
     # QR leaves angles of order of the roundoff, times the product of the two longest sides at most.
     assert (np.abs(orthogonal - longest) <= gamma(60) * longest).all()

@@ -196,7 +196,7 @@ def test_attenuation_of_each_kind(precision: str, kind: type) -> None:
         lamp = replace(SMALL[kind](triple(l)), a=float(a), b=float(b), c=float(c))
         found = at(scene_of({"l": lamp}, precision=precision), (0, 0, 0))[0]
         # A part of the lamp is nearer by TINY, which counts up to thrice.
-        assert abs(found - hand) <= (gamma(20, precision) + (3 * 2 * TINY / far if kind.wide else 0)) * hand
+        assert abs(found - hand) <= (gamma(20, precision) + (3 * 2 * TINY / far if kind.has_area else 0)) * hand
 
 
 # Area lights: closed forms
@@ -428,13 +428,13 @@ def some_lights(rng: np.random.Generator, kind: type, size: float) -> dict:
         place = tuple((rng.normal(size=3) * (3, 0.5, 3) + (0, 5, 0)).tolist())
         down = tuple((rng.normal(size=3) * (0.5, 0.1, 0.5) - (0, 1, 0)).tolist())
         own["a"] = float(rng.uniform(0.5, 1))
-        if kind.placed:
+        if kind.has_position:
             own |= {"position": place, "b": 0.1, "c": float(rng.uniform(0, 0.2))}
         if kind is DirectionalLight or kind is SpotLight:
             own["direction"] = down
         if kind is SpotLight:
             own |= {"angle": float(rng.uniform(20, 80)), "exponent": float(rng.uniform(0, 3))}
-        if kind.wide:
+        if kind.has_area:
             own["samples"] = (3, 1, 16, 5)[i]
         if kind is DiskLight or kind is SphereLight:
             own["radius"] = size * float(rng.uniform(0.2, 1))
@@ -479,11 +479,11 @@ def test_lights_looped_over_are_those_written_out(kind: type, kt: float, monkeyp
     assert len(np.unique(one[:, 0])) > 1000
     # Where a light is TINY wide: its highlight and its distance are off by TINY times what they have of a slope; and an
     # edge is within TINY of its size of a point with a chance of some TINY: 3000 points by 4 lights.
-    close = np.abs(one - two) <= (gamma(60, "single") + (100 * TINY if kind.wide else 0)) * one
-    assert (~close.all(1)).sum() <= (2 if kind.wide else 0)
+    close = np.abs(one - two) <= (gamma(60, "single") + (100 * TINY if kind.has_area else 0)) * one
+    assert (~close.all(1)).sum() <= (2 if kind.has_area else 0)
 
 
-@pytest.mark.parametrize("kind", [k for k in KINDS if k.wide], ids=lambda k: k.__name__)
+@pytest.mark.parametrize("kind", [k for k in KINDS if k.has_area], ids=lambda k: k.__name__)
 def test_wide_lights_looped_over_have_the_means_of_those_written_out(
     kind: type, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -555,7 +555,7 @@ MIDDLES = np.array([(-6, 2, 0), (-2, 2, 0), (2, 2, 0), (6, 2, 0)], float)
 @pytest.mark.parametrize("kind", PLACED, ids=lambda k: k.__name__)
 def test_a_light_in_a_thing_lights_its_inside_alone(precision: str, kind: type) -> None:
     """A light in each of four things on a floor: all of it is dark, and all of their insides are lit."""
-    wide = {"samples": 16} if kind.wide else {}
+    wide = {"samples": 16} if kind.has_area else {}
     wide |= {"radius": 0.2} if hasattr(kind, "radius") else {}
     lamps = {f"l{i}": replace(PLACED[kind](tuple((m + (0.2, 0.1, 0.1)).tolist())), **wide)
              for i, m in enumerate(MIDDLES)}  # fmt: skip

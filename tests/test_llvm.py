@@ -44,7 +44,7 @@ def system(version: int) -> str:
 
 def usable() -> str:
     """A path that works on this machine; without one, nothing else of this project could be tested."""
-    return llvm.found().path
+    return llvm.library().path
 
 
 @pytest.mark.parametrize("version", [14, 15, 16])
@@ -82,7 +82,7 @@ def test_a_usable_library_whose_name_tells_nothing_is_asked_and_taken(monkeypatc
     monkeypatch.setattr(llvm, "version_in_name", lambda path: None)
     taken = llvm.judge(usable(), "test")
     assert isinstance(taken, llvm.LLVM)
-    assert taken.version == llvm.loaded()
+    assert taken.version == llvm.loaded_version()
 
 
 def test_a_path_that_does_not_exist_is_one_line() -> None:

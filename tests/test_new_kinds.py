@@ -31,7 +31,7 @@ from samples import (
 
 import visray as vr
 from visray.geometry import UNIT_ROUNDOFF, gamma
-from visray.pack import pack, updated
+from visray.pack import pack, repacked
 from visray.primitives import Capsule, Ellipsoid, Torus
 from visray.primitives.primitive import bounding_box, scalars, transform_frame
 from visray.pytree import leaves
@@ -453,7 +453,7 @@ def test_numbers_that_change_are_put_where_they_are(name: str) -> None:
     other = instances(name, 52, 1, False)[0]
     addressed = {f"objects.o3.{k}": getattr(other, k) for k in quantities(type(other))}
     new = replace(old, objects=things | {"o3": other})
-    found = updated(pack(old, a), old, new, addressed, a)
+    found = repacked(pack(old, a), old, new, addressed, a)
     fresh = pack(new, a)
     for x, y in zip(leaves(found.batches), leaves(fresh.batches)):
         assert np.array_equal(np.array(x), np.array(y))

@@ -87,7 +87,7 @@ def walk(scene: Scene, o: Any, d: Any, levels: int) -> list[Step]:
     n = np.shape(ray.d)[1]
     for level in range(levels):
         hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
-        here = interact(s, ray, hit, integrator.first_state(made.kernel, n).derived(a.U(level)))
+        here = interact(s, ray, hit, integrator.single_sample_state(made.kernel, n).derived(a.U(level)))
         interface = indirect.interface(s, here)
         b = indirect.bounce(s, here, ray, interface, a.U(1), a.U(0))
         ratio, hidden = (a.D(1), None) if interface is None else (interface.ratio, interface.hidden)

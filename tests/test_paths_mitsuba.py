@@ -74,7 +74,7 @@ def levels(ours: VisrayScene, o: np.ndarray, d: np.ndarray, count: int) -> Itera
     for _ in range(count):
         n = dr.width(ray.d)
         hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
-        here = interact(s, ray, hit, integrator.first_state(ours.kernel, n))
+        here = interact(s, ray, hit, integrator.single_sample_state(ours.kernel, n))
         b = indirect.bounce(s, here, ray, indirect.interface(s, here), dr.full(a.U, count, n), dr.zeros(a.U, n))
         dr.eval(hit, here.surface, b.ray, b.alive)
         index = np.where(np.array(hit.valid), np.array(hit.row).astype(np.int64), -1)
@@ -458,12 +458,14 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     ours, theirs = pair_of(scene)
     seen = Comparison(ours, theirs, ours.pixel_rays())
     a, light = ours.a, ours.kernel.lights[0]
-    here = interact(ours.kernel, seen.look.ray, seen.look.hit, integrator.first_state(ours.kernel, len(seen.a.t)))
-    mean = area_light(ours.kernel, here, light, lambda s, at, row, b: a.V(dr.select(b.reached, a.F(1), 0), 0, 0))
+    here = interact(
+        ours.kernel, seen.look.ray, seen.look.hit, integrator.single_sample_state(ours.kernel, len(seen.a.t))
+    )
+    mean = area_light(ours.kernel, here, light, lambda s, at, row, b: a.V(dr.select(b.arrives, a.F(1), 0), 0, 0))
     mine = rows(mean)[:, 0] * samples
     dimension, yours, near = here.sample.derived(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
-        away = rows(light.light.offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
+        away = rows(light.light.point_offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
         ways = ShadowRays.between(seen.points(), rows(light.light.position) + away - ours.centre)
         cosine = np.where(seen.a.hit, np.abs((ways.l * seen.a.n).sum(1)), 1)
         reached, edge = _reached(seen, ways, seen.shift.start(ways.p) / cosine)

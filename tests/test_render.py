@@ -172,7 +172,7 @@ def test_mean_and_variance_are_those_of_the_samples(precision: str) -> None:
     spp, made = 16, prepare(replace(SHOW, settings=Settings(spp=16, precision=precision)))
     single = []
     for i in range(spp):
-        colour = integrator.attached(made.kernel, SamplePlan.of(made.a, 0, spp, i, 1), made.x, made.y)
+        colour = integrator.attached_mean(made.kernel, SamplePlan.of(made.a, 0, spp, i, 1), made.x, made.y)
         single.append(np.array(colour, float))
     samples, first = np.array(single), exposed_once(made, empty_film(made), 1)
     assert np.array_equal(np.array(first.mean), samples[0]) and not np.array(first.squares).any()

@@ -109,7 +109,9 @@ def test_what_is_read_is_right_in_the_middle_of_a_block(sampler: str) -> None:
     """Mean and variance against NumPy in double, of the samples one by one. Only sums of one block are in single
     precision: more blocks are off by no more."""
     made = made_of(sampler)
-    each = [integrator.attached(made.kernel, SamplePlan.of(made.a, 0, SPP, i, 1), made.x, made.y) for i in range(SPP)]
+    each = [
+        integrator.attached_mean(made.kernel, SamplePlan.of(made.a, 0, SPP, i, 1), made.x, made.y) for i in range(SPP)
+    ]
     samples, film = np.array([np.array(x, float) for x in each]), empty_film(made)
     most = samples.max() + 1
     bound = gamma(2 * BLOCK + 4, "single") * most
@@ -127,7 +129,7 @@ def test_what_is_read_is_right_in_the_middle_of_a_block(sampler: str) -> None:
 @EACH
 def test_the_loop_that_has_derivatives_has_the_same_samples(sampler: str) -> None:
     made = made_of(sampler)
-    mean = np.array(integrator.attached(made.kernel, SamplePlan.of(made.a, 0, SPP, 0, SPP), made.x, made.y))
+    mean = np.array(integrator.attached_mean(made.kernel, SamplePlan.of(made.a, 0, SPP, 0, SPP), made.x, made.y))
     largest = max(1.0, np.abs(mean).max())
     assert np.abs(mean - np.array(at_once(sampler).mean)).max() <= gamma(2 * SPP + 4, "single") * largest
 

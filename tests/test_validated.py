@@ -348,8 +348,8 @@ def test_a_short_look_judges_corners_and_sides_as_arrays_do(v: tuple, w: tuple, 
             things += [vr.Rectangle(width=v, height=other)] if any(v) and any(other) else []
             quick = [thing.flaws() for thing in things]
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(triangle, "clearly_across", lambda v, w: False)
-                patch.setattr(rectangle, "clearly_across", lambda v, w: False)
+                patch.setattr(triangle, "clearly_not_parallel", lambda v, w: False)
+                patch.setattr(rectangle, "clearly_not_parallel", lambda v, w: False)
                 assert quick == [thing.flaws() for thing in things]
 
 

@@ -32,7 +32,7 @@ class Machine:
         sample, sync = integrator.sample, dr.sync_thread
 
         def sampled(kernel: KernelScene, plan: SamplePlan, x: Any, y: Any, moments: Any) -> Any:
-            rays = sum(int(np.array(points.count).sum()) for points in kernel.sets.values())
+            rays = sum(int(np.array(points.count).sum()) for points in kernel.sample_sets.values())
             samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
             self.pending += rate * samples * (1 + rays / 3)
             self.now += tracing

@@ -6,7 +6,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.geometry import extent, gamma
+from visray.geometry import gamma, l1_norm
 from visray.materials import Material
 from visray.pack import Columns, Names
 from visray.primitives.primitive import Primitive
@@ -26,13 +26,13 @@ class Batch:
 
     kind: type[Primitive]
     names: Names
-    base: int
+    first_row: int
     placed: Any
     low: Any
     high: Any
     centre: Any
     radius: Any
-    span: Any
+    coordinate_bound: Any
     material: Material
     texture: Any
     object: Any
@@ -42,13 +42,13 @@ class Batch:
 
     def has(self, row: Any) -> Any:
         """Whether a row of the scene is one of the batch."""
-        return (row >= self.base) & (row < self.base + len(self))
+        return (row >= self.first_row) & (row < self.first_row + len(self))
 
-    def geometry(self, i: Any) -> "Batch":
+    def rows_at(self, i: Any) -> "Batch":
         """Some rows of the batch, by their numbers in it: where they are."""
         return Batch(
-            self.kind, self.names, self.base, *rows((self.placed, None, None, self.centre, self.radius), i),
-            span=None, material=None, texture=None, object=None,
+            self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
+            coordinate_bound=None, material=None, texture=None, object=None,
         )  # fmt: skip
 
     def part(self, part: Any) -> Any:
@@ -56,7 +56,7 @@ class Batch:
         return None if self.kind.parts == 1 else part
 
 
-def placed(columns: Columns, base: int, materials: Material) -> Batch:
+def place(columns: Columns, base: int, materials: Material) -> Batch:
     """A batch in the world, evaluated. Derivatives flow through it."""
     numbers, outer = columns.numbers, columns.outer
     where = numbers.placed(outer)
@@ -64,9 +64,9 @@ def placed(columns: Columns, base: int, materials: Material) -> Batch:
     if columns.kind.bounded:
         bounds = numbers.bounds(outer)
         low, high, centre, radius = detached((bounds.low, bounds.high, bounds.centre, bounds.radius))
-        span = extent(centre) + radius
+        span = l1_norm(centre) + radius
     else:
-        span = dr.detach(extent(where.inverse.o))
+        span = dr.detach(l1_norm(where.inverse.o))
     material = rows(materials, columns.material)
     return evaluated(
         Batch(columns.kind, columns.names, base, where, low, high, centre, radius, span, material, columns.texture,
@@ -78,5 +78,5 @@ def boxes(batch: Batch) -> tuple[np.ndarray, np.ndarray]:
     """The corners of the boxes around a batch's rows, beyond their own rounding. Shapes: (rows, 3) each."""
     low, high = np.array(batch.low, float).T, np.array(batch.high, float).T
     # Corners are sums of at most eight products of numbers no greater than the span.
-    off = gamma(16) * np.broadcast_to(np.array(batch.span, float), len(low))[:, None]
+    off = gamma(16) * np.broadcast_to(np.array(batch.coordinate_bound, float), len(low))[:, None]
     return low - off, high + off

@@ -20,14 +20,14 @@ class View:
     """
 
     o: Any
-    right: Any
-    down: Any
+    pixel_right: Any
+    pixel_down: Any
     corner: Any
     forward: Any
-    aside: Any
-    above: Any
-    sharp: Any
-    middle: Any
+    lens_right: Any
+    lens_up: Any
+    inverse_focus: Any
+    target_distance: Any
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import drjit as dr
 from visray.accel.culling import Cone
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
-from visray.geometry import extent, gamma
+from visray.geometry import gamma, l1_norm
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene, LightBatch, PreparedLight
 from visray.lights.light import Light
@@ -29,61 +29,61 @@ class LightSample:
 
     l: Any
     cosine: Any
-    reached: Any
+    arrives: Any
     weight: Any = None
-    share: Any = None
+    transmittance: Any = None
 
 
-def direct(s: KernelScene, at: Interaction, reflected: Callable) -> Any:
-    """What all lights add: the sum of reflected(s, at, light's row, light sample)."""
+def direct(s: KernelScene, si: Interaction, reflected: Callable) -> Any:
+    """What all lights add: the sum of reflected(s, si, light's row, light sample)."""
     colour = dr.zeros(s.a.V, 1)
     for light in s.lights:
-        if light.kind.wide:
-            colour = colour + area_light(s, at, light, reflected)
+        if light.kind.has_area:
+            colour = colour + area_light(s, si, light, reflected)
         else:
-            colour = colour + reflected(s, at, light.light, light_sample(s, at, light))
+            colour = colour + reflected(s, si, light.light, light_sample(s, si, light))
     for batch in s.looped_lights:
-        colour = colour + _looped(s, at, batch, reflected)
+        colour = colour + _looped(s, si, batch, reflected)
     return colour
 
 
-def _looped(s: KernelScene, at: Interaction, batch: LightBatch, reflected: Callable) -> Any:
+def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Callable) -> Any:
     """What the lights of a batch add, one after the other."""
 
     def step(i: Any, colour: Any) -> tuple:
         row, points = rows(batch.table, i), rows(batch.points, i)
         light = PreparedLight(batch.kind, row, points, 0, batch.number, None)
-        if batch.kind.wide:
-            return (colour + area_light(s, at, light, reflected, i),)
-        return (colour + reflected(s, at, row, light_sample(s, at, light)),)
+        if batch.kind.has_area:
+            return (colour + area_light(s, si, light, reflected, i),)
+        return (colour + reflected(s, si, row, light_sample(s, si, light)),)
 
-    black = dr.zeros(s.a.V, dr.width(at.surface.p))
-    return s.repeated(0, batch.count, at.hit.valid, (black,), step)[0]
+    black = dr.zeros(s.a.V, dr.width(si.surface.p))
+    return s.loop(0, batch.count, si.hit.valid, (black,), step)[0]
 
 
-def area_light(s: KernelScene, at: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
+def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
     """What an area light adds: the mean over its samples of what each point of it would.
 
     With settings.area "centre" as in the original: what its middle adds, weakened by the mean of all shadows.
     """
-    a, n, row = s.a, dr.width(at.surface.p), light.light
-    dimension = at.sample.derived(salt).dimension(DIMENSION + light.number)
-    base = a.V(row.position - at.surface.p)
-    middle = None if s.settings.area == "samples" else _along(s, at, row, base)
+    a, n, row = s.a, dr.width(si.surface.p), light.light
+    dimension = si.sample.derived(salt).dimension(DIMENSION + light.number)
+    base = a.V(row.position - si.surface.p)
+    middle = None if s.settings.area == "samples" else _along(s, si, row, base)
     origin = None
     if s.features["shadows"]:
-        origin = at.origin.toward(Cone.around(a, base, row.reach()))
+        origin = si.origin.toward(Cone.around(a, base, row.radius_bound()))
 
     def step(j: Any, colour: Any) -> tuple:
-        sample = _along(s, at, row, base + row.offset(a.V, *dimension.set_point(j, light.points)), origin, middle)
-        return (colour + reflected(s, at, row, sample),)
+        sample = _along(s, si, row, base + row.point_offset(a.V, *dimension.set_point(j, light.points)), origin, middle)
+        return (colour + reflected(s, si, row, sample),)
 
-    total = s.repeated(light.samples, light.points.count, at.hit.valid, (dr.zeros(a.V, n),), step)
+    total = s.loop(light.samples, light.points.count, si.hit.valid, (dr.zeros(a.V, n),), step)
     return total[0] * dr.rcp(a.F(light.points.count))
 
 
 def _along(
-    s: KernelScene, at: Interaction, row: Any, way: Any, origin: RayOrigin | None = None,
+    s: KernelScene, si: Interaction, row: Any, way: Any, origin: RayOrigin | None = None,
     middle: LightSample | None = None,
 ) -> LightSample:  # fmt: skip
     """The light along `way` from a point of an area light, in the precision of shading; its shadow is looked for from
@@ -93,25 +93,25 @@ def _along(
     inverse = dr.select(squared > 0, dr.rsqrt(squared), 0) if a.precision == "single" else inverse_length(way, None)
     l = way * inverse
     distance = squared * inverse
-    cosine = dr.dot(at.n, l)
-    reached = at.hit.valid & (cosine > 0)
+    cosine = dr.dot(si.n, l)
+    reached = si.hit.valid & (cosine > 0)
     sample = LightSample(l, cosine, reached, attenuation(s, row, distance))
     if middle is not None:
-        sample = LightSample(middle.l, middle.cosine, reached & middle.reached, middle.weight)
+        sample = LightSample(middle.l, middle.cosine, reached & middle.arrives, middle.weight)
     if origin is None:
         return sample
     # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
-    longest = distance + a.F(row.reach())
-    error = gamma(8, a.precision) * longest + a.F(gamma(9) * extent(row.position))
-    return _shadowed(s, origin, at.leaving(l, cosine), Target(distance, error, loose=True), sample)
+    longest = distance + a.F(row.radius_bound())
+    error = gamma(8, a.precision) * longest + a.F(gamma(9) * l1_norm(row.position))
+    return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, loose=True), sample)
 
 
-def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> LightSample:
+def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
     """What arrives of a light that is a point, or infinitely far away."""
-    if not light.kind.placed:
-        return _from_afar(s, at, light.light)
+    if not light.kind.has_position:
+        return _from_afar(s, si, light.light)
     a, row = s.a, light.light
-    way = at.surface.p - row.position
+    way = si.surface.p - row.position
     # What comes near nothing on its way needs no more than single; where light is aimed digits would cancel.
     late = a.precision == "single"
     if late:
@@ -123,10 +123,10 @@ def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> Light
         inverse = inverse_length(way, None)
         d = way * inverse
     distance, l = squared * inverse, a.V(-d)
-    cosine = dr.dot(at.n, l)
-    reached = at.hit.valid & (cosine > 0)
-    aimed = late and light.kind.aim is not Light.aim
-    weight, aim = attenuation(s, row, a.F(distance)), row.aim(way * inverse_length(way, a.F32) if aimed else d)
+    cosine = dr.dot(si.n, l)
+    reached = si.hit.valid & (cosine > 0)
+    aimed = late and light.kind.falloff is not Light.falloff
+    weight, aim = attenuation(s, row, a.F(distance)), row.falloff(way * inverse_length(way, a.F32) if aimed else d)
     if aim is not None:
         aim = a.F(aim)
         reached &= aim > 0
@@ -135,31 +135,31 @@ def light_sample(s: KernelScene, at: Interaction, light: PreparedLight) -> Light
     if not s.features["shadows"]:
         return sample
     if light.origin is None:
-        error = gamma(9) * (extent(row.position) + a.D(distance))
-        ray = replace(at.leaving(-d, cosine), way=-way if late else None)
-        return _shadowed(s, at.origin, ray, Target(distance, error, loose=True), sample)
+        error = gamma(9) * (l1_norm(row.position) + a.D(distance))
+        ray = replace(si.spawn_ray(-d, cosine), to_target=-way if late else None)
+        return _shadowed(s, si.origin, ray, Target(distance, error, loose=True), sample)
     # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
     # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
-    error = at.surface.error + gamma(9) * (extent(row.position) + a.D(distance))
-    target = Target(distance, error, at.hit.row, at.within, at.hit.part, slack=error, cosine=cosine)
-    return _shadowed(s, light.origin, Ray(row.position, d, way=way if late else None), target, sample)
+    error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))
+    target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=cosine)
+    return _shadowed(s, light.origin, Ray(row.position, d, to_target=way if late else None), target, sample)
 
 
-def _from_afar(s: KernelScene, at: Interaction, row: Any) -> LightSample:
+def _from_afar(s: KernelScene, si: Interaction, row: Any) -> LightSample:
     """What arrives of a directional light."""
     a = s.a
     d = -dr.normalize(row.direction)
     l = a.V(d)
-    cosine = dr.dot(at.n, l)
+    cosine = dr.dot(si.n, l)
     weight = None
     if s.features["attenuation"]:
         weight = dr.select(row.a > 0, dr.rcp(row.a), 1)
-    sample = LightSample(l, cosine, at.hit.valid & (cosine > 0), weight)
+    sample = LightSample(l, cosine, si.hit.valid & (cosine > 0), weight)
     if not s.features["shadows"]:
         return sample
-    everywhere = dr.zeros(a.D, dr.width(at.surface.p))
-    ray = at.leaving(d + everywhere, cosine)
-    return _shadowed(s, at.origin, ray, Target(everywhere + dr.inf, everywhere), sample)
+    everywhere = dr.zeros(a.D, dr.width(si.surface.p))
+    ray = si.spawn_ray(d + everywhere, cosine)
+    return _shadowed(s, si.origin, ray, Target(everywhere + dr.inf, everywhere), sample)
 
 
 def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
@@ -173,8 +173,8 @@ def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
 def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sample: LightSample) -> LightSample:
     """The light sample with what is left of it beyond the objects on its way."""
     if not s.features["coloured shadows"]:
-        hidden = occluded(origin, ray, target, sample.reached, s.brute_force)
-        return LightSample(sample.l, sample.cosine, sample.reached & ~hidden, sample.weight)
+        hidden = occluded(origin, ray, target, sample.arrives, s.brute_force)
+        return LightSample(sample.l, sample.cosine, sample.arrives & ~hidden, sample.weight)
     tints = tuple((b.material.kt, b.material.dmax) for b in s.batches)
-    share = transmittance(origin, ray, target, sample.reached, tints, s.attached, s.brute_force)
-    return LightSample(sample.l, sample.cosine, sample.reached, sample.weight, share)
+    share = transmittance(origin, ray, target, sample.arrives, tints, s.attached, s.brute_force)
+    return LightSample(sample.l, sample.cosine, sample.arrives, sample.weight, share)

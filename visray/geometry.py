@@ -18,7 +18,7 @@ def gamma(n: int, precision: str = "double") -> float:
     return nu / (1 - nu)
 
 
-def clearly_across(v: tuple[float, float, float], w: tuple[float, float, float]) -> bool:
+def clearly_not_parallel(v: tuple[float, float, float], w: tuple[float, float, float]) -> bool:
     """Whether two vectors are more than a millionth of a radian from parallel, found without arrays. Rounding changes
     the product's square by less than 1e-14 of the squares of both."""
     (a, b, c), (d, e, f) = v, w
@@ -27,12 +27,12 @@ def clearly_across(v: tuple[float, float, float], w: tuple[float, float, float])
     return 1e-200 < both < 1e200 and product > 1e-12 * both
 
 
-def extent(v: Any) -> Any:
+def l1_norm(v: Any) -> Any:
     """A bound of |v| that costs no root: the sum of its components' sizes, at most sqrt(3) |v|."""
     return dr.abs(v.x) + dr.abs(v.y) + dr.abs(v.z)
 
 
-def facing(n: Any, d: Any) -> tuple[Any, Any]:
+def face_forward(n: Any, d: Any) -> tuple[Any, Any]:
     """The normal turned against the direction of a ray, and whether it had to be: then its side is seen from within."""
     within = dr.dot(n, d) > 0
     return dr.select(within, -n, n), within
@@ -85,7 +85,7 @@ class Frame:
         scale = dr.rcp(dr.dot(self.x, rx))
         return Inverse(rx * scale, ry * scale, rz * scale, self.o)
 
-    def longest(self) -> Any:
+    def max_stretch(self) -> Any:
         """A bound of |M v| / |v| for the linear part M: exact where its columns are orthogonal.
 
         Source: the spectral radius of M^T M is at most its largest row sum.
@@ -112,7 +112,7 @@ class Similarity:
     def inverse(self) -> "SimilarityInverse":
         return SimilarityInverse(dr.rcp(self.scale), self.o)
 
-    def longest(self) -> Any:
+    def max_stretch(self) -> Any:
         return self.scale
 
 

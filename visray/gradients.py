@@ -21,7 +21,7 @@ from visray.errors import UserError
 from visray.images import Atlas
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
-from visray.pack import Index, Packed, Slot
+from visray.pack import AddressIndex, Packed, Slot
 from visray.passes import expose
 from visray.render import adjusted
 from visray.sampling import SamplePlan
@@ -57,7 +57,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
     slots: dict[str, Slot] = {}
 
     def attach(packed: Packed) -> None:
-        index = Index(scene, packed)
+        index = AddressIndex(scene, packed)
         slots.update({w: index.slot(w) for w in wrt})
         for slot in slots.values():
             mark(slot)
@@ -79,18 +79,18 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
         warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
     plan = SamplePlan.of(prepared.a, scene.settings.seed, spp, 0, spp)
-    return Trace(slots, integrator.attached(s, plan, prepared.x, prepared.y), prepared.order)
+    return Trace(slots, integrator.attached_mean(s, plan, prepared.x, prepared.y), prepared.order)
 
 
 def _edges(s: KernelScene, x: Any, y: Any) -> str:
     """What edges there are in what is seen, or nothing: then no derivative is missing but within a pixel."""
     ray = integrator.camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
     hit = closest(s.origin, ray)
-    here = interact(s, ray, hit, integrator.first_state(s, dr.width(x)))
-    lit = [_fully(light_sample(s, here, light)) for light in s.lights if not light.kind.wide]
+    here = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(x)))
+    lit = [_fully(light_sample(s, here, light)) for light in s.lights if not light.kind.has_area]
     found = []
     seen = np.unique(np.array(hit.row))
-    shown = [b.kind for b in s.batches if ((seen >= b.base) & (seen < b.base + len(b))).any()]
+    shown = [b.kind for b in s.batches if ((seen >= b.first_row) & (seen < b.first_row + len(b))).any()]
     # What a line crosses more than twice may hide a part of itself.
     if len(seen) > 1 or any(kind.smooth and kind.max_crossings > 2 for kind in shown):
         found.append("silhouettes")
@@ -111,7 +111,9 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
 
 def _fully(b: LightSample) -> Any:
     """Where all of the light arrives."""
-    return b.reached if b.share is None else b.reached & (b.share.x == 1) & (b.share.y == 1) & (b.share.z == 1)
+    if (t := b.transmittance) is None:
+        return b.arrives
+    return b.arrives & (t.x == 1) & (t.y == 1) & (t.z == 1)
 
 
 def _has_steps(atlas: Atlas) -> bool:

@@ -40,11 +40,11 @@ class Interface:
     hidden: Any
 
 
-def weight_of_local(s: KernelScene, at: Interaction, interface: Interface | None) -> Any:
+def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -> Any:
     """How much of a surface's own colour is seen: 1 - kt, and nothing of one that is hidden; None for all of it."""
     if not s.features["refraction"]:
         return None
-    kt = at.material.kt
+    kt = si.material.kt
     weight = 1 - kt if s.settings.local == "weighted" else s.a.V(1) + 0 * kt
     if interface is None or interface.hidden is None:
         return weight
@@ -65,31 +65,31 @@ class Medium:
         return Medium(*(dr.select(other, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
 
 
-def interface(s: KernelScene, at: Interaction) -> Interface | None:
+def interface(s: KernelScene, si: Interaction) -> Interface | None:
     """What a ray goes through at the surface. Where transparent solids overlap, the index of the smaller
     one holds (by the balls around them): so an inner one counts, wherever it stands in the file."""
     if not s.features["refraction"]:
         return None
-    a, n = s.a, dr.width(at.surface.p)
+    a, n = s.a, dr.width(si.surface.p)
     nothing = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_ROW, n))
     before, beyond = nothing, nothing
     closed = dr.full(a.B, False, n)
     for batch in (b for b in s.batches if b.kind.closed):
-        here = batch.has(at.hit.row)
+        here = batch.has(si.hit.row)
         closed |= here
-        size = dr.gather(a.D, batch.radius, dr.select(here, at.hit.row - batch.base, 0))
-        own = at.material.ior, size, at.hit.row
-        before, beyond = before.or_in(here & at.within, *own), beyond.or_in(here & ~at.within, *own)
+        size = dr.gather(a.D, batch.radius, dr.select(here, si.hit.row - batch.first_row, 0))
+        own = si.material.ior, size, si.hit.row
+        before, beyond = before.or_in(here & si.from_inside, *own), beyond.or_in(here & ~si.from_inside, *own)
         if s.features["nested media"]:
-            before, beyond = _others(s, at, batch, before, beyond)
+            before, beyond = _others(s, si, batch, before, beyond)
     # A sheet has no inside: light goes straight through, but where a solid begins or ends flush with it.
     ratio = before.ior / beyond.ior
     if not s.features["nested media"]:
         return Interface(ratio, None)
-    return Interface(ratio, closed & (before.row == beyond.row) & (_most(at.material.kt) > 0))
+    return Interface(ratio, closed & (before.row == beyond.row) & (_most(si.material.kt) > 0))
 
 
-def _others(s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyond: Medium) -> tuple[Medium, Medium]:
+def _others(s: KernelScene, si: Interaction, batch: Batch, before: Medium, beyond: Medium) -> tuple[Medium, Medium]:
     """The media on both sides, where the solids of a batch count too, but for that of the surface itself.
 
     One whose surface lies flush with it is on the one side or the other, as the ray leaves or enters it there.
@@ -98,11 +98,11 @@ def _others(s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyon
 
     def step(i: Any, *state: Any) -> tuple:
         before, beyond = Medium(*state[:3]), Medium(*state[3:])
-        one, material = batch.geometry(i), rows(batch.material, i)
-        p, row = dr.detach(at.surface.p), i + batch.base
+        one, material = batch.rows_at(i), rows(batch.material, i)
+        p, row = dr.detach(si.surface.p), i + batch.first_row
         f, g = batch.kind.surface_at(one.placed, p)
-        there = (_most(material.kt) > 0) & (at.hit.row != row)
-        on, outwards = flush(one, f, g, p, at.surface.error), dr.dot(g, s.a.W(dr.detach(at.d))) > 0
+        there = (_most(material.kt) > 0) & (si.hit.row != row)
+        on, outwards = flush(one, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
         inside, solid = batch.kind.inside(one.placed, p), (material.ior, one.radius, row)
         before = before.or_in(there & dr.select(on, outwards, inside), *solid)
         beyond = beyond.or_in(there & dr.select(on, ~outwards, inside), *solid)
@@ -110,7 +110,7 @@ def _others(s: KernelScene, at: Interaction, batch: Batch, before: Medium, beyon
 
     state = (*leaves(before), *leaves(beyond))
     if size > policy.MAX_INLINED:
-        state = s.repeated(size, dr.opaque(s.a.U, size), at.hit.valid, state, step)
+        state = s.loop(size, dr.opaque(s.a.U, size), si.hit.valid, state, step)
     else:
         for i in range(size):
             state = step(s.a.U(i), *state)
@@ -139,27 +139,27 @@ class Bounce:
     scattered: Any
 
 
-def scattered(s: KernelScene, at: Interaction, j: Any) -> Bounce:
+def scattered(s: KernelScene, si: Interaction, j: Any) -> Bounce:
     """Ray number j of those that a matte surface scatters."""
-    dimension = at.sample.dimension(SCATTER)
-    u, v = dimension.point() if j is None else dimension.set_point(j, s.sets["scatter"])
-    d = warp.cosine(at.n, u, v)
+    dimension = si.sample.dimension(SCATTER)
+    u, v = dimension.point() if j is None else dimension.set_point(j, s.sample_sets["scatter"])
+    d = warp.cosine(si.n, u, v)
     yes = dr.full(s.a.B, True, dr.width(d))
-    ray = at.leaving(unit(d, s.a.W), s.a.D(dr.dot(at.n, d))).exact()
-    return Bounce(ray, at.material.kd, yes, yes)
+    ray = si.spawn_ray(unit(d, s.a.W), s.a.D(dr.dot(si.n, d))).exact()
+    return Bounce(ray, si.material.kd, yes, yes)
 
 
 def bounce(
-    s: KernelScene, at: Interaction, ray: Ray, interface: Interface | None, mirrors: Any, scatters: Any, j: Any = None
+    s: KernelScene, si: Interaction, ray: Ray, interface: Interface | None, mirrors: Any, scatters: Any, j: Any = None
 ) -> Bounce:
     """How a path goes on: `mirrors` and `scatters` are how many more reflections or refractions, and scatterings, it
     may have."""
-    a, on, m = s.a, s.features, at.material
+    a, on, m = s.a, s.features, si.material
     kr = _strength(m.kr) if on["reflection"] else a.F(0)
     kt = _strength(m.kt) if on["refraction"] else a.F(0)
     shiny = kr + kt > 0
     matte = (_most(m.kr) + _most(m.kt) == 0) & (_strength(m.kd) > 0) if on["scatter"] else None
-    n = dr.select(at.within, -at.surface.exact, at.surface.exact)
+    n = dr.select(si.from_inside, -si.surface.exact, si.surface.exact)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
     if on["reflection"]:
@@ -168,7 +168,7 @@ def bounce(
         chance = dr.select(shiny, kt / (kr + kt), 0)
         chosen = kt > 0
         if on["reflection"]:
-            chosen = at.sample.dimension(LOBE).point()[0] < chance
+            chosen = si.sample.dimension(LOBE).point()[0] < chance
             weight = weight / dr.select(chosen, 1, 1 - chance)
         left = 1 - dr.square(interface.ratio) * (1 - dr.square(cosine))
         passes = left > 0
@@ -179,12 +179,12 @@ def bounce(
         if (hidden := interface.hidden) is not None:
             d, weight, through = dr.select(hidden, ray.d, d), dr.select(hidden, 1, weight), through | hidden
     alive = shiny & (mirrors > 0)
-    inside = at.within ^ through
-    ray = replace(at.leaving(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
+    inside = si.from_inside ^ through
+    ray = replace(si.spawn_ray(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
     further = Bounce(ray, weight, alive, a.B(False))
     if on["scatter"]:
-        further = _either(matte & (scatters > 0), scattered(s, at, j), further)
-    lit = further.alive & at.hit.valid & (_strength(further.weight) > 0)
+        further = _either(matte & (scatters > 0), scattered(s, si, j), further)
+    lit = further.alive & si.hit.valid & (_strength(further.weight) > 0)
     return Bounce(further.ray, further.weight, lit, further.scattered)
 
 
@@ -194,7 +194,7 @@ def _either(first: Any, x: Bounce, y: Bounce) -> Bounce:
     return Bounce(ray, dr.select(first, x.weight, y.weight), first | y.alive, first)
 
 
-def missed(s: KernelScene, d: Any) -> Any:
+def miss_radiance(s: KernelScene, d: Any) -> Any:
     """What a secondary ray sees that hits nothing."""
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
 
@@ -212,8 +212,8 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | No
 
     One loop over the levels of one path after the other; written out where derivatives are asked for.
     """
-    a, settings, rays, n = s.a, s.settings, s.sets["scatter"], dr.width(first.surface.p)
-    mirrors, scatters = (dr.full(a.U, 0, n) + x for x in s.levels)
+    a, settings, rays, n = s.a, s.settings, s.sample_sets["scatter"], dr.width(first.surface.p)
+    mirrors, scatters = (dr.full(a.U, 0, n) + x for x in s.bounce_limits)
     # What never changes is no state of the loop (as in integrator.sample): there is one path, and nothing scatters.
     first_number = dr.zeros(a.U, n) if s.features["scatter"] else None
     scatters = scatters if s.features["scatter"] else None
@@ -234,8 +234,8 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | No
         hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
         here = interact(s, path, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
         glass = interface(s, here)
-        colour, own = shade(s, here), weight_of_local(s, here, glass)
-        colour = dr.select(hit.valid, colour if own is None else colour * own, missed(s, path.d))
+        colour, own = shade(s, here), local_weight(s, here, glass)
+        colour = dr.select(hit.valid, colour if own is None else colour * own, miss_radiance(s, path.d))
         total = dr.select(alive, total + weight * colour, total)
         b = bounce(s, here, path, glass, mirrors, scatters)
         left = _left(a, b, mirrors, scatters)
@@ -265,7 +265,7 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | No
 
 def _state(ray: Ray) -> tuple:
     """A ray as the state of a loop: its part only where hits have any."""
-    state = ray.o, ray.d, ray.row, ray.inside, ray.start
+    state = ray.o, ray.d, ray.row, ray.inside, ray.clearance
     return state if ray.part is None else (*state, ray.part)
 
 

@@ -21,29 +21,29 @@ from visray.shading import shade
 LENS = 1
 
 
-def direction(s: KernelScene, x: Any, y: Any) -> Any:
+def camera_direction(s: KernelScene, x: Any, y: Any) -> Any:
     """The unit direction to the point (x, y) of the picture, in pixels from its top left corner; in single where
     shading is."""
-    d = dr.normalize(s.view.corner + x * s.view.right + y * s.view.down)
+    d = dr.normalize(s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down)
     return d if s.a.precision == "single" else unit(d, s.a.W)
 
 
 def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
     """The ray through the point (x, y) of the picture, in pixels from its top left corner."""
-    return Ray(s.view.o, direction(s, x, y)).exact()
+    return Ray(s.view.o, camera_direction(s, x, y)).exact()
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
     """The ray from the lens's point for (u, v) in the unit square to where the camera's ray through (x, y) is sharp."""
     a = s.a
     across, up = warp.disk(a.D(u), a.D(v))
-    aside = across * s.view.aside + up * s.view.above
-    straight = s.view.corner + x * s.view.right + y * s.view.down
-    d = dr.normalize(straight - a.V(aside * s.view.sharp))
+    aside = across * s.view.lens_right + up * s.view.lens_up
+    straight = s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down
+    d = dr.normalize(straight - a.V(aside * s.view.inverse_focus))
     return Ray(s.view.o + aside, d if a.precision == "single" else unit(d, a.W)).exact()
 
 
-def first_state(s: KernelScene, n: int) -> SampleState:
+def single_sample_state(s: KernelScene, n: int) -> SampleState:
     """The random numbers of the only sample of n pixels, where none are given."""
     a = s.a
     plan = sampling.SamplePlan.of(a, 0, 1, 0, 1)
@@ -54,14 +54,14 @@ def first_state(s: KernelScene, n: int) -> SampleState:
 def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
     """The colour along a ray from the camera, and how much of it the film counts as covered."""
     on = s.features
-    state = state or first_state(s, max(dr.width(ray.d), dr.width(ray.o)))
+    state = state or single_sample_state(s, max(dr.width(ray.d), dr.width(ray.o)))
     origin = RayOrigin(s.geometry, ray.o, shared=False) if on["defocus"] else s.origin
     hit, ray = closest(origin, ray, s.brute_force), ray.exact()
     here = interact(s, ray, hit, state)
     colour = shade(s, here)
     if on["paths"]:
         interface = indirect.interface(s, here)
-        own = indirect.weight_of_local(s, here, interface)
+        own = indirect.local_weight(s, here, interface)
         colour = (colour if own is None else colour * own) + indirect.indirect(s, here, ray, interface)
     sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
@@ -101,7 +101,7 @@ def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: M
     return after if covers else replace(after, coverage=moments.coverage, open_coverage=moments.open_coverage)
 
 
-def attached(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:
+def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:
     """The mean colour of the samples of one pass over the pixels (x, y), with its derivatives: one loop over all
     samples, as Dr.Jit 1.5 has no derivatives of loops within loops, and only sums may go through it."""
     a, n = s.a, dr.width(x)
@@ -137,9 +137,9 @@ class _Pixels:
         across, down = state.pixel()
         x, y = self.left + across, self.top + down
         if not self.s.features["defocus"]:
-            return direction(self.s, x, y), None
+            return camera_direction(self.s, x, y), None
         ray = lens_ray(self.s, x, y, *state.dimension(LENS).point())
-        return ray.d if ray.rough is None else ray.rough, ray.o
+        return ray.d if ray.d_single is None else ray.d_single, ray.o
 
 
 def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
-        own = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.base, 0))
+        own = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.first_row, 0))
         index = dr.select(in_batch, own, index)
     return index
 
@@ -197,9 +197,9 @@ def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
             return (total + batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved,)
 
         n = len(batch)
-        unresolved = s.repeated(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
+        unresolved = s.loop(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
         in_batch = batch.has(hit.row)
-        placed = rows(batch.placed, dr.select(in_batch, hit.row - batch.base, 0))
+        placed = rows(batch.placed, dr.select(in_batch, hit.row - batch.first_row, 0))
         f, _ = batch.kind.surface_at(placed, p, batch.part(hit.part))
         largest = [dr.maximum(dr.maximum(dr.abs(v.x), dr.abs(v.y)), dr.abs(v.z)) for v in (p, ray.o)]
         ulp = 2 * UNIT_ROUNDOFF["double"] * dr.maximum(*largest)

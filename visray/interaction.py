@@ -9,7 +9,7 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
-from visray.geometry import extent, facing, gamma
+from visray.geometry import face_forward, gamma, l1_norm
 from visray.images import lookup as texturing
 from visray.kernel_scene import KernelScene
 from visray.materials import Material
@@ -32,27 +32,27 @@ class Interaction:
     hit: Hit
     surface: Surface
     n: Any
-    within: Any
+    from_inside: Any
     material: Material
     u: Any
     v: Any
     origin: RayOrigin | None
     sample: SampleState | None
 
-    def leaving(self, d: Any, cosine: Any) -> Ray:
+    def spawn_ray(self, d: Any, cosine: Any) -> Ray:
         """A ray from the point on the viewer's side, with that cosine with the normal.
 
         What lies flush with the surface is not met: nothing that is no farther above it than the point is off.
         """
-        return Ray(self.surface.p, d, self.hit.row, self.within, self.surface.error, cosine, self.hit.part)
+        return Ray(self.surface.p, d, self.hit.row, self.from_inside, self.surface.error, cosine, self.hit.part)
 
 
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
     """A hit, ready to be shaded."""
     surface, material, u, v = surface_of(s, ray, hit)
-    d = s.a.V(ray.d if ray.rough is None else ray.rough)
-    n, within = facing(surface.n, d)
-    origin = RayOrigin(s.geometry, surface.p, shared=False) if s.starts_at_points and sample is not None else None
+    d = s.a.V(ray.d if ray.d_single is None else ray.d_single)
+    n, within = face_forward(surface.n, d)
+    origin = RayOrigin(s.geometry, surface.p, shared=False) if s.rays_leave_surfaces and sample is not None else None
     return Interaction(ray.o, d, hit, surface, n, within, material, u, v, origin, sample)
 
 
@@ -71,13 +71,21 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     texture = dr.zeros(a.U, n) if textured else None
     # A texture far out on a plane is looked up in double.
     zero = dr.zeros(a.D if textured else a.F, n)
-    state = (moved, *normals, dr.zeros(a.D, n), mapped(lambda x: dr.zeros(type(x), n), s.blank), texture, zero, zero)
+    state = (
+        moved,
+        *normals,
+        dr.zeros(a.D, n),
+        mapped(lambda x: dr.zeros(type(x), n), s.zero_material),
+        texture,
+        zero,
+        zero,
+    )
     for batch in s.batches:
         here = batch.has(hit.row)
 
         def touch(*_: Any, batch: Batch = batch, here: Any = here) -> tuple:
-            table = (batch.placed, batch.material, batch.texture if textured else None, batch.span)
-            placed, material, texture, span = _row_of(s, table, len(batch), here, hit.row - batch.base)
+            table = (batch.placed, batch.material, batch.texture if textured else None, batch.coordinate_bound)
+            placed, material, texture, span = _row_of(s, table, len(batch), here, hit.row - batch.first_row)
             moved, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part)
             return leaves((moved, *normals, span, material, texture, type(zero)(u), type(zero)(v)))
 
@@ -91,7 +99,7 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
     # much as the local origin is known to: five more, of numbers no greater than |o| + t and the row's coordinates.
     # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
-    error = gamma(8) * (extent(ray.o) + t + span)
+    error = gamma(8) * (l1_norm(ray.o) + t + span)
     surface = Surface(moved if s.attached else p, normal, error, exact)
     if textured:
         bare = texture == NO_TEXTURE

@@ -13,13 +13,13 @@ import drjit as dr
 
 from visray.accel import policy
 from visray.accel.origin import Geometry, RayOrigin
-from visray.batches import Batch, placed
+from visray.batches import Batch, place
 from visray.camera import View
 from visray.features import Features, RayFamily
 from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
-from visray.pack import LightColumns, Packed, code
+from visray.pack import LightColumns, Packed, batch_key
 from visray.pytree import evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
@@ -64,7 +64,7 @@ class KernelScene:
 
     geometry: what rays can meet. view, origin: the camera, and what is seen from its middle.
     lights, looped_lights: those that are written out, and those that are looped over.
-    sky, ambient, glow: background, ambient light of the scene, that of all lights together.
+    sky, ambient, lights_ambient: background, ambient light of the scene, that of all lights together.
     reach: as far as near occlusion looks. blank: a material of zeros.
     levels: how many reflections, and scatterings, are followed. sets: the rays that are taken together, by effect.
     coverage: whether the film counts as covered where nothing is hit. attached: derivatives are asked for.
@@ -81,12 +81,12 @@ class KernelScene:
     looped_lights: tuple[LightBatch, ...]
     sky: SkyGradient
     ambient: Any
-    glow: Any
-    reach: Any
-    blank: Material
-    levels: tuple[Any, Any]
+    lights_ambient: Any
+    occlusion_distance: Any
+    zero_material: Material
+    bounce_limits: tuple[Any, Any]
     atlas: Atlas | None
-    sets: dict[str, SampleSet]
+    sample_sets: dict[str, SampleSet]
     coverage: Any
     transparent: bool
     attached: bool
@@ -97,13 +97,13 @@ class KernelScene:
         return self.geometry.batches
 
     @property
-    def starts_at_points(self) -> bool:
+    def rays_leave_surfaces(self) -> bool:
         """Whether rays start at the points that are shaded."""
         on = self.features
         far = any(l.origin is None for l in self.lights) or self.looped_lights
         return bool(far and on["shadows"]) or on["sky occlusion"] or on["near occlusion"]
 
-    def repeated(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
+    def loop(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
         """`state` after body(j, *state) for j from 0 to n - 1; n is `count` as opaque data.
 
         A loop, but written out where derivatives are asked for: Dr.Jit 1.5 has none through loops within loops.
@@ -137,10 +137,11 @@ def kernel_scene(
         geometry, batches=tuple(replace(b, material=_needed(b.material, features)) for b in geometry.batches)
     )
     view = packed.camera.view(scene.film.width, scene.film.height, a)
-    glow = _glow(packed.lights, a)
-    evaluated((view, glow))
-    attached = dr.grad_enabled(leaves((geometry.batches, tuple(l.numbers for l in packed.lights), view,
-                                       packed.background, packed.ambient, glow, packed.occlusion)))  # fmt: skip
+    lights_ambient = _lights_ambient(packed.lights, a)
+    evaluated((view, lights_ambient))
+    light_tables = tuple(columns.numbers for columns in packed.lights)
+    inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
+    attached = dr.grad_enabled(leaves(inputs))
     lights, looped = _lights(packed, geometry, features, a, attached)
     counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
     return KernelScene(
@@ -154,12 +155,12 @@ def kernel_scene(
         looped_lights=looped,
         sky=packed.background,
         ambient=packed.ambient,
-        glow=glow,
-        reach=packed.occlusion.distance,
-        blank=mapped(lambda x: type(x)(0), _needed(rows(packed.materials, a.U(0)), features)),
-        levels=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
+        lights_ambient=lights_ambient,
+        occlusion_distance=packed.occlusion.distance,
+        zero_material=mapped(lambda x: type(x)(0), _needed(rows(packed.materials, a.U(0)), features)),
+        bounce_limits=(dr.opaque(a.U, settings.depth), dr.opaque(a.U, scatter.depth if scatter.rays else 0)),
         atlas=atlas,
-        sets={name: SampleSet.of(a, n) for name, n in counts.items()},
+        sample_sets={name: SampleSet.of(a, n) for name, n in counts.items()},
         coverage=dr.opaque(a.F, float(not scene.film.transparent)),
         transparent=scene.film.transparent,
         attached=attached,
@@ -175,7 +176,7 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, before: tuple[Packe
         old = {id(columns): batch for columns, batch in zip(before[0].batches, before[1].batches)}
     base = 0
     for columns in packed.batches:
-        batches.append(old.get(id(columns)) or placed(columns, base, packed.materials))
+        batches.append(old.get(id(columns)) or place(columns, base, packed.materials))
         base += len(columns)
     still = old and all(new is last for new, last in zip(batches, before[1].batches))
     if still and before[1].geometry.accelerator == settings.accelerator:
@@ -194,7 +195,7 @@ def _needed(material: Material, features: Features) -> Material:
     return replace(material, **dict.fromkeys(unread))
 
 
-def _glow(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
+def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
     """The ambient light of all lights together."""
     total = a.V(0)
     for table in (l.numbers for l in lights):
@@ -214,11 +215,11 @@ def _many(lights: int, sizes: Iterable[int]) -> bool:
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     """How the rays of a scene find what they hit, and why."""
     on, kinds = features, [type(light) for light in scene.lights.values()]
-    counted = Counter(map(code, scene.objects.values()))
+    counted = Counter(map(batch_key, scene.objects.values()))
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in counted.items()]
     looped = _many(len(kinds), (size.rows for size in sizes))
     # A lone light of its kind is never looped over.
-    own = [k for k in kinds if k.placed and not k.wide and not (looped and kinds.count(k) > 1)]
+    own = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
     rays = {"camera": not on["defocus"]}
     if on["shadows"] and own:
         rays["shadow rays of point and spot lights"] = True
@@ -239,13 +240,13 @@ def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, a
     for columns in packed.lights:
         kind, table, samples = columns.kind, columns.numbers, columns.samples
         if many and len(samples) > 1:
-            points = SampleSet.table(a, list(samples)) if kind.wide else None
-            looped.append(LightBatch(kind, table, points, dr.opaque(a.U, len(samples)), columns.place[0]))
+            points = SampleSet.table(a, list(samples)) if kind.has_area else None
+            looped.append(LightBatch(kind, table, points, dr.opaque(a.U, len(samples)), columns.scene_index[0]))
             continue
-        for i, place in enumerate(columns.place):
+        for i, number in enumerate(columns.scene_index):
             light = rows(table, a.U(i))
-            near = kind.placed and not kind.wide
+            near = kind.has_position and not kind.has_area
             origin = RayOrigin(geometry, light.position) if near and features["shadows"] else None
-            points = SampleSet.of(a, samples[i]) if kind.wide else None
-            written[place] = PreparedLight(kind, light, points, samples[i], place, origin)
-    return tuple(written[place] for place in sorted(written)), tuple(looped)
+            points = SampleSet.of(a, samples[i]) if kind.has_area else None
+            written[number] = PreparedLight(kind, light, points, samples[i], number, origin)
+    return tuple(written[number] for number in sorted(written)), tuple(looped)

@@ -57,7 +57,7 @@ class LLVM:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SearchResult:
     """What a search came to: the library, or None, and a line for each one refused on the way.
 
     `early` is True where Dr.Jit had been imported before: then nothing was searched and nothing can be changed.
@@ -68,27 +68,27 @@ class Outcome:
     early: bool = False
 
 
-_outcome: Outcome | None = None
+_outcome: SearchResult | None = None
 
 
-def prepare() -> Outcome:
+def prepare() -> SearchResult:
     """Searches once, and sets DRJIT_LIBLLVM_PATH; to be called before drjit or mitsuba is imported."""
     global _outcome
     if _outcome is None:
         if "drjit" in sys.modules:
-            _outcome = Outcome(None, early=True)
+            _outcome = SearchResult(None, early=True)
         else:
             _outcome = search()
             os.environ[VARIABLE] = _outcome.llvm.path if _outcome.llvm else NOWHERE
     return _outcome
 
 
-def found() -> LLVM | None:
+def library() -> LLVM | None:
     """The libLLVM that Dr.Jit uses or will use, or None where there is no usable one."""
     outcome = prepare()
     if not outcome.early:
         return outcome.llvm
-    version = loaded()
+    version = loaded_version()
     path = os.environ.get(VARIABLE) or "chosen by Dr.Jit"
     return LLVM(path, version, "loaded before visray was imported") if version else None
 
@@ -98,10 +98,10 @@ def require() -> LLVM:
     outcome = prepare()
     if not outcome.early and outcome.llvm is None:
         raise UserError(_advice(outcome.refused))
-    version = loaded()
-    library = found()
-    if library and version and version[0] >= OLDEST:
-        return LLVM(library.path, version, library.source)
+    version = loaded_version()
+    llvm = library()
+    if llvm and version and version[0] >= OLDEST:
+        return LLVM(llvm.path, version, llvm.source)
     what = f"LLVM {_dotted(version)}, which ends the process during a render" if version else "no LLVM"
     if not outcome.early:
         right = f"set {VARIABLE} to a libLLVM of version {OLDEST} or newer, or {_installation()}"
@@ -112,14 +112,14 @@ def require() -> LLVM:
     raise UserError(f"LLVM: Dr.Jit was imported before visray and loaded {what}; {right}")
 
 
-def loaded() -> tuple[int, ...] | None:
+def loaded_version() -> tuple[int, ...] | None:
     """The version of the libLLVM that Dr.Jit has loaded, or None; imports Dr.Jit."""
     # Not at the top: the import loads libLLVM, so it must come after the search.
     version = import_module("drjit.detail").llvm_version()
     return tuple(version) if version[0] > 0 else None
 
 
-def search() -> Outcome:
+def search() -> SearchResult:
     """Searches the variable, then the Python environment, then the system; loads nothing into this process.
 
     A library that the variable names is never replaced by another: its user has asked for it.
@@ -127,15 +127,15 @@ def search() -> Outcome:
     named = os.environ.get(VARIABLE)
     if named and named != NOWHERE:
         answer = judge(named, VARIABLE)
-        return Outcome(answer) if isinstance(answer, LLVM) else Outcome(None, (f"{VARIABLE}={answer}",))
+        return SearchResult(answer) if isinstance(answer, LLVM) else SearchResult(None, (f"{VARIABLE}={answer}",))
     refused: list[str] = []
     for source, paths in (("Python environment", _environment), ("system", _system)):
         answers = [judge(path, source) for path in _distinct(paths())]
         refused += [answer for answer in answers if isinstance(answer, str)]
         usable = [answer for answer in answers if isinstance(answer, LLVM)]
         if usable:
-            return Outcome(max(usable, key=lambda library: library.version), tuple(refused))
-    return Outcome(None, tuple(refused))
+            return SearchResult(max(usable, key=lambda library: library.version), tuple(refused))
+    return SearchResult(None, tuple(refused))
 
 
 def judge(path: str, source: str) -> LLVM | str:

@@ -7,7 +7,9 @@ from pydantic import ConfigDict, Field
 
 from visray.quantities import FARTHEST, Color, Factor, Length, Name, Quantity, Real, Share
 
-Index = Annotated[Real, Field(gt=0), Field(ge=0.01, le=100), Quantity(1, "geometry", "> 0, from 0.01 to 100; air is 1")]
+RefractiveIndex = Annotated[
+    Real, Field(gt=0), Field(ge=0.01, le=100), Quantity(1, "geometry", "> 0, from 0.01 to 100; air is 1")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,6 @@ class Material:
     shininess: Factor = 32.0
     kr: Share = (0.0, 0.0, 0.0)
     kt: Share = (0.0, 0.0, 0.0)
-    ior: Index = 1.5
+    ior: RefractiveIndex = 1.5
     dmax: Length = FARTHEST
     texture: Name | None = None

@@ -18,54 +18,54 @@ from visray.ray import Ray
 SKY, NEAR, TURN = 2, 3, 6
 
 
-def sky(s: KernelScene, at: Interaction) -> Any:
+def sky(s: KernelScene, si: Interaction) -> Any:
     """The share of the sky that is seen: of the rays that meet nothing."""
 
     def step(j: Any, seen: Any) -> tuple:
-        ray = _ray(s, at, SKY, j)
+        ray = _ray(s, si, SKY, j)
         n = dr.width(seen)
         far = Target(dr.full(s.a.F, dr.inf, n), dr.zeros(s.a.F, n))
-        hidden = occluded(origin, ray, far, at.hit.valid, s.brute_force)
+        hidden = occluded(origin, ray, far, si.hit.valid, s.brute_force)
         return (seen + dr.select(hidden, s.a.F(0), 1),)
 
-    origin = _above(s, at)
-    return _mean(s, at, "sky", s.settings.occlusion.sky, step)
+    origin = _above(s, si)
+    return _mean(s, si, "sky", s.settings.occlusion.sky, step)
 
 
-def near(s: KernelScene, at: Interaction) -> Any:
+def near(s: KernelScene, si: Interaction) -> Any:
     """The mean over rays of the distance to what they meet, as a share of settings.occlusion.distance, at most 1."""
 
     def step(j: Any, free: Any) -> tuple:
-        ray = _ray(s, at, NEAR, j)
-        hit = closest(origin, ray, s.brute_force, at.hit.valid, s.reach)
+        ray = _ray(s, si, NEAR, j)
+        hit = closest(origin, ray, s.brute_force, si.hit.valid, s.occlusion_distance)
         t = attached_distance(s, ray, hit) if s.attached else hit.t
-        return (free + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.reach)), 1),)
+        return (free + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.occlusion_distance)), 1),)
 
-    origin = _above(s, at)
-    return _mean(s, at, "near", s.settings.occlusion.near, step)
+    origin = _above(s, si)
+    return _mean(s, si, "near", s.settings.occlusion.near, step)
 
 
-def _mean(s: KernelScene, at: Interaction, name: str, n: int, step: Any) -> Any:
+def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
     """The mean of what `step` adds up; 1 where there are no rays."""
-    count = s.sets[name].count
-    start = (dr.zeros(s.a.F, dr.width(at.surface.p)),)
-    total = s.repeated(n, count, at.hit.valid, start, step)[0]
+    count = s.sample_sets[name].count
+    start = (dr.zeros(s.a.F, dr.width(si.surface.p)),)
+    total = s.loop(n, count, si.hit.valid, start, step)[0]
     return dr.select(count > 0, total * dr.rcp(dr.maximum(s.a.F(count), 1)), 1)
 
 
-def _ray(s: KernelScene, at: Interaction, dimension: int, j: Any) -> Ray:
+def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
     """Ray number j of its set, over the hemisphere on the viewer's side."""
-    rays = s.sets["sky" if dimension == SKY else "near"]
-    u, v = at.sample.dimension(dimension).set_point(j, rays)
-    n = at.n
+    rays = s.sample_sets["sky" if dimension == SKY else "near"]
+    u, v = si.sample.dimension(dimension).set_point(j, rays)
+    n = si.n
     if s.settings.occlusion.hemisphere == "box":
-        d = warp.box(n, u, v, at.sample.dimension(dimension + TURN).set_number(j, rays))
+        d = warp.box(n, u, v, si.sample.dimension(dimension + TURN).set_number(j, rays))
     else:
         d = warp.cosine(n, u, v)
-    return at.leaving(d, dr.dot(n, d))
+    return si.spawn_ray(d, dr.dot(n, d))
 
 
-def _above(s: KernelScene, at: Interaction) -> RayOrigin:
+def _above(s: KernelScene, si: Interaction) -> RayOrigin:
     """Rays from the point over its hemisphere."""
     right = s.a.F32(1), s.a.F32(0)
-    return at.origin.toward(Cone(s.a.V32(dr.detach(at.n)), *right))
+    return si.origin.toward(Cone(s.a.V32(dr.detach(si.n)), *right))

@@ -1,7 +1,7 @@
 """The numbers of a scene as arrays: what kernels read, what derivatives are taken by, and what an update changes.
 
 `pack` turns a Scene into columns, batch by batch: objects that share their code, and lights that do. Names become
-numbers. `Packed` is a Dr.Jit PyTree: derivatives are taken by its arrays. `Index` says where they hold an address.
+numbers. `Packed` is a Dr.Jit PyTree: derivatives are taken by its arrays. `AddressIndex` finds addresses in them.
 """
 
 from collections.abc import Iterable
@@ -84,7 +84,7 @@ class LightColumns:
     names: Names
     numbers: Light
     samples: tuple[int, ...]
-    place: tuple[int, ...]
+    scene_index: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Packed:
     occlusion: Occlusion
 
 
-def code(thing: Primitive) -> tuple[type[Primitive], bool]:
+def batch_key(thing: Primitive) -> tuple[type[Primitive], bool]:
     """What objects of one batch have in common: their kind, and whether they have a transform."""
     return thing.kind, bool(thing.transform)
 
@@ -111,7 +111,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     materials = _materials(scene)
     things: dict[tuple, list[tuple[int, str]]] = {}
     for number, (name, thing) in enumerate(scene.objects.items()):
-        things.setdefault(code(thing), []).append((number, name))
+        things.setdefault(batch_key(thing), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -164,7 +164,7 @@ def _lights(scene: Scene, a: Arrays, kind: type[Light], places: list[tuple[int, 
         names=Names(tuple(name for _, name in places)),
         numbers=stacked(a, kind, lights),
         samples=tuple(getattr(x, "samples", 1) for x in lights),
-        place=tuple(number for number, _ in places),
+        scene_index=tuple(number for number, _ in places),
     )
 
 
@@ -174,22 +174,22 @@ class Slot:
 
     arrays: tuple[Any, ...]
     row: int
-    part: int | None
+    component: int | None
 
     def read(self, values: tuple | list) -> Any:
         """The entry, out of arrays shaped like `arrays`, summed over them."""
         entry = sum(np.array(v, float)[..., self.row] for v in values)
-        return float(entry) if entry.ndim == 0 else entry if self.part is None else float(entry[self.part])
+        return float(entry) if entry.ndim == 0 else entry if self.component is None else float(entry[self.component])
 
     def one_hot(self) -> list[np.ndarray]:
         """Arrays that are 1 at the entry and 0 elsewhere."""
         hot = [np.zeros(np.array(v).shape) for v in self.arrays]
         for h in hot:
-            h[(Ellipsis, self.row) if self.part is None else (self.part, self.row)] = 1
+            h[(Ellipsis, self.row) if self.component is None else (self.component, self.row)] = 1
         return hot
 
 
-class Index:
+class AddressIndex:
     """From addresses to the arrays and rows of a packed scene: for derivatives, and for what an update changes."""
 
     def __init__(self, scene: Scene, packed: Packed):
@@ -246,7 +246,7 @@ class Index:
         raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
 
 
-def updated(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
+def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
     """The packed numbers of `new`, a scene that differs from `old` at the given addresses only: arrays that nothing
     changed are the same ones. None where more than numbers changed, and all is to be packed anew."""
     paths = [address.split(".") for address in addressed]
@@ -276,10 +276,10 @@ def _named(scene: Scene) -> tuple:
 
 def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
     """The batches with the numbers of some objects put in anew; None where one of them is of another batch now."""
-    index, batches, rows = Index(old, packed), list(packed.batches), {}
+    index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     for name in names:
         before, after = old.objects[name], new.objects[name]
-        if code(before) != code(after):
+        if batch_key(before) != batch_key(after):
             return None
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name

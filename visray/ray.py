@@ -37,28 +37,28 @@ class Ray:
     d: Any
     row: Any = None
     inside: Any = None
-    start: Any = None
+    clearance: Any = None
     cosine: Any = None
     part: Any = None
-    way: Any = None
-    rough: Any = None
+    to_target: Any = None
+    d_single: Any = None
 
     def exact(self) -> "Ray":
         """The same ray in double: d and start may come in single, where few rays need more."""
         d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
-        if self.way is not None:
-            d = self.way * inverse_length(self.way, type(self.d.x))
-        rough = self.rough if d is self.d else self.d
-        start, cosine = (None if x is None else type(d.x)(x) for x in (self.start, self.cosine))
+        if self.to_target is not None:
+            d = self.to_target * inverse_length(self.to_target, type(self.d.x))
+        d_single = self.d_single if d is self.d else self.d
+        clearance, cosine = (None if x is None else type(d.x)(x) for x in (self.clearance, self.cosine))
         if cosine is not None:
-            start /= dr.select(cosine > 0, cosine, 1)
-        return replace(self, d=d, start=start, cosine=None, way=None, rough=rough)
+            clearance /= dr.select(cosine > 0, cosine, 1)
+        return replace(self, d=d, clearance=clearance, cosine=None, to_target=None, d_single=d_single)
 
     def begin(self, known: "KnownEnds") -> Any:
         """The distance beyond which an exact ray meets a row. The row that it leaves may be as near as it likes."""
-        if self.start is None:
+        if self.clearance is None:
             return 0
-        return self.start if known.on_start is None else dr.select(known.on_start, 0, self.start)
+        return self.clearance if known.on_start is None else dr.select(known.on_start, 0, self.clearance)
 
 
 @dataclass(frozen=True)

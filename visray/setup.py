@@ -12,7 +12,7 @@ from visray import images, llvm
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
-from visray.pack import Packed, pack, updated
+from visray.pack import Packed, pack, repacked
 from visray.quantities import BACKENDS, Arrays
 from visray.scene import address as addresses
 from visray.scene.scene import Scene
@@ -34,17 +34,17 @@ class Prepared:
     order: np.ndarray
     x: Any
     y: Any
-    things: tuple
+    identities: tuple
 
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The scene with other values at some addresses. Only what changes is checked, packed and placed anew; where
         nothing but numbers change, no kernel is compiled (but where a camera or light comes to lie on a surface)."""
         if not isinstance(assignments, Mapping) or not all(isinstance(a, str) and a for a in assignments):
             raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
-        if _things(self.scene) != self.things:
+        if _identities(self.scene) != self.identities:
             raise UserError("updated: the prepared scene's own dicts were changed in place; prepare it anew")
         scene = addresses.changed(self.scene, assignments)
-        return self._with(scene, updated(self.packed, self.scene, scene, assignments, self.a))
+        return self._with(scene, repacked(self.packed, self.scene, scene, assignments, self.a))
 
     def adjusted(self, scene: Scene) -> "Prepared":
         """The same for a scene that differs from this one by its settings, or by the size of its film, alone."""
@@ -58,7 +58,7 @@ class Prepared:
         if packed is None or on != self.features or scene.settings.precision != self.scene.settings.precision:
             return prepare(scene, self.a.backend, brute_force=old.brute_force)
         kernel = kernel_scene(packed, scene, on, self.a, old.atlas, old.brute_force, (self.packed, old))
-        return replace(self, scene=scene, packed=packed, kernel=kernel, things=_things(scene))
+        return replace(self, scene=scene, packed=packed, kernel=kernel, identities=_identities(scene))
 
 
 def prepare(
@@ -83,10 +83,10 @@ def prepare(
     if attach is not None:
         attach(packed)
     kernel = kernel_scene(packed, scene, on, a, images.pack(a, scene.textures), brute_force)
-    return Prepared(scene, a, on, packed, kernel, *lanes(a, width, height), _things(scene))
+    return Prepared(scene, a, on, packed, kernel, *lanes(a, width, height), _identities(scene))
 
 
-def _things(scene: Scene) -> tuple:
+def _identities(scene: Scene) -> tuple:
     """The names in a scene, and what they name, by identity."""
     sections = scene.textures, scene.materials, scene.lights, scene.objects
     return tuple((name, id(thing)) for section in sections for name, thing in section.items())

@@ -39,28 +39,28 @@ def power(x: Any, exponent: Any, bits: int, fraction: bool, real: Any) -> Any:
     return result
 
 
-def shade(s: KernelScene, at: Interaction) -> Any:
+def shade(s: KernelScene, si: Interaction) -> Any:
     """The colour of a surface as its ray sees it, without the light that other surfaces send."""
-    return MODES[s.settings.shading](s, at)
+    return MODES[s.settings.shading](s, si)
 
 
-def lit(s: KernelScene, at: Interaction) -> Any:
+def lit(s: KernelScene, si: Interaction) -> Any:
     """The light that leaves the surface towards the ray's origin: ambient light, and that of all lights."""
-    a, on, m = s.a, s.features, at.material
+    a, on, m = s.a, s.features, si.material
     colour = dr.zeros(a.V, 1)
     if on["ambient"]:
-        sky, near = s.ambient, s.glow
+        sky, near = s.ambient, s.lights_ambient
         if on["sky occlusion"]:
-            sky = sky * occlusion.sky(s, at)
+            sky = sky * occlusion.sky(s, si)
         if on["near occlusion"]:
-            near = near * occlusion.near(s, at)
+            near = near * occlusion.near(s, si)
         colour = colour + (sky + near) * m.ka
-    return colour + direct(s, at, reflected)
+    return colour + direct(s, si, reflected)
 
 
-def reflected(s: KernelScene, at: Interaction, light: Any, sample: LightSample) -> Any:
+def reflected(s: KernelScene, si: Interaction, light: Any, sample: LightSample) -> Any:
     """What a light sample adds: its diffuse and specular parts, where it arrives and as far as it gets there."""
-    a, on, m = s.a, s.features, at.material
+    a, on, m = s.a, s.features, si.material
     mode = s.settings.shading
     colour = dr.zeros(a.V, 1)
     if on["diffuse"]:
@@ -68,48 +68,48 @@ def reflected(s: KernelScene, at: Interaction, light: Any, sample: LightSample) 
         cosine = dr.minimum(dr.ceil(sample.cosine * STEPS) * (1 / STEPS), 1) if mode == "toon" else sample.cosine
         colour = colour + light.intensity * light.Id * m.kd * cosine
     if on["specular"]:
-        gloss = power(_shine(s, at, sample), m.shininess, on.shininess_bits, on["fractional shininess"], a.F)
+        gloss = power(_shine(s, si, sample), m.shininess, on.shininess_bits, on["fractional shininess"], a.F)
         if mode == "toon":
             gloss = dr.select(gloss >= 0.5, a.F(1), 0)
         colour = colour + light.intensity * light.Is * m.ks * gloss
     if sample.weight is not None:
         colour = colour * sample.weight
-    if sample.share is not None:
-        colour = colour * sample.share
-    return dr.select(sample.reached, colour, 0)
+    if sample.transmittance is not None:
+        colour = colour * sample.transmittance
+    return dr.select(sample.arrives, colour, 0)
 
 
-def _shine(s: KernelScene, at: Interaction, sample: LightSample) -> Any:
+def _shine(s: KernelScene, si: Interaction, sample: LightSample) -> Any:
     """The cosine that the highlight is a power of: n.h, or in Phong's own model r.v with r the mirrored l."""
     if s.settings.shading == "phong":
-        mirrored = (2 * sample.cosine) * at.n - sample.l
-        return dr.maximum(-dr.dot(mirrored, at.d), 0)
-    halfway = sample.l - at.d
+        mirrored = (2 * sample.cosine) * si.n - sample.l
+        return dr.maximum(-dr.dot(mirrored, si.d), 0)
+    halfway = sample.l - si.d
     squared = dr.squared_norm(halfway)
-    return dr.maximum(dr.select(squared > 0, dr.dot(at.n, halfway) * dr.rsqrt(squared), 0), 0)
+    return dr.maximum(dr.select(squared > 0, dr.dot(si.n, halfway) * dr.rsqrt(squared), 0), 0)
 
 
-def _normal(s: KernelScene, at: Interaction) -> Any:
+def _normal(s: KernelScene, si: Interaction) -> Any:
     """The normal's x, y, z from -1..1 as red, green, blue from 0..1."""
-    return 0.5 * at.n + 0.5
+    return 0.5 * si.n + 0.5
 
 
-def _depth(s: KernelScene, at: Interaction) -> Any:
+def _depth(s: KernelScene, si: Interaction) -> Any:
     """White at the eye, mid-grey at the distance of the camera's target, black infinitely far."""
-    t = at.hit.t
+    t = si.hit.t
     if s.attached:
-        t = dr.select(at.hit.valid, dr.dot(at.surface.p - at.o, s.a.W(at.d)), t)
-    return s.a.V(dr.rcp(1 + s.a.F(t) * dr.rcp(s.view.middle)))
+        t = dr.select(si.hit.valid, dr.dot(si.surface.p - si.o, s.a.W(si.d)), t)
+    return s.a.V(dr.rcp(1 + s.a.F(t) * dr.rcp(s.view.target_distance)))
 
 
-def _uv(s: KernelScene, at: Interaction) -> Any:
+def _uv(s: KernelScene, si: Interaction) -> Any:
     """u as red and v as green, each the part after the point."""
-    return s.a.V(at.u - dr.floor(at.u), at.v - dr.floor(at.v), 0)
+    return s.a.V(si.u - dr.floor(si.u), si.v - dr.floor(si.v), 0)
 
 
-def _albedo(s: KernelScene, at: Interaction) -> Any:
+def _albedo(s: KernelScene, si: Interaction) -> Any:
     """kd, as no light changes it."""
-    return at.material.kd
+    return si.material.kd
 
 
 MODES = {

@@ -16,7 +16,7 @@ import drjit as dr
 import numpy as np
 
 from visray.accel.sah import DEPTH, NONE, WIDTH, Split, split, widened
-from visray.geometry import UNIT_ROUNDOFF, extent, gamma
+from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.quantities import Arrays
 from visray.ray import unit
 
@@ -140,13 +140,13 @@ class Walk:
         p = q + skipped * d
         # Kinds are off by gamma(32) of the size of what they compute with (culling.rounding), this by less.
         precision = "single" if a.D is a.F32 else "double"
-        error = gamma(128, precision) * (extent(o) + tree.size + skipped + ball)
+        error = gamma(128, precision) * (l1_norm(o) + tree.size + skipped + ball)
         # A component below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no further than
         # |p| + ball, and is then off by less than twice that share of it. No root is taken where a bound does.
         least = 2.0**-60
         d32 = a.V32(d)
         inverse = dr.rcp(dr.select(dr.abs(d32) < least, dr.copysign(a.V32(least), d32), d32))
-        margin = 5 * UNIT_ROUNDOFF["single"] * dr.abs(p) + error + 2 * least * (extent(p) + ball)
+        margin = 5 * UNIT_ROUNDOFF["single"] * dr.abs(p) + error + 2 * least * (l1_norm(p) + ball)
         middle, margin = -a.V32(p) * inverse, a.V32(margin) * dr.abs(inverse)
         start = dr.select(dr.isfinite(dr.squared_norm(p) + dr.squared_norm(d)), tree.root, NOTHING)
         ahead = tuple(x > 0 for x in inverse)

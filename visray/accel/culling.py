@@ -9,7 +9,7 @@ from typing import Any
 import drjit as dr
 
 from visray.batches import Batch
-from visray.geometry import UNIT_ROUNDOFF, extent, gamma
+from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.quantities import Arrays
 
 
@@ -105,7 +105,7 @@ class Ground:
 
     def near(self, cone: Cone) -> Any:
         """Whether any ray of a cone may meet the plane: the least slope of all, a full margin for rounding more."""
-        slope, size = dr.dot(self.normal, cone.axis), extent(self.normal)
+        slope, size = dr.dot(self.normal, cone.axis), l1_norm(self.normal)
         least = dr.select(cone.cosine < 0, -size, slope * cone.cosine - size * cone.sine)
         return least <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
 
@@ -117,7 +117,7 @@ def ground(a: Arrays, batch: Batch, o: Any) -> Ground:
     normal = a.V32(g) * dr.select(on, 0, dr.rcp(a.F32(dr.select(on, 1, f))))
     # The slope in single is off by at most four roundings of the normal, the six of d in `guard` and three of sums, of
     # the sum of the sizes of its terms.
-    return Ground(normal, dr.select(on, dr.inf, 16 * UNIT_ROUNDOFF["single"] * extent(normal)))
+    return Ground(normal, dr.select(on, dr.inf, 16 * UNIT_ROUNDOFF["single"] * l1_norm(normal)))
 
 
 def flush(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
@@ -127,4 +127,4 @@ def flush(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
 
 def rounding(batch: Batch, p: Any) -> Any:
     """How far points near objects are off by rounding."""
-    return gamma(32) * (extent(p) + (extent(batch.placed.inverse.o) if batch.radius is None else batch.radius))
+    return gamma(32) * (l1_norm(p) + (l1_norm(batch.placed.inverse.o) if batch.radius is None else batch.radius))

@@ -73,7 +73,7 @@ class Target:
     def exact(self, a: Arrays, ray: Ray) -> tuple[Ray, Any]:
         """The ray and the distance of its end in double."""
         whole = ray.exact()
-        distance = a.D(self.distance) if ray.way is None else dr.dot(ray.way, whole.d)
+        distance = a.D(self.distance) if ray.to_target is None else dr.dot(ray.to_target, whole.d)
         return whole, distance if self.slack is None else distance - a.D(a.F(self.slack) / self.cosine)
 
 
@@ -149,7 +149,7 @@ def _between(
         error = a.D(target.error)
         end_part = target.part if kind.uses_part else None
         if target.loose:
-            end, row = whole.o + distance * whole.d, batch.geometry(c.row)
+            end, row = whole.o + distance * whole.d, batch.rows_at(c.row)
             f, g = kind.surface_at(one, end)
             on_end = on_end | flush(row, f, g, end, error)
             near = rounding(row, end) + error

@@ -44,7 +44,7 @@ class Geometry:
             return geometry
         corners = [boxes(batches[i]) for i in numbers]
         low, high = (np.concatenate(c) for c in zip(*corners))
-        index = np.concatenate([batches[i].base + np.arange(len(batches[i])) for i in numbers])
+        index = np.concatenate([batches[i].first_row + np.arange(len(batches[i])) for i in numbers])
         number = np.repeat(numbers, [len(batches[i]) for i in numbers])
         return replace(geometry, tree=evaluated(build(a, low, high, number, index)))
 
@@ -130,7 +130,7 @@ class RayOrigin:
         else:
             # Here and not where they are used: many rays from one point, in a loop, then share them.
             self.near = [
-                [self._guard(b.geometry(self.a.U(i))) for i in range(len(b) if there else 0)]
+                [self._guard(b.rows_at(self.a.U(i))) for i in range(len(b) if there else 0)]
                 for b, there in zip(self.batches, written)
             ]
 
@@ -172,7 +172,7 @@ class RayOrigin:
         return self.a.B(True) if c.batch in self.plan.tree else self.guard(c).candidate(d, reach)
 
     def _row(self, c: Candidate) -> Batch:
-        return self.batches[c.batch].geometry(c.row)
+        return self.batches[c.batch].rows_at(c.row)
 
     def never_rehit(self, c: Candidate, ray: Ray) -> Any:
         """Whether rays leave a row so that they never meet it again."""
@@ -204,7 +204,7 @@ class RayOrigin:
                 state, few = self._few(query, few, state), []
                 state = self._looped(query, batch, number, state, brute_force)
                 continue
-            each = [Candidate(number, self.a.U(i), self.a.U(batch.base + i), True, i) for i in range(n)]
+            each = [Candidate(number, self.a.U(i), self.a.U(batch.first_row + i), True, i) for i in range(n)]
             if self.shared and n <= policy.MAX_INLINED and not brute_force:
                 few += each
                 continue
@@ -256,7 +256,7 @@ class RayOrigin:
 
         def step(bits: Any, *state: Any) -> tuple:
             i = dr.tzcnt(bits) + first
-            state = query.intersect(Candidate(number, i, i + batch.base, True), *state)
+            state = query.intersect(Candidate(number, i, i + batch.first_row, True), *state)
             return (dr.select(query.finished(*state), 0, bits & (bits - 1)), *state)
 
         return dr.while_loop((bits, *state), lambda bits, *_: bits != 0, step, label="gathered")[1:]
@@ -265,7 +265,7 @@ class RayOrigin:
         last = dr.opaque(self.a.U, len(batch))
 
         def body(i: Any, *state: Any) -> tuple:
-            c = Candidate(number, i, i + batch.base, True)
+            c = Candidate(number, i, i + batch.first_row, True)
             if brute_force:
                 return (i + 1, *query.intersect(c, *state))
             return (i + 1, *_where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s), "intersect"))
@@ -277,7 +277,7 @@ class RayOrigin:
         """The state after the rows in the tree."""
 
         def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
-            c = Candidate(number, dr.select(present, index - self.batches[number].base, 0), index, present)
+            c = Candidate(number, dr.select(present, index - self.batches[number].first_row, 0), index, present)
             return _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s, begun=begun), "intersect")
 
         # The way through the tree needs the ray in double as well.

@@ -108,7 +108,7 @@ def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarr
 
 def _at(prepared: Prepared, depth: int, targets: np.ndarray) -> DualBuffer:
     """Both halves with so many samples, and another depth, which is data: no kernel is made."""
-    levels = (dr.opaque(prepared.a.U, depth), prepared.kernel.levels[1])
-    halves = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, levels=levels)))
+    levels = (dr.opaque(prepared.a.U, depth), prepared.kernel.bounce_limits[1])
+    halves = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, bounce_limits=levels)))
     halves.extend(targets)
     return halves

@@ -12,7 +12,7 @@ class DirectionalLight(Light):
     """A light infinitely far away, like the sun: it shines along `direction` everywhere. It has no distance, so that of
     its attenuation only `a` can be used."""
 
-    placed: ClassVar[bool] = False
+    has_position: ClassVar[bool] = False
 
     type: Literal["directional"] = "directional"
     direction: Direction

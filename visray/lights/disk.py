@@ -20,10 +20,10 @@ class DiskLight(AreaLight):
     normal: Direction = (0.0, 1.0, 0.0)
     radius: Length = 1.0
 
-    def offset(self, w: Any, u: Any, v: Any) -> Any:
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         s, t = tangents(dr.normalize(self.normal))
         x, y = disk(u, v)
         return x * w(self.radius * s) + y * w(self.radius * t)
 
-    def reach(self) -> Any:
+    def radius_bound(self) -> Any:
         return self.radius

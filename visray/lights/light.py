@@ -37,14 +37,14 @@ class Light:
     c: Factor = 0.0
 
     # Whether the light has a place, and whether it has an extent.
-    placed: ClassVar[bool] = True
-    wide: ClassVar[bool] = False
+    has_position: ClassVar[bool] = True
+    has_area: ClassVar[bool] = False
 
     def flaws(self) -> list[tuple[str, str]]:
         """What no field alone can show to be wrong: pairs of a field and what is wrong with it."""
         return []
 
-    def aim(self, d: Any) -> Any:
+    def falloff(self, d: Any) -> Any:
         """The share of the light that is sent in the unit direction `d`, or None where it is 1 for all of them."""
         return None
 
@@ -55,13 +55,13 @@ class AreaLight(Light):
 
     samples: Samples = 16
 
-    wide: ClassVar[bool] = True
+    has_area: ClassVar[bool] = True
 
-    def offset(self, w: Any, u: Any, v: Any) -> Any:
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         """From the middle of the light to its point for (u, v) in the unit square, a triple of type `w`; equal areas of
         the square are equal areas of the light."""
         raise TypeError(f"{type(self).__name__} has no points")
 
-    def reach(self) -> Any:
+    def radius_bound(self) -> Any:
         """The radius of a sphere about the middle of the light that holds it."""
         raise TypeError(f"{type(self).__name__} has no reach")

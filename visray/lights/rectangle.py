@@ -25,8 +25,8 @@ class RectangleLight(AreaLight):
         flat = np.linalg.norm(np.cross(w, h)) <= 8 * np.finfo(float).eps * np.linalg.norm(w) * np.linalg.norm(h)
         return [("height", "must not be parallel to width: the light would have no area")] if flat else []
 
-    def offset(self, w: Any, u: Any, v: Any) -> Any:
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return (u - 0.5) * w(self.width) + (v - 0.5) * w(self.height)
 
-    def reach(self) -> Any:
+    def radius_bound(self) -> Any:
         return 0.5 * (dr.norm(self.width) + dr.norm(self.height))

@@ -16,8 +16,8 @@ class SphereLight(AreaLight):
     position: Point
     radius: Length = 1.0
 
-    def offset(self, w: Any, u: Any, v: Any) -> Any:
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return type(u)(self.radius) * sphere(w, u, v)
 
-    def reach(self) -> Any:
+    def radius_bound(self) -> Any:
         return self.radius

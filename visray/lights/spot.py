@@ -28,7 +28,7 @@ class SpotLight(Light):
     angle: HalfAngle = 30.0
     exponent: Factor = 0.0
 
-    def aim(self, d: Any) -> Any:
+    def falloff(self, d: Any) -> Any:
         # 1 - cos t of both angles, from half angles and differences of unit vectors, where no digits cancel.
         axis = dr.normalize(self.direction)
         edge = 2 * dr.square(dr.sin(self.angle * (0.25 * dr.pi / 90)))

@@ -49,7 +49,7 @@ class Capsule(ConvexSolid):
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         (h,) = shape
-        radius = h * dr.norm(to_world.z) + to_world.longest()
+        radius = h * dr.norm(to_world.z) + to_world.max_stretch()
         return radius, h * half_extents(to_world, "z") + half_extents(to_world, "", "xyz")
 
     @staticmethod

@@ -32,7 +32,7 @@ class Disk(Flat):
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
-        return flat.longest(), half_extents(to_world, "", "xy")
+        return flat.max_stretch(), half_extents(to_world, "", "xy")
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import drjit as dr
 import numpy as np
 
-from visray.geometry import Frame, clearly_across
+from visray.geometry import Frame, clearly_not_parallel
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
 from visray.quantities import Point, Vector
@@ -26,7 +26,7 @@ class Rectangle(Flat):
     height: Vector = (0.0, 1.0, 0.0)
 
     def flaws(self) -> list[tuple[str, str]]:
-        if clearly_across(self.width, self.height):
+        if clearly_not_parallel(self.width, self.height):
             return []
         w, h = np.array(self.width, float), np.array(self.height, float)
         sine = np.linalg.norm(np.cross(w / np.linalg.norm(w), h / np.linalg.norm(h)))

@@ -44,7 +44,7 @@ class Revolved(ConvexSolid):
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         x, y, z = to_world.x, to_world.y, to_world.z
-        across, along = Frame(x, y, 0 * z, to_world.o).longest(), dr.norm(z)
+        across, along = Frame(x, y, 0 * z, to_world.o).max_stretch(), dr.norm(z)
         # |p|^2 of a rim point is across^2 + along^2 where the axis is normal to the base. Otherwise the products of the
         # columns add at most 2 lean.
         lean = dr.abs(dr.dot(x, z)) + dr.abs(dr.dot(y, z))

@@ -32,7 +32,7 @@ class UnitSphere(ConvexSolid):
 
     @staticmethod
     def extents(to_world: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
-        return to_world.longest(), half_extents(to_world, "", "xyz")
+        return to_world.max_stretch(), half_extents(to_world, "", "xyz")
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:

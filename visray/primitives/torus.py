@@ -68,7 +68,7 @@ class Torus(PolynomialSolid):
         """The torus is the Minkowski sum of a circle and a ball, so its extents are the sum of theirs."""
         major, minor = shape
         flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
-        radius = major * flat.longest() + minor * to_world.longest()
+        radius = major * flat.max_stretch() + minor * to_world.max_stretch()
         return radius, major * half_extents(to_world, "", "xy") + minor * half_extents(to_world, "", "xyz")
 
     @staticmethod

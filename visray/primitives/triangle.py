@@ -6,7 +6,7 @@ from typing import Any, Literal
 import drjit as dr
 import numpy as np
 
-from visray.geometry import Frame, clearly_across
+from visray.geometry import Frame, clearly_not_parallel
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import Bounds, MitsubaShapes, scalars, transform_frame
 from visray.quantities import Point
@@ -65,7 +65,7 @@ class Triangle(Flat):
     c: Point
 
     def flaws(self) -> list[tuple[str, str]]:
-        if clearly_across(*(tuple(q - p for p, q in zip(self.a, v)) for v in (self.b, self.c))):
+        if clearly_not_parallel(*(tuple(q - p for p, q in zip(self.a, v)) for v in (self.b, self.c))):
             return []
         a, b, c = (np.array(v, float) for v in (self.a, self.b, self.c))
         ab, ac = np.linalg.norm(b - a), np.linalg.norm(c - a)

@@ -215,7 +215,7 @@ def left_out(scene: Scene, effect: str) -> Prepared:
         return prepare(scene, without=(effect,))
     shared = [f.name for f in fields(Light)]
     points = {
-        name: PointLight(position=l.position, **{f: getattr(l, f) for f in shared}) if l.wide else l
+        name: PointLight(position=l.position, **{f: getattr(l, f) for f in shared}) if l.has_area else l
         for name, l in scene.lights.items()
     }
     return prepare(replace(scene, lights=points))

@@ -26,7 +26,7 @@ class View:
     """
 
     kernel: KernelScene
-    at: Interaction
+    si: Interaction
     names: tuple[str, ...]
     index: np.ndarray
     t: np.ndarray
@@ -51,9 +51,9 @@ def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
     steps, angles = np.abs(found.t[same] - t) / np.spacing(t), _angles(found.n[same], n)
 
     u, v = np.random.default_rng(seed).uniform(size=(2, len(same)))
-    normal = dr.select(right.at.hit.valid, a.W(right.at.n), a.W(0, 0, 1))
+    normal = dr.select(right.si.hit.valid, a.W(right.si.n), a.W(0, 0, 1))
     d = unit(warp.cosine(normal, a.D(u), a.D(v)), a.W)
-    active = a.B(same) & (dr.dot(a.W(right.at.n), d) > 0) & (dr.dot(a.W(found.at.n), d) > 0)
+    active = a.B(same) & (dr.dot(a.W(right.si.n), d) > 0) & (dr.dot(a.W(found.si.n), d) > 0)
     dr.eval(d, active)
     hidden, open_ = _hidden(found, d, active), ~_hidden(right, d, active)
     return Geometry(
@@ -72,7 +72,7 @@ def _view(prepared: Prepared, ray: Ray) -> View:
     """What the rays from the camera hit first."""
     s = prepared.kernel
     here = interact(s, ray, closest(s.origin, ray, s.brute_force))
-    dr.eval(here.hit, here.surface, here.n, here.within)
+    dr.eval(here.hit, here.surface, here.n, here.from_inside)
     index = np.array(here.hit.row).astype(np.int64)
     index[index == NO_ROW] = -1
     names = tuple(name for batch in s.batches for name in batch.names)
@@ -89,8 +89,8 @@ def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 def _hidden(view: View, d: Any, active: Any) -> np.ndarray:
     """Whether rays from what is seen meet anything, of those that are active."""
-    s, here = view.kernel, view.at
+    s, here = view.kernel, view.si
     origin = RayOrigin(s.geometry, here.surface.p, shared=False)
-    ray = here.leaving(d, dr.dot(s.a.W(here.n), d))
+    ray = here.spawn_ray(d, dr.dot(s.a.W(here.n), d))
     far = Target(dr.full(s.a.D, dr.inf, dr.width(d)), s.a.D(0))
     return np.array(occluded(origin, ray, far, active, s.brute_force))

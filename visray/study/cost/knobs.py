@@ -109,7 +109,7 @@ def _samples(scene: Scene, sampler: str) -> Knob:
 
 def _light_samples(scene: Scene) -> Knob:
     """The samples of all area lights together."""
-    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.wide}
+    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.has_area}
 
     def choice(factor: float) -> Choice:
         settings = {address: _times(n, factor) for address, n in own.items()}

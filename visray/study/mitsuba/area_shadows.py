@@ -25,7 +25,7 @@ def compare(
 
     whole: the scene with its area lights, all objects opaque; lights: as Mitsuba is given them; rays: of the pixels.
     """
-    mine = {name: light for name, light in whole.lights.items() if light.wide}
+    mine = {name: light for name, light in whole.lights.items() if light.has_area}
     if not mine or not whole.settings.shadows:
         return Penumbras(), []
     step = -(-len(rays.d) * len(mine) * SIDE**2 // MOST_RAYS)
@@ -66,4 +66,4 @@ def points(ours: VisrayScene, light: AreaLight) -> np.ndarray:
     """The middles of the strata of an area light, from the centre. Shapes: (SIDE^2, 3)."""
     a, row = ours.a, arrivals.table(ours, light)
     v, u = (np.mgrid[:SIDE, :SIDE].reshape(2, -1) + 0.5) / SIDE
-    return np.array(row.position + row.offset(a.W, a.D(u), a.D(v)), float).T - ours.centre
+    return np.array(row.position + row.point_offset(a.W, a.D(u), a.D(v)), float).T - ours.centre

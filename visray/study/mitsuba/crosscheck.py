@@ -89,7 +89,7 @@ def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays
     rng = np.random.default_rng(seed)
     boxes = [box for thing in scene.objects.values() if (box := bounding_box(thing)) is not None]
     if not boxes:
-        places = [light.position for light in scene.lights.values() if light.placed]
+        places = [light.position for light in scene.lights.values() if light.has_position]
         points = [scene.camera.origin, scene.camera.target, *places]
         boxes = [(np.min(points, 0), np.max(points, 0))]
     low, high = (np.array(corner) - centre for corner in zip(*boxes))

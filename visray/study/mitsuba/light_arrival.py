@@ -37,8 +37,12 @@ def beams(ours: VisrayScene, look: Look) -> Iterator[Arrival]:
     here = _interaction(ours, look)
     for light in _lights(ours):
         sample = light_sample(ours.kernel, here, light)
-        share = None if sample.share is None else np.broadcast_to(rows(sample.share), (len(look.answers.t), 3))
-        yield Arrival(np.array(sample.reached), np.array(sample.cosine, float), share)
+        share = (
+            None
+            if sample.transmittance is None
+            else np.broadcast_to(rows(sample.transmittance), (len(look.answers.t), 3))
+        )
+        yield Arrival(np.array(sample.arrives), np.array(sample.cosine, float), share)
 
 
 def beam_of_point(ours: VisrayScene, look: Look, light: AreaLight, point: np.ndarray) -> Arrival:
@@ -48,7 +52,7 @@ def beam_of_point(ours: VisrayScene, look: Look, light: AreaLight, point: np.nda
     pinned = PreparedLight(type(light), Pinned(row, away), SampleSet.of(a, 1), 1, 0, None)
 
     def reflected(_: Any, __: Interaction, ___: Any, sample: Any) -> Any:
-        return a.V(dr.select(sample.reached, a.F(1), 0), sample.cosine, 0)
+        return a.V(dr.select(sample.arrives, a.F(1), 0), sample.cosine, 0)
 
     reached, cosine, _ = rows(area_light(ours.kernel, _interaction(ours, look), pinned, reflected)).T
     return Arrival(reached > 0, cosine)
@@ -63,12 +67,12 @@ class Pinned:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.light, name)
 
-    def offset(self, w: Any, u: Any, v: Any) -> Any:
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return w(self.away)
 
 
 def _interaction(ours: VisrayScene, look: Look) -> Interaction:
-    return interact(ours.kernel, look.ray, look.hit, integrator.first_state(ours.kernel, len(look.answers.t)))
+    return interact(ours.kernel, look.ray, look.hit, integrator.single_sample_state(ours.kernel, len(look.answers.t)))
 
 
 def _lights(ours: VisrayScene) -> list[PreparedLight]:
@@ -76,7 +80,7 @@ def _lights(ours: VisrayScene) -> list[PreparedLight]:
     lights = {light.number: light for light in ours.kernel.lights}
     for batch in ours.kernel.looped_lights:
         columns = next(c for c in ours.prepared.packed.lights if c.kind is batch.kind)
-        for i, place in enumerate(columns.place):
+        for i, place in enumerate(columns.scene_index):
             row = pytree.rows(batch.table, dr.opaque(ours.a.U, i))
             lights[place] = PreparedLight(batch.kind, row, None, 0, place, None)
     return [lights[i] for i in sorted(lights)]
@@ -89,7 +93,7 @@ def table(ours: VisrayScene, light: Light) -> Any:
 
 def sends(ours: VisrayScene, light: Light, ways: ShadowRays) -> np.ndarray:
     """Whether a light sends anything to where the ways begin. Shapes: (N)."""
-    aim = table(ours, light).aim(ours.triples(-ways.l))
+    aim = table(ours, light).falloff(ours.triples(-ways.l))
     return np.ones(len(ways.p), bool) if aim is None else np.array(aim) > 0
 
 
@@ -133,8 +137,8 @@ def _search(ours: VisrayScene, look: Look, ways: ShadowRays, arrives: bool) -> t
         if arrives:
             # What lies flush with the surface is not met: the point is off by its error.
             cosine = a.D(np.abs((look.answers.n * ways.l).sum(1)))
-            start = look.surface.error / dr.select(cosine > 0, cosine, 1)
-            ray = Ray(ray.o, ray.d, row=look.hit.row, inside=within, start=start, part=look.hit.part)
+            clearance = look.surface.error / dr.select(cosine > 0, cosine, 1)
+            ray = Ray(ray.o, ray.d, row=look.hit.row, inside=within, clearance=clearance, part=look.hit.part)
     else:
         ray = Ray(ours.triples(ours.centre + ways.end), ours.triples(-ways.l))
         row = look.hit.row if arrives else dr.opaque(a.U, NO_ROW, n)

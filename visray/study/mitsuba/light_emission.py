@@ -8,7 +8,7 @@ from visray.lights.light import Light
 
 def weight(light: Light, distance: np.ndarray) -> np.ndarray:
     """1 / (a + b d + c d^2), or 1 where a = b = c = 0; infinitely far away, d does not count. Shapes: (N) -> (N)."""
-    d = distance if light.placed else np.zeros_like(distance)
+    d = distance if light.has_position else np.zeros_like(distance)
     total = light.a + light.b * d + light.c * d**2
     return np.divide(1, total, out=np.ones_like(d), where=total > 0)
 

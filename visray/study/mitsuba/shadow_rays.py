@@ -31,7 +31,7 @@ class ShadowRays:
     @staticmethod
     def to(p: np.ndarray, light: Light, centre: np.ndarray) -> "ShadowRays":
         """From p to a light: to its middle, or against its direction."""
-        if light.placed:
+        if light.has_position:
             return ShadowRays.between(p, np.array(light.position, float) - centre)
         d = np.array(light.direction, float)
         return ShadowRays(

@@ -70,7 +70,7 @@ def plain(scene: Scene) -> tuple[Scene, list[str]]:
 
 def middle(light: Light) -> Light:
     """A light without an extent: the middle of an area light, and any other as it is."""
-    if not light.wide:
+    if not light.has_area:
         return light
     shared = {f.name: getattr(light, f.name) for f in fields(Light)}
     return PointLight(position=light.position, **shared)

@@ -11,7 +11,7 @@ from visray import clock
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
 from visray.errors import UserError
-from visray.geometry import facing
+from visray.geometry import face_forward
 from visray.interaction import surface_of
 from visray.polynomials import PolynomialError
 from visray.primitives.clips import Ball
@@ -99,7 +99,7 @@ class Kernel:
 
     def leave(self, leaving: Leaving) -> tuple[np.ndarray, np.ndarray]:
         first, hit, surface = self.look(leaving.first)
-        n, within = facing(surface.n, self.a.V(first.d))
+        n, within = face_forward(surface.n, self.a.V(first.d))
         d = self.triples(leaving.rays.d)
         ray = Ray(surface.p, d, hit.row, within, surface.error, dr.dot(self.a.W(n), d), hit.part)
         dr.eval(ray)

@@ -163,7 +163,7 @@ def test_the_first_crossing_is_found(seed: int) -> None:
     noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
     part = isolate(line.c, lambda r: noise, plainly(line.c, noise), D(-1), D(1), A.B(True))
     s = np.array(refine(line, part, line(part.low), line(part.high), (-1, 1)))
-    found = np.array(part.found)
+    found = np.array(part.exists)
     if not len(roots):
         assert not found.any() and not np.array(part.unresolved).any()
         return
@@ -222,7 +222,7 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
         gap = array(r) - s
         return gap**m * (s * s + 1)
 
-    assert np.array(part.found).all() and not np.array(part.unresolved).any()
+    assert np.array(part.exists).all() and not np.array(part.unresolved).any()
     found = refine(structured, part, structured(part.low), structured(part.high), (-1, 1))
     assert np.abs(np.array(found) - r).max() <= 2.0**-52
 
@@ -233,5 +233,5 @@ def test_touching_is_no_crossing() -> None:
     c = tuple(map(array, (r * r, -2 * r, 1 + 0 * r, 0 * r)))
     noise = array(8 * 2.0**-53 * (1 + np.abs(r)) ** 2)
     part = isolate(c, lambda _: noise, plainly(c, noise), D(-1), D(1), A.B(True))
-    assert not np.array(part.found).any()
+    assert not np.array(part.exists).any()
     assert np.isin(np.array(part.unresolved), [0, 1]).all() and np.array(part.unresolved).mean() > 0.5

@@ -1,4 +1,4 @@
-"""What the structure of a polynomial is evaluated with: polynomials along a chord, bounds of sizes, slopes."""
+"""Number types that a program is evaluated with: polynomials in s, size bounds, and dual numbers."""
 
 from typing import Any
 
@@ -8,12 +8,12 @@ from visray.geometry import UNIT_ROUNDOFF
 
 
 def roundoff(x: Any) -> float:
-    """The unit roundoff of an array's numbers: of double, but on backends that have none."""
+    """The unit roundoff of an array's type: that of double, or of single on backends without double."""
     return UNIT_ROUNDOFF["double" if dr.type_v(x) == dr.VarType.Float64 else "single"]
 
 
 class Univariate:
-    """A polynomial in s, the place along a chord: its coefficients from the constant one up."""
+    """A polynomial in s, the place along a chord. c: coefficients, the constant one first."""
 
     def __init__(self, *c: Any):
         self.c = c
@@ -31,14 +31,15 @@ class Univariate:
     def __mul__(self, other: "Univariate") -> "Univariate":
         if self is other:
             return self._squared()
-        found: list[Any] = [None] * (len(self.c) + len(other.c) - 1)
+        product: list[Any] = [None] * (len(self.c) + len(other.c) - 1)
         for i, x in enumerate(self.c):
             for j, y in enumerate(other.c):
-                found[i + j] = x * y if found[i + j] is None else dr.fma(x, y, found[i + j])
-        return Univariate(*found)
+                product[i + j] = x * y if product[i + j] is None else dr.fma(x, y, product[i + j])
+        return Univariate(*product)
 
     def _squared(self) -> "Univariate":
-        c, n, found = self.c, len(self.c), []
+        """The square, with each product of two different coefficients computed once."""
+        c, n, square = self.c, len(self.c), []
         for k in range(2 * n - 1):
             pairs = [(i, k - i) for i in range(max(0, k - n + 1), (k + 1) // 2)]
             total = None
@@ -49,8 +50,8 @@ class Univariate:
             if k % 2 == 0:
                 half = c[k // 2]
                 total = half * half if total is None else dr.fma(half, half, total)
-            found.append(total)
-        return Univariate(*found)
+            square.append(total)
+        return Univariate(*square)
 
     def __call__(self, s: Any) -> Any:
         total = self.c[-1]
@@ -59,47 +60,55 @@ class Univariate:
         return total
 
     def slope(self, s: Any) -> Any:
-        """The derivative by s."""
+        """The derivative at s."""
         return Univariate(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
 
 
-# Of polynomials of up to so many coefficients the size is added up; of others it is bounded by that of their parts.
+# The size of a polynomial with at most this many coefficients is summed up. For longer ones the size that follows from
+# their operands is used.
 FEW = 5
 
 
 class BoundedPolynomial:
-    """A polynomial in s, with bounds of its size and of how far off it is for |s| <= 1, by running error analysis.
+    """A polynomial in s with bounds that hold for |s| <= 1, by running error analysis.
 
-    Source: Higham, section 3.3. A coefficient of a product is off by the errors of both and by a rounding a term.
+    polynomial: the computed polynomial.
+    error: bound on its error.
+    size: bound on its absolute value.
+
+    A coefficient of a product carries the errors of both operands, and one rounding per term.
+    Source: Higham, section 3.3.
     """
 
-    def __init__(self, line: Univariate, error: Any, size: Any = None):
-        self.line, self.error = line, error
-        exact = size is None or len(line.c) <= FEW
-        self.size = sum(map(dr.abs, line.c)) if exact else size
+    def __init__(self, polynomial: Univariate, error: Any, size: Any = None):
+        self.polynomial, self.error = polynomial, error
+        summed = size is None or len(polynomial.c) <= FEW
+        self.size = sum(map(dr.abs, polynomial.c)) if summed else size
 
     def __add__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
-        return self._rounded(self.line + other.line, other)
+        return self._rounded(self.polynomial + other.polynomial, other)
 
     def __sub__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
-        return self._rounded(self.line - other.line, other)
+        return self._rounded(self.polynomial - other.polynomial, other)
 
-    def _rounded(self, line: Univariate, other: "BoundedPolynomial") -> "BoundedPolynomial":
+    def _rounded(self, polynomial: Univariate, other: "BoundedPolynomial") -> "BoundedPolynomial":
+        """A sum or difference of this and another polynomial, with its bounds."""
         size = self.size + other.size
-        return BoundedPolynomial(line, dr.fma(roundoff(size), size, self.error + other.error), size)
+        return BoundedPolynomial(polynomial, dr.fma(roundoff(size), size, self.error + other.error), size)
 
     def __neg__(self) -> "BoundedPolynomial":
-        return BoundedPolynomial(-self.line, self.error, self.size)
+        return BoundedPolynomial(-self.polynomial, self.error, self.size)
 
     def __mul__(self, other: "BoundedPolynomial") -> "BoundedPolynomial":
-        line = self.line * (self.line if self is other else other.line)
-        rounds = (1 + min(len(self.line.c), len(other.line.c))) * roundoff(self.size)
+        polynomial = self.polynomial * (self.polynomial if self is other else other.polynomial)
+        terms = min(len(self.polynomial.c), len(other.polynomial.c))
+        rounds = (1 + terms) * roundoff(self.size)
         error = self.size * dr.fma(rounds, other.size, other.error) + self.error * (other.size + other.error)
-        return BoundedPolynomial(line, error, self.size * other.size)
+        return BoundedPolynomial(polynomial, error, self.size * other.size)
 
 
 class Magnitude:
-    """A bound of the sizes of all that is added up to a number: what its rounding is relative to."""
+    """A bound x on the sum of the sizes of all terms of a number. Its rounding error is relative to this bound."""
 
     def __init__(self, x: Any):
         self.x = x
@@ -117,7 +126,11 @@ class Magnitude:
 
 
 class DualNumber:
-    """A number with its derivatives by x, y and z, None where they are zero by structure."""
+    """A number with its derivatives, for differentiation in forward mode.
+
+    x: the value.
+    slopes: derivatives by x, y and z; None where a derivative is zero by structure.
+    """
 
     def __init__(self, x: Any, slopes: tuple):
         self.x, self.slopes = x, slopes
@@ -126,7 +139,7 @@ class DualNumber:
         return DualNumber(self.x + other.x, tuple(map(_sum, self.slopes, other.slopes)))
 
     def __sub__(self, other: "DualNumber") -> "DualNumber":
-        return DualNumber(self.x - other.x, tuple(_sum(p, None if q is None else -q) for p, q in self._beside(other)))
+        return DualNumber(self.x - other.x, tuple(_sum(p, None if q is None else -q) for p, q in self._pairs(other)))
 
     def __neg__(self) -> "DualNumber":
         return DualNumber(-self.x, tuple(None if p is None else -p for p in self.slopes))
@@ -134,16 +147,19 @@ class DualNumber:
     def __mul__(self, other: "DualNumber") -> "DualNumber":
         if self is other:
             return DualNumber(self.x * self.x, tuple(None if p is None else 2 * self.x * p for p in self.slopes))
-        parts = (_sum(_product(p, other.x), _product(q, self.x)) for p, q in self._beside(other))
-        return DualNumber(self.x * other.x, tuple(parts))
+        slopes = (_sum(_product(p, other.x), _product(q, self.x)) for p, q in self._pairs(other))
+        return DualNumber(self.x * other.x, tuple(slopes))
 
-    def _beside(self, other: "DualNumber") -> zip:
+    def _pairs(self, other: "DualNumber") -> zip:
+        """Derivatives of both numbers, paired by axis."""
         return zip(self.slopes, other.slopes)
 
 
 def _sum(p: Any, q: Any) -> Any:
+    """p + q, where None is zero."""
     return q if p is None else p if q is None else p + q
 
 
 def _product(p: Any, x: Any) -> Any:
+    """p x, where None is zero."""
     return None if p is None else p * x

@@ -1,4 +1,4 @@
-"""A root to the last digit, or to a tolerance."""
+"""Root refinement: an isolated root to the last digit, or to a tolerance."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,26 +8,30 @@ import drjit as dr
 from visray.roots.isolation import IsolatedRoot
 from visray.roots.number_types import roundoff
 
-# An end that is not confirmed by the surface's structure is moved by at least this part of the chord. Where it is
-# needed (a triple root), the two differ by the cube root of the rounding.
+# An interval end at which f does not have the expected sign is moved outwards by at least this part of the chord. This
+# happens at triple roots, where f and the isolated polynomial differ by the cube root of the rounding.
 WIDENED = 3e-4
 
 
 def refine(
-    f: Callable, part: IsolatedRoot, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
+    f: Callable, root: IsolatedRoot, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
 ) -> Any:
-    """Where f, which counts as above zero at the beginning of each part and below at its end, is zero, to the last
-    digit of s: by inverse quadratic interpolation where that is certain to be good, by halves elsewhere.
+    """The zero of f in each interval, where f counts as positive at the low end and negative at the high end.
 
-    at_low, at_high: what counts as its values there. f is of order 1 or less. bounds: no end is moved beyond these.
-    flat: what is no larger in size, and so of no sign, counts as above zero, as long as nothing larger has been found.
-    tolerance: how far off s may be where that is more than its last digit; None: it may not.
-    Source: Chandrupatla 1997, with one division.
+    Inverse quadratic interpolation where it is certain to converge well, bisection elsewhere.
+
+    f: function of s, of order 1 or less.
+    at_low, at_high: values that count as those of f at the ends.
+    bounds: no end is moved beyond these.
+    flat: a value of at most this size has no sign of its own. It counts as positive until a larger value is found.
+    tolerance: greatest error of s, where that is more than its last digit; None: the last digit.
+
+    Source: Chandrupatla 1997, with a single division.
     """
-    ulp = 2 * roundoff(part.low)
+    ulp = 2 * roundoff(root.low)
 
     def step(a: Any, b: Any, fa: Any, fb: Any, x: Any, going: Any) -> tuple:
-        # a is the newest point, x the next one; the root lies between a and b.
+        # a is the newest point and x the next one. The root lies between a and b.
         fx = f(x)
         if flat is not None:
             above = dr.select(fa > 0, fa, fb)
@@ -47,26 +51,28 @@ def refine(
         onwards = dr.maximum(least, dr.minimum(size - least, onwards))
         return a, b, fa, fb, a + dr.copysign(onwards, gap), going & (2 * least < size) & (fx != 0)
 
-    def closed_in(*state: Any) -> tuple:
+    def close_in(*state: Any) -> tuple:
         return dr.while_loop(state, lambda *state: state[-1], step, label="refine")[:4]
 
-    middle = 0.5 * (part.low + part.high)
-    a, b, fa, fb = closed_in(part.high, part.low, at_high, at_low, middle, part.found)
-    # At an end f's sign is not that of the polynomial that was isolate: then that end is moved.
-    first = part.found & (fa != 0) & (b == part.low)
-    last = part.found & (fa != 0) & (b == part.high)
-    more = dr.maximum(part.high - part.low, WIDENED)
-    low = dr.select(first, dr.maximum(part.low - more, bounds[0]), part.low)
-    high = dr.select(last, dr.minimum(part.high + more, bounds[1]), part.high)
+    middle = 0.5 * (root.low + root.high)
+    a, b, fa, fb = close_in(root.high, root.low, at_high, at_low, middle, root.exists)
+    # Where the search has closed in on an end, f does not have the sign of the isolated polynomial there. Then that end
+    # is moved and the search is repeated.
+    move_low = root.exists & (fa != 0) & (b == root.low)
+    move_high = root.exists & (fa != 0) & (b == root.high)
+    more = dr.maximum(root.high - root.low, WIDENED)
+    low = dr.select(move_low, dr.maximum(root.low - more, bounds[0]), root.low)
+    high = dr.select(move_high, dr.minimum(root.high + more, bounds[1]), root.high)
     if tolerance is None:
         state = high, low, at_high, at_low, 0.5 * (low + high)
     else:
-        # That end may only not have been looked at yet: it comes next, and the other one stays as near as it came.
-        state = a, dr.select(first, low, high), fa, fb, b
-    again = closed_in(*state, first | last)
-    a, b, fa, fb = (dr.select(first | last, new, old) for new, old in zip(again, (a, b, fa, fb)))
-    better = dr.abs(fa) < dr.abs(fb)
+        # With a tolerance the end may just not have been evaluated yet. It is evaluated next, and the other end keeps
+        # its place.
+        state = a, dr.select(move_low, low, high), fa, fb, b
+    again = close_in(*state, move_low | move_high)
+    a, b, fa, fb = (dr.select(move_low | move_high, new, old) for new, old in zip(again, (a, b, fa, fb)))
+    b_is_better = dr.abs(fa) < dr.abs(fb)
     if tolerance is not None:
-        # What is so near to where all begins is said to be beyond, not there: that would not count as met.
-        better = (better | (b == bounds[0])) & (a != bounds[0])
-    return dr.select(better, a, b)
+        # A root near the start of the segment is placed beyond the start, because a root at the start is not reported.
+        b_is_better = (b_is_better | (b == bounds[0])) & (a != bounds[0])
+    return dr.select(b_is_better, a, b)

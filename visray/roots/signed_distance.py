@@ -1,4 +1,4 @@
-"""How far points are from the surface of a program, to first order, and on which side."""
+"""The signed distance of points to a polynomial surface, to first order, and the normal there."""
 
 import operator
 from functools import reduce
@@ -10,67 +10,73 @@ from visray.polynomials import Factor, Program, interpret
 from visray.roots.chord import value_error
 from visray.roots.number_types import DualNumber
 
-# A gradient that is shorter has lost its digits to underflow, as at a point of high multiplicity.
+# A shorter gradient has lost its digits to underflow, as at a point of high multiplicity.
 SMALLEST = 2.0**-500
 
 
 def has_normal(program: Program, slots: tuple, q: Any, reach: Any) -> Any:
-    """Whether the slopes of all factors at a point are more, over the distance `reach`, than rounding makes of none."""
-    found = []
+    """Whether the gradients of all factors at q are certainly not zero.
+
+    A gradient counts if it changes f by more than rounding over the distance `reach`.
+    """
+    certain = []
     for factor in program.factors:
-        longest = sum(0 if p is None else dr.abs(p) for p in _sloped(factor, slots, q).slopes)
-        found.append(longest * reach > value_error(factor, slots, map(dr.abs, q)))
-    return reduce(operator.and_, found)
+        length = sum(0 if p is None else dr.abs(p) for p in _with_gradient(factor, slots, q).slopes)
+        certain.append(length * reach > value_error(factor, slots, map(dr.abs, q)))
+    return reduce(operator.and_, certain)
 
 
-def _sloped(factor: Factor, slots: tuple, q: Any) -> DualNumber:
-    """A factor with its slopes at a point."""
+def _with_gradient(factor: Factor, slots: tuple, q: Any) -> DualNumber:
+    """The value of a factor at q, with its gradient."""
     axes = (DualNumber(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
     return interpret(factor.code, tuple(DualNumber(x, (None,) * 3) for x in slots), tuple(axes))
 
 
 def signed_distance(program: Program, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
-    """(f, g): the signed distance of points to the surface, to first order, and the unit normal g = df/dq there.
+    """(f, g): signed distance of the point q to the surface, to first order, and the unit normal g = df/dq.
 
-    part: the factor that a point is on; None, or none of them: the nearest one counts. Where all slopes are zero, at a
-    singular point, the normal is that of differences over `step`.
+    part: number of the factor that q lies on. The nearest factor counts if part is None or no factor.
+    step: step of the finite differences that give the normal where the gradient is zero, at a singular point.
     """
     levels = []
     for factor in program.factors:
-        s = _sloped(factor, slots, q)
-        g = type(q)(*(0 * s.x if p is None else p for p in s.slopes))
-        levels.append(_unit(factor, slots, q, step, s.x, g))
+        x = _with_gradient(factor, slots, q)
+        g = type(q)(*(0 * x.x if p is None else p for p in x.slopes))
+        levels.append(_normalised(factor, slots, q, step, x.x, g))
     f, g = levels[0]
-    others = type(f)(-1 if program.sign < 0 else 1)
+    # The sign of the product of all other factors.
+    sign = type(f)(-1 if program.sign < 0 else 1)
     for number, (distance, normal) in enumerate(levels[1:], 1):
         nearer = dr.abs(distance) < dr.abs(f)
         if part is not None:
             nearer = dr.select(part < len(levels), part == number, nearer)
-        others = dr.mulsign(others, dr.select(nearer, f, distance))
+        sign = dr.mulsign(sign, dr.select(nearer, f, distance))
         f, g = dr.select(nearer, distance, f), dr.select(nearer, normal, g)
-    return dr.mulsign(f, others), type(q)(*(dr.mulsign(x, others) for x in g))
+    return dr.mulsign(f, sign), type(q)(*(dr.mulsign(x, sign) for x in g))
 
 
-def _unit(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
-    """A function and its gradient, both over the gradient's length. Where that is none, the function is zero if its
-    value is only noise, and else nowhere near zero."""
+def _normalised(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+    """A function and its gradient, both divided by the gradient's length.
+
+    Where the gradient is zero, f becomes 0 if its value is within rounding of zero, and infinite otherwise.
+    """
     length = dr.norm(g)
     flat = ~(dr.detach(length) > SMALLEST)
 
     def differences(*_: Any) -> tuple:
-        p, found = dr.detach(q), []
+        p, normal = dr.detach(q), []
         for i in range(3):
             sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
             high, low = (interpret(factor.code, dr.detach(slots), side) for side in sides)
-            found.append(high - low)
-        longest = dr.maximum(dr.maximum(dr.abs(found[0]), dr.abs(found[1])), dr.abs(found[2]))
-        # At a point that is a centre of symmetry they are all zero: then there is no normal, and this is one.
-        found = [dr.select(longest > 0, x / longest, other) for x, other in zip(found, (0, 0, 1))]
+            normal.append(high - low)
+        longest = dr.maximum(dr.maximum(dr.abs(normal[0]), dr.abs(normal[1])), dr.abs(normal[2]))
+        # At a centre of symmetry all differences are zero and there is no normal. Then z is taken.
+        normal = [dr.select(longest > 0, x / longest, default) for x, default in zip(normal, (0, 0, 1))]
         far = dr.select(dr.abs(f) <= value_error(factor, slots, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
-        return dr.normalize(type(p)(*found)), dr.detach(far)
+        return dr.normalize(type(p)(*normal)), dr.detach(far)
 
     n = max(dr.width(q), dr.width(f))
-    none = dr.zeros(type(q), n), dr.zeros(type(f), n)
-    normal, far = dr.if_stmt(none, flat, differences, lambda *same: same, label="singular")
+    zeros = dr.zeros(type(q), n), dr.zeros(type(f), n)
+    normal, far = dr.if_stmt(zeros, flat, differences, lambda *same: same, label="singular")
     inverse = 1 / dr.select(flat, 1, length)
     return dr.select(flat, far, f * dr.detach(inverse)), dr.select(flat, normal, g * inverse)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from samples import geometry_of
 
-from visray.accel.culling import Cone, ground, guard
+from visray.accel.culling import DirectionCone
 from visray.primitives import Plane
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
@@ -52,9 +52,9 @@ def test_a_sphere_that_a_ray_meets_is_near_its_cone_and_a_candidate(cones: tuple
     # Some share of 2^-50 of the numbers' size is lost when the centre is written down: the sphere is grown by it.
     centre = o + t[:, None] * d + (off * r)[:, None] * aside
     r = r + 8 * np.finfo(float).eps * (np.abs(centre).sum(1) + np.abs(o).sum(1))
-    g = guard(A, triples(centre), A.D(r), triples(o))
-    assert np.array(g.candidate(A.V32(triples(d)))).all()
-    near = np.array(g.near(Cone.around(A, triples(way), A.D(radius))))
+    g = ball_guard(A, triples(centre), A.D(r), triples(o))
+    assert np.array(g.may_hit(A.V32(triples(d)))).all()
+    near = np.array(g.may_hit_cone(DirectionCone.around(A, triples(way), A.D(radius))))
     assert near.all()
 
 
@@ -63,9 +63,9 @@ def test_cones_reject_most_spheres_that_they_miss(cones: tuple) -> None:
     rng, o, way, radius, _ = cones
     far = np.linalg.norm(way, axis=1)
     centre = o + units(rng, N) * (4 * far)[:, None]
-    g = guard(A, triples(centre), A.D(0.01 * far), triples(o))
+    g = ball_guard(A, triples(centre), A.D(0.01 * far), triples(o))
     narrow = radius < 0.1 * far
-    near = np.array(g.near(Cone.around(A, triples(way), A.D(radius))))
+    near = np.array(g.may_hit_cone(DirectionCone.around(A, triples(way), A.D(radius))))
     assert near[narrow].mean() < 0.05
 
 
@@ -78,8 +78,8 @@ def test_a_plane_that_a_ray_meets_is_near_its_cone_and_a_candidate(cones: tuple)
         n = np.cross(d[i], rng.normal(size=3))
         n = n / np.linalg.norm(n) + 10 ** rng.uniform(-6, 1) * d[i]
         scene = Scene(objects={"p": Plane(point=tuple((o[i] + t[i] * d[i]).tolist()), normal=tuple(n.tolist()))})
-        g = ground(A, geometry_of(scene).batches[0], triples(o[i : i + 1]))
-        cone = Cone.around(A, triples(way[i : i + 1]), A.D(float(radius[i])))
+        g = plane_guard(A, geometry_of(scene).batches[0], triples(o[i : i + 1]))
+        cone = DirectionCone.around(A, triples(way[i : i + 1]), A.D(float(radius[i])))
         dr.eval(g, cone)
-        assert np.array(g.candidate(A.V32(triples(d[i : i + 1])))).all()
-        assert np.array(g.near(cone)).all()
+        assert np.array(g.may_hit(A.V32(triples(d[i : i + 1])))).all()
+        assert np.array(g.may_hit_cone(cone)).all()

@@ -29,7 +29,7 @@ scene
 features progress output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack batches sampling moments film
-accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.intersect accel
+accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.traversal accel.intersect accel
 kernel_scene
 interaction
 direct occlusion

@@ -6,7 +6,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.accel.culling import Cone
+from visray.accel.culling import DirectionCone
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
 from visray.geometry import gamma, l1_norm
@@ -72,7 +72,7 @@ def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected:
     middle = None if s.settings.area == "samples" else _along(s, si, row, base)
     origin = None
     if s.features["shadows"]:
-        origin = si.origin.toward(Cone.around(a, base, row.radius_bound()))
+        origin = si.origin.toward(DirectionCone.around(a, base, row.radius_bound()))
 
     def step(j: Any, colour: Any) -> tuple:
         sample = _along(s, si, row, base + row.point_offset(a.V, *dimension.set_point(j, light.points)), origin, middle)
@@ -103,7 +103,7 @@ def _along(
     # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
     longest = distance + a.F(row.radius_bound())
     error = gamma(8, a.precision) * longest + a.F(gamma(9) * l1_norm(row.position))
-    return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, loose=True), sample)
+    return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, may_touch=True), sample)
 
 
 def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
@@ -137,7 +137,7 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
     if light.origin is None:
         error = gamma(9) * (l1_norm(row.position) + a.D(distance))
         ray = replace(si.spawn_ray(-d, cosine), to_target=-way if late else None)
-        return _shadowed(s, si.origin, ray, Target(distance, error, loose=True), sample)
+        return _shadowed(s, si.origin, ray, Target(distance, error, may_touch=True), sample)
     # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
     # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
     error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))

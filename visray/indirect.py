@@ -15,7 +15,7 @@ import drjit as dr
 
 from visray import warp
 from visray.accel import policy
-from visray.accel.culling import flush
+from visray.accel.culling import touches
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
@@ -102,7 +102,7 @@ def _others(s: KernelScene, si: Interaction, batch: Batch, before: Medium, beyon
         p, row = dr.detach(si.surface.p), i + batch.first_row
         f, g = batch.kind.surface_at(one.placed, p)
         there = (_most(material.kt) > 0) & (si.hit.row != row)
-        on, outwards = flush(one, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
+        on, outwards = touches(one, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
         inside, solid = batch.kind.inside(one.placed, p), (material.ior, one.radius, row)
         before = before.or_in(there & dr.select(on, outwards, inside), *solid)
         beyond = beyond.or_in(there & dr.select(on, ~outwards, inside), *solid)

@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 
 from visray import warp
-from visray.accel.culling import Cone
+from visray.accel.culling import DirectionCone
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
 from visray.interaction import Interaction, attached_distance
@@ -68,4 +68,4 @@ def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
 def _above(s: KernelScene, si: Interaction) -> RayOrigin:
     """Rays from the point over its hemisphere."""
     right = s.a.F32(1), s.a.F32(0)
-    return si.origin.toward(Cone(s.a.V32(dr.detach(si.n)), *right))
+    return si.origin.toward(DirectionCone(s.a.V32(dr.detach(si.n)), *right))

@@ -1,6 +1,6 @@
-"""What rejects most rays in single precision, before an object is looked at in double.
+"""Guards: tests in single precision that reject most rays before an object is tested in double.
 
-A guard never rejects what the exact test would accept: its margin is a bound of its own rounding.
+A guard never rejects a ray that the exact test would accept, because its margin bounds its own rounding error.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from visray.quantities import Arrays
 
 
 @dataclass(frozen=True)
-class Cone:
-    """All directions from an origin that are near an axis: those to a light, or a hemisphere. Single.
+class DirectionCone:
+    """A cone of directions from an origin, such as those to a light, or a hemisphere. Single.
 
-    axis: unit; sine and cosine: of the angle between the axis and the edge, at most a right angle; or 0 and -1 for all
-    directions there are.
+    axis: unit vector.
+    sine, cosine: of the half angle, which is at most a right angle; 0 and -1 for all directions.
     """
 
     axis: Any
@@ -26,105 +26,119 @@ class Cone:
     cosine: Any
 
     @staticmethod
-    def around(a: Arrays, way: Any, radius: Any) -> "Cone":
-        """The cone from the origin to a sphere about `way`; all directions where the origin may be in that sphere."""
-        way, radius = a.V32(way), a.F32(radius)
-        far = dr.norm(way)
-        safe = dr.select(far > 0, far, 1)
-        sine = radius / safe
-        # The quotient is off by the conversions, the norm and itself.
-        out = (sine < 1 - gamma(8, "single")) & (far > 0)
-        # 1 - s^2 cancels no digits in this form.
-        cosine = dr.select(out, dr.sqrt((1 - sine) * (1 + sine)), -1)
-        return Cone(way / safe, dr.select(out, sine, 0), cosine)
+    def around(a: Arrays, to_centre: Any, radius: Any) -> "DirectionCone":
+        """The cone from the origin to a ball. All directions where the origin may be inside the ball.
+
+        to_centre: vector from the origin to the centre of the ball.
+        """
+        to_centre, radius = a.V32(to_centre), a.F32(radius)
+        distance = dr.norm(to_centre)
+        divisor = dr.select(distance > 0, distance, 1)
+        sine = radius / divisor
+        # The quotient carries the roundings of the conversions, the norm and the division.
+        outside = (sine < 1 - gamma(8, "single")) & (distance > 0)
+        # 1 - sine^2 loses no digits in this form.
+        cosine = dr.select(outside, dr.sqrt((1 - sine) * (1 + sine)), -1)
+        return DirectionCone(to_centre / divisor, dr.select(outside, sine, 0), cosine)
 
 
 @dataclass(frozen=True)
-class Guard:
-    """What rejects most rays before an object is looked at. Shapes: one entry an object, or one a lane.
+class BallGuard:
+    """The guard of a bounded object, by its bounding ball. Single. Shapes: an entry per object or per lane.
 
-    toward: the centre of the object's sphere minus the origin. least: how far along a ray the centre is at least where
-    the ray meets the sphere, less its error: the length of a tangent, or -inf where the origin may be inside. Single.
+    to_centre: vector from the ray origin to the centre of the ball.
+    least: a ray that meets the ball has to_centre . d >= least. It is the length of a tangent from the origin, less its
+        error; -inf where the origin may be inside the ball.
     """
 
-    toward: Any
+    to_centre: Any
     least: Any
 
-    def candidate(self, d: Any, _: Any = None) -> Any:
-        """Whether a ray in direction `d` (single) may meet the sphere around an object."""
-        return dr.dot(self.toward, d) >= self.least
+    def may_hit(self, d: Any, _: Any = None) -> Any:
+        """Whether a ray in direction d (single) may meet the ball."""
+        return dr.dot(self.to_centre, d) >= self.least
 
-    def near(self, cone: Cone) -> Any:
-        """Whether any ray of a cone may meet the sphere.
+    def may_hit_cone(self, cone: DirectionCone) -> Any:
+        """Whether some ray of a cone may meet the ball.
 
-        With h and w the distances of its centre along and across the axis, the edge of the cone passes it at
-        w cos - h sin. radius^2 is |toward|^2 - least^2, and as these are off by 32 roundings of |toward|^2 and the rest
-        by fewer of |toward|, their slack is one of 8 sqrt(u) |toward|: where digits cancel the root doubles them.
+        With h and w the distances of the centre along and across the axis, the edge of the cone passes the centre at
+        the distance w cos - h sin.
+        Error: radius^2 is |to_centre|^2 - least^2. Both are within 32 roundings of |to_centre|^2, and all else is
+        within fewer roundings of |to_centre|. A slack of 8 sqrt(u) |to_centre| bounds them: where digits cancel, the
+        square root halves the number of correct digits.
         """
-        h = dr.dot(self.toward, cone.axis)
-        w = dr.norm(self.toward - h * cone.axis)
-        squared = dr.squared_norm(self.toward)
+        h = dr.dot(self.to_centre, cone.axis)
+        w = dr.norm(self.to_centre - h * cone.axis)
+        squared = dr.squared_norm(self.to_centre)
         slack = 8 * UNIT_ROUNDOFF["single"] ** 0.5 * dr.sqrt(squared)
         radius = dr.sqrt(dr.maximum(squared - dr.square(self.least), 0))
         return (w * cone.cosine - h * cone.sine <= radius + slack) | (self.least < 0)
 
 
-def guard(a: Arrays, centre: Any, radius: Any, o: Any) -> Guard:
-    """The guard of the sphere around an object, for rays from `o`.
+def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
+    """The guard of a bounding ball, for rays from o.
 
-    A ray that meets the sphere has h = toward . d >= T with T^2 = |toward|^2 - radius^2: the centre is as far along it
-    as a tangent is long. With u the roundoff of single, h is off by at most 10 u |toward|: a conversion and three
-    roundings of sums, and 6 u for d, normalised in single (a conversion, 3.5 u for the reciprocal root of |d|^2, a
-    product). What it is compared with is off by 1.5 u |toward| (a conversion before its root, the root). To take
-    24 u |toward|^2 from the square takes (24 u |toward|^2) / (2 |toward|) = 12 u |toward| from the root, or more: what
-    is left is for the exact test's own rounding, in double. 2^-124 covers underflow.
+    A ray meets the ball only if h = to_centre . d >= T, where T^2 = |to_centre|^2 - radius^2 is the squared length of a
+    tangent.
+
+    Error: u is the unit roundoff of single. h is within 10 u |to_centre|: a conversion and three roundings of sums, and
+    6 u for d, which is normalised in single (a conversion, 3.5 u for the reciprocal root of |d|^2, a product). T is
+    within 1.5 u |to_centre| (a conversion before its root, the root). Taking 24 u |to_centre|^2 from T^2 takes at least
+    (24 u |to_centre|^2) / (2 |to_centre|) = 12 u |to_centre| from T. The rest covers the rounding of the exact test, in
+    double. 2^-124 covers underflow.
     """
-    toward = centre - o
-    squared = dr.squared_norm(toward)
+    to_centre = centre - o
+    squared = dr.squared_norm(to_centre)
     tangent = a.F32(squared - dr.square(radius) - 24 * UNIT_ROUNDOFF["single"] * squared - 2.0**-124)
-    return Guard(a.V32(toward), dr.select(tangent > 0, dr.sqrt(tangent), -dr.inf))
+    return BallGuard(a.V32(to_centre), dr.select(tangent > 0, dr.sqrt(tangent), -dr.inf))
 
 
 @dataclass(frozen=True)
-class Ground:
-    """What rejects most rays before an unbounded flat object is looked at: those that run away from it, or end before
-    it. Single.
+class PlaneGuard:
+    """The guard of an unbounded flat object: it rejects rays that run away from the plane or end before it. Single.
 
-    normal: its normal, turned to the side the origin is on, over the origin's height above it: a ray d reaches it at
-    t = 1 / (-normal . d). margin: how far that slope may be off; on the plane inf, with a normal of 0.
+    normal: the plane's normal, turned to the side of the ray origin and divided by the origin's height above the plane.
+        A ray d reaches the plane at t = 1 / (-normal . d). Zero for an origin on the plane.
+    margin: error bound of normal . d; inf for an origin on the plane.
     """
 
     normal: Any
     margin: Any
 
-    def candidate(self, d: Any, reach: Any = None) -> Any:
-        """Whether a ray in direction `d` (single), as long as `reach` (single) or endless, may meet the plane."""
+    def may_hit(self, d: Any, reach: Any = None) -> Any:
+        """Whether a ray in direction d (single) may meet the plane. reach: its length (single); None if endless."""
         fall = self.margin - dr.dot(self.normal, d)
-        # Difference, product and reach are off by eight roundings at most, where it was computed in single itself.
+        # The difference, the product and `reach`, if it was computed in single, carry at most eight roundings.
         return fall >= 0 if reach is None else fall * reach >= 1 - 16 * UNIT_ROUNDOFF["single"]
 
-    def near(self, cone: Cone) -> Any:
-        """Whether any ray of a cone may meet the plane: the least slope of all, a full margin for rounding more."""
+    def may_hit_cone(self, cone: DirectionCone) -> Any:
+        """Whether some ray of a cone may meet the plane: the least slope in the cone, with twice the margin."""
         slope, size = dr.dot(self.normal, cone.axis), l1_norm(self.normal)
         least = dr.select(cone.cosine < 0, -size, slope * cone.cosine - size * cone.sine)
         return least <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
 
 
-def ground(a: Arrays, batch: Batch, o: Any) -> Ground:
-    """The guard of an unbounded flat object, for rays from `o`."""
+def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
+    """The guards of a batch of unbounded flat objects, for rays from o.
+
+    Error: normal . d in single is within four roundings of the normal, six of d (see ball_guard) and three of the sums,
+    relative to the sum of the sizes of its terms.
+    """
     f, g = batch.kind.surface_at(batch.placed, o)
-    on = flush(batch, f, g, o)
+    on = touches(batch, f, g, o)
     normal = a.V32(g) * dr.select(on, 0, dr.rcp(a.F32(dr.select(on, 1, f))))
-    # The slope in single is off by at most four roundings of the normal, the six of d in `guard` and three of sums, of
-    # the sum of the sizes of its terms.
-    return Ground(normal, dr.select(on, dr.inf, 16 * UNIT_ROUNDOFF["single"] * l1_norm(normal)))
+    return PlaneGuard(normal, dr.select(on, dr.inf, 16 * UNIT_ROUNDOFF["single"] * l1_norm(normal)))
 
 
-def flush(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
-    """Whether the points p, known to `error`, lie on rows to within rounding, by their f and g (Primitive.surface)."""
-    return dr.abs(f) <= (rounding(batch, p) + error) * dr.norm(g)
+def touches(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
+    """Whether the points p lie on rows of a batch, to within rounding.
+
+    f, g: the rows' values at p, as Primitive.surface_at returns them.
+    error: error bound of the points.
+    """
+    return dr.abs(f) <= (point_rounding(batch, p) + error) * dr.norm(g)
 
 
-def rounding(batch: Batch, p: Any) -> Any:
-    """How far points near objects are off by rounding."""
+def point_rounding(batch: Batch, p: Any) -> Any:
+    """Bound on the rounding error of points p near the rows of a batch."""
     return gamma(32) * (l1_norm(p) + (l1_norm(batch.placed.inverse.o) if batch.radius is None else batch.radius))

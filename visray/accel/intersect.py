@@ -1,6 +1,7 @@
-"""Which row a ray meets. Detached from derivatives: interaction.py evaluates anew, attached, what is met here.
+"""Ray queries: the closest hit, occlusion, and transmittance through coloured objects.
 
-`brute_force=True` is the slow twin, without the tests that reject rows and without a tree, equal bit for bit
+All of them run detached from derivatives. interaction.py evaluates a hit again, with derivatives.
+`brute_force=True` tests every row, without guards and without a tree; the answers are equal bit for bit
 (tests/test_search.py).
 """
 
@@ -10,9 +11,10 @@ from typing import Any
 
 import drjit as dr
 
-from visray.accel.culling import flush, rounding
-from visray.accel.origin import Candidate, Query, RayOrigin
+from visray.accel.culling import point_rounding, touches
+from visray.accel.origin import Candidate, RayOrigin
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
+from visray.accel.traversal import Query, traverse
 from visray.geometry import gamma
 from visray.pytree import detached, leaves, rows
 from visray.quantities import Arrays
@@ -20,45 +22,47 @@ from visray.ray import NO_ROW, Hit, Ray
 
 
 def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any = True, within: Any = dr.inf) -> Hit:
-    """The first row along each ray, nearer than `within`. Ties go to the row of the lowest number."""
+    """The closest hit of each ray, nearer than `within`. Of hits at equal distance the lowest row wins."""
     a, ray = origin.a, detached(ray)
     n = max(dr.width(ray.d), dr.width(origin.o))
     d32 = a.V32(ray.d)
-    # What rays from a shared origin meet is looked at in double again, so they are all made exact.
+    # Rays from a shared origin are tested in double soon, so all of them are made exact at once.
     exact = ray.exact() if origin.shared else None
     has_parts = origin.geometry.has_parts
-    # State is of full width from the start: a loop over rows must not mix widths.
+    # The state has full width from the start, because a loop over rows must not mix widths.
     start = (dr.full(a.D, 0, n) + dr.detach(a.D(within)), dr.full(a.U, NO_ROW, n), *[dr.zeros(a.U, n)] * has_parts)
 
     def may_hit(c: Candidate, *_: Any) -> Any:
         if origin.shared and origin.batches[c.batch].radius is None:
-            return a.B(active)  # a floor is met by most rays from the eye: to ask first costs more
-        return origin.is_near(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
+            return a.B(active)  # most camera rays hit a floor, so a guard would cost more than it saves
+        return origin.guard_passes(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
 
     def intersect(c: Candidate, t: Any, row: Any, *part: Any, begun: tuple = (exact,)) -> tuple:
-        # Other rays are read in here, so that a packet of rays that is not a candidate does not wait for it.
-        whole, kind = begun[0] or ray.exact(), origin.batches[c.batch].kind
-        known = origin.start(c, whole)
-        x = kind.crossing(origin.seen_row(c), whole, whole.begin(known), None, known)
+        # Rays without a shared origin are made exact here, so that packets without a candidate skip it.
+        exact_ray, kind = begun[0] or ray.exact(), origin.batches[c.batch].kind
+        known = origin.start(c, exact_ray)
+        x = kind.crossing(origin.seen_row(c), exact_ray, exact_ray.begin(known), None, known)
         nearer = x.t < t
-        if c.present is not True:  # a tree gives the rows in no fixed order
+        if c.present is not True:  # a tree visits the rows in no fixed order
             nearer |= (x.t == t) & (c.index < row) & (x.t < dr.inf)
         part = tuple(dr.select(nearer, a.U(0) if x.part is None else x.part, old) for old in part)
         return dr.select(nearer, x.t, t), dr.select(nearer, c.index, row), *part
 
     query = Query(may_hit, intersect, lambda state: state[0], lambda *_: ~(active | a.B(False)))
-    return Hit(*origin.sweep(query, ray, start, brute_force))
+    return Hit(*traverse(origin, query, ray, start, brute_force))
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where rays end that ask what is between.
+    """The end of a shadow ray.
 
-    distance: along the ray, inf for none. error: bound on the distance of that end from the true point.
-    row, part: what it lies on, reached from within if `inward`, or None.
-    loose: it is the point of a light, which may lie on rows without knowing it.
-    slack: how much nearer the end is than `distance`, times `cosine`, or None; where a ray has a `way`, `distance` is
-    the length of that, in single.
+    distance: along the ray; inf for an endless ray. A ray with `to_target` is as long as that vector, and `distance` is
+        its length in single.
+    error: bound on the distance of the computed end from the true point.
+    row, part: the surface that the end lies on, or None.
+    inward: the ray reaches that surface from within.
+    may_touch: the end is a point of a light, which may lie on rows that are not known.
+    slack, cosine: the end is nearer than `distance` by slack / cosine; None for no difference.
     """
 
     distance: Any
@@ -66,44 +70,46 @@ class Target:
     row: Any = None
     inward: Any = None
     part: Any = None
-    loose: bool = False
+    may_touch: bool = False
     slack: Any = None
     cosine: Any = None
 
     def exact(self, a: Arrays, ray: Ray) -> tuple[Ray, Any]:
-        """The ray and the distance of its end in double."""
-        whole = ray.exact()
-        distance = a.D(self.distance) if ray.to_target is None else dr.dot(ray.to_target, whole.d)
-        return whole, distance if self.slack is None else distance - a.D(a.F(self.slack) / self.cosine)
+        """The ray, and the distance of its end, in double."""
+        exact_ray = ray.exact()
+        distance = a.D(self.distance) if ray.to_target is None else dr.dot(ray.to_target, exact_ray.d)
+        return exact_ray, distance if self.slack is None else distance - a.D(a.F(self.slack) / self.cosine)
 
 
 def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool = False) -> Any:
     """Whether a row lies between the origin and the target of each ray."""
 
-    def stop(c: Candidate, piece: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
-        return (hidden | occludes(piece),)
+    def stop(c: Candidate, segment: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
+        return (hidden | occludes(segment),)
 
     start = (dr.full(origin.a.B, False, _width(origin, ray)),)
-    search = _between(origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden)
-    return search[0] & active
+    (hidden,) = _between(origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden)
+    return hidden & active
 
 
 def transmittance(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, attached: bool, brute_force: bool = False
 ) -> Any:
-    """The share of light, a colour, that gets along each ray: 1 where nothing is between, 0 behind what is opaque.
+    """The transmittance along each ray, a colour: 1 where nothing is between origin and target, 0 behind opaque rows.
 
-    Each row in between multiplies it by kt (1 - min(d / dmax, 1)), d the way inside, or by kt where the ray enters it
-    and does not leave it, or the other way round. tints: (kt, dmax) of each batch's rows. `attached`: with derivatives
-    by these and by the way, for which it does without branches.
+    Each row in between multiplies it by kt (1 - min(d / dmax, 1)), where d is the length inside the row. A row that the
+    ray enters and does not leave, or leaves and does not enter, multiplies it by kt.
+
+    tints: (kt, dmax) of the rows of each batch.
+    attached: with derivatives by the tints and by d. Then the kernel has no branches.
     """
     a = origin.a
 
-    def tint(c: Candidate, piece: RaySegment, attached_piece: RaySegment | None, *state: Any) -> tuple:
+    def tint(c: Candidate, segment: RaySegment, attached_segment: RaySegment | None, *state: Any) -> tuple:
         kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), c.row)
-        through, inside = length_inside(attached_piece or piece)
-        share = a.F(dr.select(through, 1 - dr.minimum(inside / dmax, 1), 1))
-        hit = occludes(piece)
+        passes_through, inside = length_inside(attached_segment or segment)
+        share = a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
+        hit = occludes(segment)
         return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
 
     def dark(r: Any, g: Any, b: Any) -> Any:
@@ -114,6 +120,7 @@ def transmittance(
 
 
 def _width(origin: RayOrigin, ray: Ray) -> int:
+    """The number of lanes."""
     return max(dr.width(ray.d), dr.width(origin.o))
 
 
@@ -121,60 +128,65 @@ def _between(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
     finished: Callable,
 ) -> tuple:  # fmt: skip
-    """The state after change(c, piece, attached piece, *state) for every row that may lie between a ray's origin and
-    its target. The attached piece is None where nothing has derivatives. finished(*state): nothing changes it any more.
+    """The state after all rows that may lie between the origin and the target of each ray.
+
+    start: the state before.
+    change(c, segment, attached_segment, *state): the state after one row. attached_segment carries derivatives; it is
+        None where nothing has any.
+    finished(*state): mask of rays whose state no row can change.
     """
     a, attached_ray, attached_target = origin.a, ray, target
     ray, target, active = detached(ray), detached(target), dr.detach(active)
     d32, reach = a.V32(ray.d), a.F32(target.distance)
 
-    def arrives(c: Candidate) -> Any:
+    def ends_on(c: Candidate) -> Any:
         return a.B(False) if target.row is None else target.row == c.index
 
     def may_hit(c: Candidate, *state: Any) -> Any:
         maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray)
-        maybe &= origin.is_near(c, d32, reach)
+        maybe &= origin.guard_passes(c, d32, reach)
         if target.row is None:
             return maybe
-        # The way back from the end would leave it so.
-        return maybe & ~(arrives(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
+        # A ray that starts at the end, backwards, could not hit the row again.
+        return maybe & ~(ends_on(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
 
     def begin() -> tuple[Ray, Any]:
         return target.exact(a, ray)
 
-    def piece(c: Candidate, whole: Ray, distance: Any) -> RaySegment:
+    def segment_of(c: Candidate, exact_ray: Ray, distance: Any) -> RaySegment:
         batch = origin.batches[c.batch]
-        kind, one, seen = batch.kind, rows(batch.placed, c.row), origin.seen_row(c)
-        on_end, inward = arrives(c), a.B(False) if target.inward is None else target.inward
+        kind, placed, seen = batch.kind, rows(batch.placed, c.row), origin.seen_row(c)
+        on_end, inward = ends_on(c), a.B(False) if target.inward is None else target.inward
         error = a.D(target.error)
         end_part = target.part if kind.uses_part else None
-        if target.loose:
-            end, row = whole.o + distance * whole.d, batch.rows_at(c.row)
-            f, g = kind.surface_at(one, end)
-            on_end = on_end | flush(row, f, g, end, error)
-            near = rounding(row, end) + error
-            inward = inward | kind.runs_inside(seen, whole, -dr.dot(g, whole.d), 0, distance, near)
+        if target.may_touch:
+            end, row = exact_ray.o + distance * exact_ray.d, batch.rows_at(c.row)
+            f, g = kind.surface_at(placed, end)
+            on_end = on_end | touches(row, f, g, end, error)
+            end_error = point_rounding(row, end) + error
+            slope = -dr.dot(g, exact_ray.d)
+            inward = inward | kind.runs_inside(seen, exact_ray, slope, 0, distance, end_error)
             end_part = None
         elif target.row is None:
             on_end = inward = None
-        known = replace(origin.start(c, whole), on_end=on_end, inward=inward, end_part=end_part, end_error=error)
-        return RaySegment(kind, one, seen, whole, whole.begin(known), distance, known)
+        known = replace(origin.start(c, exact_ray), on_end=on_end, inward=inward, end_part=end_part, end_error=error)
+        return RaySegment(kind, placed, seen, exact_ray, exact_ray.begin(known), distance, known)
 
-    def attached(c: Candidate, p: RaySegment) -> RaySegment | None:
-        if p.kind.finds_roots:
-            # Only what is opaque: gradients.py refuses the others. Its share is zero however long the way inside.
+    def attached(c: Candidate, segment: RaySegment) -> RaySegment | None:
+        if segment.kind.finds_roots:
+            # Such a row is opaque, because gradients.py refuses others. Its factor is zero whatever the length inside.
             return None
         placed = origin.geometry.batches[c.batch].placed
         if not dr.grad_enabled(leaves((placed, attached_ray))):
             return None
-        one, (whole, end) = rows(placed, c.row), attached_target.exact(a, attached_ray)
-        return replace(p, placed=one, seen=p.kind.seen(one, attached_ray.o), ray=whole, end=end)
+        placed, (exact_ray, end) = rows(placed, c.row), attached_target.exact(a, attached_ray)
+        return replace(segment, placed=placed, seen=segment.kind.seen(placed, attached_ray.o), ray=exact_ray, end=end)
 
     def intersect(c: Candidate, *state: Any, begun: tuple | None = None) -> tuple:
-        p = piece(c, *(begun or begin()))
-        return change(c, p, attached(c, p), *state)
+        segment = segment_of(c, *(begun or begin()))
+        return change(c, segment, attached(c, segment), *state)
 
-    # In single the length of a way is off by a few roundings.
+    # The distance in single carries a few roundings.
     farthest = a.D(target.distance) * (1 + gamma(16, "single"))
     query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin)
-    return origin.sweep(query, ray, start, brute_force)
+    return traverse(origin, query, ray, start, brute_force)

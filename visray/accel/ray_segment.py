@@ -1,4 +1,7 @@
-"""What follows from a kind's crossings: whether a row is in the way, and how long a ray is inside it."""
+"""A segment of a ray against one row: whether the row occludes it, and the length inside the row.
+
+Both follow from the crossings of the row's kind.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,9 +14,11 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 @dataclass(frozen=True)
 class RaySegment:
-    """A ray from the distance `begin` to `end`, for one row of a kind, with what is known of its ends.
+    """The segment of a ray between the distances `begin` and `end`, against one row.
 
-    placed, seen: the row's own, as its kind has them.
+    kind: the row's kind.
+    placed, seen: the row's data, as the kind's methods of these names return them.
+    known: which ends are known to lie on the row.
     """
 
     kind: type[Primitive]
@@ -25,12 +30,14 @@ class RaySegment:
     known: KnownEnds
 
     def crossing(self) -> Crossing:
-        """The first crossing on it."""
+        """The first crossing on the segment."""
         return self.kind.crossing(self.seen, self.ray, self.begin, self.end, self.known)
 
     def backwards(self) -> "RaySegment":
-        """The same way from its end, where that is known to lie on the row: crossings near a known beginning are told
-        from it, whatever the rounding of the end."""
+        """The segment traversed from its end, in lanes where the end lies on the row; unchanged in other lanes.
+
+        A known start is told apart from a crossing near it, whatever the rounding. So the known end becomes the start.
+        """
         known, on_start, begin = self.known, self.known.on_start, self.begin
         back = known.on_end & (self.end < dr.inf)
         length = dr.select(back, self.end, 0)
@@ -47,56 +54,61 @@ class RaySegment:
                        known=turned)  # fmt: skip
 
 
-def occludes(piece: RaySegment) -> Any:
-    """Whether the row is crossed between the ends."""
-    if piece.kind.finds_roots and piece.known.on_end is not None:
-        piece = piece.backwards()
-    return piece.crossing().met
+def occludes(segment: RaySegment) -> Any:
+    """Whether the segment crosses the row."""
+    if segment.kind.finds_roots and segment.known.on_end is not None:
+        segment = segment.backwards()
+    return segment.crossing().met
 
 
-def length_inside(piece: RaySegment) -> tuple[Any, Any]:
-    """Whether a ray both enters and leaves a row on its way, and how long it is inside. An end on the row's own surface
-    counts as entered or left there. Kinds that are not closed have no inside."""
-    kind, known, end = piece.kind, piece.known, piece.end
+def length_inside(segment: RaySegment) -> tuple[Any, Any]:
+    """(whether the segment both enters and leaves the row, its length inside the row).
+
+    An end that lies on the row's surface counts as entering or leaving there. Kinds that are not closed have no inside:
+    (False, 0).
+    """
+    kind, known, end = segment.kind, segment.known, segment.end
     none, zero = end != end, dr.zeros(type(end), dr.width(end))
     if not kind.closed:
         return none, zero
 
-    def onwards(begin: Any, at: Any, length: Any, known: KnownEnds) -> tuple:
-        c = replace(piece, begin=begin, known=known).crossing()
+    def next_crossing(begin: Any, at: Any, length: Any, known: KnownEnds) -> tuple:
+        """The first crossing after `begin`: (crossing, its distance, met, inside after it, length inside)."""
+        c = replace(segment, begin=begin, known=known).crossing()
         to = dr.select(c.met, c.t, end)
         return c, to, c.met, ~(c.enters ^ c.met), length + dr.select(c.enters, 0, to - at)
 
-    first, at, crossed, inside, length = onwards(piece.begin, piece.begin, zero, known)
+    first, at, crossed, inside, length = next_crossing(segment.begin, segment.begin, zero, known)
     entered = first.enters & first.met
     if known.on_start is not None:
         entered |= known.on_start
 
-    def beyond(inside: Any, part: Any) -> KnownEnds:
-        """What is known after a crossing."""
+    def after_crossing(inside: Any, part: Any) -> KnownEnds:
+        """What is known when the search starts again at a crossing."""
         return replace(known, on_start=~none, inside=inside, start_part=part)
 
     if kind.max_crossings <= 2:
-        # Of a line that only touches, both crossings are one: the second is looked for from the beginning.
-        _, _, _, last, more = onwards(piece.begin, at, zero, beyond(inside, first.part))
+        # The two crossings of a line that only touches are one. So the search for the second starts at `begin` again.
+        known_start = after_crossing(inside, first.part)
+        _, _, _, last, more = next_crossing(segment.begin, at, zero, known_start)
         inside, length = dr.select(crossed, last, inside), length + dr.select(crossed, more, 0)
     else:
-        # Where the ray leaves the surface, or comes to it, rounding may add a crossing.
+        # At each end of the segment that lies on the surface, rounding may add a crossing.
         most = 2 + kind.max_crossings
 
         def step(at: Any, inside: Any, length: Any, part: Any, count: Any, going: Any) -> tuple:
-            c, to, crossed, after, total = onwards(at, at, length, beyond(inside, part))
-            now = (to, after, total, dr.uint32_array_t(to)(0) if c.part is None else c.part)
+            c, to, crossed, after, total = next_crossing(at, at, length, after_crossing(inside, part))
+            new = (to, after, total, dr.uint32_array_t(to)(0) if c.part is None else c.part)
             old = (at, inside, length, part)
-            state = tuple(dr.select(going, x, y) for x, y in zip(now, old))
+            state = tuple(dr.select(going, x, y) for x, y in zip(new, old))
             return *state, count + 1, going & crossed & (count < most)
 
         n = max(map(dr.width, (at, inside, length, crossed)))
         u = dr.uint32_array_t(at)
         part = dr.zeros(u, n) + (u(0) if first.part is None else first.part)
-        wide = (x + dr.zeros(type(x), n) for x in (at, length))
-        narrow = (x | dr.full(type(x), False, n) for x in (inside, crossed))
-        (at, length), (inside, crossed) = wide, narrow
+        # The state of a loop must have full width.
+        at, length = (x + dr.zeros(type(x), n) for x in (at, length))
+        inside, crossed = (x | dr.full(type(x), False, n) for x in (inside, crossed))
         state = (at, inside, length, part, dr.zeros(u, n), crossed)
         _, inside, length, _, _, _ = dr.while_loop(state, lambda *state: state[-1], step, label="way inside")
     left = ~inside if known.on_end is None else ~inside | known.on_end

@@ -6,7 +6,7 @@ from typing import Any
 import drjit as dr
 from pydantic import ConfigDict
 
-from visray.quantities import Angle, Arrays, Breadth, Direction, Point
+from visray.quantities import Angle, Arrays, Direction, LengthOrZero, Point
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Camera:
     target: Point = (0.0, 0.0, 0.0)
     up: Direction = (0.0, 1.0, 0.0)
     fov: Angle = 40.0
-    aperture: Breadth = 0.0
-    focus: Breadth = 0.0
+    aperture: LengthOrZero = 0.0
+    focus: LengthOrZero = 0.0
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
         """The unit directions to the right, up and forward in the picture, and the distance of the target. Fields are

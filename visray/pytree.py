@@ -1,6 +1,7 @@
-"""Records of arrays: rows out of tables, and records as the plain tuples that Dr.Jit's loops and branches carry.
+"""Trees of arrays (PyTrees): nested tuples and records (dataclasses) of Dr.Jit arrays.
 
-Dr.Jit takes a frozen dataclass as a PyTree everywhere but there: a loop or branch would assign to its fields.
+Dr.Jit accepts frozen dataclasses everywhere except as the state of loops and branches, because it would assign to their
+fields there. These functions turn records into plain tuples of arrays and back, and take rows out of tables.
 """
 
 from collections.abc import Callable
@@ -12,22 +13,24 @@ import drjit as dr
 
 @dataclass(frozen=True)
 class Shared:
-    """Arrays that the rows of a table have in common, of any widths: a mesh's vertex buffer, a tree of its own.
-    Whatever takes rows out of a table, or hands records through loops and branches, leaves them as they are."""
+    """Arrays of any widths that all rows of a table share, such as a vertex buffer. Functions that take rows, or pass
+    records through loops and branches, leave them unchanged."""
 
     value: Any
 
 
 def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
-    """The tree with f applied to each array, in what is Shared only if `shared`. What is no array stays: None, numbers,
-    names, classes."""
+    """The tree with f applied to each array. Everything else stays as it is: None, numbers, names, classes.
+
+    shared: whether f is applied inside Shared as well
+    """
     if dr.is_array_v(tree):
         return f(tree)
     if isinstance(tree, tuple):
         return tuple(mapped(f, x, shared) for x in tree)
     if not is_dataclass(tree) or isinstance(tree, type) or (isinstance(tree, Shared) and not shared):
         return tree
-    # Built without __init__: a table of a kind has no name, material or transform for its checks to look at.
+    # Without __init__: a kind checks its name, material and transform there, and a table has none.
     new = object.__new__(type(tree))
     for name in tree.__dataclass_fields__:
         object.__setattr__(new, name, mapped(f, getattr(tree, name), shared))
@@ -35,7 +38,7 @@ def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
 
 
 def rows(tree: Any, index: Any, active: Any = True) -> Any:
-    """The entries of a table (arrays of equal width) at `index`: one row a lane, or one row in all."""
+    """Entries of a table (a tree of arrays of equal width) at `index`: one row for each lane, or a single row."""
     return mapped(lambda x: dr.gather(type(x), x, index, active), tree)
 
 
@@ -47,7 +50,7 @@ def leaves(tree: Any, shared: bool = False) -> tuple:
 
 
 def rebuilt(tree: Any, arrays: tuple) -> Any:
-    """The tree with its arrays replaced, in the order of `leaves`."""
+    """The tree with its arrays replaced by others, in the order of `leaves`."""
     source = iter(arrays)
     return mapped(lambda _: next(source), tree)
 
@@ -58,6 +61,6 @@ def detached(tree: Any) -> Any:
 
 
 def evaluated(tree: Any) -> Any:
-    """The tree, when all its arrays are computed."""
+    """The tree, after all its arrays are computed."""
     dr.eval(leaves(tree, shared=True))
     return tree

@@ -1,10 +1,10 @@
-"""Field types of the scene and the array types of the kernels.
+"""Field types of the scene, and array types of the kernels.
 
-A field of a kind (`Sphere.radius`, `PointLight.position`) is declared once, with one of the types below. The type says
-three things: what a scene file may write there (pydantic reads it), how many numbers it is, and in which of the two
-precisions it enters a kernel: `geometry` is always double, `shading` is single or double as the render asks.
+Each field of a kind (`Sphere.radius`, `PointLight.position`) is declared once, with one of the types below. The type
+states three things: what a scene file may contain (read by pydantic), how many numbers it is, and its precision in a
+kernel: `geometry` is always double, `shading` is single or double, as the render asks.
 
-`Arrays` is the only door to Dr.Jit's array types: no other module names a backend.
+`Arrays` is the only access to Dr.Jit's array types: no other module names a backend.
 """
 
 from collections.abc import Mapping
@@ -22,20 +22,25 @@ from visray import llvm
 
 
 class Quantity(NamedTuple):
-    """How a field enters a kernel: its number of components and its precision."""
+    """How a field enters a kernel.
+
+    size: number of components, 1 or 3
+    precision: "geometry" or "shading"
+    unit: unit and limits, for messages and the schema
+    """
 
     size: int
     precision: Literal["geometry", "shading"]
     unit: str
 
 
-# Beyond these a product of a few numbers leaves what single precision can hold (1e38), and a picture would be inf or
-# NaN.
+# Beyond these limits a product of a few numbers overflows single precision (1e38), and pixels become inf or NaN.
 FARTHEST = 1e9
 BRIGHTEST = 1e9
 
 
 def _not_zero(v: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The direction unchanged; raises ValueError if it is zero or too short."""
     if not any(v):
         raise ValueError("a direction must not be (0, 0, 0)")
     if max(map(abs, v)) < 1 / FARTHEST:
@@ -44,6 +49,7 @@ def _not_zero(v: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _not_tiny(x: float) -> float:
+    """The length unchanged; raises ValueError if it is too small."""
     if x < 1 / FARTHEST:
         raise ValueError(f"must be at least {1 / FARTHEST:g}")
     return x
@@ -60,8 +66,8 @@ Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "w
 Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
 Lengths = Annotated[tuple[_Positive, _Positive, _Positive], Quantity(3, "geometry", "world units, each > 0")]
-Breadth = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]
-# Below a hundredth of a degree, directions in single no longer tell a picture's pixels apart.
+LengthOrZero = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]
+# Below a hundredth of a degree, neighbouring pixels have the same direction in single precision.
 Angle = Annotated[Real, Field(ge=0.01, lt=180), Quantity(1, "geometry", "degrees, from 0.01 to below 180")]
 Color = Annotated[tuple[_NotNegative, _NotNegative, _NotNegative], Quantity(3, "shading", "linear Rec. 709, each >= 0")]
 _Part = Annotated[Real, Field(ge=0, le=1)]
@@ -75,12 +81,12 @@ Count = Annotated[int, Field(strict=True, gt=0)]
 @cache
 def quantities(kind: type) -> Mapping[str, Quantity]:
     """The numeric fields of a kind, in the order of declaration."""
-    found = {}
+    table = {}
     for f in fields(kind):
-        marks = [m for m in getattr(f.type, "__metadata__", ()) if isinstance(m, Quantity)]
-        if marks:
-            found[f.name] = marks[0]
-    return MappingProxyType(found)
+        annotations = [m for m in getattr(f.type, "__metadata__", ()) if isinstance(m, Quantity)]
+        if annotations:
+            table[f.name] = annotations[0]
+    return MappingProxyType(table)
 
 
 BACKENDS = {"llvm": "drjit.llvm.ad", "cuda": "drjit.cuda.ad", "metal": "drjit.metal.ad"}
@@ -88,10 +94,15 @@ BACKENDS = {"llvm": "drjit.llvm.ad", "cuda": "drjit.cuda.ad", "metal": "drjit.me
 
 @dataclass(frozen=True)
 class Arrays:
-    """The array types of one render: `F`, `V` for shading, `D`, `W` for geometry, `U` for counts, `B` for masks.
+    """The array types of one render.
 
-    `F` is a number and `V` a triple in the shading precision; `D` and `W` are the same in double. Metal has no double:
-    there the geometry is single too, and the accuracy promised elsewhere does not hold.
+    backend, precision: names, such as "llvm" and "single"
+    F, V: number and triple in the precision of shading
+    D, W: number and triple in double
+    U, B: unsigned integer and mask
+    F32, V32, Q32: number, triple and quadruple in single
+
+    Metal has no double: there the geometry is single too, and the stated accuracy does not hold.
     """
 
     backend: str
@@ -107,26 +118,26 @@ class Arrays:
     Q32: Any
 
     def put(self, kind: Any, values: np.ndarray) -> Any:
-        """Host numbers as an array of `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
+        """Copies NumPy values into an array of `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
 
-        Dr.Jit would read NumPy's memory in place, wherever it lies, and compile anew for each alignment; a plain copy
-        is optimised away. Only a gather with an index that is not known when tracing copies, and reads at any
-        alignment.
+        Dr.Jit would read NumPy's memory in place and compile a new kernel for each memory alignment, and it optimises a
+        plain copy away. A gather whose index is unknown at tracing does copy, and reads at any alignment.
         """
         values = np.ascontiguousarray(values)
         if values.shape[-1] == 1:
-            one = kind(*(float(v[0]) for v in values)) if values.ndim == 2 else kind(values.item())
-            dr.make_opaque(one)
-            return one
+            entry = kind(*(float(v[0]) for v in values)) if values.ndim == 2 else kind(values.item())
+            dr.make_opaque(entry)
+            return entry
         index = dr.arange(self.U, values.shape[-1]) + dr.opaque(self.U, 0)
         if values.ndim == 1:
             return dr.gather(kind, kind(values), index)
-        # Each row for itself: Dr.Jit takes a matrix apart with its width written into the kernel.
-        one = dr.value_t(kind)
-        return kind(*(dr.gather(one, one(row), index) for row in values))
+        # Row by row: for a whole matrix, Dr.Jit writes its width into the kernel as a literal.
+        number = dr.value_t(kind)
+        return kind(*(dr.gather(number, number(row), index) for row in values))
 
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
+        """The array types of a backend, with shading in `precision`."""
         if backend == "llvm":
             llvm.prepare()
         lib = import_module(BACKENDS[backend])
@@ -136,13 +147,14 @@ class Arrays:
         return Arrays(backend, precision, *shading, *double, *rest)
 
 
-def stacked(a: Arrays, kind: type, things: list) -> Any:
-    """One instance of `kind` whose quantities are arrays, an entry for each of `things`; its other fields are None."""
+def stacked(a: Arrays, kind: type, records: list) -> Any:
+    """One instance of `kind` whose quantities are arrays with one entry for each of the records; its other fields are
+    None."""
     table = object.__new__(kind)
     for name in kind.__dataclass_fields__:
         object.__setattr__(table, name, None)
     for name, q in quantities(kind).items():
-        single, many = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
-        values = np.array([getattr(x, name) for x in things], float)
-        object.__setattr__(table, name, a.put(single if q.size == 1 else many, values.T))
+        number, triple = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
+        values = np.array([getattr(x, name) for x in records], float)
+        object.__setattr__(table, name, a.put(number if q.size == 1 else triple, values.T))
     return table

@@ -1,13 +1,13 @@
 """Rays, hits, crossings and surface points.
 
-Single letters used everywhere: o origin, d unit direction, t distance, p point, n normal, l to the light, v to the eye,
-h half vector; F, V, D, W array types (see quantities.Arrays).
+Single letters with one meaning everywhere: o origin, d unit direction, t distance, p point, n normal, l direction to
+    the light, v direction to the eye, h half vector; F, V, D, W array types (quantities.Arrays).
 
-Rows are the objects of a scene as kernels number them: the batches one after the other. A `part` is a face of a row: a
-box's side, a cylinder's cap, a factor of a polynomial; of rows that have one part only it is not carried (None).
+Rows are the objects of a scene, numbered batch after batch. A `part` is one smooth piece of a row's surface: a side of
+a box, a cap of a cylinder, a factor of a polynomial. Rows with a single part carry None instead of a number.
 
-No ray is ever moved off the surface it leaves. A ray says which row and part it leaves, and on which side of it it runs
-(`inside`), and that row answers with the crossings that are left. So there is no epsilon to choose.
+There is no epsilon: a ray never starts off the surface that it leaves. Instead, a ray names the row and the part that
+    it leaves, and the side on which it runs (`inside`). With this, the row reports only its other crossings.
 """
 
 from dataclasses import dataclass, replace
@@ -20,17 +20,18 @@ NO_ROW = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray in world space, in double.
+    """A ray in world space, in double precision.
 
-    o: origin, one for all lanes or one a lane.
-    d: unit to 2^-52, or in single, and then `exact` makes it so.
-    row, part: what the ray leaves, or None.
-    inside: whether it runs into that row, where it is closed.
-    start: what is nearer than this, over `cosine` where it is given, lies flush with the surface that is left, and is
-    not met; None: nothing is left.
-    way: a vector in double that d, in single, is the direction of: what need not be known of it before a ray comes near
-    something.
-    rough: the direction that d was made exact from, which is enough for shading; None where d came in double.
+    o: origin, one for all lanes or one a lane
+    d: direction, unit to 2^-52; or in single precision, until `exact` refines it
+    row, part: surface that the ray leaves, or None
+    inside: whether the ray runs into that row, for closed kinds
+    clearance: crossings nearer than clearance / cosine are ignored, because they lie flush with the surface that the
+        ray leaves; None where the ray leaves no surface
+    cosine: between d and the normal of the surface that the ray leaves; None where `clearance` is already divided
+    to_target: vector in double of which the single-precision d is the direction, or None; `exact` normalises it
+    d_single: direction in single precision from which `exact` computed d, good enough for shading; None where d came in
+        double
     """
 
     o: Any
@@ -44,7 +45,7 @@ class Ray:
     d_single: Any = None
 
     def exact(self) -> "Ray":
-        """The same ray in double: d and start may come in single, where few rays need more."""
+        """The same ray with direction and clearance in double. Rays may start in single, as few of them need more."""
         d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
         if self.to_target is not None:
             d = self.to_target * inverse_length(self.to_target, type(self.d.x))
@@ -55,7 +56,8 @@ class Ray:
         return replace(self, d=d, clearance=clearance, cosine=None, to_target=None, d_single=d_single)
 
     def begin(self, known: "KnownEnds") -> Any:
-        """The distance beyond which an exact ray meets a row. The row that it leaves may be as near as it likes."""
+        """Distance beyond which an exact ray meets a row; 0 for the row that the ray leaves, which excludes its own
+        crossing."""
         if self.clearance is None:
             return 0
         return self.clearance if known.on_start is None else dr.select(known.on_start, 0, self.clearance)
@@ -63,7 +65,12 @@ class Ray:
 
 @dataclass(frozen=True)
 class Hit:
-    """What a search finds: the distance t (inf where nothing is hit), the row (or NO_ROW) and the part of it."""
+    """The result of a search along a ray.
+
+    t: distance, inf where nothing is hit
+    row: number of the row, NO_ROW where nothing is hit
+    part: part of the row's surface, or None
+    """
 
     t: Any
     row: Any
@@ -71,16 +78,21 @@ class Hit:
 
     @property
     def valid(self) -> Any:
+        """Whether anything is hit."""
         return self.row != NO_ROW
 
 
 @dataclass(frozen=True)
 class KnownEnds:
-    """What is known of the ends of a piece of a ray that one row is asked about. Masks are None where no ray has it.
-
-    on_start: it begins on the row's surface; inside: and runs into the row from there; start_part: on which part.
-    on_end: it ends on the row's surface; inward: and comes to it from within; end_part: on which part.
-    end_error: bound on the distance of the end from the true point, or None where there is no end.
+    """Facts about both ends of a ray segment, for the one row that the segment is tested against. A mask is None where
+    it holds for no ray.
+    on_start: the segment begins on the row's surface
+    inside: from there it runs into the row
+    start_part: part of the surface on which it begins
+    on_end: the segment ends on the row's surface
+    inward: it reaches its end from inside the row
+    end_part: part of the surface on which it ends
+    end_error: bound on the distance between the computed end and the true point; None where there is no end
     """
 
     on_start: Any = None
@@ -97,13 +109,13 @@ NOTHING_KNOWN = KnownEnds()
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where a piece of a ray first crosses a row's surface.
+    """First crossing of a ray segment with a row's surface.
 
-    met: whether it does.
-    t: the distance, inf where it does not.
-    part: of the surface, or None where the kind has one only.
-    enters: whether the ray is outside up to there, or up to the end where it does not cross.
-    unresolved: on how many parts of the ray it is not known whether there is a crossing; 0 is expected.
+    met: whether there is a crossing
+    t: distance, inf where there is none
+    part: part of the surface, or None for kinds with a single part
+    enters: whether the ray is outside before the crossing, or along the whole segment where there is none
+    unresolved: number of pieces of the ray on which the search cannot decide whether there is a crossing; normally 0
     """
 
     met: Any
@@ -115,8 +127,13 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Surface:
-    """A point on an object: p in double with its error bound (world units), n the outward unit normal; `exact` the same
-    normal in double, where rays go on from there."""
+    """A point on an object's surface.
+
+    p: position, in double
+    n: outward unit normal, in the precision of shading
+    error: bound on the distance between p and the true point, in world units
+    exact: the same normal in double, where rays continue from the point; else None
+    """
 
     p: Any
     n: Any
@@ -125,7 +142,8 @@ class Surface:
 
 
 def unit(d: Any, w: Any) -> Any:
-    """`d`, of unit length to its own precision, as a `w` of unit length to 2^-52, exactly parallel to d.
+    """The direction `d` as a vector of type `w`, unit to 2^-52 and exactly parallel to d. Domain: d is unit to its own
+    precision.
 
     Error: one third-order step; with |d|^2 = 1 + e it leaves 5/16 e^3, and e <= 2^-21 in single.
     """
@@ -135,11 +153,11 @@ def unit(d: Any, w: Any) -> Any:
 
 
 def inverse_length(v: Any, fast: Any) -> Any:
-    """1/|v| to 2^-52 for |v| from 1e-18 to 1e18, and 0 for v = 0.
+    """1/|v|, accurate to 2^-52 for |v| from 1e-18 to 1e18; 0 for v = 0.
 
-    `fast` is the single type whose reciprocal root starts one third-order step, or None for division and root in
-    double: both agree to 4 ulp (tests/test_ray.py). The step is used because a double root and division cost eight
-    times as much.
+    fast: single-precision type whose reciprocal root is refined by one third-order step; None computes root and
+        division in double, which costs eight times as much.
+    Error: both ways agree to 4 ulp (tests/test_ray.py).
     """
     squared = dr.squared_norm(v)
     if fast is None:

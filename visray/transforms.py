@@ -1,7 +1,7 @@
-"""Transforms of an object: a list of steps, the first one applied first.
+"""Transforms of an object: a list of steps, applied in order.
 
-A step has its `affine` map as a 3 x 4 matrix, and `bounds`, found without arrays: of the factors by which it changes
-lengths, from below and from above, and of the distance by which it moves the origin.
+Each step gives `affine`, its 3 x 4 matrix, and `bounds`: the least and the greatest factor by which it changes lengths,
+    and how far it moves the origin. `bounds` uses plain numbers, no arrays.
 """
 
 import math
@@ -15,6 +15,7 @@ from visray.quantities import Direction, Point, Real, Triple
 
 
 def _scale_triple(s: float | Triple) -> float | Triple:
+    """The scale unchanged; raises ValueError if a factor is 0."""
     if 0.0 in (s if isinstance(s, tuple) else (s,)):
         raise ValueError("a scale must not be 0")
     return s
@@ -24,25 +25,29 @@ Row = tuple[Real, Real, Real, Real]
 
 
 def _sizes(rows: tuple[Row, Row, Row]) -> tuple[float, float]:
-    """The volume of the linear part's columns, and the root of the sum of its squares."""
+    """Volume (absolute determinant) and Frobenius norm of the linear part."""
     (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows
-    squares = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
-    return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)), math.sqrt(squares)
+    squared_norm = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+    return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)), math.sqrt(squared_norm)
 
 
 def _clearly_invertible(rows: tuple[Row, Row, Row]) -> bool:
-    """Whether a short look shows it: the least factor of a length is at least volume / size^2, and here 1e-10 size.
-    Rounding moves the volume by no more than 1e-15 size^3."""
-    volume, size = _sizes(rows)
-    cube = size * size * size
+    """Whether a quick test proves that the matrix is invertible.
+
+    Its least factor of a length is at least volume / norm^2; the test asks for 1e-10 norm. Error: rounding changes the
+    volume by at most 1e-15 norm^3.
+    """
+    volume, norm = _sizes(rows)
+    cube = norm * norm * norm
     return 1e-200 < cube < 1e200 and volume > 1e-10 * cube
 
 
 def _invertible(rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
+    """The matrix unchanged; raises ValueError if it is singular."""
     if _clearly_invertible(rows):
         return rows
     linear = np.array(rows, float)[:, :3]
-    # A matrix whose inverse would lose every digit of a double is singular for our purpose.
+    # A matrix whose inverse would lose every digit of a double counts as singular.
     if not np.linalg.cond(linear) < 1 / np.finfo(float).eps:
         raise ValueError("a transform must be invertible; this matrix is singular")
     return rows
@@ -79,7 +84,9 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class Rotate:
-    """Turns by `rotate` degrees about `axis` through the origin, counter-clockwise when the axis points at the eye."""
+    """Turns by `rotate` degrees about `axis` through the origin; counter-clockwise when the axis points at the
+    viewer.
+    """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     rotate: Real
@@ -97,7 +104,7 @@ class Rotate:
 
 @dataclass(frozen=True, kw_only=True)
 class Matrix:
-    """Any affine map, as the three upper rows of its 4 x 4 matrix (columns on the left multiply the point)."""
+    """Any affine map, as the upper three rows of its 4 x 4 matrix, which multiplies column vectors."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     matrix: Annotated[tuple[Row, Row, Row], AfterValidator(_invertible)]
@@ -108,15 +115,15 @@ class Matrix:
     def bounds(self) -> tuple[float, float, float]:
         if not _clearly_invertible(self.matrix):
             return 0.0, math.inf, math.inf
-        volume, size = _sizes(self.matrix)
-        return volume / (size * size), size, sum(abs(row[3]) for row in self.matrix)
+        volume, norm = _sizes(self.matrix)
+        return volume / (norm * norm), norm, sum(abs(row[3]) for row in self.matrix)
 
 
 STEPS = {"translate": Translate, "scale": Scale, "rotate": Rotate, "matrix": Matrix}
 
 
 def _kind(step: Any) -> str | None:
-    """The name of a step's class, by its first key that names one: errors are judged against that class only."""
+    """Name of the class of a step, by the first key that names one. Only errors of that class are then reported."""
     if isinstance(step, dict):
         return next((STEPS[key].__name__ for key in step if key in STEPS), None)
     return type(step).__name__ if type(step) in STEPS.values() else None
@@ -134,19 +141,21 @@ Transform = Annotated[
 
 
 def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:
-    """The 3 x 4 matrix of all steps, or None where there is none."""
+    """The 3 x 4 matrix of all steps in order, or None if there are none."""
     if not steps:
         return None
-    whole = np.eye(4)
+    matrix = np.eye(4)
     for step in steps:
-        whole = np.vstack([step.affine(), [0, 0, 0, 1]]) @ whole
-    return whole[:3]
+        matrix = np.vstack([step.affine(), [0, 0, 0, 1]]) @ matrix
+    return matrix[:3]
 
 
 def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
-    """Those of all steps together."""
-    least, most, far = 1.0, 1.0, 0.0
+    """The bounds of all steps together: least and greatest factor of a length, and distance by which the origin
+    moves.
+    """
+    least, greatest, shift = 1.0, 1.0, 0.0
     for step in steps:
         low, high, moved = step.bounds()
-        least, most, far = least * low, most * high, far * high + moved
-    return least, most, far
+        least, greatest, shift = least * low, greatest * high, shift * high + moved
+    return least, greatest, shift

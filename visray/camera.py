@@ -1,4 +1,4 @@
-"""The camera, at `origin`: a pinhole, or a thin lens."""
+"""The camera: a pinhole or a thin lens."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,12 +11,15 @@ from visray.quantities import Angle, Arrays, Direction, LengthOrZero, Point
 
 @dataclass(frozen=True)
 class View:
-    """The camera, ready for rays.
+    """The camera prepared for kernels.
 
-    o: origin. right, down, corner: the steps of one pixel and the top left corner of the picture, at the distance 1
-    along the view. forward: the unit direction of the view.
-    aside, above: the lens's radius to the right and up. sharp: 1 over the distance of focus. middle: the distance of
-    the target.
+    o: origin
+    pixel_right, pixel_down: steps from a pixel to its neighbours, on the image plane at distance 1
+    corner: top left corner of the picture on that plane, relative to o
+    forward: unit direction of the view
+    lens_right, lens_up: radius of the lens to the right and up
+    inverse_focus: 1 over the distance of focus
+    target_distance: distance of the target
     """
 
     o: Any
@@ -32,10 +35,10 @@ class View:
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """Looks from `origin` to `target`; `up` is upwards in the picture; `fov` is the vertical angle of view.
+    """Looks from `origin` to `target`; `up` points upwards in the picture; `fov` is the vertical angle of view.
 
-    `aperture` is the diameter of the lens: what is not at the distance `focus` (along the view; 0 means that of the
-    target) is blurred. With 0 everything is sharp.
+    `aperture` is the diameter of the lens. Points not at distance `focus` along the view (0: the distance of the
+    target) are blurred. With aperture 0 everything is sharp.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -48,22 +51,21 @@ class Camera:
     focus: LengthOrZero = 0.0
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
-        """The unit directions to the right, up and forward in the picture, and the distance of the target. Fields are
-        Dr.Jit arrays here, or scalars."""
-        # One difference for both: in forward mode Dr.Jit wants no way from the origin that leads to nothing in the
-        # picture.
+        """Unit directions right, up and forward in the picture, and the distance of the target. Fields are Dr.Jit
+        arrays here, or scalars."""
+        # One difference for both results: in forward mode Dr.Jit refuses a derivative that reaches no output.
         view = self.target - self.origin
-        forward, middle = dr.normalize(view), dr.norm(view)
+        forward, target_distance = dr.normalize(view), dr.norm(view)
         right = dr.normalize(dr.cross(forward, self.up))
-        return right, dr.cross(right, forward), forward, middle
+        return right, dr.cross(right, forward), forward, target_distance
 
     def view(self, width: int, height: int, a: Arrays) -> View:
-        """The camera for a picture of so many pixels. Fields are Dr.Jit arrays here."""
-        right, up, forward, middle = self.axes()
-        across, down = (dr.opaque(a.D, float(x)) for x in (width, height))
-        pixel = 2 * dr.tan(self.fov * (0.5 * dr.pi / 180)) / down
-        corner = forward - (0.5 * pixel * across) * right + (0.5 * pixel * down) * up
-        focus = dr.select(self.focus > 0, self.focus, middle)
+        """The camera for a picture of width x height pixels. Fields are Dr.Jit arrays here."""
+        right, up, forward, target_distance = self.axes()
+        columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
+        pixel = 2 * dr.tan(self.fov * (0.5 * dr.pi / 180)) / rows
+        corner = forward - (0.5 * pixel * columns) * right + (0.5 * pixel * rows) * up
+        focus = dr.select(self.focus > 0, self.focus, target_distance)
         lens = (0.5 * self.aperture) * right, (0.5 * self.aperture) * up
         steps = (a.V(v) for v in (pixel * right, -pixel * up, corner, forward))
-        return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(middle))
+        return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(target_distance))

@@ -1,4 +1,4 @@
-"""The film: how many samples pixels have, and their mean and variance; saved, loaded and merged without a bit lost."""
+"""The film: sample counts, mean and variance of pixels. Saving, loading and merging lose no bit."""
 
 import json
 import os
@@ -19,15 +19,16 @@ from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.version import __version__
 
-# What a pixel takes at the peak, with all layers: measured 411, of 2000 x 2000 that are rendered and written as EXR.
+# Peak memory of a pixel with all layers: 411 measured, for 2000 x 2000 pixels rendered and written as EXR.
 BYTES_PER_PIXEL = 420
 
 
 class PictureIdentity:
-    """Which picture a film is of: all that its bits depend on, but for the machine. The number of samples is a part of
-    that for stratified ones alone, whose strata it decides.
+    """What a film's bits depend on, except for the machine. Films of the same picture have equal identities.
 
-    facts: the version, backend and precision, seed, sampler, size, spp, and the hash of the scene without these.
+    The number of samples is part of it for the stratified sampler only, because it decides the strata.
+
+    facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
     """
 
     def __init__(self, scene: Scene | None = None, a: Arrays | None = None, facts: dict[str, Any] | None = None):
@@ -35,13 +36,13 @@ class PictureIdentity:
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        # Only when it is asked for: the hash of a large scene takes a while.
+        """The facts by name. Computed when first read, because the hash of a large scene takes a while."""
         if self._facts is not None:
             return self._facts
         scene, s = self._scene, self._scene.settings
-        # How rays find what they hit changes no bit.
-        alike = replace(s, seed=0, spp=1, accelerator="auto")
-        bare = replace(scene, settings=alike, film=replace(scene.film, width=1, height=1))
+        # The accelerator is left out, because it changes no bit.
+        settings = replace(s, seed=0, spp=1, accelerator="auto")
+        hashed = replace(scene, settings=settings, film=replace(scene.film, width=1, height=1))
         return {
             "visray": __version__,
             "backend": self._a.backend,
@@ -50,32 +51,38 @@ class PictureIdentity:
             "seed": s.seed,
             "sampler": s.sampler,
             "spp": s.spp if s.sampler == "stratified" else None,
-            "scene": bare.hash(),
+            "scene": hashed.hash(),
         }
 
     def check(self, other: "PictureIdentity", name: str) -> None:
-        """Returns if a film of the `other` identity can go with one of this, else raises a UserError that names it."""
+        """Raises UserError where a film of the `other` identity cannot be combined with a film of this one.
+
+        name: of the other film, for the message
+        """
         if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
             return
         for fact, value in self.facts.items():
-            if (found := other.facts.get(fact)) == value:
+            if (theirs := other.facts.get(fact)) == value:
                 continue
             if fact == "scene":
                 raise UserError(f"{name}: is of another scene; give a film of this one, or begin anew")
-            raise UserError(f"{name}: is of {fact} {_shown(found)}, not {_shown(value)}; give another, or begin anew")
+            raise UserError(f"{name}: is of {fact} {_shown(theirs)}, not {_shown(value)}; give another, or begin anew")
 
 
 def _shown(value: Any) -> str:
+    """A fact as text for messages; a size as `width x height`."""
     return " x ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Samples of pixels, which may be some of a picture's. Its bits depend on its identity and counts alone, not on how
-    the samples were cut into passes or the pixels into films.
-
-    moments: of the samples, lane by lane; counts: how many there are; pixels: the number (row * width + column) of each
-    lane's pixel; identity: None for films that are neither saved nor merged. Shapes: counts, pixels (N).
+    """Samples of pixels: of a whole picture or of some of its pixels. The bits depend on the picture's identity and on
+    the counts alone, not on how samples are cut into passes, or pixels into films.
+    a: array types
+    moments: moments of the samples, lane by lane
+    counts: number of samples of each lane. Shapes: (N)
+    pixels: number (row * width + column) of each lane's pixel. Shapes: (N)
+    identity: of the picture; None for films that are neither saved nor merged
     """
 
     a: Arrays
@@ -90,40 +97,40 @@ class Film:
         return Film(a, Moments.empty(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, identity)
 
     def with_moments(self, moments: Moments, counts: np.ndarray | int) -> "Film":
-        """The film with other moments, of so many samples of each lane."""
+        """The same film with other moments, and the number of samples of each lane."""
         counts = np.broadcast_to(np.asarray(counts, np.int64), self.counts.shape)
         return replace(self, moments=moments, counts=counts)
 
     def check(self, identity: PictureIdentity, pixels: np.ndarray) -> None:
-        """Returns if the film is of these pixels of the picture of `identity`, else raises a UserError."""
+        """Raises UserError where the film is not of the picture with this `identity`, or not of these pixels."""
         identity.check(self.identity, "film")
         if not np.array_equal(self.pixels, pixels):
             raise UserError("film: has other pixels than are to be exposed; give a film of these, or begin anew")
 
     @cached_property
     def closed(self) -> Moments:
-        """The moments of all samples. The film's own block stays open, so that it can go on."""
+        """The moments of all samples. The film itself keeps its open block, so that it can take more samples."""
         moments = self.moments.closed(self.a, self.a.put(self.a.U, self.counts.astype(np.uint32)))
         dr.eval(moments)
         return moments
 
     @property
     def mean(self) -> Any:
-        """The mean colour of the samples, in double. Shape: (3, N)."""
+        """Mean colour of the samples, in double. Shapes: (3, N)."""
         return self.closed.mean
 
     @property
     def squares(self) -> Any:
-        """The sum of squared differences of samples from the mean, in double. Shape: (3, N)."""
+        """Sum of squared differences of the samples from their mean, in double. Shapes: (3, N)."""
         return self.closed.squares
 
     @property
     def coverage(self) -> Any:
-        """How many samples are covered; 0 where the film is opaque. Shape: (N)."""
+        """Number of covered samples; 0 where the film is opaque. Shapes: (N)."""
         return self.closed.coverage
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the film into a file, from which Film.load makes one that goes on with the same bits."""
+        """Writes the film to a file. A film loaded from it continues with the same bits."""
         arrays = {f"moments.{name}": np.array(x) for name, x in vars(self.moments).items()}
         facts = np.frombuffer(json.dumps(self.identity.facts).encode(), np.uint8)
         with replacing(path) as aside, open(aside, "wb") as file:
@@ -131,7 +138,8 @@ class Film:
 
     @staticmethod
     def load(a: Arrays, path: str | os.PathLike[str], identity: PictureIdentity | None = None) -> "Film":
-        """The film of a file; raises UserError where it is none, or not of `identity` if that is given."""
+        """The film in a file. Raises UserError where the file holds no film, or a film of another picture than
+        `identity`, if given."""
         name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -140,27 +148,27 @@ class Film:
                 arrays = {key: file[f"moments.{key}"] for key in kinds}
                 n, (width, height) = len(pixels), map(int, facts["size"])
                 shapes = {key: (n,) if kind in (a.D, a.F) else (3, n) for key, kind in kinds.items()}
-                whole = n and counts.shape == (n,) and {key: x.shape for key, x in arrays.items()} == shapes
-                whole = whole and all(x.dtype.kind in "iu" for x in (counts, pixels))
-                whole = whole and all(x.dtype.kind == "f" for x in arrays.values())
-                for numbers, most in ((counts, 2**32), (pixels, width * height)):
-                    whole = whole and numbers.min() >= 0 and numbers.max() < most
-                if not whole:
+                consistent = n and counts.shape == (n,) and {key: x.shape for key, x in arrays.items()} == shapes
+                consistent = consistent and all(x.dtype.kind in "iu" for x in (counts, pixels))
+                consistent = consistent and all(x.dtype.kind == "f" for x in arrays.values())
+                for numbers, limit in ((counts, 2**32), (pixels, width * height)):
+                    consistent = consistent and numbers.min() >= 0 and numbers.max() < limit
+                if not consistent:
                     raise ValueError("arrays of other shapes, types or sizes")
         except OSError as error:
             raise UserError(f"{name}: cannot be read, {error.strerror or error}") from error
-        # RuntimeError: of zip files that are encrypted, or packed in a way that Python does not know.
+        # RuntimeError: raised for zip files that are encrypted, or compressed by a method unknown to Python.
         except (zipfile.BadZipFile, zlib.error, KeyError, TypeError, ValueError, EOFError, RuntimeError) as error:
             raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
-        found = PictureIdentity(facts=facts)
-        here = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
-        (identity or PictureIdentity(facts=here)).check(found, name)
-        return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in arrays.items()}), counts, pixels, found)
+        loaded = PictureIdentity(facts=facts)
+        current = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
+        (identity or PictureIdentity(facts=current)).check(loaded, name)
+        return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in arrays.items()}), counts, pixels, loaded)
 
     @staticmethod
     def merged(films: Sequence["Film"]) -> "Film":
-        """One film with the pixels of all, in the order of the picture's lanes; raises UserError where they have pixels
-        in common or are not of one picture."""
+        """One film with the pixels of all, in the order of the picture's lanes. Raises UserError where they share
+        pixels, or are of different pictures."""
         if not films or any(f.identity is None for f in films):
             raise UserError("films: there is none, or one that is of no picture; give the films of a picture's tiles")
         first = films[0]
@@ -172,23 +180,23 @@ class Film:
         rank[tile_order(width, height)] = np.arange(width * height)
         order = np.argsort(rank[pixels], kind="stable")
         pixels = pixels[order]
-        if (twice := pixels[1:][pixels[1:] == pixels[:-1]]).size:
-            y, x = divmod(int(twice[0]), width)
+        if (duplicates := pixels[1:][pixels[1:] == pixels[:-1]]).size:
+            y, x = divmod(int(duplicates[0]), width)
             raise UserError(f"films: more than one has pixel {x}, {y}; merge films that have no pixel in common")
-        a, parts = first.a, zip(*(f.moments.arrays for f in films))
+        a, columns = first.a, zip(*(f.moments.arrays for f in films))
         moments = Moments(
             *(
-                a.put(kind, np.concatenate([np.array(x) for x in part], -1)[..., order])
-                for kind, part in zip(Moments.types(a), parts)
+                a.put(kind, np.concatenate([np.array(x) for x in column], -1)[..., order])
+                for kind, column in zip(Moments.types(a), columns)
             )
         )
         return Film(a, moments, counts[order], pixels, first.identity)
 
 
 def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
-    """The pixels' numbers (row * width + column) in the order of small square tiles.
+    """The pixels' numbers (row * width + column), ordered by small square tiles.
 
-    Sixteen neighbouring lanes then see nearly the same objects, so that a packet of lanes skips more of them.
+    So sixteen neighbouring lanes see nearly the same objects, and a packet of lanes skips more of them.
     """
     across, down = -(-width // side), -(-height // side)
     x = np.arange(across * side, dtype=np.int64).reshape(across, 1, side)[None]
@@ -198,17 +206,17 @@ def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
 
 
 def check_memory(width: int, height: int, films: int = 1) -> None:
-    """Refuses a film that does not fit into memory so many times, with the estimate."""
-    need, free = films * width * height * BYTES_PER_PIXEL, available_memory()
-    if free is not None and need > free:
+    """Raises UserError, with an estimate, where `films` films of this size do not fit into memory."""
+    needed, free = films * width * height * BYTES_PER_PIXEL, available_memory()
+    if free is not None and needed > free:
         raise UserError(
-            f"film = {width} x {height}: needs about {need / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free; "
+            f"film = {width} x {height}: needs about {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free; "
             "make it smaller with --size"
         )
 
 
 def available_memory() -> int | None:
-    """Bytes of memory that can be had, or None where the system does not say."""
+    """Bytes of available memory, or None where the system does not report it."""
     try:
         with open("/proc/meminfo") as info:
             return next(int(line.split()[1]) * 1024 for line in info if line.startswith("MemAvailable"))

@@ -1,4 +1,4 @@
-"""Materials: how a surface answers light, in the terms of Blinn and Phong, and where it sends light on."""
+"""Materials: Blinn-Phong reflection, mirrors and refraction."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,10 +16,10 @@ RefractiveIndex = Annotated[
 class Material:
     """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`.
 
-    `kr` is the share of light that a mirror reflects (a metal has its ks there), `kt` the share that is let through and
-    refracted by the index `ior`; the surface's own colour is weighted with 1 - kt (settings.local). A shadow through a
-    solid of thickness d along the way is tinted by kt (1 - min(d / dmax, 1)). `texture` names what takes the place of
-    kd.
+    `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
+    through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). A
+    shadow through a solid of thickness d along the ray is tinted by kt (1 - min(d / dmax, 1)). `texture` names a
+    texture that replaces kd.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")

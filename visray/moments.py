@@ -1,8 +1,8 @@
-"""Running moments of samples, lane by lane: the same bits however the samples were cut into passes.
+"""Running moments of samples, lane by lane. The bits do not depend on how the samples are cut into passes.
 
-Samples are summed in blocks of BLOCK by their index, in the precision of shading, as differences from the block's
-first sample: no digits cancel where a pixel hardly varies. A full block is joined to the moments of those before it in
-double, in the order of indices. A pass may begin and end within a block: the open block is carried along as it is.
+Samples are summed in blocks of BLOCK consecutive indices, in the precision of shading, as differences from the block's
+first sample; so no digits cancel where a pixel hardly varies. Full blocks are joined in double, in the order of
+indices. A pass may begin and end inside a block: the open block is carried along unchanged.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -12,24 +12,27 @@ import drjit as dr
 
 from visray.quantities import Arrays
 
-# A power of two: its reciprocal is exact, and the place in a block is a mask of the index. Longer blocks would round
-# more in single precision, shorter ones would be joined more often.
+# A power of two: its reciprocal is exact, and the position in a block is a mask of the index. Longer blocks would round
+# more in single precision; shorter ones would be joined more often.
 BLOCK = 16
 
 
 def index_in_block(index: Any) -> Any:
-    """The place of a sample in its block: 0 for the first one."""
+    """Position of a sample in its block; 0 for the first one."""
     return index & (BLOCK - 1)
 
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over the samples of each lane.
+    """Sums over the samples of each lane. Shapes: (3, N), but (N) for coverage.
 
-    mean, squares, coverage: mean colour, sum of squared differences from it, and covered samples of all full blocks, in
-    double. reference, total, open_squares, open_coverage: of the open block the first sample, the sums of differences
-    from that and of their squares, and covered samples, in the precision of shading.
-    Shapes: (3, N), but (N) for coverage, which may be None within a kernel that needs none.
+    mean: mean colour of the samples in full blocks, in double
+    squares: sum of their squared differences from the mean, in double
+    coverage: number of covered samples in full blocks, in double; None in kernels that need none
+    reference: first sample of the open block, in the precision of shading, as all below
+    total: sum of differences from the reference
+    open_squares: sum of their squares
+    open_coverage: number of covered samples in the open block; None in kernels that need none
     """
 
     mean: Any
@@ -52,13 +55,20 @@ class Moments:
 
     @staticmethod
     def empty(a: Arrays, n: int) -> "Moments":
-        """No samples, for n lanes. Evaluated, as later ones are: a first pass has the kernel of all others."""
+        """Moments of n lanes without samples. Evaluated like all later ones, so that the first pass has the same
+        kernel.
+        """
         moments = Moments(*(dr.opaque(kind, 0, n) for kind in Moments.types(a)))
         dr.eval(moments)
         return moments
 
     def with_sample(self, first: Any, colour: Any, covered: Any) -> "Moments":
-        """The moments with one sample more; `first`: where it is the first one of a block."""
+        """The moments with one more sample.
+
+        first: whether the sample is the first of a block
+        colour: its colour
+        covered: 1 where it counts as covered, else 0
+        """
         reference = dr.select(first, colour, self.reference)
         delta = colour - reference
         return replace(
@@ -70,8 +80,14 @@ class Moments:
         )
 
     def block_joined(self, a: Arrays, where: Any, before: Any, count: Any) -> "Moments":
-        """The moments with the open block's `count` samples, which follow `before` others, joined to the full ones, and
-        another block opened. Domain: count > 0. Source: Chan, Golub, LeVeque 1979."""
+        """The moments with the open block joined to the full ones, and a new block opened.
+
+        where: lanes in which the block is joined
+        before: number of samples in full blocks
+        count: number of samples in the open block
+        Domain: count > 0.
+        Source: Chan, Golub, LeVeque 1979.
+        """
         n, k = a.D(before), a.D(count)
         inverse = dr.rcp(k)
         shift = a.W(self.total) * inverse
@@ -88,8 +104,8 @@ class Moments:
         )
 
     def closed(self, a: Arrays, counts: Any) -> "Moments":
-        """The moments of all samples, `counts` of each lane, with the open block joined as if it were full, and none
-        open. For reading alone: samples that follow belong to moments that are not closed."""
+        """The moments of all samples, `counts` in each lane: the open block is joined as if it were full. For reading
+        only: further samples continue from the moments with the open block."""
         k = index_in_block(counts)
         joined = self.block_joined(a, k > 0, counts - k, dr.maximum(k, 1))
         return Moments(joined.mean, joined.squares, joined.coverage, None, None, None, None)

@@ -1,6 +1,7 @@
-"""Where samples fall: one seed, decorrelated from pixel to pixel, stratified within a pixel.
+"""Random numbers of samples: seeded, decorrelated between pixels, stratified within a pixel.
 
-Everything that changes from render to render (seed, sample count, first sample of a pass) is opaque data.
+Everything that changes between renders (seed, sample count, first sample of a pass) is opaque data, so a new value
+compiles no new kernel.
 """
 
 from dataclasses import dataclass
@@ -12,12 +13,12 @@ import numpy as np
 
 from visray.quantities import Arrays
 
-_ODD = 0x9E3779B9  # 2^32 over the golden ratio: steps through all 32-bit numbers without a short cycle
+# 2^32 divided by the golden ratio: its multiples run through all 32-bit numbers without a short cycle.
+_ODD = 0x9E3779B9
 
 
 def hash32(x: Any) -> Any:
-    """A well mixed 32-bit hash. Source: Wellons' hash-prospector, the function of least bias with two
-    multiplications."""
+    """Well-mixed 32-bit hash. Source: Wellons' hash-prospector, the function of least bias with two multiplications."""
     x = x ^ (x >> 16)
     x = x * 0x21F0AAAD
     x = x ^ (x >> 15)
@@ -27,11 +28,17 @@ def hash32(x: Any) -> Any:
 
 @dataclass(frozen=True)
 class SamplePlan:
-    """The samples of one pass, as opaque numbers of one entry, or of one for each lane.
+    """The samples that one pass takes, as opaque numbers with one entry, or one a lane.
 
-    seed; first and count: which samples this pass takes; strata: the pixel's k x k strata; side: k; step and start: the
-    order in which a pixel visits them, start + i step modulo strata for sample first + i. Where a sample falls depends
-    on its index, not on the pass that takes it.
+    Sample first + i of a pixel falls in stratum (start + i step) modulo strata, counted from the pixel's own first
+    stratum. So where a sample falls depends on its index, and not on the pass that takes it.
+
+    seed: seed of the render
+    first: index of the first sample
+    count: number of samples
+    strata: number of the pixel's strata, side * side
+    side: number of strata along each side
+    step, start: order in which a pixel visits its strata
     """
 
     seed: Any
@@ -44,62 +51,70 @@ class SamplePlan:
 
     @staticmethod
     def of(a: Arrays, seed: int, spp: int, first: int | np.ndarray, count: int | np.ndarray) -> "SamplePlan":
-        """first, count: of all lanes, or of each. Shapes: () or (N)."""
+        """The plan of samples `first` to `first + count - 1` out of `spp`.
+
+        first, count: of all lanes, or of each. Shapes: () or (N).
+        """
         side = isqrt(spp)
         strata = side * side
-        # A step that has no divisor in common with strata visits each once: the one nearest to strata over the golden
-        # ratio.
+        # A step without a common divisor with `strata` visits each stratum once. This one is the nearest to strata
+        # divided by the golden ratio.
         step = (
             next(s for s in range(max(1, round(strata * 0.618)), 2 * strata + 2) if gcd(s, strata) == 1) % strata or 1
         )
 
-        def number(x: int | np.ndarray) -> Any:
+        def opaque(x: int | np.ndarray) -> Any:
             return a.put(a.U, x.astype(np.uint32)) if isinstance(x, np.ndarray) else dr.opaque(a.U, x)
 
         start = first * step % strata
-        return SamplePlan(*map(number, (seed, first, count, strata)), dr.opaque(a.F, side), number(step), number(start))
+        return SamplePlan(*map(opaque, (seed, first, count, strata)), dr.opaque(a.F, side), opaque(step), opaque(start))
 
     @staticmethod
     def per_lane(a: Arrays, seeds: Any, first: Any, count: Any) -> "SamplePlan":
-        """Samples that differ from lane to lane in seed, first and count, for samplers without strata."""
-        one, none = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
-        return SamplePlan(seeds, first, count, one, dr.opaque(a.F, 1), none, none)
+        """A plan whose seed, first and count differ from lane to lane. Domain: samplers without strata."""
+        one, zero = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
+        return SamplePlan(seeds, first, count, one, dr.opaque(a.F, 1), zero, zero)
 
 
 def pixel_key(plan: SamplePlan, x: Any, y: Any) -> Any:
-    """A 32-bit number for each pixel and seed."""
+    """A 32-bit hash of the pixel (x, y) and the seed."""
     return hash32(x + hash32(y + hash32(plan.seed)))
 
 
 def first_stratum(plan: SamplePlan, key: Any, real: Any) -> Any:
-    """The stratum that the first sample of a pass falls in, from 0 to strata - 1."""
+    """Stratum of a pass's first sample, from 0 to strata - 1."""
     u = real(key >> 8) * 2.0**-24
     stratum = type(key)(u * real(plan.strata)) + plan.start
     return dr.select(stratum >= plan.strata, stratum - plan.strata, stratum)
 
 
 def next_stratum(plan: SamplePlan, stratum: Any) -> Any:
+    """Stratum of the next sample."""
     stratum = stratum + plan.step
     return dr.select(stratum >= plan.strata, stratum - plan.strata, stratum)
 
 
-def jittered(stratum: Any, spare: Any, side: Any, h: Any, real: Any) -> tuple[Any, Any]:
-    """A point of the unit square: jittered by the hash h in a stratum of side x side, or anywhere for `spare` ones.
+def jittered(stratum: Any, unstratified: Any, side: Any, h: Any, real: Any) -> tuple[Any, Any]:
+    """A point of the unit square, jittered by a hash inside a stratum; anywhere in the square where `unstratified`.
 
-    Domain: side^2 < 2^22, so that the row of a stratum comes out right in single precision.
+    stratum: number of the stratum out of side * side
+    h: hash of the sample
+    real: floating-point type of the result
+    Domain: side^2 < 2^22, so that the row of a stratum is exact in single precision.
     """
     jx, jy = real(h >> 16) * 2.0**-16 + 2.0**-17, real(h & 0xFFFF) * 2.0**-16 + 2.0**-17
     width = dr.rcp(side)
     row = dr.floor((real(stratum) + 0.5) * width)
     column = real(stratum) - row * side
-    return dr.select(spare, jx, (column + jx) * width), dr.select(spare, jy, (row + jy) * width)
+    return dr.select(unstratified, jx, (column + jx) * width), dr.select(unstratified, jy, (row + jy) * width)
 
 
 def scrambled(x: Any, seed: Any) -> Any:
-    """Owen's scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of those below it.
+    """Owen scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of the bits below it.
 
-    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor is a hash, where theirs is part
-    of the seed: the points of small indices were not uniform over seeds (tests/test_sampling.py).
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor here is a hash of the seed,
+        where theirs is part of the seed itself: with theirs, points of small indices are not uniform over seeds
+        (tests/test_sampling.py).
     """
     x = x ^ (x * 0x3D20ADEA)
     x = (x + seed) * (hash32(seed) | 1)
@@ -108,18 +123,18 @@ def scrambled(x: Any, seed: Any) -> Any:
 
 
 def pascal(x: Any) -> Any:
-    """Sobol's second dimension of the index x, its bits in reverse order: Pascal's triangle modulo 2 as a matrix, which
-    is a Kronecker product of five equal ones."""
+    """Sobol's second dimension of the index x, with bits in reverse order: a product with Pascal's triangle modulo 2.
+    That matrix is a Kronecker product of five equal ones."""
     for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
         x = x ^ ((x >> shift) & mask)
     return x
 
 
 def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
-    """A point of an Owen-scrambled (0, 2)-sequence: any 2^k of them from a multiple of 2^k on are stratified in every
+    """A point of an Owen-scrambled (0, 2)-sequence. Any 2^k points from a multiple of 2^k on are stratified in every
     way.
-
-    shuffled: in an order of its own, so that sequences of different seeds can be paired.
+    shuffled: whether the points are visited in an order of their own, so that sequences of different seeds can be
+        paired
     """
     if shuffled:
         index = dr.brev(scrambled(dr.brev(index), seed ^ 0xA511E9B3))
@@ -130,7 +145,13 @@ def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class SampleSet:
-    """So many points that are taken together: light samples, rays of one point. Opaque, of one entry each."""
+    """A number of points that are stratified together, such as light samples, or the rays of one surface point. Opaque;
+    one entry, or one a set.
+
+    count: number of points
+    strata: number of strata, side * side
+    side: number of strata along each side
+    """
 
     count: Any
     strata: Any
@@ -138,23 +159,29 @@ class SampleSet:
 
     @staticmethod
     def of(a: Arrays, n: int) -> "SampleSet":
+        """The set of n points."""
         side = max(isqrt(n), 1)
         return SampleSet(dr.opaque(a.U, n), dr.opaque(a.U, side * side), dr.opaque(a.F, side))
 
     @staticmethod
     def table(a: Arrays, counts: list[int]) -> "SampleSet":
-        """Sets of several sizes, an entry each."""
-        n = np.array(counts)
+        """Sets of several sizes, with one entry each."""
+        count = np.array(counts)
         side = np.array([max(isqrt(x), 1) for x in counts])
-        whole = (a.put(a.U, v.astype(np.uint32)) for v in (n, side * side))
-        return SampleSet(*whole, a.put(a.F, side.astype(float)))
+        integers = (a.put(a.U, v.astype(np.uint32)) for v in (count, side * side))
+        return SampleSet(*integers, a.put(a.F, side.astype(float)))
 
 
 @dataclass(frozen=True)
 class SampleState:
     """The random numbers of one sample of each pixel.
 
-    key: of the pixel, and of the path; index: which sample of the pixel it is; stratum: the stratum it falls in.
+    sampler: name of the sampler
+    real: floating-point type of the numbers
+    plan: samples of the pass
+    key: hash of the pixel and of the path vertex
+    index: index of the sample within its pixel
+    stratum: stratum that the sample falls in
     """
 
     sampler: str
@@ -165,7 +192,7 @@ class SampleState:
     stratum: Any
 
     def pixel(self) -> tuple[Any, Any]:
-        """Where in the pixel the sample falls."""
+        """Position of the sample within its pixel, in the unit square."""
         if self.sampler == "sobol":
             return sobol(self.index, self.key, False, self.real)
         h = hash32(self.key + (self.index + 1) * _ODD)
@@ -174,40 +201,44 @@ class SampleState:
         return jittered(self.stratum, self.index >= self.plan.strata, self.plan.side, h, self.real)
 
     def derived(self, salt: Any) -> "SampleState":
-        """The random numbers of a path's further level: as many dimensions again, each unlike all others."""
+        """Random numbers for a further vertex of a path: as many dimensions again, independent of all others."""
         return SampleState(self.sampler, self.real, self.plan, hash32(self.key + salt * _ODD), self.index, self.stratum)
 
     def dimension(self, number: int) -> "Dimension":
-        """The pairs of numbers for one purpose. Distinct numbers give independent ones."""
+        """The pairs of numbers for one purpose. Different numbers give independent pairs."""
         return Dimension(self, hash32(self.key ^ ((number * 0x632BE5AB) & 0xFFFFFFFF)))
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """Pairs of numbers from the unit square for one purpose, of one sample of each pixel."""
+    """Pairs of random numbers in the unit square for one purpose, of one sample of each pixel.
+
+    state: the sample
+    key: hash of the pixel, the path vertex and the purpose
+    """
 
     state: SampleState
     key: Any
 
     def point(self) -> tuple[Any, Any]:
-        """One pair, unrelated to all others."""
-        d = self.state
-        if d.sampler == "sobol":
-            return sobol(d.index, self.key, True, d.real)
-        return jittered(d.stratum, True, d.plan.side, hash32(self.key + (d.index + 1) * _ODD), d.real)
+        """One pair, independent of all others."""
+        state = self.state
+        if state.sampler == "sobol":
+            return sobol(state.index, self.key, True, state.real)
+        return jittered(state.stratum, True, state.plan.side, hash32(self.key + (state.index + 1) * _ODD), state.real)
 
     def set_number(self, j: Any, points: SampleSet) -> Any:
-        """A number for pair j of a set that goes with no stratum."""
-        d = self.state
-        h = hash32(self.key + (d.index * points.count + j + 1) * _ODD)
-        return d.real(h >> 8) * 2.0**-24
+        """One number for pair j of a set, independent of the strata."""
+        state = self.state
+        h = hash32(self.key + (state.index * points.count + j + 1) * _ODD)
+        return state.real(h >> 8) * 2.0**-24
 
     def set_point(self, j: Any, points: SampleSet) -> tuple[Any, Any]:
-        """Pair number j of a set that is taken together."""
-        d = self.state
-        whole = d.index * points.count + j
-        if d.sampler == "sobol":
-            return sobol(whole, self.key, True, d.real)
-        h = hash32(self.key + (whole + 1) * _ODD)
-        spare = True if d.sampler == "independent" else j >= points.strata
-        return jittered(j, spare, points.side, h, d.real)
+        """Pair j of a set whose pairs are stratified together."""
+        state = self.state
+        index = state.index * points.count + j
+        if state.sampler == "sobol":
+            return sobol(index, self.key, True, state.real)
+        h = hash32(self.key + (index + 1) * _ODD)
+        unstratified = True if state.sampler == "independent" else j >= points.strata
+        return jittered(j, unstratified, points.side, h, state.real)

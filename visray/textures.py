@@ -1,4 +1,4 @@
-"""Textures: colour over (u, v). A new kind is one class here, its name in KINDS, and its colour in texturing.py."""
+"""Textures: colour over (u, v). A new kind is one class here, its name in KINDS, and its colour in images/lookup.py."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -8,13 +8,13 @@ from pydantic import ConfigDict, Field
 from visray.quantities import Color, Real
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
-_Number = Annotated[Real, Field(ge=-1e6, le=1e6)]
-Pair = tuple[_Number, _Number]
+_Coordinate = Annotated[Real, Field(ge=-1e6, le=1e6)]
+Pair = tuple[_Coordinate, _Coordinate]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Texture:
-    """What is looked up is at `scale` (u, v) + `offset`: a scale of (2, 1) repeats it twice along u."""
+    """The texture is looked up at `scale` (u, v) + `offset`: a scale of (2, 1) repeats it twice along u."""
 
     __pydantic_config__ = STRICT
 
@@ -24,11 +24,11 @@ class Texture:
 
 @dataclass(frozen=True, kw_only=True)
 class ImageTexture(Texture):
-    """A picture in a PNG, JPEG or EXR `file` (relative to the scene file), its first row at v = 1.
+    """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
 
-    `filter`: the nearest pixel, or a blend of four. `wrap`: beyond its edges it repeats, keeps the edge's colour
-    (`clamp`), or turns back (`mirror`). `encoding`: PNG and JPEG hold sRGB and EXR linear numbers unless it says
-    otherwise.
+    `filter`: the nearest pixel, or a blend of four. `wrap`: beyond its edges the picture repeats, keeps the colour of
+        the edge (`clamp`), or is mirrored (`mirror`). `encoding`: by default, PNG and JPEG are read as sRGB and EXR as
+        linear.
     """
 
     type: Literal["image"] = "image"
@@ -40,7 +40,7 @@ class ImageTexture(Texture):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckerTexture(Texture):
-    """Squares of two colours, two to each unit of u and of v: `a` where u and v are both in (0, 1/2)."""
+    """Squares of two colours, two along each unit of u and of v. Colour `a` is where u and v are both in (0, 1/2)."""
 
     type: Literal["checker"] = "checker"
     a: Color = (0.8, 0.8, 0.8)

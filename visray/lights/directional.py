@@ -1,4 +1,4 @@
-"""The directional light."""
+"""Directional light."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -9,8 +9,8 @@ from visray.quantities import Direction
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalLight(Light):
-    """A light infinitely far away, like the sun: it shines along `direction` everywhere. It has no distance, so that of
-    its attenuation only `a` can be used."""
+    """A light infinitely far away, like the sun, that shines along `direction` everywhere. It has no distance, so only
+    `a` of its attenuation can be used."""
 
     has_position: ClassVar[bool] = False
 
@@ -18,5 +18,5 @@ class DirectionalLight(Light):
     direction: Direction
 
     def flaws(self) -> list[tuple[str, str]]:
-        far = "must be 0: a directional light is infinitely far away, so it would not be seen"
-        return [(name, far) for name in ("b", "c") if getattr(self, name)]
+        message = "must be 0: a directional light is infinitely far away, so it would not be seen"
+        return [(name, message) for name in ("b", "c") if getattr(self, name)]

@@ -1,4 +1,4 @@
-"""The light in the shape of a disk."""
+"""Disk light."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -13,7 +13,7 @@ from visray.warp import disk
 
 @dataclass(frozen=True, kw_only=True)
 class DiskLight(AreaLight):
-    """A disk of light about `position`, of `radius`, across `normal`; it shines to both sides."""
+    """A disk about `position`, with `radius`, perpendicular to `normal`; it shines to both sides."""
 
     type: Literal["disk"] = "disk"
     position: Point

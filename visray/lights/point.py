@@ -1,4 +1,4 @@
-"""The point light."""
+"""Point light."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""The light in the shape of a parallelogram."""
+"""Parallelogram light."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -12,7 +12,7 @@ from visray.quantities import Point, Vector
 
 @dataclass(frozen=True, kw_only=True)
 class RectangleLight(AreaLight):
-    """A parallelogram of light: `position` is its middle, `width` and `height` are its sides."""
+    """A parallelogram centred at `position`, with sides `width` and `height`."""
 
     type: Literal["rectangle"] = "rectangle"
     position: Point
@@ -21,9 +21,9 @@ class RectangleLight(AreaLight):
 
     def flaws(self) -> list[tuple[str, str]]:
         w, h = np.array(self.width), np.array(self.height)
-        # Beyond rounding: three products and differences, of components as large as the sides.
-        flat = np.linalg.norm(np.cross(w, h)) <= 8 * np.finfo(float).eps * np.linalg.norm(w) * np.linalg.norm(h)
-        return [("height", "must not be parallel to width: the light would have no area")] if flat else []
+        # The bound is rounding: three products and differences of components as large as the sides.
+        parallel = np.linalg.norm(np.cross(w, h)) <= 8 * np.finfo(float).eps * np.linalg.norm(w) * np.linalg.norm(h)
+        return [("height", "must not be parallel to width: the light would have no area")] if parallel else []
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
         return (u - 0.5) * w(self.width) + (v - 0.5) * w(self.height)

@@ -1,4 +1,4 @@
-"""The light in the shape of a sphere."""
+"""Sphere light."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,7 +10,7 @@ from visray.warp import sphere
 
 @dataclass(frozen=True, kw_only=True)
 class SphereLight(AreaLight):
-    """A sphere of light about `position`, of `radius`: points all over it shine, and none of them hides another."""
+    """A sphere about `position`, with `radius`. All points of its surface shine, and none hides another."""
 
     type: Literal["sphere"] = "sphere"
     position: Point

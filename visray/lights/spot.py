@@ -1,4 +1,4 @@
-"""The spot light."""
+"""Spot light."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -18,8 +18,8 @@ HalfAngle = Annotated[
 class SpotLight(Light):
     """A light that shines from `position` along `direction` into a cone; `angle` lies between its axis and its edge.
 
-    Within the cone the light is ((cos t - cos angle) / (1 - cos angle))^exponent, t the angle from the axis: a hard
-    edge for exponent 0, softer the greater it is.
+    Within the cone the light is ((cos t - cos angle) / (1 - cos angle))^exponent, with t the angle from the axis: a
+    hard edge for exponent 0, softer for larger exponents.
     """
 
     type: Literal["spot"] = "spot"
@@ -29,11 +29,11 @@ class SpotLight(Light):
     exponent: Factor = 0.0
 
     def falloff(self, d: Any) -> Any:
-        # 1 - cos t of both angles, from half angles and differences of unit vectors, where no digits cancel.
+        # 1 - cos of both angles, computed from half angles and differences of unit vectors: no digits cancel.
         axis = dr.normalize(self.direction)
         edge = 2 * dr.square(dr.sin(self.angle * (0.25 * dr.pi / 90)))
-        off = 0.5 * dr.squared_norm(d - axis)
-        share = (edge - off) / edge
-        lit = share > 0
-        power = dr.exp2(type(d.x)(self.exponent) * dr.log2(dr.select(lit, share, 1)))
+        deviation = 0.5 * dr.squared_norm(d - axis)
+        base = (edge - deviation) / edge
+        lit = base > 0
+        power = dr.exp2(type(d.x)(self.exponent) * dr.log2(dr.select(lit, base, 1)))
         return dr.select(lit, power, 0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from samples import geometry_of
 
-from visray.accel.culling import DirectionCone
+from visray.accel.culling import DirectionCone, ball_guard, plane_guard
 from visray.primitives import Plane
 from visray.quantities import Arrays
 from visray.scene.scene import Scene

@@ -1,5 +1,5 @@
 """Fills the tables of README.md and docs/*.md, between marks such as <!-- figures: speed -->: from the reports
-reference/*.json, and from the records of layers.
+reference/*.json, and from the records of layers and shading modes.
 
 python reference/docs_figures.py
 """
@@ -8,6 +8,7 @@ import json
 import re
 from pathlib import Path
 
+from visray import modes
 from visray.output import layers
 
 HERE = Path(__file__).resolve().parent
@@ -239,8 +240,14 @@ def layer_records() -> list[str]:
     return table(*layers.table())
 
 
+def mode_records() -> list[str]:
+    """The shading modes."""
+    return table(*modes.table())
+
+
 FIGURES = {
     "layers": layer_records,
+    "modes": mode_records,
     "estimates": estimates,
     "adaptive": adaptive,
     "cost": cost,

@@ -17,7 +17,8 @@ polynomials.error polynomials.expression polynomials.grammar polynomials.monomia
 polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.factorization polynomials.program
 polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
-textures materials lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
+textures materials modes
+lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
 primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle

@@ -14,6 +14,7 @@ from test_shadows import SOLIDS, alone, looks, triple
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
+from visray.modes import MODES
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
 from visray.scene.scene import Occlusion, Scene, Settings
 from visray.setup import prepare
@@ -179,7 +180,7 @@ def test_the_variance_falls_with_the_rays() -> None:
 
 
 @PRECISIONS
-@pytest.mark.parametrize("shading", ["blinn-phong", "phong", "toon"])
+@pytest.mark.parametrize("shading", [mode.name for mode in MODES if mode.lit])
 def test_sky_dims_the_scenes_light_and_near_that_of_lights(precision: str, shading: str) -> None:
     """Ig ka sky + sum of Ia ka near: a roof of half a floor's width, and no more than its share of each colour."""
     roof, exact = FLOOR | {"roof": Disk(center=(0, 1, 0), radius=1.0)}, (0.5, 1 - 0.5 + mean_part(1.0, 1.0, 2.0))

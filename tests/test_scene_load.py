@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from visray import lights, primitives, textures
+from visray import lights, modes, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
@@ -224,7 +224,7 @@ SAMPLES = [
     *(Scene(lights={"l": kind(**PLACE)}) for kind in (PointLight, RectangleLight, DiskLight, SphereLight)),
     Scene(lights={"l": DirectionalLight(**DOWN)}),
     Scene(lights={"l": SpotLight(**PLACE, **DOWN)}),
-    *(Scene(settings=Settings(shading=name)) for name in ("phong", "toon", "normal", "depth", "uv", "albedo")),
+    *(Scene(settings=Settings(shading=name)) for name in modes.NAMES[1:]),
     *(Scene(settings=Settings(sampler=name)) for name in ("sobol", "independent")),
     Scene(settings=Settings(depth=0)),
     Scene(settings=Settings(misses="ambient", local="full", area="centre")),
@@ -596,8 +596,7 @@ def test_textures_that_are_no_object_make_no_names_unknown(tmp_path: Path) -> No
         ({"depth": NAN}, "depth = NaN: must be a whole number"),
         (
             {"shading": "fong"},
-            'shading = "fong": unknown value; did you mean "phong"? '
-            "(one of blinn-phong, phong, toon, normal, depth, uv, albedo)",
+            f'shading = "fong": unknown value; did you mean "phong"? (one of {", ".join(modes.NAMES)})',
         ),
         (
             {"sampler": "halton"},

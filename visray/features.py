@@ -8,6 +8,7 @@ derivative that was asked for could tell. `everything` forces all of them; the p
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from visray import modes
 from visray.materials import Material
 from visray.primitives.flat import Flat
 from visray.scene.scene import Scene, SkyGradient
@@ -167,11 +168,9 @@ def _mirrors(scene: Scene, field: str) -> list[str]:
 
 def _seen(rule: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]:
     """The rule, where surfaces show their light at all."""
-    return lambda scene: rule(scene) if scene.settings.shading in LIT else []
+    return lambda scene: rule(scene) if modes.BY_NAME[scene.settings.shading].lit else []
 
 
-# The shading modes that show light; the others show what a surface is.
-LIT = ("blinn-phong", "phong", "toon")
 RULES = (
     Rule("ambient", _seen(_ambient), "no ambient light falls on a material with ka",
          ("ambient", "ka", "Ia", "intensity")),
@@ -223,7 +222,7 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
         return "settings.shadows is false"
     if name in ("reflection", "refraction", "nested media") and not settings.depth:
         return "settings.depth is 0"
-    unlit = settings.shading not in LIT
+    unlit = not modes.BY_NAME[settings.shading].lit
     if unlit and name not in ("textures", "bilinear", "defocus", "background", "coverage"):
         return f"settings.shading is {settings.shading}"
     if name in ("textures", "bilinear") and not scene.textures:

@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray import integrator
+from visray import integrator, modes
 from visray.accel.intersect import closest
 from visray.accel.policy import MAX_UNROLLED
 from visray.direct import LightSample, light_sample
@@ -26,7 +26,7 @@ from visray.passes import expose
 from visray.render import adjusted
 from visray.sampling import SamplePlan
 from visray.scene import address as addresses
-from visray.scene.scene import Scene
+from visray.scene.scene import Scene, Settings
 from visray.setup import prepare
 
 
@@ -48,8 +48,14 @@ MOVERS = {"position", "direction", "angle", "width", "height", "normal", "radius
 
 
 def _moves(scene: Scene, address: str) -> bool:
-    movers = MOVERS | {"shininess"} if scene.settings.shading == "toon" else MOVERS
+    movers = MOVERS | {"shininess"} if _stepped(scene.settings) else MOVERS
     return address.startswith(("objects.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
+
+
+def _stepped(settings: Settings) -> bool:
+    """Whether reflected light jumps, as in a cartoon."""
+    model = modes.BY_NAME[settings.shading].model
+    return model is not None and model.stepped
 
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], None], backend: str) -> Trace:
@@ -100,7 +106,7 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
         found.append("shadow edges")
     if s.features["textures"] and _has_steps(s.atlas):
         found.append("texture edges")
-    if s.settings.shading == "toon":
+    if _stepped(s.settings):
         found.append("steps of a cartoon")
     # What samples, or rays by way of other surfaces, meet has edges of its own, unless there is nothing to meet.
     others = {"penumbras": "area lights", "occlusion": "sky occlusion", "closeness": "near occlusion", "paths": "paths"}

@@ -151,7 +151,7 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.origin, ray)
-    at = interact(s, ray, hit)
+    si = interact(s, ray, hit)
 
     def shown(value: Any) -> Any:
         return dr.select(hit.valid, value, 0)
@@ -159,14 +159,14 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
     layers = {
         "Z": a.F(hit.t * dr.dot(ray.d, a.W(s.view.forward))),
         "distance": a.F(hit.t),
-        "N": shown(at.n),
-        "P": shown(a.V(at.surface.p)),
-        "UV": (shown(at.u), shown(at.v)),
-        "albedo": shown(at.material.kd),
+        "N": shown(si.n),
+        "P": shown(a.V(si.surface.p)),
+        "UV": (shown(si.u), shown(si.v)),
+        "albedo": shown(si.material.kd),
         # NO_ROW + 1 is 0: no object.
         "id": object_of(s, hit) + 1,
     }
-    return layers | certificate(s, ray, hit, at.surface.p)
+    return layers | certificate(s, ray, hit, si.surface.p)
 
 
 def object_of(s: KernelScene, hit: Hit) -> Any:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Union
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from visray import lights, primitives, textures
+from visray import lights, modes, primitives, textures
 from visray.camera import Camera
 from visray.materials import Material
 from visray.quantities import Color, Count, Length, Name
@@ -92,7 +92,7 @@ class Settings:
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"
     sampler: Literal["stratified", "sobol", "independent"] = "stratified"
-    shading: Literal["blinn-phong", "phong", "toon", "normal", "depth", "uv", "albedo"] = "blinn-phong"
+    shading: Literal[modes.NAMES] = "blinn-phong"
     shadows: Annotated[bool, Field(strict=True)] = True
     depth: Depth = 6
     misses: Literal["background", "ambient"] = "background"

@@ -12,6 +12,7 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.lights.light import AreaLight
 from visray.materials import Material
+from visray.modes import MODES
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
 from visray.primitives.polynomial import Polynomial
@@ -49,7 +50,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "seed": "a whole number from 0 to 4294967295; another seed gives other noise",
         "precision": "precision of shading; geometry is always double",
         "sampler": "how the samples of a pixel are placed",
-        "shading": "one of three shading models, or the surface property that is shown",
+        "shading": "; ".join(f"{mode.name}: {mode.meaning}" for mode in MODES),
         "shadows": "whether lights cast shadows",
         "depth": "largest number of reflections and refractions in a row, from 0 (neither) to 1000",
         "misses": "colour of a secondary ray that hits nothing",

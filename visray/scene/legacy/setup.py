@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
+from visray import modes
 from visray.scene.legacy.camera import view
 from visray.scene.legacy.entry import BLACK, Entry
 from visray.scene.legacy.keys import MODELS, OCCLUSION, RENDERS, SHADINGS
@@ -60,7 +61,7 @@ def _shading(e: Entry) -> dict:
     written = e.chosen("shading", SHADINGS)
     model = MODELS[(written or "BlinnPhong").removesuffix("Shadow")]
     shadows = e.flag("shadows", written.endswith("Shadow") if written else True)
-    if model in ("blinn-phong", "phong", "toon") and not shadows and not e.has("shadows"):
+    if modes.BY_NAME[model].lit and not shadows and not e.has("shadows"):
         e.log.warn(line("shading", written, f"has no shadows; write {written}Shadow to have them"))
     return {"shading": model, "shadows": shadows}
 

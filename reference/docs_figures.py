@@ -7,6 +7,7 @@ python reference/docs_figures.py
 import json
 import re
 from pathlib import Path
+from textwrap import wrap
 
 from visray import modes
 from visray.output import layers
@@ -27,6 +28,11 @@ def table(heads: list, rows: list[list]) -> list[str]:
     return ["", head, "|" + "---|" * len(heads), *body, ""]
 
 
+def prose(text: str) -> list[str]:
+    """A paragraph as lines of at most 120 characters."""
+    return wrap(text, 120, break_long_words=False, break_on_hyphens=False)
+
+
 def measured(report: dict, script: str, between: str = " ", more: str = "") -> str:
     """Date, machine and versions of a report, in a sentence, and what to run, in another."""
     tools = ", ".join(f"{name} {report[key]}" for name, key in VERSIONS if key in report)
@@ -43,11 +49,18 @@ def speed() -> list[str]:
     runs = report["warm"] + report["growth"]
     rows = [[f"{r['spheres']:,}", r["spp"], *(f"{r[key]:.1f}" for key in keys)] for r in runs]
     return [
-        "Mitsuba's `direct` integrator against visray, in one process by turns, same geometry (a plane, spheres, a",
-        f"point light with shadows), {report['size']} x {report['size']}, medians of warm renders:",
+        *prose(
+            "The same scene in visray and in Mitsuba (integrator `direct`): a plane, spheres, a point light, "
+            f"shadows, {report['size']} x {report['size']} pixels. Both run in one process, by turns; kernels are "
+            "compiled before. Medians:"
+        ),
         *table(["spheres", "samples per pixel", "visray, M samples/s", "Mitsuba, M samples/s", "ratio"], rows),
-        f"From the start of a process to an EXR on disk, 16 samples: {cold[0]:.1f} s (Mitsuba {cold[1]:.1f} s) with an",
-        f"empty kernel cache, {warm[0]:.1f} s ({warm[1]:.1f} s) with a warm one.",
+        *prose(
+            "From the start of a process to an EXR file on disk, 16 samples per pixel: with an empty kernel cache "
+            f"{cold[0]:.1f} s (Mitsuba {cold[1]:.1f} s); with compiled kernels in the cache {warm[0]:.1f} s "
+            f"({warm[1]:.1f} s)."
+        ),
+        "",
         measured(report, "bench_mitsuba", between="\n"),
     ]
 
@@ -65,8 +78,12 @@ def check() -> list[str]:
         row = [name, f"{rays:,}", f"{near:,}", wrong, f"{s['rays']:,}", f"{s['near_edge']:,}", s["mismatches"]]
         rows.append([*row, f"{max(b['dt'] for b in both):.0e}", f"{r['picture']['rms']:.0e}"])
     return [
-        "`visray check` on every scene: the same rays through Mitsuba (single precision). A ray is *near an edge* if",
-        "what it meets changes within the rounding of Mitsuba's numbers; it is counted, not compared.",
+        *prose(
+            "`visray check` sends the same rays through visray and through Mitsuba, which computes in single "
+            "precision. A ray is *near an edge* if the rounding of Mitsuba's numbers can change what it hits; "
+            "such rays are counted, and not compared. *dt* is the difference of the distances to the hit; *image "
+            "error* is the difference of the pictures."
+        ),
         *table(heads, rows),
         measured(report, "check_scenes"),
     ]
@@ -91,13 +108,18 @@ def effects() -> list[str]:
     heads = ["scene", "kernel operations before, now", "compile before, now, s"]
     heads += ["time now over before", "processor time"]
     return [
-        "The matte scene with eight spheres above, and the same with one effect more or less: warm renders by turns,",
-        f"{size} x {size}, {report['spp']} samples per pixel, for which the matte scene takes {matte_ms:.0f} ms:",
+        *prose(
+            "The matte scene is a plane and eight spheres with a point light and shadows. Each other scene has "
+            f"one effect more or less. {size} x {size} pixels, {report['spp']} samples per pixel, kernels compiled "
+            f"before; the matte scene takes {matte_ms:.0f} ms:"
+        ),
         *table(["scene", "kernel operations", "compile, s", "time against matte"], rows),
-        f"Against an earlier visray ({before['commit']}): {before['pairs']} pairs of processes by turns, median of the",
-        "ratios, quartiles in brackets.",
+        *prose(
+            f"The same scenes in an earlier visray (commit {before['commit']}) and now: {before['pairs']} pairs of "
+            "processes, by turns. Median of the ratios, and quartiles in brackets:"
+        ),
         *table(heads, compared),
-        measured(report, "cost_of_effects", "\n", "; `visray explain SCENE --cost` tells of any scene"),
+        measured(report, "cost_of_effects", "\n", "; `visray explain SCENE --cost` measures your scene"),
     ]
 
 
@@ -116,10 +138,12 @@ def polynomials() -> list[str]:
         row = [f"{r['surface']} ({r['degree']})", f"{theirs:.2f}", f"{mine:.4f}", ratios]
         rows.append([*row, f"{rates['surf']:.1f}", f"{rates['visray picture']:.1f}", wrong])
     return [
-        "The same surface, camera, light and shadows in POV-Ray 3.7 (`poly` with `sturm`) and in visray, two",
-        f"threads each, {size} x {size}; the time of a sample per pixel at 1, 4 and 16 of them. Against surf, which",
-        f"draws without shadows, on one thread: camera rays alone, {larger:,} x {larger:,}. Wrong pixels by exact",
-        "arithmetic, of those at edges, where programs differ, and 20,000 at random:",
+        *prose(
+            "POV-Ray 3.7 (`poly` with `sturm`) and visray render the same surface, camera, light and shadows, on "
+            f"two threads each, {size} x {size} pixels. Times are for one sample per pixel. surf draws without "
+            f"shadows, so it is compared on camera rays alone, on one thread, {larger:,} x {larger:,}. *Wrong "
+            "pixels* are judged by exact arithmetic: all pixels where the programs differ, and 20,000 at random:"
+        ),
         *table(heads, rows),
         measured(report, "bench_povray"),
     ]
@@ -141,13 +165,17 @@ def degree() -> list[str]:
     return [
         "![Nanoseconds of a ray against the degree, both logarithmic: less than quadratic](degree.png)",
         "",
-        f"A camera ray on one thread grows as degree^{report['exponent']:.1f} from degree 4 to 20 "
-        "(Banchoff-Chmutov surfaces); compilation takes",
-        f"{max(r['compile_s'] for r in degrees):.2f} s at most:",
+        *prose(
+            f"The time of a camera ray, on one thread, grows as degree^{report['exponent']:.1f} from degree 4 to "
+            f"20 (Banchoff-Chmutov surfaces). Compilation takes at most {max(r['compile_s'] for r in degrees):.2f} "
+            "s:"
+        ),
         *table(["degree", *(r["degree"] for r in degrees)], growth),
-        "What precision costs: the surface in double with the rest in single (the default) or in double, "
-        "ns per sample of a",
-        "picture with light and shadow; and the surface in single, which is not offered, ns per camera ray:",
+        *prose(
+            "What double precision costs. By default the surface is in double and shading in single. The first "
+            "two columns are nanoseconds per sample of a picture with light and shadow; the next two are "
+            "nanoseconds per camera ray. The surface in single is not offered: the last two columns say why."
+        ),
         *table(heads, precision),
         measured(report, "bench_degree"),
     ]
@@ -161,10 +189,11 @@ def stability() -> list[str]:
     keys = ["false_misses", "false_hits", "wrong_roots", "nan", "unresolved"]
     rows = [[r["rays"], f"{r['judged']:,}", f"{r['near_edge'] + r['open']:,}", *(r[key] for key in keys)] for r in sums]
     return [
-        f"`visray stability` on the {sums[0]['surfaces']} known surfaces, {report['rays']:,} rays a set: "
-        "the kernel against exact rational arithmetic.",
-        "*Judged* are rays whose exact answer stays the same when f is shifted by the rounding of double; "
-        "the others graze an edge.",
+        *prose(
+            f"`visray stability` on the {sums[0]['surfaces']} known surfaces, with {report['rays']:,} rays in each "
+            "set for each surface. *Judged* are the rays whose exact answer stays the same when f is shifted by "
+            "the rounding of double; the others graze an edge."
+        ),
         *table(heads, rows),
         measured(report, "stability"),
     ]
@@ -177,10 +206,13 @@ def estimates() -> list[str]:
     scenes = {r["scene"] for r in report["estimates"]}
     asked = [100 * r["asked"] for r in report["estimates"]]
     return [
-        f"Is it true? {s['pictures']} pictures of {len(scenes)} scenes, with errors from {min(asked):g} to "
-        f"{max(asked):g} % asked for, against references of at least 100 times the samples:",
-        f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval, {100 * s['met']:.0f} % are no larger "
-        f"than asked, and true over estimated error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f}.",
+        *prose(
+            f"{s['pictures']} pictures of {len(scenes)} scenes were made with `--error` from {min(asked):g} to "
+            f"{max(asked):g} %, and compared with references of at least 100 times the samples. "
+            f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval. {100 * s['met']:.0f} % are no "
+            f"larger than asked. The true error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f} times the "
+            "estimated one."
+        ),
         "",
         measured(report, "error_estimates"),
     ]
@@ -198,10 +230,12 @@ def adaptive() -> list[str]:
         a, b, c = (f"{x['spp']:.0f}, {x['seconds']:.2f}" for x in (r, own, both))
         rows.append([scene, error, a, b, f"{own['ratio']:.1f}", c, f"{both['ratio']:.1f}"])
     return [
-        "What it saves: `--error` against equally many samples everywhere, at equal true error, by turns in one run; "
-        "with the",
-        "scene's own sampler, as `--spp` has it, and with Sobol points for both "
-        "(time ratios; the picture's colour alone, compiled):",
+        *prose(
+            "`--error` is compared with equally many samples in each pixel (`--spp`), at equal true error. "
+            "`--error` uses Sobol points; `--spp` uses the scene's own sampler, and Sobol points in the "
+            "last two columns. *Ratio*: how many times longer `--spp` takes. Only the colour is rendered, and "
+            "kernels are compiled before:"
+        ),
         *table(heads, rows),
         measured(report, "bench_adaptive"),
     ]
@@ -229,7 +263,7 @@ def cost() -> list[str]:
         "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
         "the scene as it is](cost.png)",
         *table(heads, rows),
-        "\\*: beyond what was measured, by the law of the last points of that knob, carried on.",
+        "\\*: extrapolated beyond what was measured.",
         "",
         measured(report, "cost_of_accuracy"),
     ]

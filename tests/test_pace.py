@@ -8,7 +8,7 @@ import pytest
 
 from visray import clock
 from visray import pass_timer as pace
-from visray.pass_timer import GROWTH, PASS_SECONDS, SURE, TRACED, PassTimer
+from visray.pass_timer import GROWTH, PASS_SECONDS, SAFE_SHARE, RUN_PER_TRACE, PassTimer
 from visray.passes import empty_film, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
@@ -33,13 +33,13 @@ def test_small_passes_do_not_tell_how_long_samples_take(monkeypatch: pytest.Monk
     assert found.sample_seconds == pytest.approx(4e-4)
 
 
-@pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, TRACED * 0.2)])
+@pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, RUN_PER_TRACE * 0.2)])
 def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -> None:
     found = PassTimer(tracing, 1e-6, 10**6)
     assert found.next_seconds() == pytest.approx(seconds) and found.next_samples() == pytest.approx(seconds / 1e-6)
     assert found.next_seconds(1e3) == found.next_seconds(inf)
     # What is left is shared by tracing and samples; half of it is for those that are dearer than was thought.
-    assert found.next_seconds(3 * tracing) == pytest.approx(min(SURE * 2 * tracing, seconds))
+    assert found.next_seconds(3 * tracing) == pytest.approx(min(SAFE_SHARE * 2 * tracing, seconds))
     assert found.next_seconds(1.99 * tracing) == found.next_seconds(0) == found.next_seconds(-1.0) == 0
 
 

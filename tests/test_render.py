@@ -157,7 +157,7 @@ def test_passes_chosen_by_the_clock_make_the_same_picture(monkeypatch: pytest.Mo
     whole = picture(SHOW, spp=24)
     monkeypatch.setattr(passes, "first_pass_samples", lambda made: 5 * len(made.order))
     monkeypatch.setattr(pace, "PASS_SECONDS", 1e-9)
-    monkeypatch.setattr(pace, "TRACED", 0)
+    monkeypatch.setattr(pace, "RUN_PER_TRACE", 0)
     ends = []
     once = passes.exposed_once
     monkeypatch.setattr(passes, "exposed_once", lambda *a: ends.append(int(a[2].max())) or once(*a))

@@ -1,4 +1,4 @@
-"""Batches: rows that share their code, placed in the world, as kernels read them."""
+"""Batches as kernels read them: rows of one kind, placed in the world."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,13 +15,17 @@ from visray.pytree import detached, evaluated, rows
 
 @dataclass(frozen=True)
 class Batch:
-    """Rows of a kind that share their code.
+    """Rows of one kind that share their code.
 
-    base: the number of its first row among all rows of the scene.
-    placed: the kind's own record, an entry a row.
-    low, high, centre, radius: as primitives.primitive.Bounds; None of unbounded kinds.
-    span: no coordinate that a row is made of is greater, up to a factor that rounding bounds allow for.
-    material, texture: an entry a row. object: the number of its object in the scene.
+    names: names of the rows
+    first_row: number of the batch's first row among all rows of the scene
+    placed: the kind's own record of placed rows
+    low, high: corners of each row's bounding box; None for unbounded kinds
+    centre, radius: bounding ball of each row; None for unbounded kinds
+    coordinate_bound: no coordinate of a row is greater, up to a factor that the rounding bounds allow for
+    material: material of each row
+    texture: number of each row's texture, or NO_TEXTURE
+    object: number of each row's object in the scene
     """
 
     kind: type[Primitive]
@@ -41,42 +45,42 @@ class Batch:
         return len(self.names)
 
     def has(self, row: Any) -> Any:
-        """Whether a row of the scene is one of the batch."""
+        """Whether a row of the scene belongs to the batch."""
         return (row >= self.first_row) & (row < self.first_row + len(self))
 
     def rows_at(self, i: Any) -> "Batch":
-        """Some rows of the batch, by their numbers in it: where they are."""
+        """Only the placed records and bounding balls of the rows with numbers `i` in the batch."""
         return Batch(
             self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
             coordinate_bound=None, material=None, texture=None, object=None,
         )  # fmt: skip
 
     def part(self, part: Any) -> Any:
-        """A hit's part, as the kind takes it: None where it has one part only."""
+        """The part of a hit as the kind expects it: None for kinds with a single part."""
         return None if self.kind.parts == 1 else part
 
 
-def place(columns: Columns, base: int, materials: Material) -> Batch:
-    """A batch in the world, evaluated. Derivatives flow through it."""
+def place(columns: Columns, first_row: int, materials: Material) -> Batch:
+    """Places a batch in the world and evaluates it. Derivatives flow through it."""
     numbers, outer = columns.numbers, columns.outer
-    where = numbers.placed(outer)
+    placed = numbers.placed(outer)
     low = high = centre = radius = None
     if columns.kind.bounded:
         bounds = numbers.bounds(outer)
         low, high, centre, radius = detached((bounds.low, bounds.high, bounds.centre, bounds.radius))
-        span = l1_norm(centre) + radius
+        coordinate_bound = l1_norm(centre) + radius
     else:
-        span = dr.detach(l1_norm(where.inverse.o))
+        coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     material = rows(materials, columns.material)
     return evaluated(
-        Batch(columns.kind, columns.names, base, where, low, high, centre, radius, span, material, columns.texture,
-              columns.object)
+        Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound, material,
+              columns.texture, columns.object)
     )  # fmt: skip
 
 
 def boxes(batch: Batch) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of the boxes around a batch's rows, beyond their own rounding. Shapes: (rows, 3) each."""
+    """Corners of the rows' bounding boxes, enlarged by their own rounding. Shapes: (rows, 3) each."""
     low, high = np.array(batch.low, float).T, np.array(batch.high, float).T
-    # Corners are sums of at most eight products of numbers no greater than the span.
-    off = gamma(16) * np.broadcast_to(np.array(batch.coordinate_bound, float), len(low))[:, None]
-    return low - off, high + off
+    # Corners are sums of at most eight products of numbers no greater than the coordinate bound.
+    error = gamma(16) * np.broadcast_to(np.array(batch.coordinate_bound, float), len(low))[:, None]
+    return low - error, high + error

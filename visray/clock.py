@@ -1,4 +1,4 @@
-"""The clock. All of visray asks this one, so that what hangs on seconds can be tried with seconds that are made up."""
+"""The clock. All of visray reads time here, so that tests can replace it by made-up seconds."""
 
 from collections.abc import Iterable
 from time import perf_counter
@@ -6,14 +6,14 @@ from typing import Any
 
 
 def now() -> float:
-    """Seconds, from some moment on."""
+    """Seconds since an arbitrary moment."""
     return perf_counter()
 
 
 def kernel_seconds(kernels: Iterable[dict[str, Any]]) -> float:
-    """How many seconds kernels ran, of Dr.Jit's history."""
+    """Total running time in seconds of kernels in Dr.Jit's history."""
     return sum(k["execution_time"] for k in kernels) / 1e3
 
 
-# When visray was loaded, which it is first of all: where the time that a user gives begins on the command line.
+# The moment when visray was loaded. On the command line, a user's time limit is counted from here.
 LOADED = now()

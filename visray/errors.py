@@ -1,9 +1,9 @@
-"""Errors that a user can put right: one line each, never a traceback."""
+"""Errors that a user can correct: one line each, never a traceback."""
 
 
 class UserError(Exception):
-    """One or more lines, each: where, what is wrong, what would be right. The command line prints them and exits with
-    2."""
+    """One or more lines, each with the address, what is wrong, and what would be right. The command line prints them
+    and exits with status 2."""
 
     def __init__(self, *lines: str):
         super().__init__("\n".join(lines))
@@ -11,4 +11,4 @@ class UserError(Exception):
 
 
 class GoalWarning(UserWarning):
-    """A picture has more error than was asked for."""
+    """A picture has a larger error than was asked for."""

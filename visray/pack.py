@@ -1,7 +1,7 @@
-"""The numbers of a scene as arrays: what kernels read, what derivatives are taken by, and what an update changes.
+"""The numbers of a scene as arrays: read by kernels, differentiated, and changed by updates.
 
-`pack` turns a Scene into columns, batch by batch: objects that share their code, and lights that do. Names become
-numbers. `Packed` is a Dr.Jit PyTree: derivatives are taken by its arrays. `AddressIndex` finds addresses in them.
+`pack` turns a Scene into columns: one batch for objects that share their code, and one for lights that do. Names become
+numbers. `Packed` is a Dr.Jit PyTree, so derivatives are taken by its arrays. `AddressIndex` finds addresses in them.
 """
 
 from collections.abc import Iterable
@@ -28,7 +28,7 @@ NO_TEXTURE = 0xFFFFFFFF
 
 
 class Names:
-    """The names of a batch's rows: one each, or a prefix and a number."""
+    """Names of a batch's rows: a list, or a prefix and a number."""
 
     def __init__(self, listed: tuple[str, ...] = (), prefix: str = "", count: int | None = None):
         self.listed, self.prefix, self.count = listed, prefix, len(listed) if count is None else count
@@ -46,7 +46,7 @@ class Names:
         return {name: row for row, name in enumerate(self.listed)}
 
     def row(self, name: str) -> int | None:
-        """The row of a name, or None where no row has it."""
+        """The row with this name, or None."""
         if self.listed:
             return self._rows.get(name)
         number = name.removeprefix(self.prefix)
@@ -56,12 +56,14 @@ class Names:
 
 @dataclass(frozen=True)
 class Columns:
-    """Rows of a kind that share their code, as arrays. They come from objects of a scene, or from any other source of
-    columns.
-
-    kind: one class; rows with a transform and rows without are two batches. names: Names, of the rows.
-    numbers: the kind's table. outer: the rows' transforms, or None. material, texture: numbers of the rows' own.
-    object: the number of each row's object, in the order of the scene.
+    """Rows of one kind that share their code, as arrays. They come from the objects of a scene, or from any other
+    source of columns.
+    kind: class of the rows; rows with a transform and rows without form two batches
+    names: names of the rows
+    numbers: the kind's table
+    outer: transforms of the rows, or None
+    material, texture: number of each row's material and texture
+    object: number of each row's object, in the order of the scene
     """
 
     kind: type[Primitive]
@@ -78,7 +80,14 @@ class Columns:
 
 @dataclass(frozen=True)
 class LightColumns:
-    """Lights of one kind as arrays. samples: of each, as Python knows them; place: its number in the scene."""
+    """Lights of one kind as arrays.
+
+    kind: class of the lights
+    names: names of the lights
+    numbers: table of the kind
+    samples: number of samples of each light, as Python integers
+    scene_index: number of each light in the scene
+    """
 
     kind: type[Light]
     names: Names
@@ -89,8 +98,8 @@ class LightColumns:
 
 @dataclass(frozen=True)
 class Packed:
-    """All numbers of a scene. Shapes: one entry an object, a material or a light of one kind; one entry for camera,
-    background and settings."""
+    """All numbers of a scene. Arrays have one entry for each row, material, or light of a kind; camera, background,
+    ambient light and occlusion have one entry."""
 
     batches: tuple[Columns, ...]
     lights: tuple[LightColumns, ...]
@@ -101,17 +110,17 @@ class Packed:
     occlusion: Occlusion
 
 
-def batch_key(thing: Primitive) -> tuple[type[Primitive], bool]:
-    """What objects of one batch have in common: their kind, and whether they have a transform."""
-    return thing.kind, bool(thing.transform)
+def batch_key(obj: Primitive) -> tuple[type[Primitive], bool]:
+    """What objects of one batch share: their kind, and whether they have a transform."""
+    return obj.kind, bool(obj.transform)
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
-    """The scene's numbers as arrays; batches in the order of their first objects."""
+    """The scene's numbers as arrays. Batches are in the order of their first objects."""
     materials = _materials(scene)
-    things: dict[tuple, list[tuple[int, str]]] = {}
-    for number, (name, thing) in enumerate(scene.objects.items()):
-        things.setdefault(batch_key(thing), []).append((number, name))
+    objects: dict[tuple, list[tuple[int, str]]] = {}
+    for number, (name, obj) in enumerate(scene.objects.items()):
+        objects.setdefault(batch_key(obj), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -119,8 +128,8 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     sky = sky if isinstance(sky, SkyGradient) else SkyGradient(top=sky, bottom=sky)
     return evaluated(
         Packed(
-            batches=tuple(_batch(scene, a, kind, places) for (kind, _), places in things.items()),
-            lights=tuple(_lights(scene, a, kind, places) for kind, places in lights.items()),
+            batches=tuple(_batch(scene, a, kind, members) for (kind, _), members in objects.items()),
+            lights=tuple(_lights(scene, a, kind, members) for kind, members in lights.items()),
             materials=stacked(a, Material, list(materials.values())),
             camera=stacked(a, Camera, [scene.camera]),
             background=stacked(a, SkyGradient, [sky]),
@@ -131,53 +140,60 @@ def pack(scene: Scene, a: Arrays) -> Packed:
 
 
 def _materials(scene: Scene) -> dict[str, Material]:
+    """The materials by name, with the default one first."""
     return {"default": Material()} | scene.materials
 
 
-def _batch(scene: Scene, a: Arrays, kind: type[Primitive], places: list[tuple[int, str]]) -> Columns:
-    """The objects at these places, which share their code."""
-    objects, names = np.array([number for number, _ in places], np.uint32), tuple(name for _, name in places)
-    things = [scene.objects[name] for name in names]
+def _batch(scene: Scene, a: Arrays, kind: type[Primitive], members: list[tuple[int, str]]) -> Columns:
+    """Columns of some objects that share their code, given by number in the scene and name."""
+    numbers, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
+    objects = [scene.objects[name] for name in names]
     materials = _materials(scene)
     index = {name: i for i, name in enumerate(materials)}
     texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
-    painted = {name: texture[m.texture] for name, m in materials.items()}
+    texture_of = {name: texture[m.texture] for name, m in materials.items()}
     outer = None
-    if things[0].transform:
-        matrices = np.stack([compose(x.transform) for x in things])
+    if objects[0].transform:
+        matrices = np.stack([compose(x.transform) for x in objects])
         outer = Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
     return Columns(
         kind=kind,
         names=Names(names),
-        numbers=kind.table(a, things),
+        numbers=kind.table(a, objects),
         outer=outer,
-        material=a.put(a.U, np.array([index[x.material] for x in things], np.uint32)),
-        texture=a.put(a.U, np.array([painted[x.material] for x in things], np.uint32)),
-        object=a.put(a.U, objects),
+        material=a.put(a.U, np.array([index[x.material] for x in objects], np.uint32)),
+        texture=a.put(a.U, np.array([texture_of[x.material] for x in objects], np.uint32)),
+        object=a.put(a.U, numbers),
     )
 
 
-def _lights(scene: Scene, a: Arrays, kind: type[Light], places: list[tuple[int, str]]) -> LightColumns:
-    lights = [scene.lights[name] for _, name in places]
+def _lights(scene: Scene, a: Arrays, kind: type[Light], members: list[tuple[int, str]]) -> LightColumns:
+    """Columns of some lights of one kind, given by number in the scene and name."""
+    lights = [scene.lights[name] for _, name in members]
     return LightColumns(
         kind=kind,
-        names=Names(tuple(name for _, name in places)),
+        names=Names(tuple(name for _, name in members)),
         numbers=stacked(a, kind, lights),
         samples=tuple(getattr(x, "samples", 1) for x in lights),
-        scene_index=tuple(number for number, _ in places),
+        scene_index=tuple(number for number, _ in members),
     )
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where arrays hold the number of an address: the arrays, the row, and the component or None for all three."""
+    """The place of one address in the packed arrays.
+
+    arrays: arrays that hold the number; a plain background has two, top and bottom
+    row: entry in the arrays
+    component: 0, 1 or 2, or None for the whole entry
+    """
 
     arrays: tuple[Any, ...]
     row: int
     component: int | None
 
     def read(self, values: tuple | list) -> Any:
-        """The entry, out of arrays shaped like `arrays`, summed over them."""
+        """The entry in `values`, which are shaped like `arrays`, summed over all of them."""
         entry = sum(np.array(v, float)[..., self.row] for v in values)
         return float(entry) if entry.ndim == 0 else entry if self.component is None else float(entry[self.component])
 
@@ -190,7 +206,7 @@ class Slot:
 
 
 class AddressIndex:
-    """From addresses to the arrays and rows of a packed scene: for derivatives, and for what an update changes."""
+    """Finds the arrays and rows that hold an address of a scene: for derivatives and updates."""
 
     def __init__(self, scene: Scene, packed: Packed):
         self.scene, self.packed = scene, packed
@@ -203,18 +219,18 @@ class AddressIndex:
         raise KeyError(name)
 
     def slot(self, address: str) -> Slot:
-        """Where the number at `address` is; raises UserError where a picture does not depend on it smoothly."""
+        """The place of the number at `address`. Raises UserError where a picture does not depend smoothly on it."""
         parts, packed = address.split("."), self.packed
         head, name, field = (parts + ["", ""])[:3]
-        if isinstance(there := addresses.value(self.scene, address), dict) or is_dataclass(there):
+        if isinstance(value := addresses.value(self.scene, address), dict) or is_dataclass(value):
             raise UserError(f"{address}: is not one number or three; name one of its parts")
         if head == "ambient":
             return Slot((packed.ambient,), 0, int(name) if name else None)
         if head == "background":
-            flat, sky = not isinstance(self.scene.background, SkyGradient), packed.background
-            both = (sky.top, sky.bottom) if flat else (getattr(sky, name or "top"),)
-            rest = name if flat else field
-            return Slot(both, 0, int(rest) if rest else None)
+            plain, sky = not isinstance(self.scene.background, SkyGradient), packed.background
+            colours = (sky.top, sky.bottom) if plain else (getattr(sky, name or "top"),)
+            rest = name if plain else field
+            return Slot(colours, 0, int(rest) if rest else None)
         if head == "camera":
             table, row, field, rest = packed.camera, 0, name, parts[2:]
         elif head == "materials":
@@ -232,40 +248,43 @@ class AddressIndex:
             raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
         return Slot((getattr(table, field),), row, int(rest[0]) if rest else None)
 
-    def _of_object(self, name: str, rest: list[str]) -> Slot:
-        """Where the number of an object is."""
-        thing = self.scene.objects[name]
+    def _of_object(self, name: str, path: list[str]) -> Slot:
+        """The place of a number of an object. path: the address after the object's name, split at dots."""
+        obj = self.scene.objects[name]
         number, row = self.row_of(self.packed.batches, name)
         batch = self.packed.batches[number]
-        columns = batch.kind.columns(thing, batch.numbers)
+        columns = batch.kind.columns(obj, batch.numbers)
         for field, column in columns.items():
             size = len(field.split("."))
-            if ".".join(rest[:size]) == field:
-                return Slot((column,), row, int(rest[size]) if rest[size:] else None)
+            if ".".join(path[:size]) == field:
+                return Slot((column,), row, int(path[size]) if path[size:] else None)
         known = ", ".join(columns) or "none of its own"
-        raise UserError(f"objects.{name}.{'.'.join(rest)}: has no derivative; those of a {thing.type} are {known}")
+        raise UserError(f"objects.{name}.{'.'.join(path)}: has no derivative; those of a {obj.type} are {known}")
 
 
 def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
-    """The packed numbers of `new`, a scene that differs from `old` at the given addresses only: arrays that nothing
-    changed are the same ones. None where more than numbers changed, and all is to be packed anew."""
+    """The packed numbers of `new`, a scene that differs from `old` at the given addresses only. Unchanged arrays are
+    shared with `packed`.
+
+    Returns None where more than numbers change, so that everything must be packed again.
+    """
     paths = [address.split(".") for address in addressed]
     sections = {section for section, *_ in paths}
-    if sections & {"textures", "film"} or ["objects"] in paths or _named(old) != _named(new):
+    if sections & {"textures", "film"} or ["objects"] in paths or _structure(old) != _structure(new):
         return None
     changes: dict[str, Any] = {}
-    batches = _moved(packed, old, new, {rest[0] for section, *rest in paths if section == "objects"}, a)
+    batches = _updated_batches(packed, old, new, {rest[0] for section, *rest in paths if section == "objects"}, a)
     if batches is None:
         return None
     if sections - {"objects"}:
-        rest = pack(replace(new, objects={}), a)
+        others = pack(replace(new, objects={}), a)
         fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
-        changes = {fields[s]: getattr(rest, fields[s]) for s in sections if s in fields}
+        changes = {fields[s]: getattr(others, fields[s]) for s in sections if s in fields}
     return replace(packed, batches=batches, **changes)
 
 
-def _named(scene: Scene) -> tuple:
-    """What names and kinds a scene has besides its objects': where they change, more than numbers does."""
+def _structure(scene: Scene) -> tuple:
+    """Names and kinds in a scene, without objects. Where they change, more than numbers changes."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
@@ -274,8 +293,8 @@ def _named(scene: Scene) -> tuple:
     )
 
 
-def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
-    """The batches with the numbers of some objects put in anew; None where one of them is of another batch now."""
+def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
+    """The batches with new numbers for some objects; None where one of these objects belongs to another batch now."""
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     for name in names:
         before, after = old.objects[name], new.objects[name]
@@ -284,15 +303,15 @@ def _moved(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name
     for number, named in rows.items():
-        batch, at = batches[number], a.put(a.U, np.array(list(named), np.uint32))
-        few = _batch(new, a, batch.kind, list(enumerate(named.values())))
-        batches[number] = _scattered(batch, replace(few, object=dr.gather(a.U, batch.object, at)), at)
+        batch, indices = batches[number], a.put(a.U, np.array(list(named), np.uint32))
+        replacement = _batch(new, a, batch.kind, list(enumerate(named.values())))
+        batches[number] = _scattered(batch, replace(replacement, object=dr.gather(a.U, batch.object, indices)), indices)
     return tuple(batches)
 
 
-def _scattered(columns: Columns, few: Columns, at: Any) -> Columns:
-    """The columns with the rows at `at` replaced."""
-    source = iter(leaves(few))
+def _scattered(columns: Columns, replacement: Columns, at: Any) -> Columns:
+    """The columns with the rows at indices `at` replaced by `replacement`."""
+    source = iter(leaves(replacement))
 
     def put(x: Any) -> Any:
         new = type(x)(x)

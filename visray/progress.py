@@ -1,4 +1,4 @@
-"""Long work: a bar with the time left after two seconds, and Ctrl-C that waits for a good moment."""
+"""Long work: a progress bar that appears after two seconds, and Ctrl-C that stops the work at a safe point."""
 
 import signal
 import threading
@@ -13,7 +13,12 @@ SHOWN_AFTER = 2.0
 
 
 class Bar:
-    """Reports the share done of a total, which may change, on standard error; a context manager."""
+    """Progress bar on standard error, with the estimated time left; a context manager.
+
+    title: text before the bar
+    total: number of steps, which may change
+    shown: whether the bar may appear
+    """
 
     def __init__(self, title: str, total: int, shown: bool = True):
         self.title, self.total, self.shown = title, total, shown
@@ -28,7 +33,7 @@ class Bar:
             self.bar.stop()
 
     def update(self, done: int) -> None:
-        """Says that `done` steps are done."""
+        """Reports that `done` steps are done."""
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
                 return
@@ -36,32 +41,34 @@ class Bar:
             console = Console(stderr=True)
             self.bar = Progress(*columns, TimeElapsedColumn(), "left", TimeRemainingColumn(), console=console)
             self.bar.start()
-            # The time before the bar appeared counts for the estimate of what is left.
+            # The estimate of the time left includes the time before the bar appeared.
             task = self.bar.add_task(self.title, total=self.total)
             self.bar.tasks[task].start_time -= clock.now() - self.begun
         self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
 
 
 class Interrupts:
-    """Takes Ctrl-C as a request: `requested` becomes true, and the work stops at a safe point. A second one interrupts.
+    """Turns Ctrl-C into a request: `requested` becomes true, and the work stops at a safe point. A second Ctrl-C
+    interrupts at once.
 
-    An interrupt in the middle of Dr.Jit's tracing would leave half a kernel behind.
+    An interrupt in the middle of Dr.Jit's tracing would leave an incomplete kernel behind.
     """
 
     def __init__(self) -> None:
         self.requested = False
-        self.before: object = None
+        self.previous_handler: object = None
 
     def __enter__(self) -> "Interrupts":
         if threading.current_thread() is threading.main_thread():
-            self.before = signal.signal(signal.SIGINT, self._ask)
+            self.previous_handler = signal.signal(signal.SIGINT, self._request)
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.before is not None:
-            signal.signal(signal.SIGINT, self.before)
+        if self.previous_handler is not None:
+            signal.signal(signal.SIGINT, self.previous_handler)
 
-    def _ask(self, number: int, frame: FrameType | None) -> None:
+    def _request(self, number: int, frame: FrameType | None) -> None:
+        """Handler of SIGINT: the first signal is recorded, the second raises KeyboardInterrupt."""
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True

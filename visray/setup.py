@@ -1,4 +1,4 @@
-"""A scene prepared for rendering: packed, placed, and its pixels in the order of lanes."""
+"""A scene prepared for rendering: packed into arrays, placed in the world, with its pixels in the order of lanes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,8 +22,14 @@ from visray.scene.scene import Scene
 class Prepared:
     """A scene prepared for rendering.
 
-    packed: its numbers. kernel: what kernels read of it. order: the pixels (row * width + column) in the order of
-    lanes; x, y: their columns and rows. things: what has a name in the scene, by identity.
+    scene: the scene
+    a: array types
+    features: effects that its kernel simulates
+    packed: numbers of the scene as arrays
+    kernel: record that kernels read
+    order: pixel numbers (row * width + column) in the order of lanes
+    x, y: columns and rows of the pixels, in the same order
+    identities: names in the scene and the identity (id) of what they name, to detect changes in place
     """
 
     scene: Scene
@@ -37,8 +43,8 @@ class Prepared:
     identities: tuple
 
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
-        """The scene with other values at some addresses. Only what changes is checked, packed and placed anew; where
-        nothing but numbers change, no kernel is compiled (but where a camera or light comes to lie on a surface)."""
+        """The scene with other values at some addresses. Only what changes is checked, packed and placed again. Where
+        only numbers change, no kernel is compiled, except where a camera or light comes to lie on a surface."""
         if not isinstance(assignments, Mapping) or not all(isinstance(a, str) and a for a in assignments):
             raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
         if _identities(self.scene) != self.identities:
@@ -47,17 +53,19 @@ class Prepared:
         return self._with(scene, repacked(self.packed, self.scene, scene, assignments, self.a))
 
     def adjusted(self, scene: Scene) -> "Prepared":
-        """The same for a scene that differs from this one by its settings, or by the size of its film, alone."""
+        """The same for a scene that differs from this one only in its settings, or in the size of its film."""
         if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
             return self
         return self._with(scene, self.packed if scene.film == self.scene.film else None)
 
     def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
-        """With other packed numbers; None: all is prepared anew, as where other code is called for."""
-        on, old = features(scene), self.kernel
-        if packed is None or on != self.features or scene.settings.precision != self.scene.settings.precision:
-            return prepare(scene, self.a.backend, brute_force=old.brute_force)
-        kernel = kernel_scene(packed, scene, on, self.a, old.atlas, old.brute_force, (self.packed, old))
+        """Prepared from other packed numbers. None: everything is prepared again, as where another kernel is needed."""
+        effects, previous = features(scene), self.kernel
+        if packed is None or effects != self.features or scene.settings.precision != self.scene.settings.precision:
+            return prepare(scene, self.a.backend, brute_force=previous.brute_force)
+        kernel = kernel_scene(
+            packed, scene, effects, self.a, previous.atlas, previous.brute_force, (self.packed, previous)
+        )
         return replace(self, scene=scene, packed=packed, kernel=kernel, identities=_identities(scene))
 
 
@@ -70,30 +78,32 @@ def prepare(
     attach: Callable[[Packed], None] | None = None,
     without: tuple[str, ...] = (),
 ) -> Prepared:
-    """The scene as a kernel sees it. `everything` and `brute_force` choose the slow twins of features and search;
-    `without` names effects that are left out.
+    """Prepares a scene for rendering.
 
-    wrt: the addresses that derivatives are taken by; `attach` enables them in the packed numbers, before anything is
-    computed.
+    everything: all effects are simulated, even where they are zero; the slow twin of `features`
+    brute_force: every row is tested, without guards or trees; the slow twin of the search
+    wrt: addresses that derivatives are taken by
+    attach: enables derivatives in the packed numbers, before anything is computed from them
+    without: names of effects that are left out
     """
     a = arrays(backend, scene.settings.precision)
     width, height = scene.film.width, scene.film.height
     films.check_memory(width, height)
-    on, packed = features(scene, wrt, everything, without), pack(scene, a)
+    effects, packed = features(scene, wrt, everything, without), pack(scene, a)
     if attach is not None:
         attach(packed)
-    kernel = kernel_scene(packed, scene, on, a, images.pack(a, scene.textures), brute_force)
-    return Prepared(scene, a, on, packed, kernel, *lanes(a, width, height), _identities(scene))
+    kernel = kernel_scene(packed, scene, effects, a, images.pack(a, scene.textures), brute_force)
+    return Prepared(scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene))
 
 
 def _identities(scene: Scene) -> tuple:
-    """The names in a scene, and what they name, by identity."""
+    """All names in a scene, with the identity (id) of what each names."""
     sections = scene.textures, scene.materials, scene.lights, scene.objects
-    return tuple((name, id(thing)) for section in sections for name, thing in section.items())
+    return tuple((name, id(value)) for section in sections for name, value in section.items())
 
 
 def arrays(backend: str, precision: str) -> Arrays:
-    """The array types of a backend, or one line that says why it cannot be had."""
+    """The array types of a backend. Raises UserError where it is not available."""
     if backend not in BACKENDS:
         raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
     if backend == "llvm":
@@ -104,7 +114,7 @@ def arrays(backend: str, precision: str) -> Arrays:
 
 
 def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
-    """The pixels in the order of the lanes, and their columns and rows."""
+    """The pixel numbers in the order of lanes, and the pixels' columns and rows."""
     order = films.tile_order(width, height)
     y, x = np.divmod(order, width)
     x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))

@@ -1,4 +1,4 @@
-"""The version, as installed."""
+"""The installed version of visray."""
 
 from importlib.metadata import PackageNotFoundError, version
 

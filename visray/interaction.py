@@ -1,5 +1,5 @@
-"""What a hit is like: the surface point, its material and its (u, v), with derivatives: the row that a detached search
-has found, evaluated anew."""
+"""Surface interactions: the surface point of a hit, its normal, material and (u, v), with derivatives. A detached
+search has found the row; it is evaluated again here, attached to derivatives."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,10 +21,17 @@ from visray.sampling import SampleState
 
 @dataclass(frozen=True)
 class Interaction:
-    """A hit that is shaded.
+    """A hit with all that shading needs. Parameters named `si` (surface interaction) hold one.
 
-    o, d: the ray's origin and direction. n: the normal turned to the viewer, who sees it from `within` or not.
-    origin: rays that start at the point, where any do. sample: the random numbers that belong to it.
+    o, d: origin and direction of the ray
+    hit: what the ray hits
+    surface: surface point with its outward normal
+    n: normal turned against the ray
+    from_inside: whether the ray sees the surface from inside
+    material: material at the point, with the texture's colour as kd
+    u, v: texture coordinates
+    origin: rays that start at the point; None where no rays do
+    sample: random numbers of the sample; None where none are needed
     """
 
     o: Any
@@ -40,39 +47,41 @@ class Interaction:
     sample: SampleState | None
 
     def spawn_ray(self, d: Any, cosine: Any) -> Ray:
-        """A ray from the point on the viewer's side, with that cosine with the normal.
+        """A ray from the point, on the side of the normal n.
 
-        What lies flush with the surface is not met: nothing that is no farther above it than the point is off.
+        d: direction
+        cosine: between d and n
+        Surfaces flush with this one are not met: those at a height above it of at most the error of the point.
         """
         return Ray(self.surface.p, d, self.hit.row, self.from_inside, self.surface.error, cosine, self.hit.part)
 
 
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
-    """A hit, ready to be shaded."""
+    """The interaction of a ray with what it hits."""
     surface, material, u, v = surface_of(s, ray, hit)
     d = s.a.V(ray.d if ray.d_single is None else ray.d_single)
-    n, within = face_forward(surface.n, d)
+    n, from_inside = face_forward(surface.n, d)
     origin = RayOrigin(s.geometry, surface.p, shared=False) if s.rays_leave_surfaces and sample is not None else None
-    return Interaction(ray.o, d, hit, surface, n, within, material, u, v, origin, sample)
+    return Interaction(ray.o, d, hit, surface, n, from_inside, material, u, v, origin, sample)
 
 
 def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
-    """The surface point, its material and its (u, v).
+    """The surface point of a hit, its material and its (u, v).
 
-    t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d).
+    The derivative of t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d).
     """
     a, n, textured = s.a, dr.width(ray.d), s.features["textures"]
-    # Lanes that hit nothing take part at the ray's origin: no inf or NaN enters a derivative there.
+    # Lanes without a hit compute at the ray's origin, so that no inf or NaN enters a derivative.
     t = dr.select(hit.valid, hit.t, 0)
-    # The same for all rows where no derivatives are asked for, and then no branch hands it on.
+    # Without derivatives, p is the same for all rows, so no branch needs to return it.
     p = dr.fma(t, ray.d, ray.o)
-    moved = dr.zeros(a.W, n) if s.attached else None
+    attached_p = dr.zeros(a.W, n) if s.attached else None
     normals = dr.zeros(a.V, n), dr.zeros(a.W, n) if s.features["paths"] else None
     texture = dr.zeros(a.U, n) if textured else None
-    # A texture far out on a plane is looked up in double.
+    # Double, because texture coordinates far out on a plane are large.
     zero = dr.zeros(a.D if textured else a.F, n)
     state = (
-        moved,
+        attached_p,
         *normals,
         dr.zeros(a.D, n),
         mapped(lambda x: dr.zeros(type(x), n), s.zero_material),
@@ -81,46 +90,50 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
         zero,
     )
     for batch in s.batches:
-        here = batch.has(hit.row)
+        in_batch = batch.has(hit.row)
 
-        def touch(*_: Any, batch: Batch = batch, here: Any = here) -> tuple:
+        def evaluate(*_: Any, batch: Batch = batch, in_batch: Any = in_batch) -> tuple:
             table = (batch.placed, batch.material, batch.texture if textured else None, batch.coordinate_bound)
-            placed, material, texture, span = _row_of(s, table, len(batch), here, hit.row - batch.first_row)
-            moved, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part)
-            return leaves((moved, *normals, span, material, texture, type(zero)(u), type(zero)(v)))
+            placed, material, texture, coordinate_bound = _row_of(
+                s, table, len(batch), in_batch, hit.row - batch.first_row
+            )
+            attached_p, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part)
+            return leaves((attached_p, *normals, coordinate_bound, material, texture, type(zero)(u), type(zero)(v)))
 
         if len(s.batches) == 1:
-            state = rebuilt(state, touch())
+            state = rebuilt(state, evaluate())
         elif s.attached:
-            state = rebuilt(state, tuple(dr.select(here, new, old) for new, old in zip(touch(), leaves(state))))
+            state = rebuilt(state, tuple(dr.select(in_batch, new, old) for new, old in zip(evaluate(), leaves(state))))
         else:
-            state = rebuilt(state, dr.if_stmt(leaves(state), here, touch, lambda *old: old, label="interact"))
-    moved, normal, exact, span, material, texture, u, v = state
-    # p is off by the rounding of o + t d (two for each coordinate) and that of t, which moves it along the ray by as
-    # much as the local origin is known to: five more, of numbers no greater than |o| + t and the row's coordinates.
-    # Tested against exact arithmetic; a transform that shears multiplies it by the distortion of its frame.
-    error = gamma(8) * (l1_norm(ray.o) + t + span)
-    surface = Surface(moved if s.attached else p, normal, error, exact)
+            state = rebuilt(state, dr.if_stmt(leaves(state), in_batch, evaluate, lambda *old: old, label="interact"))
+    attached_p, normal, exact, coordinate_bound, material, texture, u, v = state
+    # The error of p: two roundings for each coordinate of o + t d, and the error of t, which moves p along the ray by
+    # at most the error of the local origin: five more roundings. All are of numbers no greater than |o| + t and the
+    # row's coordinates. Tested against exact arithmetic; a transform that shears multiplies the error by the distortion
+    # of its frame.
+    error = gamma(8) * (l1_norm(ray.o) + t + coordinate_bound)
+    surface = Surface(attached_p if s.attached else p, normal, error, exact)
     if textured:
-        bare = texture == NO_TEXTURE
-        painted = texturing.colour(a, s.atlas, dr.select(bare, 0, texture), u, v, s.features["bilinear"])
-        material = replace(material, kd=dr.select(bare, material.kd, painted))
+        untextured = texture == NO_TEXTURE
+        texture_colour = texturing.colour(a, s.atlas, dr.select(untextured, 0, texture), u, v, s.features["bilinear"])
+        material = replace(material, kd=dr.select(untextured, material.kd, texture_colour))
     return surface, material, a.F(u), a.F(v)
 
 
 def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
-    """How far away a hit is, with derivatives."""
+    """Distance of a hit, with derivatives."""
     ray = ray.exact()
     return dr.dot(surface_of(s, ray, hit)[0].p - ray.o, ray.d)
 
 
-def _row_of(s: KernelScene, table: tuple, size: int, here: Any, index: Any) -> tuple:
-    """A row of a table for each lane: by branches, as a packet of lanes needs few of few rows.
+def _row_of(s: KernelScene, table: tuple, size: int, in_batch: Any, index: Any) -> tuple:
+    """A row of a table for each lane, selected by branches, because a packet of lanes needs few of the rows.
 
-    Not where derivatives are asked for: of what a branch in a loop hands through from outside, Dr.Jit 1.5 makes zero.
+    Tables of many rows are gathered instead. So are all where derivatives are asked for: Dr.Jit 1.5 returns zero
+    derivatives for values from outside a loop that pass through a branch inside it.
     """
     if s.attached or size > policy.MAX_INLINED:
-        return rows(table, dr.select(here, index, 0))
+        return rows(table, dr.select(in_batch, index, 0))
     u = s.a.U
     row = leaves(rows(table, u(0)))
     for i in range(1, size):
@@ -129,8 +142,8 @@ def _row_of(s: KernelScene, table: tuple, size: int, here: Any, index: Any) -> t
 
 
 def _surface(s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any, part: Any) -> tuple:
-    """Of a point p = o + t d on a row: p itself where derivatives are asked for, with them; the unit normal, and the
-    same in double where rays go on from there; u and v."""
+    """At the point p = o + t d of a row: p with derivatives (None where none are asked for), the unit normal, the same
+    in double where paths continue (else None), u and v."""
     kind, part = batch.kind, batch.part(part)
     f, g = kind.surface_at(placed, p, part)
     if dr.grad_enabled((f, p)):

@@ -1,6 +1,6 @@
-"""A scene as kernels read it: one record, made of the packed numbers.
+"""A scene as kernels read it: one record, made from the packed numbers.
 
-Structure is Python, values are opaque: which kinds, lights and effects there are decides the code of a kernel, and
+Structure is Python, values are opaque: the kinds, lights and effects of a scene determine the code of a kernel, and
 every number enters it as data.
 """
 
@@ -25,17 +25,21 @@ from visray.quantities import Arrays
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
 
-# So many objects times lights are written out; more lights are looped over. Written out, a light's shadow rays are
-# found faster, but each of its objects takes 10 ms to compile.
-WRITTEN_OUT_LIGHTS = 96
+# Lights are unrolled in the kernel up to this number of pairs of a light and a row; more lights are looped over. Shadow
+# rays of unrolled lights are faster, but each pair takes 10 ms to compile.
+MAX_UNROLLED_PAIRS = 96
 
 
 @dataclass(frozen=True)
 class PreparedLight:
-    """A light: its kind, its row, the set of its points that are taken together, its number among all, and the origin
-    of its rays.
+    """One light, unrolled in the kernel or taken from a loop.
 
-    origin: None for lights whose shadow rays start at the points they light. samples: how many, for Python.
+    kind: class of the light
+    light: its row of numbers
+    points: points that are sampled together; None for lights without an area
+    samples: number of samples, as a Python integer; 0 in a loop
+    number: number of the light in the scene
+    origin: shared origin of its shadow rays; None for lights whose shadow rays start at the points they light
     """
 
     kind: type[Light]
@@ -48,8 +52,14 @@ class PreparedLight:
 
 @dataclass(frozen=True)
 class LightBatch:
-    """Many lights of one kind, looped over: their table, the sample sets of area lights, how many they are, and the
-    number of the first of them."""
+    """Lights of one kind that the kernel loops over.
+
+    kind: class of the lights
+    table: numbers of the lights
+    points: sample sets of area lights, or None
+    count: number of lights, opaque
+    number: number of the first light in the scene
+    """
 
     kind: type[Light]
     table: Any
@@ -60,15 +70,28 @@ class LightBatch:
 
 @dataclass(frozen=True)
 class KernelScene:
-    """What kernels read of a scene.
+    """Everything of a scene that kernels read.
 
-    geometry: what rays can meet. view, origin: the camera, and what is seen from its middle.
-    lights, looped_lights: those that are written out, and those that are looped over.
-    sky, ambient, lights_ambient: background, ambient light of the scene, that of all lights together.
-    reach: as far as near occlusion looks. blank: a material of zeros.
-    levels: how many reflections, and scatterings, are followed. sets: the rays that are taken together, by effect.
-    coverage: whether the film counts as covered where nothing is hit. attached: derivatives are asked for.
-    brute_force: searches without the tests that reject most rows, and without a tree: the slow twin.
+    a: array types
+    features: effects that are simulated
+    settings: settings of the scene
+    geometry: batches and the tree over them
+    view: the camera
+    origin: rays that start at the camera
+    lights: lights that are unrolled in the kernel
+    looped_lights: lights that the kernel loops over
+    sky: background
+    ambient: ambient light of the scene
+    lights_ambient: ambient light of all lights together
+    occlusion_distance: length of the rays of near occlusion
+    zero_material: material with all numbers 0
+    bounce_limits: largest number of reflections and refractions, and of scatterings, of a path
+    atlas: pictures of the textures, or None
+    sample_sets: rays of a point that are stratified together, by effect
+    coverage: coverage of a sample that hits nothing
+    transparent: whether the film is transparent
+    attached: whether derivatives are asked for
+    brute_force: whether every row is tested, without guards or trees: the slow twin
     """
 
     a: Arrays
@@ -94,27 +117,29 @@ class KernelScene:
 
     @property
     def batches(self) -> tuple[Batch, ...]:
+        """The batches of the scene."""
         return self.geometry.batches
 
     @property
     def rays_leave_surfaces(self) -> bool:
         """Whether rays start at the points that are shaded."""
-        on = self.features
-        far = any(l.origin is None for l in self.lights) or self.looped_lights
-        return bool(far and on["shadows"]) or on["sky occlusion"] or on["near occlusion"]
+        effects = self.features
+        from_points = any(l.origin is None for l in self.lights) or self.looped_lights
+        return bool(from_points and effects["shadows"]) or effects["sky occlusion"] or effects["near occlusion"]
 
     def loop(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
-        """`state` after body(j, *state) for j from 0 to n - 1; n is `count` as opaque data.
+        """`state` after body(j, *state) for j from 0 to n - 1. count: n as opaque data.
 
-        A loop, but written out where derivatives are asked for: Dr.Jit 1.5 has none through loops within loops.
+        Usually a symbolic loop. It is unrolled where derivatives are asked for, because Dr.Jit 1.5 has none for loops
+        inside loops.
         """
         if self.attached:
             for j in range(n):
                 state = body(self.a.U(j), *state)
             return state
         start = (dr.zeros(self.a.U, max(map(dr.width, state))), *state)
-        onwards = lambda j, *state: (j + 1, *body(j, *state))  # noqa: E731 - a step and its count
-        return dr.while_loop(start, lambda j, *_: (j < count) & active, onwards, label="repeated")[1:]
+        step = lambda j, *state: (j + 1, *body(j, *state))  # noqa: E731 - the body with its counter
+        return dr.while_loop(start, lambda j, *_: (j < count) & active, step, label="repeated")[1:]
 
 
 def kernel_scene(
@@ -124,15 +149,15 @@ def kernel_scene(
     a: Arrays,
     atlas: Atlas | None,
     brute_force: bool = False,
-    before: tuple[Packed, KernelScene] | None = None,
+    previous: tuple[Packed, KernelScene] | None = None,
 ) -> KernelScene:
     """The scene as kernels read it, evaluated. Derivatives flow through it.
 
-    before: the packed numbers of a scene of the same structure and what was made of them; batches whose columns are the
-    same are taken from there.
+    previous: packed numbers of a scene with the same structure, and the KernelScene made from them; batches with the
+        same columns are reused
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
-    geometry = _geometry(packed, a, settings, before)
+    geometry = _geometry(packed, a, settings, previous)
     geometry = replace(
         geometry, batches=tuple(replace(b, material=_needed(b.material, features)) for b in geometry.batches)
     )
@@ -168,85 +193,93 @@ def kernel_scene(
     )
 
 
-def _geometry(packed: Packed, a: Arrays, settings: Settings, before: tuple[Packed, KernelScene] | None) -> Geometry:
+def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Packed, KernelScene] | None) -> Geometry:
     """All batches placed in the world, and the tree over them."""
     batches: list[Batch] = []
-    old = {}
-    if before is not None and before[0].materials is packed.materials:
-        old = {id(columns): batch for columns, batch in zip(before[0].batches, before[1].batches)}
-    base = 0
+    reusable = {}
+    if previous is not None and previous[0].materials is packed.materials:
+        reusable = {id(columns): batch for columns, batch in zip(previous[0].batches, previous[1].batches)}
+    first_row = 0
     for columns in packed.batches:
-        batches.append(old.get(id(columns)) or place(columns, base, packed.materials))
-        base += len(columns)
-    still = old and all(new is last for new, last in zip(batches, before[1].batches))
-    if still and before[1].geometry.accelerator == settings.accelerator:
-        return before[1].geometry
+        batches.append(reusable.get(id(columns)) or place(columns, first_row, packed.materials))
+        first_row += len(columns)
+    unchanged = reusable and all(new is old for new, old in zip(batches, previous[1].batches))
+    if unchanged and previous[1].geometry.accelerator == settings.accelerator:
+        return previous[1].geometry
     return Geometry.of(a, tuple(batches), settings.accelerator)
 
 
-# The fields of a material that only some effects read.
-READERS = {"kr": ("reflection", "scatter"), "kt": ("refraction", "coloured shadows", "scatter"), "ior": ("refraction",),
-           "dmax": ("coloured shadows",)}  # fmt: skip
+# Effects that read a field of a material; the other fields are read by all.
+FIELD_READERS = {
+    "kr": ("reflection", "scatter"),
+    "kt": ("refraction", "coloured shadows", "scatter"),
+    "ior": ("refraction",),
+    "dmax": ("coloured shadows",),
+}
 
 
 def _needed(material: Material, features: Features) -> Material:
-    """The materials without what no effect reads."""
-    unread = [name for name, effects in READERS.items() if not any(features[e] for e in effects)]
-    return replace(material, **dict.fromkeys(unread))
+    """The materials without the fields that no effect reads."""
+    unused = [name for name, effects in FIELD_READERS.items() if not any(features[e] for e in effects)]
+    return replace(material, **dict.fromkeys(unused))
 
 
 def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
-    """The ambient light of all lights together."""
+    """Ambient light of all lights together."""
     total = a.V(0)
     for table in (l.numbers for l in lights):
-        each = table.intensity * table.Ia
-        total = total + a.V(*(dr.sum(c) for c in each))
+        colours = table.intensity * table.Ia
+        total = total + a.V(*(dr.sum(c) for c in colours))
     return total
 
 
-def _many(lights: int, sizes: Iterable[int]) -> bool:
-    """Whether there are too many lights to write them out, by the numbers of rows in the batches. Of many rows only the
-    guards are written out, which takes a quarter of the time."""
+def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
+    """Whether there are too many lights to unroll them.
+
+    lights: number of lights
+    sizes: number of rows in each batch; for large batches only the guards are unrolled, which takes a quarter of the
+        time
+    """
     sizes = [n for n in sizes if n <= policy.MAX_UNROLLED_SHARED]
-    objects = sum(n if n <= policy.MAX_UNROLLED else n // 4 for n in sizes)
-    return lights > 2 and lights * (1 + objects) > WRITTEN_OUT_LIGHTS
+    unrolled_rows = sum(n if n <= policy.MAX_UNROLLED else n // 4 for n in sizes)
+    return lights > 2 and lights * (1 + unrolled_rows) > MAX_UNROLLED_PAIRS
 
 
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
-    """How the rays of a scene find what they hit, and why."""
-    on, kinds = features, [type(light) for light in scene.lights.values()]
-    counted = Counter(map(batch_key, scene.objects.values()))
-    sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in counted.items()]
-    looped = _many(len(kinds), (size.rows for size in sizes))
-    # A lone light of its kind is never looped over.
-    own = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
-    rays = {"camera": not on["defocus"]}
-    if on["shadows"] and own:
-        rays["shadow rays of point and spot lights"] = True
-    others = {
-        "shadow rays of other lights": on["shadows"] and len(own) < len(kinds),
-        "occlusion rays": on["sky occlusion"] or on["near occlusion"],
-        "reflected, refracted and scattered rays": on["paths"],
+    """For each kind of ray in a scene: how it finds what it hits, and why."""
+    effects, kinds = features, [type(light) for light in scene.lights.values()]
+    batch_sizes = Counter(map(batch_key, scene.objects.values()))
+    sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
+    looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
+    # A single light of its kind is never looped over.
+    point_like = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
+    shares_origin = {"camera": not effects["defocus"]}
+    if effects["shadows"] and point_like:
+        shares_origin["shadow rays of point and spot lights"] = True
+    other_rays = {
+        "shadow rays of other lights": effects["shadows"] and len(point_like) < len(kinds),
+        "occlusion rays": effects["sky occlusion"] or effects["near occlusion"],
+        "reflected, refracted and scattered rays": effects["paths"],
     }
-    rays |= {name: False for name, there in others.items() if there}
-    plans = {name: policy.plan(sizes, scene.settings.accelerator, shared) for name, shared in rays.items()}
+    shares_origin |= {name: False for name, present in other_rays.items() if present}
+    plans = {name: policy.plan(sizes, scene.settings.accelerator, shared) for name, shared in shares_origin.items()}
     return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
 
 
 def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
-    """The lights that are written out, and the kinds of those that are looped over."""
-    many = not attached and _many(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
-    written, looped = {}, []
+    """The lights that are unrolled, and the batches of lights that are looped over."""
+    loops = not attached and _too_many_lights(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
+    unrolled, looped = {}, []
     for columns in packed.lights:
         kind, table, samples = columns.kind, columns.numbers, columns.samples
-        if many and len(samples) > 1:
+        if loops and len(samples) > 1:
             points = SampleSet.table(a, list(samples)) if kind.has_area else None
             looped.append(LightBatch(kind, table, points, dr.opaque(a.U, len(samples)), columns.scene_index[0]))
             continue
         for i, number in enumerate(columns.scene_index):
             light = rows(table, a.U(i))
-            near = kind.has_position and not kind.has_area
-            origin = RayOrigin(geometry, light.position) if near and features["shadows"] else None
+            has_shared_origin = kind.has_position and not kind.has_area
+            origin = RayOrigin(geometry, light.position) if has_shared_origin and features["shadows"] else None
             points = SampleSet.of(a, samples[i]) if kind.has_area else None
-            written[number] = PreparedLight(kind, light, points, samples[i], number, origin)
-    return tuple(written[number] for number in sorted(written)), tuple(looped)
+            unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin)
+    return tuple(unrolled[number] for number in sorted(unrolled)), tuple(looped)

@@ -309,13 +309,13 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     return tuple(batches)
 
 
-def _scattered(columns: Columns, replacement: Columns, at: Any) -> Columns:
-    """The columns with the rows at indices `at` replaced by `replacement`."""
+def _scattered(columns: Columns, replacement: Columns, indices: Any) -> Columns:
+    """The columns with the rows at `indices` replaced by `replacement`."""
     source = iter(leaves(replacement))
 
     def put(x: Any) -> Any:
         new = type(x)(x)
-        dr.scatter(new, next(source), at)
+        dr.scatter(new, next(source), indices)
         return new
 
     return mapped(put, columns)

@@ -1,1 +1,1 @@
-"""Pictures: how they are kept, shown and written."""
+"""Pictures: layers, display, and files."""

@@ -1,4 +1,4 @@
-"""Writing files so that an old one is never lost and a new one is never half there."""
+"""Safe writing of files: an old file is never lost, and a new one is never left half-written."""
 
 import errno
 import os
@@ -22,7 +22,7 @@ _REASONS = {
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Returns if a file can be written at `path` now, else raises a UserError; to be called before a long render."""
+    """Raises a UserError if a file cannot be written at `path`; call it before a long render."""
     try:
         _check(Path(path))
         trial = _reserve(_target(path))
@@ -33,9 +33,9 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yields a temporary path beside `path`, which takes its place at the end, or vanishes on any failure.
+    """Yields a temporary path in the folder of `path`. At the end it replaces `path`; on any failure it is removed.
 
-    An OSError, such as a full disk, becomes a UserError. A link is followed: the file it points to is replaced.
+    An OSError, such as a full disk, becomes a UserError. If `path` is a link, the file that it points to is replaced.
     """
     temporary = None
     try:
@@ -50,12 +50,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise _explain(path, error) from error
     finally:
-        # `finally` and not `except`, so that an interrupt cleans up as well; after the replacement there is none left.
+        # `finally`, so that Ctrl-C cleans up as well. After the replacement the temporary file no longer exists.
         if temporary is not None:
             temporary.unlink(missing_ok=True)
 
 
 def _check(path: Path) -> None:
+    """Raises a UserError if `path` is no file that can be written, or its folder does not exist."""
     folder = path.parent
     if path.is_dir():
         raise UserError(f"{path}: this is a folder; give the name of a file in it")
@@ -72,7 +73,7 @@ def _check(path: Path) -> None:
 
 
 def _target(path: str | os.PathLike[str]) -> Path:
-    """The file behind `path`. A name too long is found out here and not after the render."""
+    """The file that `path` leads to, with links followed. Raises an OSError if the name is too long."""
     target = Path(os.path.realpath(path))
     with suppress(FileNotFoundError):
         target.lstat()
@@ -80,25 +81,26 @@ def _target(path: str | os.PathLike[str]) -> Path:
 
 
 def _reserve(target: Path) -> Path:
-    """A new empty file beside `target`, with its suffix, and the permissions that the process gives to new files."""
+    """Creates an empty file in the folder of `target`, with its suffix and the default permissions of new files."""
     path = target.with_name(f".visray-{secrets.token_hex(8)}{target.suffix}")
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     return path
 
 
 def _flush(path: Path) -> None:
-    """Waits until the file is on the disk; without this, a crash of the system may leave an empty file behind."""
+    """Waits until the file is on the disk. Without this, a crash of the system may leave an empty file."""
     with open(path, "rb+") as file:
         os.fsync(file.fileno())
 
 
 def _explain(path: str | os.PathLike[str], error: OSError) -> UserError:
+    """The UserError for an OSError: what went wrong, and what to do."""
     reason = _REASONS.get(error.errno, error.strerror or str(error))
     return UserError(f"{os.fspath(path)}: cannot be written, {reason}")
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Puts text into a file, beside the old one until it is whole."""
+    """Writes text to a file; an old file is replaced only when the new one is complete."""
     check_writable(path)
     with replacing(path) as aside:
         Path(aside).write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The picture: named layers of numbers, and where they come from."""
+"""Image: a picture as named layers, with metadata that say how it was made."""
 
 import os
 import re
@@ -14,29 +14,25 @@ from typing import Any
 import numpy as np
 
 from visray.errors import GoalWarning, UserError
-
-# Modules and not names, because exr imports this module too: it makes images of files.
 from visray.output import exr, files, png
 from visray.output.curves import LUMINANCE, Gamma, curve
 from visray.output.rounding import rounding
 from visray.version import __version__
 
 SUFFIXES = (".exr", ".png")
-# With the prefix `visray/`, as long as a keyword of a PNG file may be.
+# With the prefix `visray/` a key has at most the 79 letters that a PNG keyword may have.
 _KEY = re.compile(r"[A-Za-z][\w./-]{0,71}", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """A picture of `height` x `width` pixels, the first row on top.
+    """A picture of `height` x `width` pixels, the top row first.
 
-    Layers: `RGB` (H, W, 3) linear Rec. 709, premultiplied by the coverage `A` (H, W). Where they were asked for:
-    `variance` (H, W, 3) of the samples of the colour; `Z` (H, W) depth along the view and `distance` (H, W) along the
-    ray, both in world units; `N`, `P` (H, W, 3) in world space; `UV` (H, W, 2); `albedo` (H, W, 3); `id` (H, W) uint32,
-    0 where there is no object. Any other name is a layer too.
+    layers: arrays by name. The layers that visray renders are listed in output/layers.py; other names are allowed.
+    metadata: how the picture was made, as str, int, float or list of str. `worldToCamera` and `worldToNDC` are 4 x 4
+        lists that multiply a row vector from the right (the translation is the last row).
 
-    Metadata: what the picture was made of, as str, int, float or list of str. `worldToCamera` and `worldToNDC` are
-    4 x 4 lists that multiply a row vector from the right (the translation is the last row).
+    Shapes: layers (H, W) or (H, W, n).
     """
 
     layers: dict[str, np.ndarray]
@@ -52,7 +48,7 @@ class Image:
                 raise UserError(f"image: layer '{name}' has the shape {values.shape}; right would be {shape}")
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """The numbers of one layer: (H, W) or (H, W, n)."""
+        """One layer. Shapes: (H, W) or (H, W, n)."""
         self.check_layers([name])
         return self.layers[name]
 
@@ -71,7 +67,7 @@ class Image:
         return self.png() if "RGB" in self.layers else None
 
     def check_layers(self, names: Sequence[str]) -> None:
-        """Returns if the picture has all these layers, else raises a UserError with the nearest name."""
+        """Raises a UserError, which suggests the nearest name, if the picture lacks one of these layers."""
         for name in names:
             if name not in self.layers:
                 near = get_close_matches(name, self.layers, 1, 0.5) or get_close_matches(name.upper(), self.layers, 1)
@@ -85,23 +81,22 @@ class Image:
         exposure: float = 0.0,
         layers: Sequence[str] | None = None,
     ) -> None:
-        """Writes an .exr (`layers`, or all of them) or a .png (the colour in 8 bits).
+        """Writes an .exr file with all layers or the named ones, or a .png file with the colour in 8 bits.
 
-        `gamma`, and `exposure` in stops, are for the screen: an EXR file holds linear light whatever they are.
+        gamma, exposure: the display curve and the exposure in stops, for PNG files. EXR files hold linear light.
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
-            png.write_png(path, self._encoded(self._facts_in(path, gamma, exposure), gamma, exposure))
+            png.write_png(path, self._encoded(self._facts_for(path, gamma, exposure), gamma, exposure))
             return
         names = list(self.layers) if layers is None else list(layers)
         if not names:
             raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
-        exr.write_exr(path, {name: numbers(self, name) for name in names}, self._facts_in(path, gamma, exposure))
+        exr.write_exr(path, {name: _checked(self, name) for name in names}, self._facts_for(path, gamma, exposure))
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> "Image":
-        """The picture in an EXR file of one part. The colour is taken as it is, whatever colour space the file
-        states."""
+        """Reads an EXR file of one part. No colour space is converted, whatever the file states."""
         layers, facts = exr.read_exr(path)
         try:
             return Image(layers, facts)
@@ -109,38 +104,45 @@ class Image:
             raise UserError(f"{path}: {error}") from error
 
     def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
-        """The bytes of a PNG file."""
+        """The bytes of a PNG file of the colour."""
         return self._encoded(self.provenance(), gamma, exposure)
 
     def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float) -> bytes:
+        """The bytes of a PNG file with these facts as metadata."""
         facts = facts | {"gamma": gamma, "exposure": exposure}
         return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
 
     def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
-        """The picture for a screen: uint8 (H, W, 3), or (H, W, 4) with straight alpha where A is not 1 everywhere."""
+        """The colour for a screen, in 8 bits. Has straight (not premultiplied) alpha unless A is 1 everywhere.
+
+        Shapes: uint8 (H, W, 3), or (H, W, 4) with alpha.
+        """
         check_curve(gamma, exposure)
-        rgb = numbers(self, "RGB").astype(np.float64)
-        alpha = np.clip(numbers(self, "A").astype(np.float64), 0, 1) if "A" in self.layers else np.ones(rgb.shape[:2])
+        rgb = _checked(self, "RGB").astype(np.float64)
+        alpha = np.clip(_checked(self, "A").astype(np.float64), 0, 1) if "A" in self.layers else np.ones(rgb.shape[:2])
         opaque = bool((alpha == 1).all())
         if not opaque:
             rgb = np.divide(rgb, alpha[..., None], out=np.zeros_like(rgb), where=alpha[..., None] > 0)
-        seen = curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
+        display = curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
         if not opaque:
-            seen = np.dstack([seen, alpha])
-        return np.floor(seen * 255 + 0.5).astype(np.uint8)
+            display = np.dstack([display, alpha])
+        return np.floor(display * 255 + 0.5).astype(np.uint8)
 
-    def _facts_in(self, path: str | os.PathLike[str], gamma: Gamma, exposure: float) -> dict[str, Any]:
-        """The metadata; of a picture that was made to an error for no file in particular, with the rounding of this
-        one in the error."""
+    def _facts_for(self, path: str | os.PathLike[str], gamma: Gamma, exposure: float) -> dict[str, Any]:
+        """The metadata for one file.
+
+        If the picture was made to an error, and for no particular file, the rounding of this file is added to its
+        error. Warns if the sum exceeds the error that was asked for.
+        """
         facts = self.provenance()
         if facts.get("file_error") != 0 or "RGB" not in self.layers:
             return facts
-        rgb = numbers(self, "RGB").astype(np.float64)
-        light = float((rgb @ LUMINANCE).mean())
-        if light <= 0:
+        rgb = _checked(self, "RGB").astype(np.float64)
+        luminance = float((rgb @ LUMINANCE).mean())
+        if luminance <= 0:
             return facts
-        off = rounding(rgb, path, gamma, exposure) / light
-        facts |= {end: hypot(facts[end], off) for end in ("error", "error_low", "error_high")} | {"file_error": off}
+        off = rounding(rgb, path, gamma, exposure) / luminance
+        facts |= {key: hypot(facts[key], off) for key in ("error", "error_low", "error_high")} | {"file_error": off}
         if facts["error_high"] > facts.get("error_asked", inf) >= self.metadata["error_high"]:
             text = f"{os.fspath(path)}: the file rounds, which alone is off by {off:.2g}: its error is up to "
             text += f"{facts['error_high']:.2g}, and {facts['error_asked']:g} was asked for"
@@ -148,7 +150,7 @@ class Image:
         return facts
 
     def provenance(self) -> dict[str, Any]:
-        """The metadata with what every file states: `software`, `capDate` (local time) and `utcOffset` (s)."""
+        """The metadata, with `software`, `capDate` (local time) and `utcOffset` (seconds), which every file has."""
         for key in self.metadata:
             if not _KEY.fullmatch(key):
                 raise UserError(f"image: metadata key '{key}' cannot be written; use up to 72 of A-Z a-z 0-9 _ . / -")
@@ -160,8 +162,8 @@ class Image:
         return {"software": f"visray {__version__}"} | ({} if "capDate" in given else stamp) | given
 
 
-def numbers(image: Image, name: str) -> np.ndarray:
-    """A layer, checked: a UserError names its first pixel that is not a number."""
+def _checked(image: Image, name: str) -> np.ndarray:
+    """One layer. Raises a UserError, which names the first bad pixel, if a number of it is NaN."""
     values = image[name]
     bad = np.isnan(values) if np.issubdtype(values.dtype, np.floating) else np.zeros(1, bool)
     if bad.any():
@@ -173,7 +175,7 @@ def numbers(image: Image, name: str) -> np.ndarray:
 
 
 def check_curve(gamma: Gamma, exposure: float) -> None:
-    """Returns if `gamma` and `exposure` can be applied, else raises a UserError."""
+    """Raises a UserError if `gamma` or `exposure` cannot be applied."""
     if gamma != "srgb" and not (_real(gamma) and gamma > 0):
         raise UserError(f"gamma: {gamma!r} cannot be used; give 'srgb' or a number above 0, such as 2.2")
     if not (_real(exposure) and abs(exposure) <= 100):
@@ -186,7 +188,7 @@ def check_destination(
     exposure: float = 0.0,
     layers: Sequence[str] | None = None,
 ) -> None:
-    """Returns if a picture could be written so, else raises a UserError; to be called before a long render."""
+    """Raises a UserError if `Image.write` would fail with these arguments; call it before a long render."""
     check_curve(gamma, exposure)
     if _suffix(path) == ".png" and layers is not None:
         raise UserError(f"{path}: a PNG file holds the colour alone, so layers do not apply; write an .exr")
@@ -194,6 +196,7 @@ def check_destination(
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
+    """The suffix of a file name, .exr or .png; a UserError for any other."""
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise UserError(f"{path}: the name says no format visray writes; end it in {' or '.join(SUFFIXES)}")
@@ -201,4 +204,5 @@ def _suffix(path: str | os.PathLike[str]) -> str:
 
 
 def _real(value: Any) -> bool:
+    """Whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)

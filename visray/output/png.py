@@ -1,4 +1,4 @@
-"""PNG files: 8 bits a channel, for screens."""
+"""PNG files, with 8 bits per channel."""
 
 import json
 import os
@@ -11,9 +11,9 @@ from PIL.PngImagePlugin import PngInfo
 
 from visray.output.files import replacing
 
-# The keywords of the PNG specification for what has one; everything else is `visray/<key>`.
+# Keywords of the PNG specification. All other metadata get the keyword `visray/<key>`.
 KEYWORDS = {"software": "Software", "owner": "Author", "comments": "Comment", "capDate": "Creation Time"}
-# The chunk that says sRGB, perceptual intent.
+# Chunk that marks the file as sRGB, with perceptual intent.
 SRGB_CHUNK = (b"sRGB", b"\0")
 
 
@@ -24,9 +24,10 @@ def write_png(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def encode(pixels: np.ndarray, facts: dict[str, Any], srgb: bool) -> bytes:
-    """The bytes of the PNG file of uint8 `pixels`, with the metadata as text.
+    """The bytes of a PNG file with metadata as text. Shapes: pixels uint8 (H, W, 3 or 4).
 
-    A picture with a plain gamma is not marked as sRGB, and has no gAMA: it is a look.
+    srgb: marks the file as sRGB. A picture with another display curve has no mark and no gAMA chunk: viewers should
+        show its numbers as they are.
     """
     info = PngInfo()
     if srgb:
@@ -39,4 +40,5 @@ def encode(pixels: np.ndarray, facts: dict[str, Any], srgb: bool) -> bytes:
 
 
 def _text(value: Any) -> str:
+    """A value of the metadata as text: JSON unless it is a string."""
     return value if isinstance(value, str) else json.dumps(value)

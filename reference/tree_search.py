@@ -131,8 +131,8 @@ def after(search: Search, limits: list) -> Callable:
 
         way = Walk.along(search.a, tree, o, d)
         if not search.counted:
-            return way.through(state, visit, reach, done), None, None
-        *state, nodes, rows = way.through(state, visit, reach, done, counted=True)
+            return way.traverse(state, visit, reach, done), None, None
+        *state, nodes, rows = way.traverse(state, visit, reach, done, counted=True)
         return tuple(state), WIDTH * nodes, rows
 
     return walk

@@ -10,7 +10,7 @@ import pytest
 
 from visray.accel import sah
 from visray.accel.bvh import NOTHING, ROW, STACK, STRIDE, Walk, build
-from visray.accel.sah import DEPTH, NONE, WIDTH, split, widened
+from visray.accel.sah import DEPTH, NONE, WIDTH, build_binary, widen
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, unit
 
@@ -49,7 +49,7 @@ def sphere(middle: Any, half: Any, o: Any, d: Any) -> Any:
 
 
 def box(middle: Any, half: Any, o: Any, d: Any) -> Any:
-    """The same for sah."""
+    """The same for boxes."""
     begin, end = A.D(-dr.inf), A.D(dr.inf)
     for axis in range(3):
         low, high = middle[axis] - half[axis] - o[axis], middle[axis] + half[axis] - o[axis]
@@ -90,7 +90,7 @@ class Scene:
         start = (dr.full(A.D, dr.inf, dr.width(d)), dr.full(A.U, NO_ROW, dr.width(d)))
         if plain:
             return self.loop(start, visit)
-        return Walk.along(A, self.tree, o, d).through(start, visit, lambda s: s[0], lambda _: ~A.B(active))
+        return Walk.along(A, self.tree, o, d).traverse(start, visit, lambda s: s[0], lambda _: ~A.B(active))
 
     def any(self, o: Any, d: Any, length: Any, plain: bool) -> Any:
         def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
@@ -99,7 +99,7 @@ class Scene:
         start = (dr.full(A.B, False, dr.width(d)),)
         if plain:
             return self.loop(start, visit)[0]
-        return Walk.along(A, self.tree, o, d).through(start, visit, lambda _: length, lambda s: s[0])[0]
+        return Walk.along(A, self.tree, o, d).traverse(start, visit, lambda _: length, lambda s: s[0])[0]
 
     def loop(self, state: tuple, visit: Any) -> tuple:
         for batch, (begin, end) in enumerate(((0, self.rows.spheres), (self.rows.spheres, self.n))):
@@ -262,7 +262,7 @@ def test_rays_that_are_not_concerned() -> None:
 
         start = (dr.full(A.D, within, RAYS),)
         walk = Walk.along(A, scene.tree, o, d)
-        return tuple(np.array(x) for x in walk.through(start, visit, lambda s: s[0], lambda _: ~active, True)[1:])
+        return tuple(np.array(x) for x in walk.traverse(start, visit, lambda s: s[0], lambda _: ~active, True)[1:])
 
     nodes, rows = count(A.put(A.B, active), dr.inf)
     assert np.array_equal(nodes > 0, asked) and not rows[~asked].any() and rows.any()
@@ -318,7 +318,7 @@ def test_no_tree_is_deeper_than_it_may_be(limit: int, monkeypatch: pytest.Monkey
     monkeypatch.setattr(sah, "DEPTH", limit)
     low, high = (x.T.astype(np.float32) for x in world("halved").corners())
     low, high = low[:, : 1 << limit], high[:, : 1 << limit]
-    two = split(low, high)
+    two = build_binary(low, high)
     depth = np.zeros(len(two.child), int)
     for node in range(len(two.child)):
         depth[two.child[node][two.child[node] >= 0]] = depth[node] + 1
@@ -343,10 +343,10 @@ def area(low: np.ndarray, high: np.ndarray) -> float:
 @pytest.mark.parametrize("name", ["sparse", "dense", "small", "flat", "scales", "halved"])
 def test_splits_cost_no_more_than_equal_halves(name: str) -> None:
     low, high = (x.astype(np.float32) for x in world(name).corners())
-    two = split(low.T.copy(), high.T.copy())
+    two = build_binary(low.T.copy(), high.T.copy())
     inner = two.child >= 0
     assert area(two.low[inner], two.high[inner]) <= halves(low, high, np.arange(len(low)))
-    four = widened(two)
+    four = widen(two)
     inner = four.child >= 0
     assert area(four.low[inner], four.high[inner]) <= area(two.low[two.child >= 0], two.high[two.child >= 0])
     assert (four.child != NONE).sum(axis=1).min() >= 2 and np.log2(len(low)) <= DEPTH

@@ -1,1 +1,1 @@
-"""How rays find what they hit."""
+"""Acceleration: how rays find the objects that they hit, and the queries they ask."""

@@ -1,11 +1,12 @@
-"""A bounding volume hierarchy over the bounded rows of all batches of a scene.
+"""The bounding volume hierarchy (BVH) over the bounded rows of all batches.
 
-A node has up to four children, their boxes side by side, so that a visit is eight reads of four neighbours. A child is
-another node or one row: a row is asked only by rays that enter its own box, each kind's test stands in the kernel once,
-and no leaf is of two batches. Nothing is prepared for an origin.
+A node has up to four children. Their boxes lie side by side in memory, so a visit reads eight packets of four floats. A
+child is another node or a single row. So a row is tested only by rays that enter its own box, the test of each kind
+stands in the kernel once, and no leaf belongs to two batches. The tree does not depend on the ray origin.
 
-Boxes are single, relative to the middle of all, and rounded outwards; rows are tested in double. No ray misses a box
-that it meets: see `Walk`. So the answer is that of the loop over all rows, bit for bit (tests/test_tree.py).
+Boxes are stored in single, relative to the middle of the scene, and rounded outwards. Rows are tested in double. No ray
+misses a box that it meets (see `Walk`). So the answer is that of a loop over all rows, bit for bit
+(tests/test_tree.py).
 """
 
 from collections.abc import Callable
@@ -15,34 +16,37 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.accel.sah import DEPTH, NONE, WIDTH, Split, split, widened
+from visray.accel.sah import DEPTH, NONE, WIDTH, Hierarchy, build_binary, widen
 from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.quantities import Arrays
 from visray.ray import unit
 
-# A word says what a child is: the number of a node, or a row's number with this bit, or nothing.
+# A word describes a child: the number of a node, or the number of a row with this bit set, or NOTHING.
 ROW = 1 << 31
 NOTHING = 0xFFFFFFFF
-# A child that is not there has its box inside out: beyond all coordinates, but its products are no infinities.
+# A missing child has a box that is inside out and beyond all coordinates. Its products are still finite.
 OUT = 2.0**60
-PACKET = 4  # floats that are read at once
-STRIDE = 8 * WIDTH  # floats a node: six corners' components and a word for each child, and as many unused as words
-# Every node on the way down leaves all its other children on the stack; below them is one NOTHING.
+PACKET = 4  # floats per read
+STRIDE = 8 * WIDTH  # floats per node: six corner components and one word per child, and as many unused floats as words
+# Each node on the way down pushes at most all its other children on the stack. NOTHING lies below them.
 STACK = (WIDTH - 1) * DEPTH + 1
-# Pairs compared to sort four children.
+# Pairs of children to compare in this order: a sorting network for four entries.
 SORTED = ((0, 1), (2, 3), (0, 2), (1, 3), (1, 2))
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A tree in a kernel's memory.
+    """A BVH as kernels read it. Units: world.
 
-    nodes: single, STRIDE a node: the low corners of its children, the high ones, their words (as bits).
-    root: the word of the first node, or of the only row. centre: what boxes are relative to, in double.
-    ball: the radius of the ball around the box of all rows. size: a bound of |centre|.
-    batches: the numbers of the batches in the tree, ascending.
-    begins: the least row number of each batch but the first: rows of a batch are numbered in a row.
-    Shapes: nodes (STRIDE x nodes); root, ball, size, each of begins (1); centre (3, 1). Units: of the world.
+    nodes: STRIDE floats per node, single: low corners of its children, high corners, and words (as bits).
+        Shape: (STRIDE x nodes).
+    root: word of the first node, or of the only row. Shape: (1).
+    centre: origin of the boxes' coordinates, in double. Shape: (3, 1).
+    ball: radius of the ball around the box of all rows. Shape: (1).
+    size: bound on |centre|. Shape: (1).
+    begins: the least row number of each batch except the first; rows of one batch have consecutive numbers.
+        Shape: (1) each.
+    batches: numbers of the batches in the tree, ascending.
     """
 
     nodes: Any
@@ -55,10 +59,13 @@ class Tree:
 
 
 def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index: np.ndarray) -> Tree:
-    """The tree over rows: their boxes in the world, in double, their batches, and their numbers among all rows.
+    """Builds the tree over n rows.
 
-    Shapes: low, high (n, 3); batch, index (n). Domain: n >= 1; finite, up to 1e9, low <= high; index below 2^31 - 1,
-    and greater for a batch of a greater number.
+    low, high: boxes in world space, in double. Shape: (n, 3).
+    batch, index: number of each row's batch, and the row's number among all rows. Shape: (n).
+
+    Domain: n >= 1; finite; coordinates up to 1e9; low <= high; index below 2^31 - 1, and greater for a batch with a
+    greater number.
     """
     low, high, batch, index = (np.asarray(x) for x in (low, high, batch, index))
     centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
@@ -66,7 +73,7 @@ def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index
     if len(index) == 1:
         nodes, root = np.zeros((1, STRIDE), np.float32), ROW | int(index[0])
     else:
-        nodes, root = _packed(widened(split(lows.T.copy(), highs.T.copy())), index), 0
+        nodes, root = _packed(widen(build_binary(lows.T.copy(), highs.T.copy())), index), 0
     batches, first = np.unique(batch, return_inverse=True)
     begins = np.full(len(batches), NOTHING)
     np.minimum.at(begins, first, index)
@@ -83,20 +90,20 @@ def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index
 
 
 def outwards(corner: np.ndarray, centre: np.ndarray, out: int) -> np.ndarray:
-    """Corners relative to a centre, in single, beyond the exact ones: above them for out = 1, below for -1."""
-    # The difference is off by one rounding, and so is what is added for that.
+    """Corners relative to a centre, in single, rounded beyond the exact ones: upwards for out = 1, downwards for -1."""
+    # The difference carries one rounding, and so does the addition that compensates for it.
     exact = corner - centre
     exact += out * gamma(2) * np.abs(exact)
     return np.nextafter(exact.astype(np.float32), np.float32(out * np.inf))
 
 
-def _packed(s: Split, index: np.ndarray) -> np.ndarray:
-    """Nodes as they lie in memory. Shapes: index (boxes), the row of each box; result (nodes, STRIDE)."""
-    n, there = len(s.child), (s.child != NONE)[..., None]
-    row = ROW | index[np.where((s.child < 0) & there[..., 0], -1 - s.child, 0)]
-    words = np.where(there[..., 0], np.where(s.child >= 0, s.child, row), NOTHING).astype(np.uint32)
+def _packed(tree: Hierarchy, index: np.ndarray) -> np.ndarray:
+    """Nodes in their memory layout. index: the row of each box. Shapes: index (boxes); result (nodes, STRIDE)."""
+    n, exists = len(tree.child), (tree.child != NONE)[..., None]
+    row = ROW | index[np.where((tree.child < 0) & exists[..., 0], -1 - tree.child, 0)]
+    words = np.where(exists[..., 0], np.where(tree.child >= 0, tree.child, row), NOTHING).astype(np.uint32)
     nodes = np.zeros((n, STRIDE), np.float32)
-    corners = np.where(there, s.low, OUT), np.where(there, s.high, -OUT)
+    corners = np.where(exists, tree.low, OUT), np.where(exists, tree.high, -OUT)
     nodes[:, : 6 * WIDTH] = np.concatenate([c.reshape(n, -1) for c in corners], axis=1)
     nodes[:, 6 * WIDTH : 7 * WIDTH] = words.view(np.float32)
     return nodes
@@ -104,17 +111,23 @@ def _packed(s: Split, index: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Walk:
-    """Rays on their way through a tree.
+    """Rays on their walk through a tree.
 
-    They begin where they come near it, `skipped` from their origins: so single is as good for origins that are far
-    away. There a ray is at p, and meets the plane x = b at b / d.x - p.x / d.x.
+    A walk starts at the point p where the ray comes near the tree, at the distance `skipped` from its origin. So single
+    precision also suffices for origins that are far away. From p the ray meets the plane x = b at b / d.x - p.x / d.x.
 
-    Error: off the exact ray are p, in double and with what a kind's test in double is off, by `error`; p in single by
-    u |p|, with u = 2^-24; and the product p.x / d.x, and the sum with the margin, by one rounding each. The margin of
-    5 u |p| + error, in time over |d.x|, is larger; its own roundings are the rest. Relative errors of the time are two
-    of 1 / d.x, by conversion and reciprocal, and one of the sum: `enters` allows for them at both ends (Ize 2013).
+    inverse: 1 / d, single.
+    ahead: masks d > 0, one per axis.
+    near, far: -p / d minus and plus the margin.
+    skipped: distance from the ray origin to p.
+    error: error bound of p in double, including that of a kind's test.
+    start: the first word.
 
-    inverse: 1 / d, single. ahead: masks, d > 0. near, far: -p / d less and plus the margin. start: the first word.
+    Error: with u = 2^-24, p is within `error` of the exact ray in double, and within a further u |p| in single. The
+    product p.x / d.x and its sum with the margin add one rounding each. The margin of 5 u |p| + error, divided by
+    |d.x|, exceeds all of these; the rest covers its own roundings. The distance b / d.x has three relative errors: two
+    from 1 / d.x, by conversion and reciprocal, and one from the sum. `enters` allows for them at both ends.
+    Source: Ize 2013.
     """
 
     a: Arrays
@@ -129,20 +142,25 @@ class Walk:
 
     @staticmethod
     def along(a: Arrays, tree: Tree, o: Any, d: Any) -> "Walk":
-        """Rays from o in direction d, a unit vector in double, or in single and then exactly parallel to the ray.
+        """The walk of rays from o in direction d.
 
-        Shapes: o one in all or one a lane, d one a lane. Domain: what is not finite meets nothing.
+        d: unit vector in double, or in single and then exactly parallel to the ray.
+
+        Shapes: o one or one per lane; d one per lane.
+        Domain: rays that are not finite meet nothing.
         """
         d = d if type(d) is a.W else unit(d, a.W)
         q, ball = o - tree.centre, tree.ball
-        # Before it comes into the ball around the box of all rows a ray meets none.
+        # A ray meets no row before it enters the ball around the box of all rows.
         skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
         p = q + skipped * d
-        # Kinds are off by gamma(32) of the size of what they compute with (culling.rounding), this by less.
+        # The test of a kind has an error of gamma(32) times the size of its numbers (culling.point_rounding), and p has a
+        # smaller one.
         precision = "single" if a.D is a.F32 else "double"
         error = gamma(128, precision) * (l1_norm(o) + tree.size + skipped + ball)
-        # A component below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no further than
-        # |p| + ball, and is then off by less than twice that share of it. No root is taken where a bound does.
+        # A component of d below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no farther than
+        # |p| + ball, where this changes it by less than 2 (2^-60) (|p| + ball). The bound l1_norm stands for |p|,
+        # because it needs no root.
         least = 2.0**-60
         d32 = a.V32(d)
         inverse = dr.rcp(dr.select(dr.abs(d32) < least, dr.copysign(a.V32(least), d32), d32))
@@ -153,7 +171,7 @@ class Walk:
         return Walk(a, tree, inverse, ahead, middle - margin, middle + margin, skipped, error, start)
 
     def enters(self, low: list, high: list, limit: Any) -> tuple[Any, Any]:
-        """Whether rays enter a box before `limit`, and where."""
+        """(whether rays enter a box before the distance `limit`, the distance where they do)."""
         near, far = self.a.F32(0), limit
         for axis in range(3):
             ahead, inverse = self.ahead[axis], self.inverse[axis]
@@ -162,16 +180,19 @@ class Walk:
             near, far = dr.select(first > near, first, near), dr.select(last < far, last, far)
         return near <= far * (1 + gamma(12, "single")), near
 
-    def through(
+    def traverse(
         self, state: tuple, visit: Callable, reach: Callable, done: Callable, counted: bool = False
     ) -> tuple[Any, ...]:
-        """`state` after visit(batch, state, row, present) for every row whose box a ray enters before reach(state).
+        """The state after a visit to every row whose box a ray enters. Nearer boxes are mostly visited first.
 
-        The nearest box comes first, but not strictly: of hits at one distance the lowest row must win in `visit`. batch
-        is a number in Python, row the global one; lanes where `present` is false are not concerned. reach(state): a
-        distance, single or double. done(state): rays that go no further. counted: for studies, two counts a lane are
-        added to the state: of nodes visited and of rows.
-        Shapes: every array of the state is one a lane, from the start.
+        visit(batch, state, row, present): the state after a row. batch: a Python number. row: the number among all
+            rows. present: mask of the lanes that visit it. The order of rows is not fixed, so of hits at equal distance
+            `visit` must prefer the lowest row.
+        reach(state): boxes beyond this distance are skipped; single or double.
+        done(state): mask of rays that stop.
+        counted: adds two counts per lane to the state, of visited nodes and of visited rows; for studies.
+
+        Shapes: every array of the state has one entry per lane from the start.
         """
         a, u = self.a, self.a.U
         n = max(dr.width(self.inverse), dr.width(self.near), dr.width(state))
@@ -181,11 +202,11 @@ class Walk:
         def node(word: Any, top: Any, stack: Any, limit: Any, *counts: Any) -> tuple:
             if counted:
                 counts = (counts[0] + 1, counts[1])
-            first, *others = self._entered(word, limit)
-            for other in reversed(others):
-                there = other != NOTHING
-                top = dr.select(there, top + 1, top)
-                stack.write(other, top, there)
+            first, *farther = self._entered(word, limit)
+            for child in reversed(farther):
+                entered = child != NOTHING
+                top = dr.select(entered, top + 1, top)
+                stack.write(child, top, entered)
             nothing = first == NOTHING
             word = dr.select(nothing, stack.read(top), first)
             return word, dr.select(nothing, top - 1, top), stack, limit, *counts
@@ -194,7 +215,7 @@ class Walk:
             state, counts = state[:split_at], state[split_at:]
             if counted:
                 counts = (counts[0], counts[1] + 1)
-            state = self._asked(word ^ ROW, state, visit)
+            state = self._visit_row(word ^ ROW, state, visit)
             word = dr.select(done(state), NOTHING, stack.read(top))
             return word, top - 1, stack, self._limit(reach(state)), *state, *counts
 
@@ -203,12 +224,12 @@ class Walk:
 
         def step(word: Any, top: Any, stack: Any, limit: Any, *state: Any) -> tuple:
             state, counts = state[:split_at], state[split_at:]
-            # One after the other: a ray that comes to a row asks it in the same round.
+            # The two branches follow each other, so that a ray which reaches a row visits it in the same iteration.
             word, top, stack, limit, *counts = dr.if_stmt(
                 (word, top, stack, limit, *counts), word < ROW, node, same, label="node"
             )
-            asks = (word >= ROW) & (word != NOTHING)
-            return dr.if_stmt((word, top, stack, limit, *state, *counts), asks, row, same, label="row")
+            at_row = (word >= ROW) & (word != NOTHING)
+            return dr.if_stmt((word, top, stack, limit, *state, *counts), at_row, row, same, label="row")
 
         word = dr.select(done(state), NOTHING, self.start) | dr.zeros(u, n)
         stack = dr.alloc_local(u, STACK, value=dr.full(u, NOTHING, n))
@@ -217,14 +238,14 @@ class Walk:
         return dr.while_loop(start, lambda word, *_: word != NOTHING, step, label="tree")[4:]
 
     def _limit(self, reach: Any) -> Any:
-        """A distance from the origin as one from where the walk begins, in single, not less."""
+        """A distance from the ray origin, converted to one from the start of the walk. Single, rounded upwards."""
         a = self.a
-        if type(reach) is a.F32:  # it may be a rounded one
+        if type(reach) is a.F32:  # it may have been rounded from double
             reach = a.D(reach) * (1 + gamma(2, "single"))
         return a.F32(reach - self.skipped + self.error) * (1 + gamma(2, "single"))
 
     def _entered(self, node: Any, limit: Any) -> list:
-        """The words of the children that rays enter, the nearest first; then NOTHING."""
+        """Words of the children that rays enter, nearest first, and NOTHING for all others."""
         packets = STRIDE // PACKET
         f = [x for k in range(packets - 1) for x in dr.gather(self.a.Q32, self.tree.nodes, packets * node + k)]
         children = []
@@ -240,18 +261,20 @@ class Walk:
             children[j] = dr.select(swap, near, far), dr.select(swap, word, other)
         return [word for _, word in children]
 
-    def _asked(self, row: Any, state: tuple, visit: Callable) -> tuple:
-        """`state` after the visit of a row, in the code of its batch."""
+    def _visit_row(self, row: Any, state: tuple, visit: Callable) -> tuple:
+        """The state after the visit to a row, by the code of the row's batch."""
         batches, begins = self.tree.batches, (None, *self.tree.begins, None)
         for batch, begin, end in zip(batches, begins, begins[1:]):
-            here = self.a.B(True)
+            in_batch = self.a.B(True)
             if begin is not None:
-                here &= row >= begin
+                in_batch &= row >= begin
             if end is not None:
-                here &= row < end
+                in_batch &= row < end
 
-            def call(*state: Any, batch: int = batch, here: Any = here) -> tuple:
-                return visit(batch, state, row, here)
+            def call(*state: Any, batch: int = batch, in_batch: Any = in_batch) -> tuple:
+                return visit(batch, state, row, in_batch)
 
-            state = call(*state) if len(batches) == 1 else dr.if_stmt(state, here, call, lambda *s: s, label="batch")
+            state = (
+                call(*state) if len(batches) == 1 else dr.if_stmt(state, in_batch, call, lambda *s: s, label="batch")
+            )
         return state

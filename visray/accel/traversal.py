@@ -142,7 +142,7 @@ def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:
     # The walk through the tree needs the ray in double as well.
     begun = query.begin() if query.begin else (ray.exact(),)
     walk = Walk.along(origin.a, origin.geometry.tree, origin.o, begun[0].d)
-    return walk.through(state, visit, query.t_max, lambda state: query.finished(*state))
+    return walk.traverse(state, visit, query.t_max, lambda state: query.finished(*state))
 
 
 def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:

@@ -19,8 +19,8 @@ COUNTS = ("judged", "near_edge", "open", "false_misses", "false_hits", "wrong_ro
 def sums(report: stability.Report) -> list[dict]:
     """All surfaces together, a set of rays each."""
     found = []
-    for name in dict.fromkeys(r.rays for r in report.rows):
-        rows = [r for r in report.rows if r.rays == name]
+    for name in dict.fromkeys(r.rays for r in report.scores):
+        rows = [r for r in report.scores if r.rays == name]
         total = {k: sum(getattr(r, k) or 0 for r in rows) for k in COUNTS}
         within = max(r.errors_within for r in rows)
         degrees = [r.degrees[0] for r in rows if r.degrees]

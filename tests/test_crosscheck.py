@@ -34,17 +34,17 @@ from visray.primitives import (
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
-from visray.study.mitsuba import light_arrival as arrivals
-from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.crosscheck import check, random_rays
 from visray.study.mitsuba.diffuse_colour import DiffuseColours
-from visray.study.mitsuba.facets import FINEST, MOST, around, facets
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
+from visray.study.mitsuba.omitted_effects import MOST_TRANSPARENT
+from visray.study.mitsuba.placed_shapes import mitsuba_shapes
+from visray.study.mitsuba.ray_comparison import RayComparison
 from visray.study.mitsuba.report import Report
 from visray.study.mitsuba.rounding import AXES
-from visray.study.mitsuba.shapes import twins
+from visray.study.mitsuba.tessellation import MOST_FACETS, MOST_TRIANGLES, facets_around, tessellate
 from visray.study.mitsuba.visray_scene import VisrayScene
-from visray.study.mitsuba.without_effects import MOST_TRANSPARENT
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
@@ -307,10 +307,10 @@ def test_moved_rays_surround_every_error() -> None:
     assert (way @ AXES.T).max(1).min() >= 1
 
 
-@pytest.mark.parametrize("kind", FINEST)
+@pytest.mark.parametrize("kind", MOST_FACETS)
 def test_facets_are_inscribed_and_look_outwards(kind: str) -> None:
     shape = {"capsule": 0.7, "torus": 0.4}.get(kind)
-    f = facets(kind, 64, shape)
+    f = tessellate(kind, 64, shape)
     corners = f.vertices[f.faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
@@ -337,17 +337,17 @@ def test_facets_are_inscribed_and_look_outwards(kind: str) -> None:
 
 
 def test_many_round_shapes_are_coarser() -> None:
-    assert around("sphere", 1) == FINEST["sphere"]
-    assert 1000 * around("sphere", 1000) ** 2 <= MOST
+    assert facets_around("sphere", 1) == MOST_FACETS["sphere"]
+    assert 1000 * facets_around("sphere", 1000) ** 2 <= MOST_TRIANGLES
 
 
 def test_wrong_kernels_are_told_from_rounding(few: Scene) -> None:
     """A difference of ten times the bound is no rounding, one of a tenth is."""
     ours = VisrayScene(few)
-    made = twins(few)[0]
+    made = mitsuba_shapes(few)[0]
     rays = random_rays(few, ours.centre, 5000, 1)
-    shift = Comparison(ours, MitsubaScene(few, ours.names, made, ours.centre), rays).shift
-    typical = float(np.median(shift.start(rays.o)))
+    error = RayComparison(ours, MitsubaScene(few, ours.names, made, ours.centre), rays).ray_error
+    typical = float(np.median(error.start(rays.o)))
     for factor, passes in ((0.1, True), (100, False)):
         moved = replace(few, objects={k: _moved(t, factor * typical) for k, t in few.objects.items()})
         assert (not failures(checked(few, moved))) == passes
@@ -469,13 +469,13 @@ def test_a_wrong_light_fails(ground: Scene, what: str) -> None:
 def test_a_kernel_that_is_wrong_of_one_pixel_fails(ground: Scene, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is not excused as near an edge: only rays beside it are asked for that, by another search."""
 
-    def flipped(arrival: arrivals.Arrival) -> arrivals.Arrival:
+    def flipped(arrival: visray_lighting.LightArrival) -> visray_lighting.LightArrival:
         lane = np.flatnonzero(arrival.reached)[300]
         return replace(arrival, reached=arrival.reached ^ (np.arange(len(arrival.reached)) == lane))
 
-    right, of_point = arrivals.beams, arrivals.beam_of_point
-    monkeypatch.setattr(arrivals, "beams", lambda *args: map(flipped, right(*args)))
-    monkeypatch.setattr(arrivals, "beam_of_point", lambda *args: flipped(of_point(*args)))
+    right, of_point = visray_lighting.arriving_light, visray_lighting.arriving_light_of_point
+    monkeypatch.setattr(visray_lighting, "arriving_light", lambda *args: map(flipped, right(*args)))
+    monkeypatch.setattr(visray_lighting, "arriving_light_of_point", lambda *args: flipped(of_point(*args)))
     report = checked(replace(ground, lights={"it": LAMPS[name]}), rays=1000)
     assert report.shadows.mismatches == 1
     assert report.penumbras.mismatches == (16 if LAMPS[name].has_area else 0)
@@ -561,7 +561,7 @@ def test_coloured_shadows_pass(ground: Scene, case: str, precision: str) -> None
 def test_wrong_glass_fails(ground: Scene, field: str, value: object) -> None:
     s = painted(replace(ground, lights={"key": LAMPS["point"]}), {"glass": GLASS}, ball="glass", crate="glass")
     report = checked(s, replaced(s, f"materials.glass.{field}", value), rays=1000)
-    assert "coloured shadows: share" in failures(report)
+    assert "coloured shadows: transmittance" in failures(report)
     assert checked(s, rays=1000).passed
 
 
@@ -617,7 +617,8 @@ def test_what_is_not_compared_is_switched_off_and_named(ground: Scene) -> None:
         "not compared: reflection, refraction, nested media (settings.depth is 0)",
         "not compared: scatter (settings.scatter.rays is 0)",
         "not compared: defocus (camera.aperture is 0)",
-        "not compared: area lights (their middles are points; shadows are compared from points all over them)",
+        "not compared: area lights (point lights in their middles instead; "
+        "shadows are compared from a grid of points on each)",
     )
     assert report.picture.rms < 1e-4 and report.penumbras.compared > 4000
 

@@ -38,7 +38,7 @@ from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
 from visray.render import explain
 from visray.study.mitsuba import crosscheck
-from visray.study.mitsuba.facets import facets
+from visray.study.mitsuba.tessellation import tessellate
 
 KINDS = ("Ellipsoid", "Capsule", "Torus")
 U = UNIT_ROUNDOFF["double"]
@@ -191,8 +191,8 @@ def check(r: Run, few: float = 0.1) -> None:
         p = local(thing, r.p[i][hit], r.d[i][hit])[0]
         least, turn = sizes(thing, p)
         u, v = SAMPLES[name].twin.uv(thing, p)
-        assert (around(r.u[i][hit] - u) <= bound / turn + gamma(8)).all()
-        assert (around(r.v[i][hit] - v) <= bound / least + gamma(8)).all()
+        assert (facets_around(r.u[i][hit] - u) <= bound / turn + gamma(8)).all()
+        assert (facets_around(r.v[i][hit] - v) <= bound / least + gamma(8)).all()
     assert unsure <= 0.001 * r.hit.size and hits > few * r.hit.size
 
 
@@ -208,7 +208,7 @@ def sizes(thing, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return thing.minor, norm(np.cross(p - real(thing.center), unit(thing.axis)))
 
 
-def around(x: np.ndarray) -> np.ndarray:
+def facets_around(x: np.ndarray) -> np.ndarray:
     """The distance of numbers on a circle of length 1."""
     return np.abs((x + 0.5) % 1 - 0.5)
 
@@ -556,7 +556,7 @@ def test_many_tori_in_a_tree_are_found_as_one_by_one() -> None:
 @pytest.mark.parametrize("kind", ["capsule", "torus"])
 def test_triangles_for_mitsuba_are_near_the_shape_and_look_outwards(kind: str) -> None:
     n, shape = 64, {"capsule": 0.7, "torus": 0.3}[kind]
-    f = facets(kind, n, shape)
+    f = tessellate(kind, n, shape)
     corners = f.vertices[f.faces]
     flat = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).astype(float)
     middle = unit(f.normals[f.faces].mean(1)).astype(float)

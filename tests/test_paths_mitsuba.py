@@ -25,14 +25,14 @@ from visray.primitives import Box, Disk, Plane, Sphere
 from visray.pytree import rows as lanes_of
 from visray.ray import Ray
 from visray.scene.scene import Film, Scene, Settings
-from visray.study.mitsuba import light_arrival as arrivals
-from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
-from visray.study.mitsuba.rounding import UNRESOLVED, angle, gaps
+from visray.study.mitsuba.placed_shapes import mitsuba_shapes
+from visray.study.mitsuba.ray_comparison import RayComparison
+from visray.study.mitsuba.rounding import UNRESOLVED, absolute_difference, angle
 from visray.study.mitsuba.shadow_rays import ShadowRays
-from visray.study.mitsuba.shadows import moved
-from visray.study.mitsuba.shapes import twins
-from visray.study.mitsuba.visray_scene import Rays, VisrayScene, rows
+from visray.study.mitsuba.shadows import moved_shadow_rays
+from visray.study.mitsuba.visray_scene import Rays, VisrayScene, to_numpy
 from visray.transforms import Rotate, Translate
 
 COUNT = 20_000
@@ -79,8 +79,8 @@ def levels(ours: VisrayScene, o: np.ndarray, d: np.ndarray, count: int) -> Itera
         dr.eval(hit, here.surface, b.ray, b.alive)
         index = np.where(np.array(hit.valid), np.array(hit.row).astype(np.int64), -1)
         alive = np.broadcast_to(np.array(b.alive), n)
-        normal, onward = rows(here.surface.exact), rows(b.ray.d)
-        found = (rows(ray.o) - ours.centre, rows(ray.d), off, index, np.array(hit.t), normal, onward)
+        normal, onward = to_numpy(here.surface.exact), to_numpy(b.ray.d)
+        found = (to_numpy(ray.o) - ours.centre, to_numpy(ray.d), off, index, np.array(hit.t), normal, onward)
         yield Level(*found, np.broadcast_to(np.array(b.ray.inside), n), alive)
         if not alive.any():
             return
@@ -102,33 +102,33 @@ def pair(objects: dict, materials: dict) -> tuple[VisrayScene, MitsubaScene]:
 
 def pair_of(scene: Scene) -> tuple[VisrayScene, MitsubaScene]:
     ours = VisrayScene(scene)
-    return ours, MitsubaScene(scene, ours.names, twins(scene)[0], ours.centre)
+    return ours, MitsubaScene(scene, ours.names, mitsuba_shapes(scene)[0], ours.centre)
 
 
-def met(ours: VisrayScene, theirs: MitsubaScene, level: Level) -> tuple[Comparison, np.ndarray]:
+def met(ours: VisrayScene, theirs: MitsubaScene, level: Level) -> tuple[RayComparison, np.ndarray]:
     """The level's rays through Mitsuba, and which are sure: of which rounding does not decide what they meet.
 
     Rays that leave a surface begin off it, by four times the bound of Mitsuba's rounding of both.
     """
     n = len(level.t)
-    bound = theirs.extents.largest(n).start(level.o)
+    bound = theirs.rounding.largest_ray_error(n).start(level.o)
     first = level.o == level.o[:1]
     by = np.where(first.all(1), 0, 4 * np.divide(bound, level.off, out=np.full(n, np.inf), where=level.off > 0))
     apart = by < UNRESOLVED * level.t
     by = np.where(apart & np.isfinite(by), by, 0)
     rays = Rays((level.o + by[:, None] * level.d).astype(np.float32), level.d.astype(np.float32))
-    seen = Comparison(ours, theirs, rays)
-    sure = apart & ~seen.slack.edge & ~seen.beyond & ~seen.tied
+    seen = RayComparison(ours, theirs, rays)
+    sure = apart & ~seen.allowed.edge & ~seen.beyond & ~seen.tied
     # visray itself, by the ray as it was rounded for Mitsuba, and by the path.
-    assert (seen.a.index == level.index)[sure].all()
-    assert (gaps(seen.a.t + by, level.t) <= seen.slack.t + bound)[sure].all()
+    assert (seen.our_hits.index == level.index)[sure].all()
+    assert (absolute_difference(seen.our_hits.t + by, level.t) <= seen.allowed.t + bound)[sure].all()
     return seen, sure
 
 
-def agrees(seen: Comparison, sure: np.ndarray) -> None:
+def agrees(seen: RayComparison, sure: np.ndarray) -> None:
     """Both hit the same objects at the same points with the same normals, within rounding."""
-    found = seen.crossings()
-    assert (seen.a.index == seen.b.index)[sure].all()
+    found = seen.differences()
+    assert (seen.our_hits.index == seen.their_hits.index)[sure].all()
     assert found.hit_mismatches == found.object_mismatches == 0
     assert found.dt_bound <= 1 and found.angle_bound <= 1
 
@@ -208,7 +208,7 @@ def test_refracted_paths_agree_with_mitsuba(case: str) -> None:
 
 
 def _refraction(
-    seen: Comparison, level: Level, lanes: np.ndarray, inside: float, outside: float
+    seen: RayComparison, level: Level, lanes: np.ndarray, inside: float, outside: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compares how paths go on with Mitsuba's dielectric at Mitsuba's hits: where rounding does not decide it, and
     where all of the light is reflected. Shapes: (lanes)."""
@@ -219,7 +219,7 @@ def _refraction(
     along = (d * n).sum(1)
     ratio, c = np.where(along > 0, inside / outside, outside / inside), np.abs(along)
     left = 1 - ratio**2 * (1 - c**2)
-    turned = angle(seen.b.n, level.n)[lanes] + STORED
+    turned = angle(seen.their_hits.n, level.n)[lanes] + STORED
     off = bent_bound(ratio, c, STORED, turned, SMALL)
     resolved = np.isfinite(off) | (left < -2 * ratio**2 * c * (STORED + turned) - 8 * SMALL * (1 + ratio**2))
     inner = left <= 0
@@ -232,7 +232,7 @@ def _refraction(
     return resolved, inner
 
 
-def _sampled(bsdf: object, seen: Comparison, lobe: object) -> tuple[np.ndarray, np.ndarray]:
+def _sampled(bsdf: object, seen: RayComparison, lobe: object) -> tuple[np.ndarray, np.ndarray]:
     """The directions of one lobe at Mitsuba's hits, in the world, of unit length, and the weight of the lobe."""
     context = mi.BSDFContext()
     context.type_mask = int(lobe)
@@ -273,7 +273,7 @@ def test_mirrored_paths_agree_with_mitsuba() -> None:
         wo, weight = _sampled(conductor, seen, mi.BSDFFlags.DeltaReflection)
         assert (weight[lanes] == 1).all() and not level.inside[lanes].any()
         c = np.abs((level.d * level.n).sum(1))
-        allowed = mirrored_bound(c, STORED, angle(seen.b.n, level.n) + STORED) + 8 * SMALL
+        allowed = mirrored_bound(c, STORED, angle(seen.their_hits.n, level.n) + STORED) + 8 * SMALL
         assert (angle(level.onward, wo) <= allowed)[lanes].all()
         counts, rays = [*counts, len(lanes)], rays + int(level.alive.sum())
     assert counts[0] > 15_000 and counts[4] > 300 and sum(counts) > 0.97 * rays
@@ -456,31 +456,31 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
         settings=Settings(sampler=sampler),
     )
     ours, theirs = pair_of(scene)
-    seen = Comparison(ours, theirs, ours.pixel_rays())
+    seen = RayComparison(ours, theirs, ours.pixel_rays())
     a, light = ours.a, ours.kernel.lights[0]
     here = interact(
-        ours.kernel, seen.look.ray, seen.look.hit, integrator.single_sample_state(ours.kernel, len(seen.a.t))
+        ours.kernel, seen.traced.ray, seen.traced.hit, integrator.single_sample_state(ours.kernel, len(seen.our_hits.t))
     )
     mean = area_light(ours.kernel, here, light, lambda s, at, row, b: a.V(dr.select(b.arrives, a.F(1), 0), 0, 0))
-    mine = rows(mean)[:, 0] * samples
+    mine = to_numpy(mean)[:, 0] * samples
     dimension, yours, near = here.sample.derived(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
-        away = rows(light.light.point_offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
-        ways = ShadowRays.between(seen.points(), rows(light.light.position) + away - ours.centre)
-        cosine = np.where(seen.a.hit, np.abs((ways.l * seen.a.n).sum(1)), 1)
-        reached, edge = _reached(seen, ways, seen.shift.start(ways.p) / cosine)
+        away = to_numpy(light.light.point_offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
+        ways = ShadowRays.between(seen.points(), to_numpy(light.light.position) + away - ours.centre)
+        cosine = np.where(seen.our_hits.hit, np.abs((ways.l * seen.our_hits.n).sum(1)), 1)
+        reached, edge = _reached(seen, ways, seen.ray_error.start(ways.p) / cosine)
         yours, near = yours + reached.astype(int), near | edge
-    compared = seen.a.hit & ~near & ~seen.beyond
-    assert (mine == np.round(mine))[seen.a.hit].all()
+    compared = seen.our_hits.hit & ~near & ~seen.beyond
+    assert (mine == np.round(mine))[seen.our_hits.hit].all()
     assert (mine == yours)[compared].all()
     assert ((mine > 0) & (mine < samples) & compared).sum() > 500 and (compared & (mine == 0)).sum() > 20
-    assert compared.sum() > 0.98 * seen.a.hit.sum()
+    assert compared.sum() > 0.98 * seen.our_hits.hit.sum()
 
 
-def _reached(seen: Comparison, ways: ShadowRays, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _reached(seen: RayComparison, ways: ShadowRays, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether ways are clear by Mitsuba, and whether rounding decides it."""
-    straight = arrivals.clear(seen.ours, seen.look, ways, seen.a.hit)
+    straight = visray_lighting.unoccluded(seen.ours, seen.traced, ways, seen.our_hits.hit)
     edge = np.zeros(len(straight), bool)
-    for beside in moved(ways, seen.shift):
-        edge |= arrivals.clear(seen.ours, seen.look, beside, seen.a.hit) != straight
-    return seen.theirs.reaches(ways, margin), edge
+    for beside in moved_shadow_rays(ways, seen.ray_error):
+        edge |= visray_lighting.unoccluded(seen.ours, seen.traced, beside, seen.our_hits.hit) != straight
+    return seen.theirs.unoccluded(ways, margin), edge

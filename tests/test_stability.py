@@ -13,27 +13,27 @@ from visray.errors import UserError
 from visray.polynomials.catalogue import SURFACES
 from visray.study.stability import ray_sets
 from visray.study.stability import study as stability
-from visray.study.stability.exact.certified import Exact
-from visray.study.stability.exact.formulas import number, parsed, value
-from visray.study.stability.exact.known_surface import Bundle, Surface
-from visray.study.stability.exact.truth import Truth, settled
-from visray.study.stability.exact.twofold import Twofold
-from visray.study.stability.judging import Row, judged
-from visray.study.stability.ray_sets import Named, surfaces_of
-from visray.study.stability.solvers import Function, Kernel
+from visray.study.stability.exact.certified_roots import CertifiedSolver
+from visray.study.stability.exact.double_double import DoubleDouble
+from visray.study.stability.exact.expressions import number, parsed, value
+from visray.study.stability.exact.surface import RayBundle, Surface
+from visray.study.stability.exact.truth import Truth, first_hits
+from visray.study.stability.ray_sets import NamedSurface, named_surfaces
+from visray.study.stability.scoring import Score, score
+from visray.study.stability.solvers import FunctionSolver, KernelSolver
 
 FILE = Path(__file__).resolve().parents[2] / "shared" / "notes" / "surfaces.json"
 SPHERE = Surface("x^2 + y^2 + z^2 - 1", 1.5)
 TORUS = Surface("(x^2 + y^2 + z^2 + 21/25)^2 - 4*(x^2 + y^2)", 1.41)
-TAME = Named("torus", TORUS)
+TAME = NamedSurface("torus", TORUS)
 
 
-def rays(surface: Surface, n: int, seed: int = 0, of: str = "camera") -> Bundle:
-    return getattr(ray_sets, of)(Named("", surface), n, np.random.default_rng(seed))
+def rays(surface: Surface, n: int, seed: int = 0, of: str = "camera") -> RayBundle:
+    return getattr(ray_sets, of)(NamedSurface("", surface), n, np.random.default_rng(seed))
 
 
-def answers(surface: Surface, bundle: Bundle, most: int = 10**6) -> Truth:
-    return settled(surface, bundle, len(bundle), most)
+def answers(surface: Surface, bundle: RayBundle, most: int = 10**6) -> Truth:
+    return first_hits(surface, bundle, len(bundle), most)
 
 
 # The independent twin: split points from the derivatives' roots, level by level, between which f is monotone
@@ -106,7 +106,7 @@ def test_a_sphere(of, centre):
     root = np.sqrt(np.maximum(square, 0))
     near, far = (-half - root) / squared, (-half + root) / squared
     t = np.where((square >= 0) & (far > 0), np.where(near > 0, near, far), inf).astype(float)
-    assert not truth.near.any() and not truth.wrong and truth.checked + truth.exact.sum() == 500
+    assert not truth.near_edge.any() and not truth.contradicted and truth.checked + truth.by_flint.sum() == 500
     assert (np.isfinite(t) == truth.hit).all() and truth.hit.sum() > 50
     assert np.allclose(t[truth.hit], truth.t[truth.hit], rtol=1e-15)
 
@@ -127,9 +127,9 @@ def test_parallel_planes():
     planes = Surface("(z - 1)*(z - 1/2)*(z + 1/4)*z", 2.0)
     o = np.array([[0.0, 0, 1.25], [0, 0, 0.75], [0, 0, -0.1], [0, 0, -0.1], [0.5, 0, 0.7]])
     d = np.array([[0.0, 0, -1], [0, 0, -1], [0, 0, 1], [0, 0, -1], [0.6, 0, 0.8]])
-    truth = answers(planes, Bundle(o, d))
+    truth = answers(planes, RayBundle(o, d))
     assert np.allclose(truth.t, [0.25, 0.25, 0.1, 0.15, 0.375], rtol=1e-15)
-    exact = Exact(planes).first([0.0, 0.0, 1.25], np.array([0.0, 0, -1]), 0.0, None)
+    exact = CertifiedSolver(planes).first_hit([0.0, 0.0, 1.25], np.array([0.0, 0, -1]), 0.0, None)
     assert exact[3] == [0.25, 0.75, 1.25, 1.5]
 
 
@@ -139,38 +139,38 @@ def test_squares_count_as_hits_once():
     for text in ("(x^2 + y^2 + z^2 - 1)^2", "(x^2 + y^2 + z^2 - 1)^3", "x^4 + y^4 + z^4 + 2*x^2*y^2 + 2*x^2*z^2"
                  " + 2*y^2*z^2 - 2*x^2 - 2*y^2 - 2*z^2 + 1"):  # fmt: skip
         surface = Surface(text, 1.5)
-        assert surface.radical and surface.degree == 2
+        assert surface.has_multiple_factors and surface.degree == 2
         found = answers(surface, bundle)
         assert (found.t == once.t).all() and (found.low == pytest.approx(once.low, abs=1e-25))
-    assert not SPHERE.radical
+    assert not SPHERE.has_multiple_factors
 
 
 def test_a_double_root_is_near_an_edge():
     # y = 1 touches the sphere; 1e-9 lower the ray goes through it, and 1e-9 higher past it.
     o = np.array([[-2.0, y, 0.0] for y in (1.0, 1 - 1e-9, 1 + 1e-9)])
-    truth = answers(SPHERE, Bundle(o, np.array([[1.0, 0, 0]] * 3)))
-    assert truth.near.tolist() == [True, False, False] and truth.exact[0]
+    truth = answers(SPHERE, RayBundle(o, np.array([[1.0, 0, 0]] * 3)))
+    assert truth.near_edge.tolist() == [True, False, False] and truth.by_flint[0]
     assert truth.hit.tolist() == [True, True, False] and truth.t[0] == 2
 
 
 def test_a_triple_root_is_no_edge():
     """Rays through the heart's equator, where f vanishes three times."""
-    heart = surfaces_of(None)["heart"].surface
-    truth = answers(heart, Bundle(np.array([[3.0, 0, 0], [3.0, 0, 3.0]]), np.array([[-1.0, 0, 0], [-0.6, 0, -0.8]])))
-    assert truth.t[0] == 2 and abs(truth.low[0]) < 1e-25 and truth.good[0]
+    heart = named_surfaces(None)["heart"].surface
+    truth = answers(heart, RayBundle(np.array([[3.0, 0, 0], [3.0, 0, 3.0]]), np.array([[-1.0, 0, 0], [-0.6, 0, -0.8]])))
+    assert truth.t[0] == 2 and abs(truth.low[0]) < 1e-25 and truth.judged[0]
 
 
 def test_hits_beyond_the_clip_do_not_count():
     cone = Surface("x^2 + y^2 - z^2", 2.0)
     o, d = np.array([[-3.0, 0, 1], [-3.0, 0, 1.9]]), np.array([[1.0, 0, 0]] * 2)
-    truth = answers(cone, Bundle(o, d))
-    assert truth.t.tolist() == [2.0, inf] and truth.good.all()
+    truth = answers(cone, RayBundle(o, d))
+    assert truth.t.tolist() == [2.0, inf] and truth.judged.all()
 
 
 def test_a_ray_in_the_surface_has_no_answer():
     ruled = Surface("x^2 + y^2 - z^2 - 1", 3.0)
-    truth = answers(ruled, Bundle(np.array([[1.0, -2, -2]]), np.array([[0.0, 0.6, 0.8]]) * 0 + [[0, 0.5, 0.5]]))
-    assert truth.near.all()
+    truth = answers(ruled, RayBundle(np.array([[1.0, -2, -2]]), np.array([[0.0, 0.6, 0.8]]) * 0 + [[0, 0.5, 0.5]]))
+    assert truth.near_edge.all()
 
 
 def test_numbers_and_grammar():
@@ -187,7 +187,7 @@ def test_double_double():
     rng = np.random.default_rng(0)
     (a, b), (c, d) = rng.normal(size=(2, 100)), rng.normal(size=(2, 100)) * 1e-17
     for op in ("__add__", "__sub__", "__mul__"):
-        z = getattr(Twofold(a, c), op)(Twofold(b, d))
+        z = getattr(DoubleDouble(a, c), op)(DoubleDouble(b, d))
         for i in range(100):
             x, y, found = (
                 sum(map(Fraction, map(float, pair))) for pair in ((a[i], c[i]), (b[i], d[i]), (z.hi[0, i], z.lo[0, i]))
@@ -198,11 +198,11 @@ def test_double_double():
 
 @pytest.mark.parametrize("name", ["heart", "barth-sextic", "chmutov-8", "dupin-cyclide", "kummer"])
 def test_the_twin_agrees(name):
-    named = surfaces_of(None)[name]
+    named = named_surfaces(None)[name]
     bundle = rays(named.surface, 1500)
-    truth = settled(named.surface, bundle, 50, 400)
-    found = judged(named, bundle, truth, twin(named.surface)(bundle.o, bundle.d), None)
-    assert not truth.wrong and found["judged"] > 1400
+    truth = first_hits(named.surface, bundle, 50, 400)
+    found = score(named, bundle, truth, twin(named.surface)(bundle.o, bundle.d), None)
+    assert not truth.contradicted and found["judged"] > 1400
     assert found["false_misses"] + found["false_hits"] + found["wrong_roots"] + found["nan"] == 0
     assert found["ulps"][0] < 4
 
@@ -210,17 +210,17 @@ def test_the_twin_agrees(name):
 @pytest.mark.parametrize("name", ["roman", "kummer", "heart", "whitney-umbrella", "cayley-cubic"])
 def test_numpy_and_flint_agree_where_it_is_hard(name):
     """Past singular points: also on what is near an edge. Nothing that NumPy settles is settled otherwise by flint."""
-    named = surfaces_of(None)[name]
+    named = named_surfaces(None)[name]
     bundle = ray_sets.singular(named, 150, np.random.default_rng(1))
-    truth = settled(named.surface, bundle, 150, 150)
-    assert truth.checked + truth.exact.sum() == 150 and not truth.wrong and not truth.open.any()
-    assert truth.near.any() and truth.good.sum() > 75
+    truth = first_hits(named.surface, bundle, 150, 150)
+    assert truth.checked + truth.by_flint.sum() == 150 and not truth.contradicted and not truth.unsettled.any()
+    assert truth.near_edge.any() and truth.judged.sum() > 75
 
 
 def test_too_many_are_left_open():
-    heart = surfaces_of(None)["heart"]
-    truth = settled(heart.surface, ray_sets.singular(heart, 200, np.random.default_rng(1)), 0, 5)
-    assert truth.exact.sum() == 5 and truth.open.any() and not (truth.open & truth.good).any()
+    heart = named_surfaces(None)["heart"]
+    truth = first_hits(heart.surface, ray_sets.singular(heart, 200, np.random.default_rng(1)), 0, 5)
+    assert truth.by_flint.sum() == 5 and truth.unsettled.any() and not (truth.unsettled & truth.judged).any()
 
 
 # The known surfaces
@@ -232,7 +232,10 @@ def gradient(surface: Surface, p) -> list[float]:
     for axis in range(3):
         d = np.zeros(3)
         d[axis] = 1
-        c = [float(Fraction(int(q.p), int(q.q))) for q in Exact(surface).polynomial(list(p), d).coeffs()] + [0.0, 0.0]
+        c = [float(Fraction(int(q.p), int(q.q))) for q in CertifiedSolver(surface).polynomial(list(p), d).coeffs()] + [
+            0.0,
+            0.0,
+        ]
         found.append(c[1])
     return [c[0], *found]
 
@@ -240,22 +243,22 @@ def gradient(surface: Surface, p) -> list[float]:
 @pytest.mark.parametrize("name", SURFACES)
 def test_known_surface(name):
     """Its singular points are singular; if it is said to be compact, its clip holds it; and rays hit it."""
-    c, named = SURFACES[name], surfaces_of(None)[name]
+    c, named = SURFACES[name], named_surfaces(None)[name]
     parameters = named.surface.parameters
     for point in c.singular:
         # Decimals are right to 2^-53.
         written = name == "labs-septic" or any("." in str(x) for x in point)
         p = [number(x, parameters) for x in point]
-        size = max(1.0, float(named.surface.size([np.array([float(x)]) for x in p])[0]))
+        size = max(1.0, float(named.surface.magnitude([np.array([float(x)]) for x in p])[0]))
         assert np.abs(gradient(named.surface, p)).max() <= (1e-12 if written else 1e-35) * size, point
-    assert len(named.points()) == len(c.singular)
+    assert len(named.singular_points()) == len(c.singular)
     if c.compact:
         larger = Surface(c.expression, 100 * c.radius, c.centre, c.parameters)
         for d in ray_sets.sphere(np.random.default_rng(0), 40):
-            roots = Exact(larger).first([float(x) for x in c.centre], d, 0.0, None)[3]
+            roots = CertifiedSolver(larger).first_hit([float(x) for x in c.centre], d, 0.0, None)[3]
             assert not roots or roots[-1] < c.radius
-    truth = settled(named.surface, rays(named.surface, 200), 5, 200)
-    assert truth.hit.sum() > 10 and truth.good.sum() > 190 and not truth.wrong
+    truth = first_hits(named.surface, rays(named.surface, 200), 5, 200)
+    assert truth.hit.sum() > 10 and truth.judged.sum() > 190 and not truth.contradicted
 
 
 def test_boy_contains_its_parametrisation():
@@ -265,8 +268,8 @@ def test_boy_contains_its_parametrisation():
     x = scale * (np.sqrt(2) * np.cos(v) ** 2 * np.cos(2 * u) + np.cos(u) * np.sin(2 * v))
     y = scale * (np.sqrt(2) * np.cos(v) ** 2 * np.sin(2 * u) - np.sin(u) * np.sin(2 * v))
     z = scale * 3 * np.cos(v) ** 2
-    boy = surfaces_of(None)["boy"].surface
-    assert (np.abs(value(boy.tree, x, y, z, float)) < 1e-13 * boy.size([x, y, z])).all()
+    boy = named_surfaces(None)["boy"].surface
+    assert (np.abs(value(boy.tree, x, y, z, float)) < 1e-13 * boy.magnitude([x, y, z])).all()
 
 
 # The 99 nodes of Labs' septic: one on the axis, and 14 in the plane y = 0 that are turned seven times.
@@ -277,7 +280,7 @@ LABS = """5.47249792 -2.19430130 0 -1 4.26412267 -.948856558 -1.18803399 -.74072
 
 def test_labs_septic_has_99_nodes():
     """Newton's steps in the plane, from the points above, lead to points at which f and its gradient vanish."""
-    tree = surfaces_of(None)["labs-septic"].surface.tree
+    tree = named_surfaces(None)["labs-septic"].surface.tree
 
     def slopes(x, z):
         """f, and its slopes by x and z, by complex steps."""
@@ -322,15 +325,19 @@ def test_known_surfaces_are_those_of_the_file():
 
 @pytest.mark.skipif(not FILE.exists(), reason="the file of surfaces is not here")
 def test_the_file_is_read():
-    found = surfaces_of(FILE)
-    assert len(found) == 52 and len(found["barth_decic"].points()) == 300 and len(found["heart_taubin"].points())
+    found = named_surfaces(FILE)
+    assert (
+        len(found) == 52
+        and len(found["barth_decic"].singular_points()) == 300
+        and len(found["heart_taubin"].singular_points())
+    )
 
 
 # The machinery: solvers that are wrong
 
 
-def study(solver, named: Named = TAME, sets=("camera",), n: int = 1200) -> dict[str, Row]:
-    return {r.rays: r for r in stability.tested(named, sets, n, 0, Function(solver))}
+def study(solver, named: NamedSurface = TAME, sets=("camera",), n: int = 1200) -> dict[str, Score]:
+    return {r.rays: r for r in stability.scores_of_surface(named, sets, n, 0, FunctionSolver(solver))}
 
 
 def test_a_good_solver_passes():
@@ -377,7 +384,7 @@ def test_a_solver_that_is_off_is_caught():
 def test_a_solver_that_takes_the_second_root_is_caught():
     shell = Surface("(x^2 + y^2 + z^2 - 1)^2 - 1/10000000000", 1.01)
     good = twin(shell)
-    row = study(lambda o, d: good(o, d) + 5e-5, Named("shell", shell), n=300)["camera"]
+    row = study(lambda o, d: good(o, d) + 5e-5, NamedSurface("shell", shell), n=300)["camera"]
     assert row.wrong_roots == row.hits > 250
 
 
@@ -401,13 +408,13 @@ def test_a_solver_that_shadows_itself_is_caught():
 
 
 def test_the_report():
-    solver = lambda surface: Function(twin(surface))  # noqa: E731
+    solver = lambda surface: FunctionSolver(twin(surface))  # noqa: E731
     report = stability.run(None, 60, ("camera", "singular"), ("torus", "cayley-cubic"), solver=solver)
-    assert report.passed and [r.rays for r in report.rows] == ["camera", "singular", "camera"]
+    assert report.passed and [r.rays for r in report.scores] == ["camera", "singular", "camera"]
     plain = json.loads(json.dumps(report.as_json()))
     assert plain["passed"] and plain["rows"][0]["false_misses_per_million"] == [0, 0, 50000]
     table = report.table()
-    assert table.row_count == 3 and "0 of them off" in table.caption
+    assert table.row_count == 3 and "and 0 differed" in table.caption
 
 
 def test_wrong_questions(tmp_path):
@@ -433,7 +440,7 @@ def test_without_flint(monkeypatch):
 @pytest.mark.parametrize("name", ["torus", "cayley-cubic", "heart"])
 def test_the_kernel(name):
     """visray's own search makes no error, but for rays so close to an edge that a shift of f by 64 tau mends it."""
-    rows = stability.run(None, 400, only=(name,)).rows
+    rows = stability.run(None, 400, only=(name,)).scores
     assert len(rows) >= 5 and not any(r.nan or r.any_hit_differs or r.gross or r.truth_wrong for r in rows), rows
     assert all(r.errors_within <= 64 and r.per_million(r.errors)[0] < 5e4 for r in rows), rows
     assert not any(r.errors for r in rows if r.rays in ("camera", "inside", "secondary, hemisphere")), rows
@@ -444,19 +451,19 @@ def test_the_kernel(name):
 @pytest.mark.parametrize("name", ["heart", "barth-sextic", "barth-decic"])
 def test_a_million_rays_agree_with_the_twin(name: str):
     """The kernel against the twin on 10^6 rays from three eyes; where they differ, exact arithmetic settles it."""
-    named = surfaces_of(None)[name]
+    named = named_surfaces(None)[name]
     surface, settled_for = named.surface, {"kernel": 0, "twin": 0, "edge": 0}
-    solver, other = Kernel(surface), twin(surface)
+    solver, other = KernelSolver(surface), twin(surface)
     for seed in range(10):
         bundle = rays(surface, 100_000, seed)
         t, s = (
-            solver.first(bundle)[0],
+            solver.first_hits(bundle)[0],
             np.concatenate([other(o, d) for o, d in zip(np.array_split(bundle.o, 10), np.array_split(bundle.d, 10))]),
         )
         with np.errstate(invalid="ignore"):
             differ = (np.isfinite(t) != np.isfinite(s)) | (np.abs(t - s) > 1e-6 * t)
-        truth = settled(surface, bundle.part(differ), 0, 10**6)
-        for mine, exact, good in zip(t[differ], truth.t, truth.good):
+        truth = first_hits(surface, bundle.select(differ), 0, 10**6)
+        for mine, exact, good in zip(t[differ], truth.t, truth.judged):
             if not good:
                 settled_for["edge"] += 1
             elif np.isclose(mine, exact, rtol=1e-6) or (np.isinf(mine) and np.isinf(exact)):

@@ -14,7 +14,7 @@ from visray.kernel_scene import KernelScene
 from visray.ray import NO_ROW, Ray, unit
 from visray.setup import Prepared
 from visray.study.cost.records import Geometry
-from visray.study.mitsuba.visray_scene import rows
+from visray.study.mitsuba.visray_scene import to_numpy
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _view(prepared: Prepared, ray: Ray) -> View:
     index[index == NO_ROW] = -1
     names = tuple(name for batch in s.batches for name in batch.names)
     # One normal may be that of all rays.
-    n = np.broadcast_to(rows(here.surface.n), (len(index), 3))
+    n = np.broadcast_to(to_numpy(here.surface.n), (len(index), 3))
     return View(s, here, names, index, np.array(here.hit.t), n)
 
 

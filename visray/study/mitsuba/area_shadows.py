@@ -1,4 +1,4 @@
-"""Area lights through visray and through Mitsuba: from what the pixels see to points all over each of them."""
+"""Shadows of area lights by visray and by Mitsuba: shadow rays to a grid of points on each light."""
 
 from dataclasses import replace
 
@@ -7,63 +7,79 @@ import numpy as np
 from visray.lights import PointLight
 from visray.lights.light import AreaLight
 from visray.scene.scene import Scene
-from visray.study.mitsuba import light_arrival as arrivals
-from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
-from visray.study.mitsuba.report import Penumbras
-from visray.study.mitsuba.shadows import examples, meet, near
+from visray.study.mitsuba.ray_comparison import RayComparison
+from visray.study.mitsuba.report import AreaLightDifferences
+from visray.study.mitsuba.shadows import examples, near_edge, visibility
 from visray.study.mitsuba.visray_scene import Rays, VisrayScene
 
-# So many points of each light, in as many strata; and so many rays at most, from fewer pixels where there are more.
+# Points on a side of each light's grid; and shadow rays at most, so that fewer pixels are taken if there are more.
 SIDE, MOST_RAYS = 4, 2**20
 
 
 def compare(
-    whole: Scene, theirs: MitsubaScene, lights: dict[str, AreaLight], rays: Rays
-) -> tuple[Penumbras, list[str]]:
-    """The findings, and a line for the first mismatches.
+    scene: Scene, theirs: MitsubaScene, their_lights: dict[str, AreaLight], rays: Rays
+) -> tuple[AreaLightDifferences, list[str]]:
+    """The differences over all area lights, and a line for each of the first mismatches.
 
-    whole: the scene with its area lights, all objects opaque; lights: as Mitsuba is given them; rays: of the pixels.
+    scene: with its area lights, all objects opaque
+    their_lights: the lights that Mitsuba gets, by name
+    rays: through the pixels
     """
-    mine = {name: light for name, light in whole.lights.items() if light.has_area}
-    if not mine or not whole.settings.shadows:
-        return Penumbras(), []
-    step = -(-len(rays.d) * len(mine) * SIDE**2 // MOST_RAYS)
-    ours = VisrayScene(whole)
-    seen = Comparison(ours, theirs, replace(rays, d=rays.d[::step]))
+    our_lights = {name: light for name, light in scene.lights.items() if light.has_area}
+    if not our_lights or not scene.settings.shadows:
+        return AreaLightDifferences(), []
+    step = -(-len(rays.d) * len(our_lights) * SIDE**2 // MOST_RAYS)
+    comparison = RayComparison(VisrayScene(scene), theirs, replace(rays, d=rays.d[::step]))
     total = np.zeros(6)
     lines: list[str] = []
-    for name, light in mine.items():
-        found, wrong = _of(seen, light, lights[name], name)
-        total += found
-        lines += wrong
-    counts, sums = total[:5].astype(int).tolist(), total[5]
-    of, reached, close, mismatches, compared = counts
-    mean = float(sums / max(compared, 1))
-    return Penumbras(len(mine), SIDE**2, len(seen.a.t), of, reached, close, mismatches, compared, mean), lines
+    for name, light in our_lights.items():
+        counts, examples_of_light = _compare_light(comparison, light, their_lights[name], name)
+        total += counts
+        lines += examples_of_light
+    shadow_rays, reached, edge, mismatches, compared = total[:5].astype(int).tolist()
+    mean_difference = float(total[5] / max(compared, 1))
+    return AreaLightDifferences(
+        lights=len(our_lights),
+        points=SIDE**2,
+        pixels=len(comparison.our_hits.t),
+        rays=shadow_rays,
+        reached=reached,
+        near_edge=edge,
+        mismatches=mismatches,
+        compared=compared,
+        difference=mean_difference,
+    ), lines
 
 
-def _of(seen: Comparison, light: AreaLight, twin: AreaLight, name: str) -> tuple[np.ndarray, list[str]]:
-    """Of one light: rays, those that reach it, near an edge, mismatches; pixels that are compared, and the sum of the
-    differences of their fractions."""
-    n = len(seen.a.t)
+def _compare_light(
+    comparison: RayComparison, our_light: AreaLight, their_light: AreaLight, name: str
+) -> tuple[np.ndarray, list[str]]:
+    """Six numbers of one light, and a line for each of the first mismatches.
+
+    The numbers: shadow rays, rays that reach the light, rays near an edge, mismatches, compared pixels, and the sum
+    over these of the difference between the fractions of the light that they see.
+    """
+    ours, n = comparison.ours, len(comparison.our_hits.t)
     counts, lines = np.zeros(4), []
-    close, apart, faces = np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
-    for p, q in zip(points(seen.ours, light), points(seen.ours, twin)):
-        ends = (PointLight(position=tuple((seen.ours.centre + x).tolist())) for x in (p, q))
-        lit = meet(seen, *ends, arrivals.beam_of_point(seen.ours, seen.look, light, p))
-        edge = lit.facing & near(seen, lit)
-        wrong = lit.differs() & ~edge
-        counts += [lit.facing.sum(), (lit.facing & lit.reached).sum(), edge.sum(), wrong.sum()]
-        close, faces = close | edge, faces | lit.facing
-        apart += lit.facing * (lit.reached.astype(float) - lit.met) / SIDE**2
-        lines += examples(seen, name, lit, wrong)
-    compared = faces & ~close
-    return np.append(counts, [compared.sum(), np.abs(apart[compared]).sum()]), lines
+    any_near_edge, difference, any_facing = np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)
+    for our_point, their_point in zip(points(ours, our_light), points(ours, their_light)):
+        point_lights = (PointLight(position=tuple((ours.centre + x).tolist())) for x in (our_point, their_point))
+        arrival = visray_lighting.arriving_light_of_point(ours, comparison.traced, our_light, our_point)
+        light = visibility(comparison, *point_lights, arrival)
+        edge = light.facing & near_edge(comparison, light)
+        mismatch = light.differs() & ~edge
+        counts += [light.facing.sum(), (light.facing & light.our_lit).sum(), edge.sum(), mismatch.sum()]
+        any_near_edge, any_facing = any_near_edge | edge, any_facing | light.facing
+        difference += light.facing * (light.our_lit.astype(float) - light.their_lit) / SIDE**2
+        lines += examples(comparison, name, light, mismatch)
+    compared = any_facing & ~any_near_edge
+    return np.append(counts, [compared.sum(), np.abs(difference[compared]).sum()]), lines
 
 
 def points(ours: VisrayScene, light: AreaLight) -> np.ndarray:
-    """The middles of the strata of an area light, from the centre. Shapes: (SIDE^2, 3)."""
-    a, row = ours.a, arrivals.table(ours, light)
+    """Middles of the cells of a grid on an area light, relative to the centre. Shapes: (SIDE^2, 3)."""
+    a, row = ours.a, visray_lighting.light_table(ours, light)
     v, u = (np.mgrid[:SIDE, :SIDE].reshape(2, -1) + 0.5) / SIDE
     return np.array(row.position + row.point_offset(a.W, a.D(u), a.D(v)), float).T - ours.centre

@@ -1,11 +1,11 @@
-"""Blinn-Phong for Mitsuba, which has none: `kd cos + ks (n.h)^shininess`, on the viewer's side of the surface."""
+"""Blinn-Phong as a Mitsuba BSDF, which Mitsuba does not have: `kd cos + ks (n.h)^shininess` on the viewer's side."""
 
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-# The variant that shares its array types with visray's kernels.
+# The variant whose array types are those of visray's kernels.
 VARIANT = "llvm_ad_rgb"
 mi.set_variant(VARIANT)
 
@@ -13,8 +13,9 @@ DIFFUSE, GLOSSY = 0, 1
 
 
 class BlinnPhong(mi.BSDF):
-    """Component 0 is the diffuse part, component 1 the highlight. Properties: kd, ks (three numbers each), shininess.
+    """Blinn-Phong BSDF. Component 0 is the diffuse part, component 1 the highlight.
 
+    Properties: kd, ks (three numbers each), shininess.
     As in visray, neither part is divided by pi, and there is no highlight where the light is below the surface.
     """
 
@@ -23,13 +24,13 @@ class BlinnPhong(mi.BSDF):
         self.kd, self.ks = mi.Color3f(props["kd"]), mi.Color3f(props["ks"])
         self.shininess = mi.Float(props["shininess"])
         sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-        parts = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
-        self.m_components = [int(part | sides) for part in parts]
+        components = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
+        self.m_components = [int(component | sides) for component in components]
         self.m_flags = self.m_components[0] | self.m_components[1]
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """The light sent from `wo` to the viewer for light 1, its cosine included."""
-        v, l = _turned(si.wi, si.wi), _turned(si.wi, wo)
+        """Light reflected to the viewer for light of strength 1 from `wo`, including the cosine."""
+        v, l = _to_viewer_side(si.wi, si.wi), _to_viewer_side(si.wi, wo)
         colour = mi.Color3f(0)
         if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, DIFFUSE):
             colour += self.kd * l.z
@@ -39,10 +40,10 @@ class BlinnPhong(mi.BSDF):
         return dr.select(active & (l.z > 0), colour, 0)
 
     def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
-        """A direction by the cosine, which is right for the diffuse part and noisy for the highlight."""
+        """A cosine-distributed direction: ideal for the diffuse part, noisy for the highlight."""
         local = mi.warp.square_to_cosine_hemisphere(sample2)
         bs = mi.BSDFSample3f()
-        bs.wo = _turned(si.wi, local)
+        bs.wo = _to_viewer_side(si.wi, local)
         bs.pdf = mi.warp.square_to_cosine_hemisphere_pdf(local)
         bs.eta = 1.0
         bs.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
@@ -50,16 +51,16 @@ class BlinnPhong(mi.BSDF):
         return bs, dr.select(bs.pdf > 0, self.eval(ctx, si, bs.wo, active) / bs.pdf, 0)
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """The density of `sample`, per steradian."""
-        l = _turned(si.wi, wo)
+        """Density of `sample`, per steradian."""
+        l = _to_viewer_side(si.wi, wo)
         return dr.select(active & (l.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(l), 0)
 
     def to_string(self) -> str:
         return f"BlinnPhong[kd={self.kd}, ks={self.ks}, shininess={self.shininess}]"
 
 
-def _turned(wi: Any, w: Any) -> Any:
-    """`w` in the frame whose normal is on the viewer's side."""
+def _to_viewer_side(wi: Any, w: Any) -> Any:
+    """`w` in the frame whose normal points to the viewer's side."""
     return mi.Vector3f(w.x, w.y, w.z * dr.sign(wi.z))
 
 

@@ -1,7 +1,7 @@
-"""Coloured shadows by visray and by Mitsuba: what transparent objects leave of the light on its way to what is seen.
+"""Coloured shadows by visray and by Mitsuba: the light that transparent objects let through to the visible points.
 
-Mitsuba has no such shadows. But of each object alone it says where a way first meets it, from one end and from the
-other; as objects are convex, the path inside is what is between.
+Mitsuba has no such shadows. But for each object alone it finds where a shadow ray first hits it, from either end. As
+objects are convex, the path inside an object is the piece between the two hits.
 """
 
 from dataclasses import dataclass, replace
@@ -10,101 +10,136 @@ import numpy as np
 
 from visray.geometry import gamma
 from visray.primitives.primitive import Primitive, bounding_box
-from visray.study.mitsuba import light_arrival as arrivals
-from visray.study.mitsuba import light_emission as emission
-from visray.study.mitsuba.comparison import Comparison, most, part
-from visray.study.mitsuba.report import Tints
+from visray.study.mitsuba import light_falloff, visray_lighting
+from visray.study.mitsuba.ray_comparison import RayComparison, largest, select
+from visray.study.mitsuba.report import ColouredShadowDifferences
 from visray.study.mitsuba.rounding import UNRESOLVED
 from visray.study.mitsuba.shadow_rays import ShadowRays
-from visray.study.mitsuba.shadows import Found, Lit, moved
+from visray.study.mitsuba.shadows import LightVisibility, ShadowComparison, moved_shadow_rays
 from visray.study.mitsuba.visray_scene import VisrayScene
 
-# The share is a product over objects, each with a quotient, a difference and two products, in single precision.
+# Transmittance is a product over objects; each factor has a quotient, a difference and two products, in single
+# precision.
 ROUNDINGS = 4
 
 
 @dataclass(frozen=True)
-class Tint:
-    """The share of light that gets along ways, by Mitsuba, and a bound of its error. Shapes: (N, 3), (N)."""
+class Transmittance:
+    """The share of light that shadow rays let through by Mitsuba, and a bound of its error. Shapes: (N, 3), (N)."""
 
     share: np.ndarray
     error: np.ndarray
 
 
-def compare(seen: Comparison, coloured: VisrayScene, dark: Found) -> tuple[Tints, np.ndarray, list[np.ndarray]]:
-    """The findings, which pixels are near an edge, and of each light the share that arrives by Mitsuba.
+@dataclass(frozen=True)
+class InsidePath:
+    """The path of shadow rays inside one object. Shapes: (N).
 
-    seen and dark: of the scene with all objects opaque; coloured: the scene as it is.
+    hit: whether the ray hits the object
+    length: length of the path inside (world units)
+    error: bound of the error of the length (world units)
     """
-    near, arrive, found = np.zeros(len(seen.a.t), bool), [], np.zeros(4)
-    for light, edge, arrival in zip(dark.lit, dark.near, arrivals.beams(coloured, seen.look)):
-        theirs = _tint(seen, light)
-        share = np.where(arrival.reached[:, None], arrival.share, 0)
-        # Where nothing is between, shares are 1: the other comparison of shadows is of these.
-        rays = light.facing & ~(light.met & light.reached)
-        change = _change(seen, coloured, light, rays)
-        close = rays & (edge | (change > UNRESOLVED) | (theirs.error > UNRESOLVED))
-        apart, sure = np.abs(share - theirs.share).max(1), rays & ~close
-        counts = [rays.sum(), close.sum(), most(apart, sure), most(apart, sure, change + theirs.error)]
-        found = np.append(found[:2] + counts[:2], np.maximum(found[2:], counts[2:]))
-        near |= close
-        arrive.append(theirs.share)
-    return Tints(int(found[0]), int(found[1]), float(found[2]), float(found[3])), near, arrive
+
+    hit: np.ndarray
+    length: np.ndarray
+    error: np.ndarray
 
 
-def _change(seen: Comparison, coloured: VisrayScene, light: Lit, rays: np.ndarray) -> np.ndarray:
-    """How much the share changes where rays are moved by Mitsuba's rounding; inf where a ray is too flat to be sure."""
-    straight = arrivals.shares(coloured, seen.look, light.ways, rays)
-    change = np.where(np.isinf(light.longest) | (light.ways.length == 0), np.inf, 0)
-    for ways in moved(light.ways, seen.theirs.extents.largest(len(rays))):
-        change = np.maximum(change, np.abs(arrivals.shares(coloured, seen.look, ways, rays) - straight).max(1))
-        change[rays & (arrivals.sends(coloured, light.light, ways) != (emission.aim(light.twin, ways.l) > 0))] = np.inf
+def compare(
+    comparison: RayComparison, coloured: VisrayScene, shadows: ShadowComparison
+) -> tuple[ColouredShadowDifferences, np.ndarray, list[np.ndarray]]:
+    """Compares transmittances, for all lights.
+
+    comparison, shadows: of the scene with all objects opaque
+    coloured: the scene with its transparent objects
+
+    Returns the differences, the pixels near an edge, and Mitsuba's transmittance for each light.
+    """
+    near_edge, their_shares = np.zeros(len(comparison.our_hits.t), bool), []
+    rays = rays_near_edge = 0
+    difference = bound = 0.0
+    arrivals = visray_lighting.arriving_light(coloured, comparison.traced)
+    for light, edge, arrival in zip(shadows.lights, shadows.near_edge, arrivals):
+        theirs = _their_transmittance(comparison, light)
+        share = np.where(arrival.reached[:, None], arrival.transmittance, 0)
+        # Rays that hit nothing have transmittance 1; shadows.py compares them.
+        blocked = light.facing & ~(light.their_lit & light.our_lit)
+        change = _change(comparison, coloured, light, blocked)
+        undecided = blocked & (edge | (change > UNRESOLVED) | (theirs.error > UNRESOLVED))
+        difference_of_rays, decided = np.abs(share - theirs.share).max(1), blocked & ~undecided
+        rays, rays_near_edge = rays + blocked.sum(), rays_near_edge + undecided.sum()
+        difference = max(difference, largest(difference_of_rays, decided))
+        bound = max(bound, largest(difference_of_rays, decided, change + theirs.error))
+        near_edge |= undecided
+        their_shares.append(theirs.share)
+    return ColouredShadowDifferences(int(rays), int(rays_near_edge), difference, bound), near_edge, their_shares
+
+
+def _change(comparison: RayComparison, coloured: VisrayScene, light: LightVisibility, active: np.ndarray) -> np.ndarray:
+    """The largest change of visray's transmittance when shadow rays are moved by Mitsuba's rounding.
+
+    inf where a ray may be parallel to its surface, so that its start is not certain. Shapes: (N).
+    """
+    unmoved = visray_lighting.transmittances(coloured, comparison.traced, light.our_rays, active)
+    change = np.where(np.isinf(light.largest_margin) | (light.our_rays.length == 0), np.inf, 0)
+    error = comparison.theirs.rounding.largest_ray_error(len(active))
+    for shadow_rays in moved_shadow_rays(light.our_rays, error):
+        moved = visray_lighting.transmittances(coloured, comparison.traced, shadow_rays, active)
+        change = np.maximum(change, np.abs(moved - unmoved).max(1))
+        ours_lit = visray_lighting.sends_light(coloured, light.our_light, shadow_rays)
+        theirs_lit = light_falloff.spot_falloff(light.their_light, shadow_rays.l) > 0
+        change[active & (ours_lit != theirs_lit)] = np.inf
     return change
 
 
-def _tint(seen: Comparison, light: Lit) -> Tint:
-    """What Mitsuba says of the ways to a light, object by object."""
-    things, names = seen.theirs.scene.objects, seen.ours.names
-    materials = [seen.theirs.materials[things[name].material] for name in names]
-    clear = [any(m.kt) for m in materials]
-    share = np.repeat((light.met | (emission.aim(light.twin, light.others.l) > 0))[:, None], 3, 1).astype(float)
+def _their_transmittance(comparison: RayComparison, light: LightVisibility) -> Transmittance:
+    """Mitsuba's transmittance of the shadow rays to a light, computed object by object."""
+    objects, names = comparison.theirs.scene.objects, comparison.ours.names
+    materials = [comparison.theirs.materials[objects[name].material] for name in names]
+    transparent = [any(m.kt) for m in materials]
+    falloff = light_falloff.spot_falloff(light.their_light, light.their_rays.l)
+    share = np.repeat((light.their_lit | (falloff > 0))[:, None], 3, 1).astype(float)
     error = np.full(len(share), gamma(ROUNDINGS * len(names), "single"))
-    dark = np.flatnonzero(light.facing & ~light.met)
-    ways = part(light.others, dark).begun(light.margin[dark])
-    if opaque := tuple(name for name, through in zip(names, clear) if not through):
-        hidden = np.isfinite(seen.theirs.first(ways, opaque)[0])
+    dark = np.flatnonzero(light.facing & ~light.their_lit)
+    shadow_rays = select(light.their_rays, dark).without_start(light.margin[dark])
+    if opaque := tuple(name for name, is_transparent in zip(names, transparent) if not is_transparent):
+        hidden = np.isfinite(comparison.theirs.first_hit(shadow_rays, opaque)[0])
         share[dark[hidden]] = 0
-        dark, ways = dark[~hidden], part(ways, ~hidden)
-    for i in np.flatnonzero(clear):
-        met, inside, off = _passed(seen, i, light, dark, ways)
-        faded, blurred = (np.minimum(x / materials[i].dmax, 1) for x in (inside, off))
-        share[dark] *= np.where(met[:, None], materials[i].kt * (1 - faded)[:, None], 1)
-        error[dark] += np.where(met, max(materials[i].kt) * blurred, 0)
-    return Tint(share, error)
+        dark, shadow_rays = dark[~hidden], select(shadow_rays, ~hidden)
+    for i in np.flatnonzero(transparent):
+        path = _inside_path(comparison, i, light, dark, shadow_rays)
+        # As shares of dmax, the length of path at which all light is absorbed.
+        absorbed, error_of_absorbed = (np.minimum(x / materials[i].dmax, 1) for x in (path.length, path.error))
+        share[dark] *= np.where(path.hit[:, None], materials[i].kt * (1 - absorbed)[:, None], 1)
+        error[dark] += np.where(path.hit, max(materials[i].kt) * error_of_absorbed, 0)
+    return Transmittance(share, error)
 
 
-def _passed(
-    seen: Comparison, i: int, light: Lit, lanes: np.ndarray, ways: ShadowRays
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Whether ways from the pixels `lanes`, begun off their surfaces, meet object i, how long they are in it, and how
-    well that is known."""
-    name, theirs, margin = seen.ours.names[i], seen.theirs, light.margin[lanes]
-    thing: Primitive = theirs.scene.objects[name]
-    t, cosine = theirs.first(ways, (name,))
-    met, nothing = np.isfinite(t), np.zeros(len(t))
-    if not thing.closed:
-        return met, nothing, nothing
-    low, high = (np.array(corner) - theirs.centre for corner in bounding_box(thing))
-    # From beyond the object back to where the way began.
-    beyond = np.linalg.norm(0.5 * (low + high) - ways.p, axis=1) + np.linalg.norm(high - low)
-    whole = ways.cut(beyond)
-    back, other = theirs.first(replace(whole, p=whole.end, l=-ways.l), (name,))
-    entry = np.where(seen.a.index[lanes] == i, -margin, t)
-    leave = whole.length - back
-    if i in light.on:
-        # The light, though the ways are cut off before it.
-        leave = ShadowRays.to(seen.points()[lanes], light.twin, theirs.centre).length - margin
-    inside = np.where(met & np.isfinite(entry) & np.isfinite(leave), np.maximum(leave - entry, 0), 0)
-    shift = theirs.extents.shift(np.full(len(t), i))
-    off, grazing = shift.start(ways.p) + shift.slope() * whole.length, np.minimum(cosine, other)
-    return met, inside, 2 * np.divide(off, grazing, out=np.full_like(off, np.inf), where=grazing > 0)
+def _inside_path(
+    comparison: RayComparison, i: int, light: LightVisibility, lanes: np.ndarray, shadow_rays: ShadowRays
+) -> InsidePath:
+    """The path inside object i of shadow rays from the pixels `lanes`, which start off their surfaces by the margin."""
+    name, theirs, margin = comparison.ours.names[i], comparison.theirs, light.margin[lanes]
+    primitive: Primitive = theirs.scene.objects[name]
+    t, cosine = theirs.first_hit(shadow_rays, (name,))
+    hit, zero = np.isfinite(t), np.zeros(len(t))
+    if not primitive.closed:
+        return InsidePath(hit, zero, zero)
+    low, high = (np.array(corner) - theirs.centre for corner in bounding_box(primitive))
+    # A second ray runs from beyond the object back to the start.
+    beyond = np.linalg.norm(0.5 * (low + high) - shadow_rays.p, axis=1) + np.linalg.norm(high - low)
+    forward = shadow_rays.limited(beyond)
+    t_back, cosine_back = theirs.first_hit(replace(forward, p=forward.end, l=-shadow_rays.l), (name,))
+    entry = np.where(comparison.our_hits.index[lanes] == i, -margin, t)
+    leave = forward.length - t_back
+    if i in light.touching:
+        # The path inside ends at the light itself, though the shadow rays are cut off before it.
+        points = comparison.points()[lanes]
+        leave = ShadowRays.to(points, light.their_light, theirs.centre).length - margin
+    finite = hit & np.isfinite(entry) & np.isfinite(leave)
+    length = np.where(finite, np.maximum(leave - entry, 0), 0)
+    ray_error = theirs.rounding.ray_error(np.full(len(t), i))
+    across = ray_error.start(shadow_rays.p) + ray_error.slope() * forward.length
+    grazing = np.minimum(cosine, cosine_back)
+    error = 2 * np.divide(across, grazing, out=np.full_like(across, np.inf), where=grazing > 0)
+    return InsidePath(hit, length, error)

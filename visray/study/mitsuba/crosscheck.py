@@ -1,4 +1,4 @@
-"""A scene against its twin in Mitsuba: the same rays through both, and what they say compared."""
+"""The check of a scene against Mitsuba: the same rays and the same picture by both programs, compared."""
 
 from dataclasses import replace
 
@@ -8,129 +8,151 @@ from visray.errors import UserError
 from visray.features import features
 from visray.geometry import gamma
 from visray.output.image import Image
-from visray.primitives.primitive import bounding_box
+from visray.primitives.primitive import MitsubaShapes, bounding_box
 from visray.progress import Bar
 from visray.render import adjusted
 from visray.scene.scene import Scene
-from visray.study.mitsuba import area_shadows as penumbras
-from visray.study.mitsuba import coloured_shadows as tints
-from visray.study.mitsuba import shadows
-from visray.study.mitsuba.comparison import Comparison
+from visray.study.mitsuba import area_shadows, coloured_shadows, shadows
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
-from visray.study.mitsuba.report import Pictures, Report, Tints
-from visray.study.mitsuba.shadows import Found
-from visray.study.mitsuba.shapes import twins
+from visray.study.mitsuba.omitted_effects import opaque, without_omitted_effects
+from visray.study.mitsuba.placed_shapes import mitsuba_shapes
+from visray.study.mitsuba.ray_comparison import RayComparison
+from visray.study.mitsuba.report import ColouredShadowDifferences, PictureDifference, Report
+from visray.study.mitsuba.shadows import ShadowComparison
 from visray.study.mitsuba.visray_scene import Rays, VisrayScene
-from visray.study.mitsuba.without_effects import opaque, plain
 
-# A picture of this size shows every object that matters, and takes seconds. With many lights it is smaller, so that
-# there are no more shadow rays than these.
+# A picture of this size shows every object that matters, and takes seconds. With many lights it is smaller, to limit
+# the number of shadow rays.
 LONGEST_SIDE, MOST_SHADOW_RAYS = 512, 2**21
 
 
 def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | None = None) -> Report:
-    """Compares what visray and Mitsuba say of a scene: pixel centres, shadow rays, `rays` random ones, and the picture.
+    """Compares visray and Mitsuba: rays through pixel centres, shadow rays, random rays, and the picture.
 
-    Objects that have no twin in Mitsuba are left out of both, and so are effects that it has not (plain.OMISSIONS).
-    `other`, with objects and lights of the same names, is what Mitsuba is given instead of the scene: with it the check
-    is checked.
+    Objects and effects that Mitsuba does not have are left out for both (omitted_effects.OMISSIONS).
+
+    rays: number of random rays
+    other: a scene with objects and lights of the same names, which Mitsuba gets instead; tests of the check use it
     """
     if rays < 1:
         raise UserError(f"rays = {rays}: must be at least 1")
-    made, left_out = twins(other or scene)
-    if not made:
+    shapes, left_out = mitsuba_shapes(other or scene)
+    if not shapes:
         why = "; ".join(f"objects.{name}: {reason}" for name, reason in left_out.items()) or "it has no objects"
         raise UserError(f"nothing of the scene can be checked: {why}")
-    whole, smaller = _reduced(_kept(scene, made))
-    scene, omitted = plain(whole)
-    lights = (other or whole).lights
-    other = plain(_kept(other, made))[0] if other else scene
+    full_scene, size_notes = _reduced(_only_objects(scene, shapes))
+    scene, effect_notes = without_omitted_effects(full_scene)
+    their_lights = (other or full_scene).lights
+    their_scene = without_omitted_effects(_only_objects(other, shapes))[0] if other else scene
     with Bar("checking", 6) as bar:
         ours = VisrayScene(opaque(scene))
-        theirs = MitsubaScene(other, ours.names, made, ours.centre)
+        theirs = MitsubaScene(their_scene, ours.names, shapes, ours.centre)
         bar.at(1)
-        seen = Comparison(ours, theirs, ours.pixel_rays())
+        of_pixels = RayComparison(ours, theirs, ours.pixel_rays())
         bar.at(2)
-        dark = shadows.compare(seen)
+        shadow_comparison = shadows.compare(of_pixels)
         bar.at(3)
-        wide, partly = penumbras.compare(replace(opaque(scene), lights=whole.lights), theirs, lights, seen.rays)
+        opaque_scene = replace(opaque(scene), lights=full_scene.lights)
+        area_lights, area_light_examples = area_shadows.compare(opaque_scene, theirs, their_lights, of_pixels.rays)
         bar.at(4)
-        spread = Comparison(ours, theirs, random_rays(scene, ours.centre, rays, seed))
+        of_random = RayComparison(ours, theirs, random_rays(scene, ours.centre, rays, seed))
         bar.at(5)
-        tinted, picture, difference = _pictures(seen, scene, dark)
-    examples = (*seen.examples("pixel"), *dark.examples, *partly, *spread.examples("random ray"))
-    known = {"seed": seed, "objects": len(made), "left_out": left_out, "notes": (*smaller, *omitted)}
-    crossings = {"pixels": seen.crossings(), "random": spread.crossings()}
-    light = {"shadows": dark.shadows, "tints": tinted, "penumbras": wide, "picture": picture, "difference": difference}
-    return Report(scene.film.width, scene.film.height, examples=examples, **known, **crossings, **light)
+        coloured, picture, difference = _compare_pictures(of_pixels, scene, shadow_comparison)
+    return Report(
+        width=scene.film.width,
+        height=scene.film.height,
+        seed=seed,
+        objects=len(shapes),
+        left_out=left_out,
+        notes=(*size_notes, *effect_notes),
+        examples=(
+            *of_pixels.examples("pixel"),
+            *shadow_comparison.examples,
+            *area_light_examples,
+            *of_random.examples("random ray"),
+        ),
+        pixels=of_pixels.differences(),
+        random=of_random.differences(),
+        shadows=shadow_comparison.differences,
+        tints=coloured,
+        penumbras=area_lights,
+        picture=picture,
+        difference=difference,
+    )
 
 
-def _kept(scene: Scene, made: dict) -> Scene:
-    return replace(scene, objects={name: thing for name, thing in scene.objects.items() if name in made})
+def _only_objects(scene: Scene, shapes: dict[str, MitsubaShapes]) -> Scene:
+    return replace(scene, objects={name: primitive for name, primitive in scene.objects.items() if name in shapes})
 
 
 def _reduced(scene: Scene) -> tuple[Scene, list[str]]:
-    """The scene with its picture's longer side at most LONGEST_SIDE, or less for many lights, and a note of it."""
+    """The scene with a film of at most LONGEST_SIDE pixels, or less for many lights; and a note if it is smaller."""
     size = np.array([scene.film.width, scene.film.height])
-    rays = len(scene.lights) * size.prod()
-    share = min(LONGEST_SIDE / size.max(), np.sqrt(MOST_SHADOW_RAYS / max(rays, 1)))
-    if share >= 1:
+    shadow_rays = len(scene.lights) * size.prod()
+    scale = min(LONGEST_SIDE / size.max(), np.sqrt(MOST_SHADOW_RAYS / max(shadow_rays, 1)))
+    if scale >= 1:
         return scene, []
-    small = tuple(max(1, round(side * share)) for side in size.tolist())
+    small = tuple(max(1, round(side * scale)) for side in size.tolist())
     note = f"checked at {small[0]} x {small[1]} pixels instead of {size[0]} x {size[1]}"
     return adjusted(scene, size=small), [note]
 
 
 def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays:
-    """Rays from in and around the bounds of the bounded objects: half of them anywhere, half to a place in an object's.
+    """Rays from random origins in and around the bounds of the bounded objects.
 
-    Where there are none, the bounds of camera, target and those lights that have a place take theirs.
+    Half of them aim at a random point in the bounding box of a random object, the others in any direction. In a scene
+    without bounded objects, the bounds of the camera, its target and the placed lights are used.
     """
     rng = np.random.default_rng(seed)
-    boxes = [box for thing in scene.objects.values() if (box := bounding_box(thing)) is not None]
+    boxes = [box for primitive in scene.objects.values() if (box := bounding_box(primitive)) is not None]
     if not boxes:
-        places = [light.position for light in scene.lights.values() if light.has_position]
-        points = [scene.camera.origin, scene.camera.target, *places]
+        lights = [light.position for light in scene.lights.values() if light.has_position]
+        points = [scene.camera.origin, scene.camera.target, *lights]
         boxes = [(np.min(points, 0), np.max(points, 0))]
     low, high = (np.array(corner) - centre for corner in zip(*boxes))
     least, most = low.min(0), high.max(0)
     margin = 0.5 * (most - least).max()
     o = rng.uniform(least - margin, most + margin, (count, 3))
     d = rng.normal(size=(count, 3))
-    which = rng.integers(len(boxes), size=count // 2)
-    d[: count // 2] = rng.uniform(low[which], high[which]) - o[: count // 2]
+    box = rng.integers(len(boxes), size=count // 2)
+    d[: count // 2] = rng.uniform(low[box], high[box]) - o[: count // 2]
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     return Rays(o.astype(np.float32), d.astype(np.float32))
 
 
-def _pictures(seen: Comparison, scene: Scene, dark: Found) -> tuple[Tints, Pictures, Image]:
-    """The pictures of both, compared where no edge of an object, a shadow or a texture is within rounding.
+def _compare_pictures(
+    comparison: RayComparison, scene: Scene, shadow_comparison: ShadowComparison
+) -> tuple[ColouredShadowDifferences, PictureDifference, Image]:
+    """Compares both pictures where no edge of an object, a shadow or a texture is within rounding.
 
-    seen: of the scene with all objects opaque; its coloured shadows are compared as well.
+    comparison: of the scene with all objects opaque; if `scene` has coloured shadows, they are compared here too.
     """
-    drawn, arrive = seen.ours, [lit.met[:, None] for lit in dark.lit]
-    near = np.any([np.zeros(len(seen.a.t), bool), *dark.near], axis=0)
-    tinted = Tints()
+    ours, transmittances = comparison.ours, [light.their_lit[:, None] for light in shadow_comparison.lights]
+    near_edge = np.any([np.zeros(len(comparison.our_hits.t), bool), *shadow_comparison.near_edge], axis=0)
+    coloured = ColouredShadowDifferences()
     if features(scene)["coloured shadows"]:
-        drawn = VisrayScene(scene)
-        tinted, edges, arrive = tints.compare(seen, drawn, dark)
-        near = near | edges
-    mine = drawn.colours(seen.look)
-    # Both look textures up at the same places, to the rounding in which these are stored: (u, v) are compared by
-    # themselves, and where Mitsuba's shapes are facets, its own are not as fine as a picture.
-    yours = seen.theirs.colours(seen.rays, seen.si, seen.b, seen.a.uv, arrive)
-    blurred = seen.theirs.painting.uncertain(seen.b.index, seen.a.uv, gamma(2, "single") * np.abs(seen.a.uv).max(1))
-    compared = ~(seen.slack.edge | seen.beyond | seen.tied | near | blurred)
-    difference = (mine - yours)[compared]
-    rms, scale = (np.sqrt(np.mean(x**2)) if x.size else 0.0 for x in (difference, mine[compared]))
-    found = Pictures(
-        pixels=len(mine),
+        ours = VisrayScene(scene)
+        coloured, near_coloured_edge, transmittances = coloured_shadows.compare(comparison, ours, shadow_comparison)
+        near_edge = near_edge | near_coloured_edge
+    our_colours = ours.colours(comparison.traced)
+    # Both programs look textures up at visray's (u, v), to the rounding in which these are stored. The (u, v) of both
+    # are compared apart; on the facets of Mitsuba's meshes they are coarser than a picture's texels.
+    theirs, uv = comparison.theirs, comparison.our_hits.uv
+    their_colours = theirs.colours(comparison.rays, comparison.si, comparison.their_hits, uv, transmittances)
+    uv_error = gamma(2, "single") * np.abs(uv).max(1)
+    near_texture_edge = theirs.diffuse_colours.uncertain(comparison.their_hits.index, uv, uv_error)
+    excluded = comparison.allowed.edge | comparison.beyond | comparison.tied | near_edge | near_texture_edge
+    compared = ~excluded
+    difference = (our_colours - their_colours)[compared]
+    rms, scale = (np.sqrt(np.mean(x**2)) if x.size else 0.0 for x in (difference, our_colours[compared]))
+    picture = PictureDifference(
+        pixels=len(our_colours),
         compared=int(compared.sum()),
         rms=float(rms / scale if scale else rms),
         most=float(np.abs(difference).max(initial=0.0)),
     )
     shape = (scene.film.height, scene.film.width)
-    colours = {"RGB": mine - yours, "visray": mine, "mitsuba": yours}
+    colours = {"RGB": our_colours - their_colours, "visray": our_colours, "mitsuba": their_colours}
     layers = {name: v.reshape(*shape, 3).astype(np.float32) for name, v in colours.items()}
     layers["compared"] = compared.reshape(shape).astype(np.float32)
-    return tinted, found, Image(layers, {"scene_hash": scene.hash()})
+    return coloured, picture, Image(layers, {"scene_hash": scene.hash()})

@@ -1,6 +1,6 @@
-"""The scene as Mitsuba sees it. With blinn_phong_bsdf, the only module that knows Mitsuba.
+"""The Mitsuba side of the check. Only this module and blinn_phong_bsdf import Mitsuba.
 
-The twin stands around the camera, in coordinates from there: the shift is done in double, before anything is rounded.
+The camera is the origin of Mitsuba's coordinates. The shift is done in double precision, before anything is rounded.
 """
 
 from typing import Any
@@ -13,132 +13,142 @@ from visray.lights.light import Light
 from visray.materials import Material
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.scene import Scene, SkyGradient
-from visray.study.mitsuba import light_emission as emission
+from visray.study.mitsuba import light_falloff
 from visray.study.mitsuba.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
 from visray.study.mitsuba.diffuse_colour import DiffuseColours
+from visray.study.mitsuba.placed_shapes import object_rounding, placed_shapes
 from visray.study.mitsuba.shadow_rays import ShadowRays
-from visray.study.mitsuba.shapes import extents, parts
-from visray.study.mitsuba.visray_scene import Answers, Rays
+from visray.study.mitsuba.visray_scene import FirstHits, Rays
 
 
 class MitsubaScene:
-    """The scene in Mitsuba. `names` gives the order of the indices, `made` each object's twin."""
+    """A scene that is loaded into Mitsuba.
 
-    def __init__(self, scene: Scene, names: tuple[str, ...], made: dict[str, MitsubaShapes], centre: np.ndarray):
+    names: the objects in the order of their indices
+    shapes: of each object by name, the shapes that stand for it
+    centre: the camera's position
+    """
+
+    def __init__(self, scene: Scene, names: tuple[str, ...], shapes: dict[str, MitsubaShapes], centre: np.ndarray):
         mi.set_variant(VARIANT)
         self.scene, self.centre, self.names = scene, centre, names
         self.materials = {"default": Material()} | scene.materials
-        self.parts = parts([made[name] for name in names], centre)
-        self.extents = extents([scene.objects[n] for n in names], self.parts)
-        self.uv = [[part.uv for part in of] for of in self.parts]
-        self.painting = DiffuseColours(scene, names)
+        self.shapes = placed_shapes([shapes[name] for name in names], centre)
+        self.rounding = object_rounding([scene.objects[n] for n in names], self.shapes)
+        self.diffuse_colours = DiffuseColours(scene, names)
         self.mitsuba = _loaded(self._children(names))
-        self.among: dict[tuple[str, ...], Any] = {}
-        self.owner, self.part_of = self._registry()
+        self.scenes_of_subsets: dict[tuple[str, ...], Any] = {}
+        self.object_of, self.shape_of = self._registry()
 
     def _children(self, names: tuple[str, ...]) -> dict:
-        """Some of the objects as Mitsuba's load_dict takes them."""
+        """Chosen objects as a dict for Mitsuba's load_dict."""
         bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
         children: dict = {"type": "scene", "embree_use_robust_intersections": True}
         for name in names:
             i, bsdf = self.names.index(name), bsdfs[self.scene.objects[name].material]
-            for j, part in enumerate(self.parts[i]):
-                # Mitsuba puts shapes into another order, and forbids some of our names, so numbers are kept instead.
-                children[f"{i}_{j}"] = _shape(part.shape, f"{i}_{j}", bsdf)
+            for j, placed in enumerate(self.shapes[i]):
+                # Numbers serve as ids: Mitsuba forbids some of our names, and puts shapes into another order.
+                children[f"{i}_{j}"] = _shape(placed.shape, f"{i}_{j}", bsdf)
         return children
 
     def _registry(self) -> tuple[np.ndarray, np.ndarray]:
-        """The object, and the shape in it, of each of Mitsuba's own numbers; -1 for no object."""
+        """For each of Mitsuba's shape numbers, the object's index and the shape's index in it; -1 for no object."""
         numbers = {s.id(): int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self.mitsuba.shapes()}
-        owner, part = (np.full(1 + max(numbers.values(), default=0), -1) for _ in range(2))
+        object_of, shape_of = (np.full(1 + max(numbers.values(), default=0), -1) for _ in range(2))
         for key, number in numbers.items():
-            owner[number], part[number] = map(int, key.split("_"))
-        return owner, part
+            object_of[number], shape_of[number] = map(int, key.split("_"))
+        return object_of, shape_of
 
-    def _sent(self, rays: Rays) -> Any:
+    def _mitsuba_rays(self, rays: Rays) -> Any:
         d = mi.Vector3f(*rays.d.T.copy())
         o = mi.Point3f(*np.broadcast_to(rays.o, rays.d.shape).T.copy())
         return mi.Ray3f(o, d)
 
-    def trace(self, rays: Rays) -> tuple[Any, Answers]:
-        """What the rays hit: Mitsuba's own record, and the answers."""
-        si = self.mitsuba.ray_intersect(self._sent(rays))
+    def trace(self, rays: Rays) -> tuple[Any, FirstHits]:
+        """Traces rays. Returns Mitsuba's own record (SurfaceInteraction) and the first hits."""
+        si = self.mitsuba.ray_intersect(self._mitsuba_rays(rays))
         number = dr.reinterpret_array(mi.UInt32, si.shape)
         dr.eval(si, number)
         number = np.array(number)
-        # Mitsuba's t counts in lengths of d, which is not quite 1 in single precision.
+        # Mitsuba's t counts lengths of d, which in single precision is not exactly 1.
         t = np.array(si.t, float) * np.linalg.norm(rays.d.astype(float), axis=1)
         n = np.array(si.sh_frame.n, float).T
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
-        return si, Answers(self.owner[number], t, n, self._uv(number, np.array(si.uv, float)))
+        return si, FirstHits(self.object_of[number], t, n, self._visray_uv(number, np.array(si.uv, float)))
 
-    def _uv(self, number: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """visray's (u, v) from Mitsuba's. Shapes: (N), (2, N) -> (N, 2)."""
-        found = np.full((len(number), 2), np.nan)
+    def _visray_uv(self, number: np.ndarray, uv: np.ndarray) -> np.ndarray:
+        """visray's (u, v) from Mitsuba's. Shapes: shape numbers (N), uv (2, N) -> (N, 2)."""
+        result = np.full((len(number), 2), np.nan)
         order = np.argsort(number, kind="stable")
         for lanes in np.split(order, 1 + np.flatnonzero(np.diff(number[order]))):
-            which = number[lanes[0]]
-            if self.owner[which] >= 0:
-                ours = self.uv[self.owner[which]][self.part_of[which]]
-                found[lanes] = np.stack(ours((uv[0, lanes], uv[1, lanes])), 1)
-        return found
+            number_of_lanes = number[lanes[0]]
+            index = self.object_of[number_of_lanes]
+            if index >= 0:
+                visray_uv = self.shapes[index][self.shape_of[number_of_lanes]].uv
+                result[lanes] = np.stack(visray_uv((uv[0, lanes], uv[1, lanes])), 1)
+        return result
 
-    def reaches(self, ways: ShadowRays, margin: np.ndarray) -> np.ndarray:
-        """Whether nothing lies on ways, but for what is within `margin` of their beginning (N, world units)."""
+    def unoccluded(self, shadow_rays: ShadowRays, margin: np.ndarray) -> np.ndarray:
+        """Whether nothing lies on shadow rays farther than `margin` from their start (world units). Shapes: (N)."""
         if not self.scene.settings.shadows:
-            return np.ones(len(ways.p), bool)
-        rest = ways.begun(margin)
-        # Not by ray_test, which solves a sphere's equation as seen from the ray's origin: far from it digits cancel.
-        met = self.mitsuba.ray_intersect_preliminary(self._along(rest))
-        return ~np.array(met.is_valid()) | (rest.length == 0)
+            return np.ones(len(shadow_rays.p), bool)
+        rest = shadow_rays.without_start(margin)
+        # Not by ray_test: it solves a sphere's equation relative to the ray's origin, and far away digits cancel.
+        hit = self.mitsuba.ray_intersect_preliminary(self._bounded_rays(rest))
+        return ~np.array(hit.is_valid()) | (rest.length == 0)
 
-    def first(self, ways: ShadowRays, only: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Where ways first meet an object of `only`: the distance, inf if nowhere, and |cosine| with its normal."""
-        if not len(ways.p):
-            # Mitsuba ends the process for no rays at all.
+    def first_hit(self, shadow_rays: ShadowRays, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """The first hit of shadow rays with the named objects alone.
+
+        Returns the distance, inf for none, and the |cosine| of the ray with the normal. Shapes: (N), (N).
+        """
+        if not len(shadow_rays.p):
+            # Mitsuba ends the process if there are no rays at all.
             return np.zeros(0), np.zeros(0)
-        if only not in self.among:
-            self.among[only] = _loaded(self._children(only))
-        si = self.among[only].ray_intersect(self._along(ways))
-        return np.array(si.t, float), np.abs((np.array(si.n, float).T * ways.l).sum(1))
+        if names not in self.scenes_of_subsets:
+            self.scenes_of_subsets[names] = _loaded(self._children(names))
+        si = self.scenes_of_subsets[names].ray_intersect(self._bounded_rays(shadow_rays))
+        return np.array(si.t, float), np.abs((np.array(si.n, float).T * shadow_rays.l).sum(1))
 
-    def _along(self, ways: ShadowRays) -> Any:
-        ray = self._sent(Rays(ways.p.astype(np.float32), ways.l.astype(np.float32)))
-        ray.maxt = mi.Float(ways.length.astype(np.float32))
+    def _bounded_rays(self, shadow_rays: ShadowRays) -> Any:
+        ray = self._mitsuba_rays(Rays(shadow_rays.p.astype(np.float32), shadow_rays.l.astype(np.float32)))
+        ray.maxt = mi.Float(shadow_rays.length.astype(np.float32))
         return ray
 
-    def colours(self, rays: Rays, si: Any, answers: Answers, uv: np.ndarray, arrive: list[np.ndarray]) -> np.ndarray:
-        """The light along rays from the camera, by Mitsuba's hits, frames and BSDFs. Shapes: (N, 3).
+    def colours(
+        self, rays: Rays, si: Any, hits: FirstHits, uv: np.ndarray, transmittances: list[np.ndarray]
+    ) -> np.ndarray:
+        """Radiance along camera rays, by Mitsuba's hits, shading frames and BSDFs. Shapes: (N, 3).
 
-        uv: where textures are looked up. arrive: of each light, the share that gets to what was hit. Shapes: (N, 1) or
-        (N, 3).
+        uv: where textures are looked up, (N, 2)
+        transmittances: for each light, the share of its light that arrives at the hit, (N, 1) or (N, 3)
         """
         scene = self.scene
         ka = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
-        glow = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
-        colour = np.where(answers.hit[:, None], glow * ka[answers.index], _sky(scene, rays))
-        kd = self.painting.colours(answers.index, uv)
+        ambient = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
+        colour = np.where(hits.hit[:, None], ambient * ka[hits.index], _sky(scene, rays))
+        kd = self.diffuse_colours.colours(hits.index, uv)
         p = np.array(si.p, float).T
-        for light, share in zip(scene.lights.values(), arrive):
-            ways = ShadowRays.to(p, light, self.centre)
-            share = share * (emission.weight(light, ways.length) * emission.aim(light, ways.l))[:, None]
-            sent = self._scattered(light, si, ways.l, kd)
-            colour += np.where(answers.hit[:, None], sent * share, 0)
+        for light, share in zip(scene.lights.values(), transmittances):
+            to_light = ShadowRays.to(p, light, self.centre)
+            falloff = light_falloff.attenuation(light, to_light.length) * light_falloff.spot_falloff(light, to_light.l)
+            reflected = self._reflected(light, si, to_light.l, kd)
+            colour += np.where(hits.hit[:, None], reflected * (share * falloff[:, None]), 0)
         return colour
 
-    def _scattered(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
-        """Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDFs and frames. Shapes: (N, 3)."""
+    def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
+        """Reflected light: Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDF. Shapes: (N, 3)."""
         wo = si.to_local(mi.Vector3f(*l.T.astype(np.float32)))
         context, bsdf, total = mi.BSDFContext(), si.bsdf(), 0
         for component, colour in ((DIFFUSE, light.Id * kd), (GLOSSY, np.array(light.Is, float))):
             context.component = component
-            part = np.array(bsdf.eval(context, si, wo, si.is_valid()), float).T
-            total = total + light.intensity * colour * part
+            value = np.array(bsdf.eval(context, si, wo, si.is_valid()), float).T
+            total = total + light.intensity * colour * value
         return total
 
 
 def _sky(scene: Scene, rays: Rays) -> np.ndarray:
-    """What rays see that hit nothing. Shapes: (N, 3)."""
+    """Background colour of rays that hit nothing. Shapes: (N, 3)."""
     if scene.film.transparent:
         return np.zeros(rays.d.shape)
     sky = scene.background
@@ -147,37 +157,37 @@ def _sky(scene: Scene, rays: Rays) -> np.ndarray:
 
 
 def _loaded(children: dict) -> Any:
-    """The Mitsuba scene."""
+    """Loads a Mitsuba scene."""
     level = mi.logger().log_level()
-    # Its warnings of unequal scales are absolute, so that large shapes of equal scales cause them too.
+    # Mitsuba warns of unequal scales by an absolute difference, so it warns of large shapes of equal scales too.
     mi.set_log_level(mi.LogLevel.Error)
     try:
-        # Optimised, meshes of one BSDF would become one mesh.
+        # With optimize=True, meshes of one BSDF would be merged into one mesh.
         return mi.load_dict(children, optimize=False)
     finally:
         mi.set_log_level(level)
 
 
 def _bsdf(m: Material) -> Any:
-    """The material, its kd taken out: the diffuse part is multiplied with the colour at (u, v)."""
+    """The BSDF of a material with kd = 1: the diffuse part is later multiplied by the colour at (u, v)."""
     return mi.load_dict({"type": "blinn_phong", "kd": [1.0, 1.0, 1.0], "ks": list(m.ks), "shininess": m.shininess})
 
 
 def _shape(shape: dict, name: str, bsdf: Any) -> Any:
-    """A shape for Mitsuba's load_dict: its own kinds as a dict, a mesh as an object."""
+    """A shape for Mitsuba's load_dict: a dict, or a Mesh object for triangles."""
     if shape["type"] == "mesh":
         return _mesh(shape, name, bsdf)
-    whole = mi.ScalarTransform4f(shape["to_world"].tolist())
-    return {"type": shape["type"], "id": name, "to_world": whole, "bsdf": bsdf}
+    to_world = mi.ScalarTransform4f(shape["to_world"].tolist())
+    return {"type": shape["type"], "id": name, "to_world": to_world, "bsdf": bsdf}
 
 
 def _mesh(shape: dict, name: str, bsdf: Any) -> Any:
-    """Triangles as Mitsuba's Mesh."""
+    """Triangles as a Mitsuba Mesh."""
     props = mi.Properties()
     props["mesh_bsdf"] = bsdf
     props.set_id(name)
-    known = {"has_vertex_normals": "normals" in shape, "has_vertex_texcoords": "uv" in shape}
-    mesh = mi.Mesh(name, len(shape["vertices"]), len(shape["faces"]), props, **known)
+    attributes = {"has_vertex_normals": "normals" in shape, "has_vertex_texcoords": "uv" in shape}
+    mesh = mi.Mesh(name, len(shape["vertices"]), len(shape["faces"]), props, **attributes)
     buffers = mi.traverse(mesh)
     fields = {"vertices": "vertex_positions", "normals": "vertex_normals", "uv": "vertex_texcoords"}
     for ours, theirs in fields.items():

@@ -1,4 +1,4 @@
-"""What a check of a scene against Mitsuba found."""
+"""The report of a check of a scene against Mitsuba."""
 
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
@@ -24,17 +24,24 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
-class Crossings:
-    """The same rays through both.
+class RayDifferences:
+    """Hits of the same rays by visray and by Mitsuba: counts, and the largest differences.
 
-    rays: sent. hits: of them by visray. near_edge: within the rounding of an edge, so that either answer is right.
-    tied: two surfaces in the same place. beyond: hits of a plane beyond its twin. hit_mismatches, object_mismatches: of
-    all other rays.
+    rays: how many rays both traced
+    hits: rays that hit an object by visray
+    near_edge: rays within rounding of an edge, where either answer is right
+    tied: rays that hit two surfaces in the same place
+    beyond: rays that hit a plane beyond the edge of Mitsuba's squares for it
+    hit_mismatches: of all other rays, those that hit something by one program only
+    object_mismatches: of all other rays, those that hit different objects
 
-    For rays that hit the same object: dt, the largest |dt| over the sum of |o| and t, with o from the camera; angle,
-    the largest between the normals (radians); uv, the largest difference of u or v, without the uv_unresolved rays, at
-    seams, poles and very far away. dt_bound, angle_bound and uv_bound are the largest shares of what rounding may make
-    them at a ray: what is above 1 is no rounding.
+    For rays that hit the same object:
+    dt: largest |difference of t| over |o| + t, with o relative to the camera
+    angle: largest angle between normals (radians)
+    uv: largest difference of u or v, without the uv_unresolved rays
+    uv_unresolved: rays at seams and poles, and very far away
+    dt_bound, angle_bound, uv_bound: largest ratio of the difference to the bound of its rounding at the ray; a ratio
+        above 1 is not explained by rounding
     """
 
     rays: int
@@ -60,15 +67,18 @@ class Crossings:
             Tolerance(f"{title}: distance", self.dt_bound, 1, bound),
             Tolerance(f"{title}: normal", self.angle_bound, 1, bound),
             Tolerance(f"{title}: uv", self.uv_bound, 1, bound),
-            Tolerance(f"{title}: not decided", (self.near_edge + self.beyond) / max(self.rays, 1), 0.5, "of the rays"),
+            Tolerance(f"{title}: undecided", (self.near_edge + self.beyond) / max(self.rays, 1), 0.5, "of the rays"),
         ]
 
 
 @dataclass(frozen=True)
-class Shadows:
-    """Rays between what the pixels see and the lights it faces.
+class ShadowDifferences:
+    """Shadow rays from the points that pixels see to the lights that they face: counts.
 
-    near_edge: within the rounding of a shadow's edge or of grazing light. mismatches: of all other rays.
+    rays: how many shadow rays both traced
+    reached: rays that reach the light by visray
+    near_edge: rays within rounding of a shadow's edge, or almost parallel to the surface
+    mismatches: of all other rays, those where the programs differ
     """
 
     rays: int
@@ -79,16 +89,18 @@ class Shadows:
     def tolerances(self) -> list[Tolerance]:
         return [
             Tolerance("shadow rays: mismatches", self.mismatches, 0, "rays"),
-            Tolerance("shadow rays: not decided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
+            Tolerance("shadow rays: undecided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
         ]
 
 
 @dataclass(frozen=True)
-class Tints:
-    """The same rays where transparent objects let light through: the share of it that arrives, a colour.
+class ColouredShadowDifferences:
+    """Transmittance of shadow rays where transparent objects let light through.
 
-    rays: those that meet any object, by visray or by Mitsuba. near_edge: of them, within the rounding of an edge.
-    difference: the largest of all others; bound: the largest share of what rounding may make it.
+    rays: shadow rays that hit any object, by visray or by Mitsuba
+    near_edge: of them, rays within rounding of an edge
+    difference: largest difference of transmittance over all other rays
+    bound: largest ratio of the difference to the bound of its rounding
     """
 
     rays: int = 0
@@ -98,17 +110,21 @@ class Tints:
 
     def tolerances(self) -> list[Tolerance]:
         return [
-            Tolerance("coloured shadows: share", self.bound, 1, "of the rounding bound"),
-            Tolerance("coloured shadows: not decided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
+            Tolerance("coloured shadows: transmittance", self.bound, 1, "of the rounding bound"),
+            Tolerance("coloured shadows: undecided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
         ]
 
 
 @dataclass(frozen=True)
-class Penumbras:
-    """Rays between what the pixels see and points all over each area light, the same points for both.
+class AreaLightDifferences:
+    """Shadow rays to a grid of points on each area light, the same points for both programs.
 
-    lights: how many; points: of each; pixels: from which rays were sent. near_edge and mismatches: as of Shadows.
-    difference: of the fraction of points that a pixel sees, the mean over pixels of which no ray is near an edge.
+    lights: number of area lights
+    points: number of points on each
+    pixels: number of pixels whose points the shadow rays start from
+    rays, reached, near_edge, mismatches: as in ShadowDifferences
+    compared: pixels none of whose rays is near an edge
+    difference: mean over these of the difference between the fractions of a light that a pixel sees
     """
 
     lights: int = 0
@@ -125,15 +141,18 @@ class Penumbras:
         return [
             Tolerance("area lights: mismatches", self.mismatches, 0, "rays"),
             Tolerance("area lights: penumbra", self.difference, 0, "of the points, mean"),
-            Tolerance("area lights: not decided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
+            Tolerance("area lights: undecided", self.near_edge / max(self.rays, 1), 0.5, "of the rays"),
         ]
 
 
 @dataclass(frozen=True)
-class Pictures:
-    """visray's picture less that of a Blinn-Phong BSDF in Mitsuba, over the pixels that are near no edge.
+class PictureDifference:
+    """The difference of visray's picture and Mitsuba's with a Blinn-Phong BSDF.
 
-    rms: root of the mean squared difference, over that of the picture. most: the largest difference of a channel.
+    pixels: number of pixels
+    compared: pixels that are near no edge
+    rms: root mean square difference over the root mean square of visray's picture
+    most: largest difference of a channel
     """
 
     pixels: int
@@ -149,7 +168,19 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Report:
-    """The outcome of a check. `difference` holds RGB = visray - Mitsuba, both pictures, and which pixels count."""
+    """The outcome of a check.
+
+    width, height: size of the compared picture
+    seed: of the random rays
+    objects: number of compared objects
+    left_out: objects that Mitsuba does not have, with the reason
+    notes: what else is not compared
+    examples: a line for each of the first mismatches
+    pixels, random: hits of the rays through the pixels' centres, and of random rays
+    shadows, tints, penumbras: shadow rays, coloured shadows, shadows of area lights
+    picture: difference of the pictures
+    difference: image with the layers RGB = visray - Mitsuba, visray, mitsuba, and compared (1 or 0)
+    """
 
     width: int
     height: int
@@ -158,21 +189,21 @@ class Report:
     left_out: dict[str, str]
     notes: tuple[str, ...]
     examples: tuple[str, ...]
-    pixels: Crossings
-    random: Crossings
-    shadows: Shadows
-    tints: Tints
-    penumbras: Penumbras
-    picture: Pictures
+    pixels: RayDifferences
+    random: RayDifferences
+    shadows: ShadowDifferences
+    tints: ColouredShadowDifferences
+    penumbras: AreaLightDifferences
+    picture: PictureDifference
     difference: Image = field(repr=False)
 
     @property
     def tolerances(self) -> list[Tolerance]:
-        found = self.pixels.tolerances("pixel centres") + self.shadows.tolerances()
-        # Of what a scene has not nothing is said.
-        found += self.tints.tolerances() if self.tints.rays else []
-        found += self.penumbras.tolerances() if self.penumbras.rays else []
-        return found + self.random.tolerances("random rays") + self.picture.tolerances()
+        tolerances = self.pixels.tolerances("pixel centres") + self.shadows.tolerances()
+        # Kinds of shadows that the scene does not have are not listed.
+        tolerances += self.tints.tolerances() if self.tints.rays else []
+        tolerances += self.penumbras.tolerances() if self.penumbras.rays else []
+        return tolerances + self.random.tolerances("random rays") + self.picture.tolerances()
 
     @property
     def passed(self) -> bool:
@@ -180,49 +211,56 @@ class Report:
 
     def as_json(self) -> dict[str, Any]:
         """The report as json.dumps takes it, without the picture."""
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "difference"}
-        plain = {k: asdict(v) if hasattr(v, "__dataclass_fields__") else v for k, v in parts.items()}
-        plain |= {k: list(v) for k, v in plain.items() if isinstance(v, tuple)}
-        judged = [asdict(t) | {"ok": t.ok} for t in self.tolerances]
-        return {"passed": self.passed, "tolerances": judged} | plain
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "difference"}
+        entries = {k: asdict(v) if hasattr(v, "__dataclass_fields__") else v for k, v in values.items()}
+        entries |= {k: list(v) for k, v in entries.items() if isinstance(v, tuple)}
+        tolerances = [asdict(t) | {"ok": t.ok} for t in self.tolerances]
+        return {"passed": self.passed, "tolerances": tolerances} | entries
 
     def table(self) -> Table:
-        """The report for the terminal: each value beside its limit, then what was counted."""
+        """The report for the terminal: each value beside its limit, then counts and notes."""
         title = f"{'passed' if self.passed else 'FAILED'}: {self.objects} objects against Mitsuba"
         table = Table("", "", "value", "limit", "", title=title)
-        before = ""
+        previous = ""
         for t in self.tolerances:
-            rays, what = t.name.split(": ")
+            rays, quantity = t.name.split(": ")
             verdict = "[green]ok[/]" if t.ok else "[red]FAILED[/]"
-            table.add_row("" if rays == before else rays, what, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
-            before = rays
-        facts = Table(show_header=False, box=None)
-        for name, text in self._counted():
-            facts.add_row(escape(name), escape(text))
-        whole = Table.grid()
-        whole.add_row(table)
-        whole.add_row(facts)
-        return whole
+            title = "" if rays == previous else rays
+            table.add_row(title, quantity, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
+            previous = rays
+        counts = Table(show_header=False, box=None)
+        for name, text in self._counts():
+            counts.add_row(escape(name), escape(text))
+        page = Table.grid()
+        page.add_row(table)
+        page.add_row(counts)
+        return page
 
-    def _counted(self) -> list[tuple[str, str]]:
-        rows = []
-        for title, c in (("pixel centres", self.pixels), ("random rays", self.random)):
-            spared = f"{c.near_edge} near an edge, {c.tied} tied, {c.beyond} beyond"
-            rows.append((title, f"{c.rays} rays, {c.hits} hits; {spared}"))
-            rows.append(("  largest", f"|dt| {c.dt:.2g} of |o| + t, normal {c.angle:.2g} rad, uv {c.uv:.2g}"))
+    def _counts(self) -> list[tuple[str, str]]:
+        """Counts and notes for the terminal: pairs of a title and a text."""
+        lines = []
+        for title, r in (("pixel centres", self.pixels), ("random rays", self.random)):
+            not_compared = f"{r.near_edge} near an edge, {r.tied} where two surfaces coincide"
+            if r.beyond:
+                not_compared += f", {r.beyond} beyond Mitsuba's planes"
+            lines.append((title, f"{r.rays} rays, {r.hits} hits; not compared: {not_compared}"))
+            largest = f"distance {r.dt:.2g} of |o| + t, normal {r.angle:.2g} rad, uv {r.uv:.2g}"
+            lines.append(("  largest differences", largest))
         s, p = self.shadows, self.picture
-        rows.append(("shadow rays", f"{s.rays} rays, {s.reached} reach the light; {s.near_edge} near an edge"))
-        t, a = self.tints, self.penumbras
-        if t.rays:
-            rows.append(("coloured shadows", f"{t.rays} rays with something between; {t.near_edge} near an edge"))
-            rows.append(("  largest", f"difference of the share {t.difference:.2g}"))
+        lines.append(("shadow rays", f"{s.rays} rays, {s.reached} reach the light; {s.near_edge} near an edge"))
+        c, a = self.tints, self.penumbras
+        if c.rays:
+            lines.append(("coloured shadows", f"{c.rays} rays that hit an object; {c.near_edge} near an edge"))
+            lines.append(("  largest difference", f"{c.difference:.2g} of transmittance"))
         if a.rays:
-            of = f"{a.lights} with {a.points} points each, from {a.pixels} pixels"
-            rows.append(
-                ("area lights", f"{of}; {a.rays} rays, {a.reached} reach the light; {a.near_edge} near an edge")
+            grid = f"{a.lights} lights with {a.points} points each, from {a.pixels} pixels"
+            rays = f"{a.rays} rays, {a.reached} reach the light; {a.near_edge} near an edge"
+            lines.append(("area lights", f"{grid}; {rays}"))
+            penumbra = (
+                f"the visible fraction of a light differs by {a.difference:.2g} on average, over {a.compared} pixels"
             )
-            rows.append(("  penumbra", f"of {a.compared} pixels the fraction of points differs by {a.difference:.2g}"))
+            lines.append(("  penumbra", penumbra))
         size = f"{self.width} x {self.height} pixels"
-        rows.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
-        rows += [(f"left out: {name}", why) for name, why in self.left_out.items()]
-        return rows + [("note", text) for text in self.notes] + [("example", text) for text in self.examples]
+        lines.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
+        lines += [(f"left out: {name}", reason) for name, reason in self.left_out.items()]
+        return lines + [("note", text) for text in self.notes] + [("example", text) for text in self.examples]

@@ -1,8 +1,9 @@
-"""How far Mitsuba's single precision may be from visray's double, lane by lane.
+"""Bounds of the difference between Mitsuba's single precision and visray's double precision, ray by ray.
 
-The model is that of backward error: what Mitsuba says of a ray is what is true of a ray beside it, no farther off than
-the roundings in between allow. So visray's own answers for rays moved by that much, in all directions, say what
-Mitsuba may answer, and where it may answer anything: at silhouettes, creases, seams, and for objects too small.
+The model is backward error: Mitsuba's answer for a ray is the exact answer for a nearby ray, no farther away than the
+roundings in between allow. So visray traces rays moved by that much in all directions. Its answers show how much
+Mitsuba's answer may differ, and where it is undecided: at silhouettes, creases, seams, and for objects that are too
+small.
 """
 
 from dataclasses import dataclass
@@ -10,30 +11,36 @@ from dataclasses import dataclass
 import numpy as np
 
 from visray.geometry import gamma
-from visray.study.mitsuba.visray_scene import Answers, Rays, VisrayScene
+from visray.study.mitsuba.visray_scene import FirstHits, Rays, VisrayScene
 
-# From a file to the side on which a ray passes an edge, a number of Mitsuba's passes through so many roundings: 1 in
+# Number of roundings of one of Mitsuba's numbers, from the scene file to the side on which a ray passes an edge: 1 in
 # storing a matrix, 3 in a corner, 1 in the corner minus the origin, 2 in sums and differences of those, 2 in a cross
-# product, 3 in a dot product. Of a sphere's or a disk's numbers it is fewer. Each is of numbers no larger than the sum
-# of distances in Shift. As roundings partly cancel, what flat shapes and spheres use of the bound is a fifth at most.
+# product, 3 in a dot product. The numbers of a sphere or a disk are rounded less often. The rounded numbers are no
+# larger than the sum of distances in RayError. As roundings partly cancel, flat shapes and spheres use a fifth of the
+# bound at most.
 ROUNDINGS = 12
 BOUND = gamma(ROUNDINGS, "single")
-# The ends of three axes at sqrt(3) hold the ball of radius 1 in their hull: no direction of error is missed.
+# Six directions of length sqrt(3), along the axes. Their convex hull contains the unit ball, so that every direction of
+# error is covered (test_moved_rays_surround_every_error).
 AXES = np.sqrt(3) * np.concatenate([np.eye(3), -np.eye(3)])
-# Where a move by rounding turns the normal by more than this (radians), or shifts t by more than this share of it, or
-# (u, v) by more than this, the place is not resolved in single precision: it is a silhouette, crease, seam or pole, or
-# on an object less than 16 times as large as the rounding.
+# A hit is not resolved in single precision if a move by rounding turns the normal by more than this (radians), changes
+# t by more than this share of it, or changes u or v by more than this. Then the hit is at a silhouette, crease, seam or
+# pole, or on an object that is less than 16 times as large as the rounding.
 UNRESOLVED = 1 / 16
 
 
 @dataclass(frozen=True)
-class Extents:
-    """What of each object bounds the rounding of its twin. Shapes: one entry an object.
+class ObjectRounding:
+    """Numbers that bound the rounding of each object's Mitsuba shapes. Shapes: one entry an object.
 
-    far, growth: the twin's numbers under a point p are within far + growth |p|, such as the corners of the facet.
-    gap: the distance between twin and object; angle: between their normals, in radians; slip: between their (u, v).
-    smear: how much (u, v) change over a facet's width, in 1 / world units, where that is more than the object's own.
-    bounded: whether it has bounds. sided: whether the twin knows outside from inside.
+    far, growth: the numbers that are rounded for a ray at point p, such as the corners of a facet, are at most
+        far + growth |p| (world units)
+    gap: largest distance between Mitsuba's shapes and the object (world units)
+    angle: largest angle between their normals (radians)
+    smear: change of (u, v) across the width of a facet, where that is more than the object's own (1 / world units)
+    slip: largest difference between their (u, v)
+    bounded: whether the object has a bounding box
+    sided: whether Mitsuba's normals point outwards
     """
 
     far: np.ndarray
@@ -45,46 +52,52 @@ class Extents:
     bounded: np.ndarray
     sided: np.ndarray
 
-    def shift(self, *indices: np.ndarray) -> "Shift":
-        """How far rays may be off that meet the objects of `indices`; -1 stands for any bounded object."""
+    def ray_error(self, *indices: np.ndarray) -> "RayError":
+        """The error of rays that hit the objects of `indices`; -1 stands for any bounded object. Shapes: (N) each."""
 
-        def most(values: np.ndarray) -> np.ndarray:
+        def largest(values: np.ndarray) -> np.ndarray:
             return np.max([np.append(values, values[self.bounded].max(initial=0.0))[i] for i in indices], axis=0)
 
-        return Shift(most(self.far), most(self.growth), most(self.gap))
+        return RayError(largest(self.far), largest(self.growth), largest(self.gap))
 
-    def largest(self, n: int) -> "Shift":
-        """As `shift`, for any object of the scene."""
-        return Shift(*(np.full(n, v.max(initial=0.0)) for v in (self.far, self.growth, self.gap)))
+    def largest_ray_error(self, n: int) -> "RayError":
+        """The error of n rays that may hit any object of the scene."""
+        return RayError(*(np.full(n, v.max(initial=0.0)) for v in (self.far, self.growth, self.gap)))
 
 
 @dataclass(frozen=True)
-class Shift:
-    """A bound of Mitsuba's error beside a ray: start + slope s at distance s from the ray's origin. Shapes: (N)."""
+class RayError:
+    """A bound of Mitsuba's error across a ray: start + slope s at distance s from the ray's origin. Shapes: (N).
+
+    The fields are those of ObjectRounding.
+    """
 
     far: np.ndarray
     growth: np.ndarray
     gap: np.ndarray
 
     def start(self, o: np.ndarray) -> np.ndarray:
-        """The bound at the origin, or at any point o. Units: world units."""
+        """The bound at the ray's origin, or at any point o. Units: world units."""
         return BOUND * ((1 + self.growth) * np.linalg.norm(o, axis=1) + self.far) + self.gap
 
     def slope(self) -> np.ndarray:
         return BOUND * (1 + self.growth)
 
-    def where(self, mask: np.ndarray, other: "Shift") -> "Shift":
+    def where(self, mask: np.ndarray, other: "RayError") -> "RayError":
         """`other` where the mask holds, this one elsewhere."""
         pairs = ((self.far, other.far), (self.growth, other.growth), (self.gap, other.gap))
-        return Shift(*(np.where(mask, b, a) for a, b in pairs))
+        return RayError(*(np.where(mask, b, a) for a, b in pairs))
 
 
 @dataclass(frozen=True)
-class Slack:
-    """What rounding may change of an answer. Shapes: (N).
+class AllowedDifference:
+    """The difference between visray's and Mitsuba's hits that rounding may cause. Shapes: (N).
 
-    edge: another object, another face, or no certain place; seam: no certain (u, v). The others are bounds of the
-    change of t (world units), of the normal (radians) and of u and v.
+    edge: the hit is undecided: another object, another face, or no certain point
+    seam: (u, v) are undecided
+    t: bound of the difference of distances (world units)
+    angle: bound of the angle between normals (radians)
+    uv: bound of the difference of u and of v
     """
 
     edge: np.ndarray
@@ -95,21 +108,21 @@ class Slack:
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angle between unit vectors in radians, exact for small ones too. Shapes: (N, 3), (N, 3) -> (N)."""
+    """The angle between unit vectors in radians; small angles are accurate too. Shapes: (N, 3), (N, 3) -> (N)."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
 
 
-def gaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def absolute_difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """|a - b|, 0 where both are infinite."""
     both = np.isinf(a) & np.isinf(b)
     return np.abs(np.where(both, 0, a) - np.where(both, 0, b))
 
 
-def moved(rays: Rays, shift: Shift) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The rays moved by the bound along each of AXES: pairs of origins and directions. Shapes: (N, 3)."""
+def moved_rays(rays: Rays, error: RayError) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The rays moved by their error along each of AXES: pairs of origins and directions. Shapes: (N, 3)."""
     d = rays.direction()
     o = np.broadcast_to(rays.o.astype(float), d.shape)
-    start, slope = shift.start(o)[:, None], shift.slope()[:, None]
+    start, slope = error.start(o)[:, None], error.slope()[:, None]
     return [(o + start * e, _unit(d + slope * e)) for e in AXES]
 
 
@@ -117,31 +130,37 @@ def _unit(d: np.ndarray) -> np.ndarray:
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-def slack(ours: VisrayScene, rays: Rays, base: Answers, shift: Shift, extents: Extents) -> Slack:
-    """How much visray's answers change for rays moved by Mitsuba's rounding."""
-    n = len(base.t)
+def allowed_difference(
+    ours: VisrayScene, rays: Rays, hits: FirstHits, error: RayError, rounding: ObjectRounding
+) -> AllowedDifference:
+    """How much visray's hits change when the rays are moved by Mitsuba's rounding error.
+
+    hits: visray's hits of the rays that are not moved.
+    """
+    n = len(hits.t)
     edge, dt, turn, duv = np.zeros(n, bool), np.zeros(n), np.zeros(n), np.zeros(n)
-    for o, d in moved(rays, shift):
-        other = ours.look(o, d).answers
-        edge |= other.index != base.index
-        dt = np.maximum(dt, gaps(other.t, base.t))
-        turn = np.maximum(turn, angle(other.n, base.n))
-        duv = np.maximum(duv, np.abs(other.uv - base.uv).max(1))
-    hit = base.hit
-    edge |= hit & ((dt > UNRESOLVED * base.t) | (turn > UNRESOLVED))
-    seam = hit & ~edge & (duv > UNRESOLVED)
-    tilt, smear, slip = (np.append(v, 0.0)[base.index] for v in (extents.angle, extents.smear, extents.slip))
-    # t, n and (u, v) themselves are stored in single, by visray as by Mitsuba.
-    t, dt = np.where(hit, base.t, 0), np.where(np.isfinite(dt), dt, 0)
+    for o, d in moved_rays(rays, error):
+        moved_hits = ours.trace_from(o, d).first_hits
+        edge |= moved_hits.index != hits.index
+        dt = np.maximum(dt, absolute_difference(moved_hits.t, hits.t))
+        turn = np.maximum(turn, angle(moved_hits.n, hits.n))
+        duv = np.maximum(duv, np.abs(moved_hits.uv - hits.uv).max(1))
+    edge |= hits.hit & ((dt > UNRESOLVED * hits.t) | (turn > UNRESOLVED))
+    seam = hits.hit & ~edge & (duv > UNRESOLVED)
+    tilt, smear, slip = (np.append(v, 0.0)[hits.index] for v in (rounding.angle, rounding.smear, rounding.slip))
+    # Both programs store t, n and (u, v) in single precision.
+    t, dt = np.where(hits.hit, hits.t, 0), np.where(np.isfinite(dt), dt, 0)
     size = np.linalg.norm(rays.o, axis=1) + t
-    # The place on a facet is as uncertain as the ray is across it, and as t along it.
-    duv += slip + smear * (shift.start(rays.o) + shift.slope() * t + dt) + BOUND * (1 + np.abs(base.uv).max(1))
-    return Slack(edge, seam, dt + BOUND * size, turn + tilt, duv)
+    # The point on a facet is as uncertain as the ray is across its direction, and as t is along it.
+    duv += slip + smear * (error.start(rays.o) + error.slope() * t + dt) + BOUND * (1 + np.abs(hits.uv).max(1))
+    return AllowedDifference(edge, seam, dt + BOUND * size, turn + tilt, duv)
 
 
-def tied(ours: VisrayScene, rays: Rays, base: Answers, theirs: Answers, reach: np.ndarray) -> np.ndarray:
-    """Whether the object that Mitsuba hits lies within `reach` of visray's hit: two surfaces in the same place."""
+def coincident(
+    ours: VisrayScene, rays: Rays, our_hits: FirstHits, their_hits: FirstHits, tolerance: np.ndarray
+) -> np.ndarray:
+    """Whether the object that Mitsuba hits lies within `tolerance` of visray's hit: two surfaces in the same place."""
     d = rays.direction()
     o = np.broadcast_to(rays.o.astype(float), d.shape)
-    behind = ours.look(o + (base.t - reach)[:, None] * d, d, base.index).answers
-    return (behind.index == theirs.index) & (behind.t <= 2 * reach)
+    behind = ours.trace_from(o + (our_hits.t - tolerance)[:, None] * d, d, our_hits.index).first_hits
+    return (behind.index == their_hits.index) & (behind.t <= 2 * tolerance)

@@ -1,4 +1,4 @@
-"""Shadow rays through visray and through Mitsuba, from what the pixels see to every light it faces."""
+"""Shadow rays through visray and through Mitsuba: from the points that pixels see to every light that they face."""
 
 from dataclasses import dataclass, replace
 
@@ -6,162 +6,187 @@ import numpy as np
 
 from visray.geometry import gamma
 from visray.lights.light import Light
-from visray.study.mitsuba import light_arrival as arrivals
-from visray.study.mitsuba import light_emission as emission
-from visray.study.mitsuba.comparison import EXAMPLES, Comparison, part
-from visray.study.mitsuba.light_arrival import Arrival
-from visray.study.mitsuba.report import Shadows
-from visray.study.mitsuba.rounding import AXES, Shift
+from visray.study.mitsuba import light_falloff, visray_lighting
+from visray.study.mitsuba.ray_comparison import EXAMPLES, RayComparison, select
+from visray.study.mitsuba.report import ShadowDifferences
+from visray.study.mitsuba.rounding import AXES, RayError
 from visray.study.mitsuba.shadow_rays import ShadowRays
+from visray.study.mitsuba.visray_lighting import LightArrival
 
-# So many times as far as a scene reaches, ways to a light infinitely far away are followed: what is beyond are planes,
-# which any ray that is parallel to them but for its rounding meets somewhere.
+# Shadow rays to a light that is infinitely far away end at this many times the size of the scene. Only planes lie
+# beyond, and a ray that is parallel to a plane, but for its rounding, hits it somewhere.
 HORIZON = 256
 
 
 @dataclass(frozen=True)
-class Lit:
-    """What the pixels see, and a light. All shapes have one entry a pixel.
+class LightVisibility:
+    """One light as seen from the points that pixels see, by visray and by Mitsuba. Shapes: one entry a pixel.
 
-    light and twin: for visray, and for Mitsuba. ways and others: to them, `_trimmed`; rest: what must be clear of what
-    is cut off; on: the objects whose surface the light lies on. facing: which points face it; cosine: by visray,
-    positive there. margin: how much before the point Mitsuba may meet the point's own surface; longest: with the least
-    cosine it may have. reached and met: whether light arrives, by visray and by Mitsuba.
+    our_light, their_light: the light for visray and for Mitsuba
+    our_rays, their_rays: shadow rays to the light, shortened by `_shortened`
+    cut_off: the end pieces that were cut off and must be free of occluders, or None
+    touching: objects on whose surface the light lies, (K)
+    facing: whether the point faces the light
+    cosine: of the light's direction with the normal by visray, 1 where the point does not face the light
+    margin: how far along the shadow ray Mitsuba may hit the point's own surface (world units)
+    largest_margin: the same with the least cosine that rounding allows; inf if the ray may be parallel to the surface
+    our_lit, their_lit: whether light arrives, by visray and by Mitsuba
     """
 
-    light: Light
-    twin: Light
-    ways: ShadowRays
-    rest: ShadowRays | None
-    on: np.ndarray
-    others: ShadowRays
+    our_light: Light
+    their_light: Light
+    our_rays: ShadowRays
+    cut_off: ShadowRays | None
+    touching: np.ndarray
+    their_rays: ShadowRays
     facing: np.ndarray
     cosine: np.ndarray
     margin: np.ndarray
-    longest: np.ndarray
-    reached: np.ndarray
-    met: np.ndarray
+    largest_margin: np.ndarray
+    our_lit: np.ndarray
+    their_lit: np.ndarray
 
     def differs(self) -> np.ndarray:
-        return self.facing & (self.reached != self.met)
+        return self.facing & (self.our_lit != self.their_lit)
 
 
 @dataclass
-class Found:
-    """What a comparison of shadows found. lit: what is known of each light; near: of each, which pixels are near the
-    edge of a shadow; examples: a line for the first mismatches."""
+class ShadowComparison:
+    """The shadows of all lights, compared.
 
-    shadows: Shadows
-    lit: list[Lit]
-    near: list[np.ndarray]
+    differences: counts over all lights
+    lights: a LightVisibility for each light
+    near_edge: for each light, the pixels near the edge of a shadow, (N)
+    examples: a line for each of the first mismatches
+    """
+
+    differences: ShadowDifferences
+    lights: list[LightVisibility]
+    near_edge: list[np.ndarray]
     examples: list[str]
 
 
-def compare(seen: Comparison) -> Found:
-    """Every light of a scene that has no area lights, as both see it."""
-    mine, yours = seen.ours.prepared.scene, seen.theirs.scene
-    found = Found(Shadows(0, 0, 0, 0), [], [], [])
+def compare(comparison: RayComparison) -> ShadowComparison:
+    """Compares the shadows of every light, in a scene that has no area lights."""
+    our_scene, their_scene = comparison.ours.prepared.scene, comparison.theirs.scene
+    shadows = ShadowComparison(ShadowDifferences(0, 0, 0, 0), [], [], [])
     counts = np.zeros(4, int)
-    pairs = zip(mine.lights.items(), yours.lights.values(), arrivals.beams(seen.ours, seen.look))
-    for (name, light), twin, arrival in pairs:
-        lit = meet(seen, light, twin, arrival)
-        close = lit.facing & near(seen, lit)
-        wrong = lit.differs() & ~close
-        found.lit.append(lit)
-        found.near.append(close)
-        counts += [lit.facing.sum(), (lit.facing & lit.reached).sum(), close.sum(), wrong.sum()]
-        found.examples += examples(seen, name, lit, wrong)
-    if mine.settings.shadows:
-        found.shadows = Shadows(*map(int, counts))
-    return found
+    arrivals = visray_lighting.arriving_light(comparison.ours, comparison.traced)
+    for (name, our_light), their_light, arrival in zip(our_scene.lights.items(), their_scene.lights.values(), arrivals):
+        light = visibility(comparison, our_light, their_light, arrival)
+        edge = light.facing & near_edge(comparison, light)
+        mismatch = light.differs() & ~edge
+        shadows.lights.append(light)
+        shadows.near_edge.append(edge)
+        counts += [light.facing.sum(), (light.facing & light.our_lit).sum(), edge.sum(), mismatch.sum()]
+        shadows.examples += examples(comparison, name, light, mismatch)
+    if our_scene.settings.shadows:
+        shadows.differences = ShadowDifferences(*map(int, counts))
+    return shadows
 
 
-def examples(seen: Comparison, name: str, lit: Lit, wrong: np.ndarray) -> list[str]:
-    """A line each for the first points where the two differ."""
-    found = []
-    for lane in np.flatnonzero(wrong)[:EXAMPLES]:
-        p = (seen.ours.centre + seen.points()[lane]).tolist()
-        says = "visray lit, Mitsuba dark" if lit.reached[lane] else "visray dark, Mitsuba lit"
-        found.append(f"light {name}, {p} on {seen.ours.names[seen.a.index[lane]]}: {says}")
-    return found
+def examples(comparison: RayComparison, name: str, light: LightVisibility, mismatch: np.ndarray) -> list[str]:
+    """A line for each of the first few mismatches."""
+    lines = []
+    for lane in np.flatnonzero(mismatch)[:EXAMPLES]:
+        p = (comparison.ours.centre + comparison.points()[lane]).tolist()
+        verdicts = "visray lit, Mitsuba dark" if light.our_lit[lane] else "visray dark, Mitsuba lit"
+        lines.append(f"light {name}, {p} on {comparison.ours.names[comparison.our_hits.index[lane]]}: {verdicts}")
+    return lines
 
 
-def meet(seen: Comparison, light: Light, twin: Light, arrival: Arrival) -> Lit:
-    """What both say of the pixels' points and a light, by visray's `arrival`."""
-    p = seen.points()
-    facing = seen.a.hit & ~seen.beyond & (arrival.cosine > 0)
+def visibility(
+    comparison: RayComparison, our_light: Light, their_light: Light, arrival: LightArrival
+) -> LightVisibility:
+    """The visibility of a light from the hit points; `arrival` is what visray's kernels say of it."""
+    p = comparison.points()
+    facing = comparison.our_hits.hit & ~comparison.beyond & (arrival.cosine > 0)
     cosine = np.where(facing, arrival.cosine, 1)
-    start, least = seen.shift.start(p), cosine - seen.slack.angle
+    start, least = comparison.ray_error.start(p), cosine - comparison.allowed.angle
     margin = np.where(facing, start / cosine, 0)
-    longest = np.where(facing & (least > 0), start / np.where(least > 0, least, 1), np.inf)
-    (ways, rest, on), (others, *_) = (_trimmed(seen, ShadowRays.to(p, l, seen.ours.centre)) for l in (light, twin))
-    met = seen.theirs.reaches(others, margin) & (emission.aim(twin, others.l) > 0)
-    return Lit(light, twin, ways, rest, on, others, facing, cosine, margin, longest, arrival.reached, met)
-
-
-def _trimmed(seen: Comparison, ways: ShadowRays) -> tuple[ShadowRays, ShadowRays | None, np.ndarray]:
-    """Shadow rays to a light that end at the horizon, or before the surfaces that the light lies on, as seen by visray,
-    by Mitsuba, and by moved rays; what is then left of them before those surfaces; and the objects that have these.
-
-    A light that lies on a surface is not hidden by it. But it may be off it by the bound of Mitsuba's rounding, the
-    surface as much, and the end of a moved ray by sqrt(3) times the largest bound.
-    """
-    ours, extents, objects = seen.ours, seen.theirs.extents, np.arange(len(seen.ours.names))
-    if ways.far:
-        size = np.linalg.norm(ways.p, axis=1) + extents.far[extents.bounded].max(initial=0.0)
-        return ways.cut(HORIZON * size), None, objects[:0]
-    light, shift, largest = ways.end[0], extents.shift(objects), extents.largest(len(ways.p))
-    reach = shift.start(np.broadcast_to(light, (len(objects), 3)))
-    on, normals = arrivals.flush(ours, light, reach)
-    if not on.size:
-        return ways, None, on
-    cosine = np.abs(ways.l @ normals.T)
-    moves = np.sqrt(3) * (largest.start(ways.p) + largest.slope() * ways.length)
-    off = 2 * (reach[on] + shift.slope()[on] * ways.length[:, None]) + moves[:, None]
-    # In double, the way meets a surface that the light is on no farther before it than what it is made of is rounded.
-    fine = gamma(32) * (np.linalg.norm(ours.centre + light) + np.linalg.norm(ours.centre + ways.p, axis=1))
-    spare, tiny = (
-        np.where(cosine > 0, x / np.where(cosine > 0, cosine, 1), np.inf).max(1) for x in (off, fine[:, None])
+    largest_margin = np.where(facing & (least > 0), start / np.where(least > 0, least, 1), np.inf)
+    (our_rays, cut_off, touching), (their_rays, *_) = (
+        _shortened(comparison, ShadowRays.to(p, light, comparison.ours.centre)) for light in (our_light, their_light)
     )
-    return ways.ended(spare), ways.ended(tiny).begun(ways.length - spare), on
+    their_lit = comparison.theirs.unoccluded(their_rays, margin)
+    their_lit = their_lit & (light_falloff.spot_falloff(their_light, their_rays.l) > 0)
+    return LightVisibility(
+        our_light, their_light, our_rays, cut_off, touching, their_rays,
+        facing, cosine, margin, largest_margin, arrival.reached, their_lit,
+    )  # fmt: skip
 
 
-def near(seen: Comparison, lit: Lit) -> np.ndarray:
-    """Whether visray says otherwise of a ray moved by Mitsuba's rounding, or one that ends where Mitsuba's may.
+def _shortened(comparison: RayComparison, shadow_rays: ShadowRays) -> tuple[ShadowRays, ShadowRays | None, np.ndarray]:
+    """Shadow rays to a light, cut off at the horizon or before the surfaces on which the light lies.
 
-    Where the two differ, anything may be in the way, and so the bound is that of the object that is rounded worst;
-    and as with other rays, Mitsuba's answer counts only if it is the same for rays beside it.
+    A surface does not hide a light that lies on it. But by rounding Mitsuba's light may be off the surface, the surface
+    may be off as much, and the end of a moved ray is off by sqrt(3) times the largest error. So the rays end before all
+    of these.
+
+    Returns the shortened rays, the pieces that were cut off up to the surfaces (None: no such pieces), and the objects
+    on which the light lies.
     """
-    differs = lit.differs()
-    shift = seen.shift.where(differs, seen.theirs.extents.largest(len(differs)))
+    ours, rounding, objects = comparison.ours, comparison.theirs.rounding, np.arange(len(comparison.ours.names))
+    if shadow_rays.infinite:
+        size = np.linalg.norm(shadow_rays.p, axis=1) + rounding.far[rounding.bounded].max(initial=0.0)
+        return shadow_rays.limited(HORIZON * size), None, objects[:0]
+    light, error = shadow_rays.end[0], rounding.ray_error(objects)
+    largest_error = rounding.largest_ray_error(len(shadow_rays.p))
+    tolerance = error.start(np.broadcast_to(light, (len(objects), 3)))
+    touching, normals = visray_lighting.objects_touching(ours, light, tolerance)
+    if not touching.size:
+        return shadow_rays, None, touching
+    cosine = np.abs(shadow_rays.l @ normals.T)
+    moves = np.sqrt(3) * (largest_error.start(shadow_rays.p) + largest_error.slope() * shadow_rays.length)
+    single = 2 * (tolerance[touching] + error.slope()[touching] * shadow_rays.length[:, None]) + moves[:, None]
+    # In double precision a shadow ray hits the surface on which the light lies no farther before the light than the
+    # rounding of their coordinates.
+    size = np.linalg.norm(ours.centre + light) + np.linalg.norm(ours.centre + shadow_rays.p, axis=1)
+    double = (gamma(32) * size)[:, None]
+    single_end, double_end = (
+        np.where(cosine > 0, x / np.where(cosine > 0, cosine, 1), np.inf).max(1) for x in (single, double)
+    )
+    cut_off = shadow_rays.without_end(double_end).without_start(shadow_rays.length - single_end)
+    return shadow_rays.without_end(single_end), cut_off, touching
 
-    def says(ways: ShadowRays, arrives: bool = True) -> np.ndarray:
-        clear = arrivals.clear(seen.ours, seen.look, ways, lit.facing, arrives)
-        return clear & arrivals.sends(seen.ours, lit.light, ways)
 
-    # Not the kernel's own answer: were it wrong, all moved rays would differ from it.
-    straight = says(lit.ways)
-    changes = np.isinf(lit.longest) | (lit.ways.length == 0)
-    if lit.rest is not None:
-        changes |= ~arrivals.clear(seen.ours, seen.look, lit.rest, lit.facing, arrives=False)
-    if lit.ways.far:
-        changes |= says(replace(lit.ways, length=np.full(len(straight), np.inf))) != straight
-    changes |= says(lit.ways.begun(np.where(np.isinf(lit.longest), 0, lit.longest)), arrives=False) != straight
-    for ways in moved(lit.ways, shift):
-        changes |= says(ways) != straight
+def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
+    """Whether visray's answer changes for shadow rays that are moved, or cut off, within Mitsuba's rounding.
+
+    Where visray and Mitsuba differ, the occluder may be any object; so the error is that of the object with the largest
+    rounding. There Mitsuba's own answer must not change for moved rays either.
+    """
+    ours, traced, differs = comparison.ours, comparison.traced, light.differs()
+    error = comparison.ray_error.where(differs, comparison.theirs.rounding.largest_ray_error(len(differs)))
+
+    def lit(shadow_rays: ShadowRays, on_hit_surface: bool = True) -> np.ndarray:
+        clear = visray_lighting.unoccluded(ours, traced, shadow_rays, light.facing, on_hit_surface)
+        return clear & visray_lighting.sends_light(ours, light.our_light, shadow_rays)
+
+    # The kernel's own answer is not used: if it were wrong, all moved rays would differ from it and excuse it.
+    unmoved = lit(light.our_rays)
+    changes = np.isinf(light.largest_margin) | (light.our_rays.length == 0)
+    if light.cut_off is not None:
+        changes |= ~visray_lighting.unoccluded(ours, traced, light.cut_off, light.facing, on_hit_surface=False)
+    if light.our_rays.infinite:
+        changes |= lit(replace(light.our_rays, length=np.full(len(unmoved), np.inf))) != unmoved
+    margin = np.where(np.isinf(light.largest_margin), 0, light.largest_margin)
+    changes |= lit(light.our_rays.without_start(margin), on_hit_surface=False) != unmoved
+    for shadow_rays in moved_shadow_rays(light.our_rays, error):
+        changes |= lit(shadow_rays) != unmoved
     lanes = np.flatnonzero(differs & ~changes)
     if lanes.size:
-        beside = part(shift, lanes)
-        others = part(lit.others, lanes)
-        # Moved behind its own surface, a ray begins as much farther above it.
-        margin = lit.margin[lanes] + np.sqrt(3) * beside.start(others.p) / lit.cosine[lanes]
-        for ways in moved(others, beside):
-            met = seen.theirs.reaches(ways, margin) & (emission.aim(lit.twin, ways.l) > 0)
-            changes[lanes] |= met != lit.met[lanes]
+        error_of_lanes, their_rays = select(error, lanes), select(light.their_rays, lanes)
+        # A ray that is moved behind its own surface starts as much farther above it.
+        margin = light.margin[lanes] + np.sqrt(3) * error_of_lanes.start(their_rays.p) / light.cosine[lanes]
+        for shadow_rays in moved_shadow_rays(their_rays, error_of_lanes):
+            their_lit = comparison.theirs.unoccluded(shadow_rays, margin)
+            their_lit = their_lit & (light_falloff.spot_falloff(light.their_light, shadow_rays.l) > 0)
+            changes[lanes] |= their_lit != light.their_lit[lanes]
     return changes
 
 
-def moved(ways: ShadowRays, shift: Shift) -> list[ShadowRays]:
-    """ShadowRays whose ends are moved by the bound along each of AXES."""
-    start, slope = shift.start(ways.p), shift.slope()
-    return [ways.moved(start, slope, e) for e in AXES]
+def moved_shadow_rays(shadow_rays: ShadowRays, error: RayError) -> list[ShadowRays]:
+    """Shadow rays whose ends are moved by the error along each of AXES."""
+    start, slope = error.start(shadow_rays.p), error.slope()
+    return [shadow_rays.moved(start, slope, e) for e in AXES]

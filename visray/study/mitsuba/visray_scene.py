@@ -1,6 +1,7 @@
-"""What visray says along rays: the same rays, in single precision, that its check sends through Mitsuba.
+"""The visray side of the check: first hits, normals and colours along rays that are also sent through Mitsuba.
 
-All positions are taken from a centre, the camera: single precision is finest where the numbers are small.
+The rays are stored in single precision. All positions are relative to a centre, which is the camera: single precision
+is finest where coordinates are small.
 """
 
 from dataclasses import dataclass
@@ -20,23 +21,29 @@ from visray.setup import Prepared, prepare
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays from the centre of the check. Shapes: o (1, 3) or (N, 3), d (N, 3), float32; d is unit to 2^-23."""
+    """Rays in single precision, relative to the centre of the check.
+
+    o: origins, (1, 3) if all rays share one, else (N, 3), float32
+    d: directions, of unit length to 2^-23, (N, 3), float32
+    """
 
     o: np.ndarray
     d: np.ndarray
 
     def direction(self) -> np.ndarray:
-        """d in double, of unit length. Shapes: (N, 3)."""
+        """Directions in double precision, of unit length. Shapes: (N, 3)."""
         d = self.d.astype(float)
         return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True)
-class Answers:
-    """What is hit first along each ray, in double.
+class FirstHits:
+    """The first hit of each ray, in double precision.
 
-    index: of the object, -1 for none; t: distance, inf for none; n: unit normal; uv: NaN where it is not known.
-    Shapes: (N), (N), (N, 3), (N, 2).
+    index: number of the object, -1 for none, (N)
+    t: distance, inf for none, (N)
+    n: unit normal, (N, 3)
+    uv: texture coordinates, NaN where they are not known, (N, 2)
     """
 
     index: np.ndarray
@@ -50,26 +57,26 @@ class Answers:
 
 
 @dataclass(frozen=True)
-class Look:
-    """Rays as a kernel has seen them, and the answers on the host."""
+class TracedRays:
+    """Rays that visray traced: its Dr.Jit records, and the first hits as NumPy arrays."""
 
     ray: Ray
     hit: Hit
     surface: Surface
-    answers: Answers
+    first_hits: FirstHits
 
-    def within(self) -> np.ndarray:
-        """Whether each ray meets its surface from within."""
-        return (self.answers.n * np.array(self.ray.d).T).sum(1) > 0
+    def inside(self) -> np.ndarray:
+        """Whether each ray reaches its surface from inside the object. Shapes: (N)."""
+        return (self.first_hits.n * np.array(self.ray.d).T).sum(1) > 0
 
 
-def rows(v: Any) -> np.ndarray:
-    """Triples of a kernel as an array in double. Shapes: (N, 3)."""
+def to_numpy(v: Any) -> np.ndarray:
+    """A Dr.Jit array of triples as a NumPy array in double precision. Shapes: (N, 3)."""
     return np.array(v, float).T
 
 
 class VisrayScene:
-    """A scene as visray sees it; `names` are its objects in the order of its indices."""
+    """A scene that is prepared for visray's kernels. `names` lists its objects in the order of their indices."""
 
     def __init__(self, scene: Scene):
         self.prepared: Prepared = prepare(scene)
@@ -78,18 +85,21 @@ class VisrayScene:
         self.centre = np.array(scene.camera.origin, float)
 
     def pixel_rays(self) -> Rays:
-        """The rays through the centres of the pixels, row by row."""
+        """Camera rays through the centres of all pixels, row by row."""
         film = self.prepared.scene.film
         y, x = np.divmod(np.arange(film.width * film.height, dtype=np.uint32), np.uint32(film.width))
         ray = integrator.camera_ray(self.kernel, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
-        return Rays(np.zeros((1, 3), np.float32), rows(ray.d).astype(np.float32))
+        return Rays(np.zeros((1, 3), np.float32), to_numpy(ray.d).astype(np.float32))
 
     def triples(self, v: np.ndarray) -> Any:
-        """Rows of numbers as a kernel's triples."""
+        """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
         return self.a.W(np.ascontiguousarray(v.T, float))
 
-    def look(self, o: np.ndarray, d: np.ndarray, source: np.ndarray | None = None) -> Look:
-        """The first hits along rays from the centre + o; `source`: objects that rays leave, outwards."""
+    def trace_from(self, o: np.ndarray, d: np.ndarray, source: np.ndarray | None = None) -> TracedRays:
+        """Traces rays from origins o, relative to the centre, in directions d.
+
+        source: objects whose surface the rays leave on the outer side, (N); None: the rays start anywhere.
+        """
         a = self.a
         leaving = () if source is None else (a.U(source.astype(np.uint32)), dr.full(a.B, False, len(d)))
         shared = len(o) == 1 and not o.any()
@@ -101,12 +111,12 @@ class VisrayScene:
         index = np.array(hit.row).astype(np.int64)
         index[index == NO_ROW] = -1
         uv = np.stack([np.array(u, float), np.array(v, float)], 1)
-        return Look(ray, hit, surface, Answers(index, np.array(hit.t), rows(surface.n), uv))
+        return TracedRays(ray, hit, surface, FirstHits(index, np.array(hit.t), to_numpy(surface.n), uv))
 
-    def trace(self, rays: Rays) -> Look:
-        """What the rays hit."""
-        return self.look(rays.o.astype(float), rays.d.astype(float))
+    def trace(self, rays: Rays) -> TracedRays:
+        """Traces rays of the check."""
+        return self.trace_from(rays.o.astype(float), rays.d.astype(float))
 
-    def colours(self, look: Look) -> np.ndarray:
-        """The light along rays from the camera. Shapes: (N, 3)."""
-        return rows(integrator.radiance(self.kernel, look.ray)[0])
+    def colours(self, traced: TracedRays) -> np.ndarray:
+        """Radiance along camera rays. Shapes: (N, 3)."""
+        return to_numpy(integrator.radiance(self.kernel, traced.ray)[0])

@@ -1,1 +1,1 @@
-"""Polynomial surfaces against exact arithmetic."""
+"""The stability study: polynomial surfaces against exact arithmetic."""

@@ -1,12 +1,14 @@
-"""The rays that a polynomial surface is put to the test with.
+"""The sets of rays that a polynomial surface is tested with.
 
-camera: from three eyes at three radii of the clip, to all of it. inside: from points in the clip, any way. grazing:
-past points of the surface at 10^-12 to 10^-2 of the radius. singular: past its singular points, at 10^-9 or more.
-secondary: from points of the surface, on the side from which they were seen: half of them over the hemisphere, half
-at less than 3 degrees to the surface.
+camera: from three eyes, at three radii of the clip from its centre, to all of the clip
+inside: from points in the clip, in any direction
+grazing: past points of the surface, at 10^-12 to 10^-2 of the clip's radius
+singular: past the surface's singular points, at 10^-9 to 10^-2 of the clip's radius
+secondary: from points of the surface, on the side from which they were seen: half of them over the hemisphere, half at
+    less than 3 degrees to the surface
 
-Origins are numbers in single precision, but those of secondary rays. Directions are of unit length to 2^-52. Both are
-doubles, so that truth and kernel see the same rays.
+Origins are single-precision numbers, but those of secondary rays. Directions are of unit length to 2^-52. Both are
+stored as doubles, so that the exact solver and the kernel see the same rays.
 """
 
 import json
@@ -18,63 +20,71 @@ import numpy as np
 
 from visray.errors import UserError
 from visray.polynomials.catalogue import SURFACES
-from visray.study.stability.exact.formulas import number
-from visray.study.stability.exact.known_surface import Bundle, Surface
+from visray.study.stability.exact.expressions import number
+from visray.study.stability.exact.surface import RayBundle, Surface
 from visray.study.stability.exact.truth import Truth
 
 SETS = ("camera", "inside", "grazing", "singular", "secondary")
-# Powers of ten of the clip's radius. Nearer to a singular point than 10^-9, hardly an answer is defined.
-GRAZING, SINGULAR, FAR = -12, -9, -2
-LOW = 0.05  # cosine below which a ray skims the surface
-ROUNDING = 2.0**-50  # of a point's coordinates: how well a kernel in double knows where it is
-PARTS = ("secondary, hemisphere", "secondary, grazing")
+SECONDARY_SETS = ("secondary, hemisphere", "secondary, grazing")
+# Powers of ten of the clip's radius: least distances from the surface and from singular points, and the largest one.
+# Nearer to a singular point than 10^-9, few rays have a defined hit.
+LEAST_GRAZING, LEAST_SINGULAR, LARGEST = -12, -9, -2
+GRAZING_COSINE = 0.05  # of the angle with the normal; below it a secondary ray is grazing
+ROUNDING = 2.0**-50  # of a point's coordinates: how well a kernel in double precision knows where it is
 
 
 @dataclass(frozen=True)
-class Named:
-    """A surface and what is known of it: points at which it is singular."""
+class NamedSurface:
+    """A surface with its name and its known singular points.
+
+    singular: coordinates of each point, as numbers or expressions
+    """
 
     name: str
     surface: Surface
     singular: tuple = ()
 
-    def points(self) -> np.ndarray:
-        """The singular points within the clip. Shapes: (M, 3)."""
+    def singular_points(self) -> np.ndarray:
+        """The singular points inside the clip. Shapes: (M, 3)."""
         s = self.surface
         p = np.array([[_coordinate(c, s.parameters) for c in point] for point in self.singular]).reshape(-1, 3)
         return p[np.linalg.norm(p - np.array(s.centre), axis=1) < s.radius]
 
 
 def _coordinate(text: float | str, parameters: dict[str, float]) -> float:
-    """An expression without x, y and z, or the cosine of one."""
+    """The value of a number, of an expression without x, y and z, or of the cosine of one."""
     if str(text).startswith("cos("):
         return cos(number(str(text)[4:-1], parameters))
     return float(number(text, parameters))
 
 
-# The same surfaces under other names, whose singular points are known.
+# Surfaces of files under other names than those in the catalogue, which knows their singular points.
 ALIASES = {"heart-taubin": "heart", "roman-steiner": "roman"}
 
 
 FORMAT = '{"surfaces": [{"name": "ball", "expression": "x^2 + y^2 + z^2 - 1", "bounding_radius": 1.5}, ...]}'
 
 
-def surfaces_of(path: Path | None) -> dict[str, Named]:
-    """The known surfaces, or those of a JSON file in FORMAT; each may have "centre", "parameters" and
-    "singular_points" as well."""
+def named_surfaces(path: Path | None) -> dict[str, NamedSurface]:
+    """The surfaces of the catalogue, or those of a JSON file in FORMAT.
+
+    In a file, each surface may also have "centre", "parameters" and "singular_points".
+    """
     if path is None:
-        named = SURFACES.items()
-        return {n: Named(n, Surface(c.expression, c.radius, c.centre, c.parameters), c.singular) for n, c in named}
+        return {
+            name: NamedSurface(name, Surface(c.expression, c.radius, c.centre, c.parameters), c.singular)
+            for name, c in SURFACES.items()
+        }
     try:
-        listed = json.loads(path.read_text(encoding="utf-8"))["surfaces"]
-        return {e["name"]: _read(e) for e in listed}
+        entries = json.loads(path.read_text(encoding="utf-8"))["surfaces"]
+        return {e["name"]: _named_surface(e) for e in entries}
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise UserError(f"{path}: is no file of surfaces; it must hold {FORMAT}") from None
 
 
-def _read(entry: dict) -> Named:
+def _named_surface(entry: dict) -> NamedSurface:
     surface = Surface(
         entry["expression"],
         float(entry["bounding_radius"]),
@@ -83,12 +93,12 @@ def _read(entry: dict) -> Named:
     )
     points = tuple(map(tuple, entry.get("singular_points") or ()))
     name = entry["name"].replace("_", "-")
-    known = SURFACES.get(ALIASES.get(name, name))
-    return Named(entry["name"], surface, points or (known.singular if known else ()))
+    in_catalogue = SURFACES.get(ALIASES.get(name, name))
+    return NamedSurface(entry["name"], surface, points or (in_catalogue.singular if in_catalogue else ()))
 
 
 def single(v: np.ndarray) -> np.ndarray:
-    """Rounded to single precision."""
+    """Numbers rounded to single precision, as doubles."""
     return v.astype(np.float32).astype(float)
 
 
@@ -97,17 +107,17 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 
 def sphere(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Directions, uniform. Shapes: (n, 3)."""
+    """Uniform random directions. Shapes: (n, 3)."""
     return unit(rng.normal(size=(n, 3)))
 
 
 def ball(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Points of the unit ball, uniform. Shapes: (n, 3)."""
+    """Uniform random points of the unit ball. Shapes: (n, 3)."""
     return sphere(rng, n) * rng.random((n, 1)) ** (1 / 3)
 
 
-def camera(named: Named, n: int, rng: np.random.Generator) -> Bundle:
-    """Rays from eyes to points in the disc of the clip that faces them."""
+def camera(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
+    """Rays from three eyes to points on the disk through the clip's centre that faces the eye."""
     s = named.surface
     eyes = single(np.array(s.centre) + 3 * s.radius * sphere(rng, 3))
     o = eyes[np.arange(n) % len(eyes)]
@@ -115,96 +125,106 @@ def camera(named: Named, n: int, rng: np.random.Generator) -> Bundle:
     side = unit(np.cross(forward, sphere(rng, 1)))
     angle, radius = 2 * np.pi * rng.random((n, 1)), s.radius * np.sqrt(rng.random((n, 1)))
     target = np.array(s.centre) + radius * (np.cos(angle) * side + np.sin(angle) * np.cross(forward, side))
-    return Bundle(o, unit(target - o))
+    return RayBundle(o, unit(target - o))
 
 
-def inside(named: Named, n: int, rng: np.random.Generator) -> Bundle:
-    """Rays from anywhere in the clip."""
+def inside(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
+    """Rays from random points in the clip, in random directions."""
     s = named.surface
-    return Bundle(single(np.array(s.centre) + s.radius * ball(rng, n)), sphere(rng, n))
+    return RayBundle(single(np.array(s.centre) + s.radius * ball(rng, n)), sphere(rng, n))
 
 
-def past(
-    named: Named, p: np.ndarray, aside: np.ndarray, d: np.ndarray, least: float, rng: np.random.Generator
-) -> Bundle:
-    """Rays that run along d past the points p, on the side `aside` (of unit length) or its opposite, at 10^least of the
-    clip's radius or more. Shapes: (n, 3)."""
+def rays_past(
+    named: NamedSurface, p: np.ndarray, sideways: np.ndarray, d: np.ndarray, least: float, rng: np.random.Generator
+) -> RayBundle:
+    """Rays roughly along d that pass the points p, at 10^least to 10^LARGEST of the clip's radius.
+
+    sideways: unit vector; the ray passes on this side of the point or on the opposite one. Shapes: (n, 3) each.
+    """
     s, n = named.surface, len(p)
-    distance = s.radius * 10 ** rng.uniform(least, FAR, (n, 1)) * rng.choice([-1.0, 1.0], (n, 1))
+    distance = s.radius * 10 ** rng.uniform(least, LARGEST, (n, 1)) * rng.choice([-1.0, 1.0], (n, 1))
     o = single(p - s.radius * rng.uniform(0.5, 2.5, (n, 1)) * d)
-    return Bundle(o, unit(p + distance * aside - o))
+    return RayBundle(o, unit(p + distance * sideways - o))
 
 
-def grazing(named: Named, n: int, rng: np.random.Generator, rays: Bundle, truth: Truth) -> Bundle | None:
-    """Rays that touch the surface, or miss it, by next to nothing, near points at which others hit it."""
-    hit = np.flatnonzero(truth.good & np.isfinite(truth.t))
+def grazing(named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBundle, truth: Truth) -> RayBundle | None:
+    """Rays that just touch or just miss the surface, near points that other rays hit. None if no ray hits."""
+    hit = np.flatnonzero(truth.judged & np.isfinite(truth.t))
     if not len(hit):
         return None
-    kept = rays.part(hit)
-    p = kept.at(truth.t[hit], truth.low[hit])
+    p = rays.select(hit).points(truth.t[hit], truth.low[hit])
     g = named.surface.gradient(p)
     length = np.linalg.norm(g, axis=1)
-    ok = np.flatnonzero(length > 0)
-    if not len(ok):
+    regular = np.flatnonzero(length > 0)
+    if not len(regular):
         return None
-    pick = ok[rng.integers(len(ok), size=n)]
+    pick = regular[rng.integers(len(regular), size=n)]
     normal = g[pick] / length[pick, None]
     d = unit(np.cross(normal, sphere(rng, n)))
-    return past(named, np.stack([c.hi[0] for c in p], 1)[pick], normal, d, GRAZING, rng)
+    return rays_past(named, np.stack([c.hi[0] for c in p], 1)[pick], normal, d, LEAST_GRAZING, rng)
 
 
-def singular(named: Named, n: int, rng: np.random.Generator) -> Bundle | None:
-    """Rays past the singular points; None if none is known."""
-    points = named.points()
+def singular(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle | None:
+    """Rays past the singular points. None if none is known."""
+    points = named.singular_points()
     if not len(points):
         return None
     d = sphere(rng, n)
-    return past(named, points[rng.integers(len(points), size=n)], unit(np.cross(d, sphere(rng, n))), d, SINGULAR, rng)
+    passed = points[rng.integers(len(points), size=n)]
+    return rays_past(named, passed, unit(np.cross(d, sphere(rng, n))), d, LEAST_SINGULAR, rng)
 
 
 @dataclass(frozen=True)
-class Leaving:
-    """Rays that leave hits of others: `rays` by truth, from the exact points to 2^-100. first: the rays that hit, with
-    their distances t + low; p: the points in double; n: the unit normals there, along the gradient; skimming: at less
-    than 3 degrees to the surface. Shapes: (N, 3), (N)."""
+class SecondaryRays:
+    """Rays that leave the points where other rays hit the surface.
 
-    rays: Bundle
-    first: Bundle
+    rays: the secondary rays; their origins are the exact hit points to 2^-100
+    incoming: the rays that hit, a ray each
+    t, low: distance t + low of the hit along the incoming ray, (N)
+    n: unit normal there, along the gradient, (N, 3)
+    grazing: whether the secondary ray is at less than 3 degrees to the surface, (N)
+    """
+
+    rays: RayBundle
+    incoming: RayBundle
     t: np.ndarray
     low: np.ndarray
     n: np.ndarray
-    skimming: np.ndarray
+    grazing: np.ndarray
 
     @property
     def p(self) -> np.ndarray:
+        """The hit points in double precision. Shapes: (N, 3)."""
         return self.rays.o
 
-    def part(self, keep: np.ndarray) -> "Leaving":
-        fields = (v[keep] for v in (self.t, self.low, self.n, self.skimming))
-        return Leaving(self.rays.part(keep), self.first.part(keep), *fields)
+    def select(self, lanes: np.ndarray) -> "SecondaryRays":
+        """Chosen rays, by index or by mask."""
+        fields = (v[lanes] for v in (self.t, self.low, self.n, self.grazing))
+        return SecondaryRays(self.rays.select(lanes), self.incoming.select(lanes), *fields)
 
 
-def secondary(named: Named, n: int, rng: np.random.Generator, rays: Bundle, truth: Truth) -> Leaving | None:
-    """Rays from hits, where the hit, the side it is seen from and the normal are certain."""
-    surface, hit = named.surface, truth.good & np.isfinite(truth.t) & (truth.side != 0)
+def secondary(
+    named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBundle, truth: Truth
+) -> SecondaryRays | None:
+    """Secondary rays from hits whose point, side and normal are certain. None if there are no such hits."""
+    surface, hit = named.surface, truth.judged & np.isfinite(truth.t) & (truth.side != 0)
     if not hit.any():
         return None
-    first, t, low, side = rays.part(hit), truth.t[hit], truth.low[hit], truth.side[hit]
-    p = first.at(t, low)
+    incoming, t, low, side = rays.select(hit), truth.t[hit], truth.low[hit], truth.side[hit]
+    p = incoming.points(t, low)
     g = surface.gradient(p)
     length = np.linalg.norm(g, axis=1)
-    middle, rest = (np.stack(v, 1) for v in ([c.hi[0] for c in p], [c.lo[0] for c in p]))
-    # The gradient must point away from the side that the viewer is on: it does not where it is but noise.
-    ok = np.flatnonzero((length > 0) & ((g * first.d).sum(1) * side < 0))
-    if not len(ok):
+    point, point_low = (np.stack(v, 1) for v in ([c.hi[0] for c in p], [c.lo[0] for c in p]))
+    # Where the gradient is nothing but rounding noise, it may point to the wrong side; such hits are left out.
+    certain = np.flatnonzero((length > 0) & ((g * incoming.d).sum(1) * side < 0))
+    if not len(certain):
         return None
-    pick = ok[rng.integers(len(ok), size=n)]
-    skimming = np.arange(n) % 2 == 1
+    pick = certain[rng.integers(len(certain), size=n)]
+    is_grazing = np.arange(n) % 2 == 1
     normal = g[pick] / length[pick, None]
     across = unit(np.cross(normal, sphere(rng, n)))
-    cosine = np.where(skimming, LOW * (1 - rng.random(n)), 1 - rng.random(n))[:, None]
+    cosine = np.where(is_grazing, GRAZING_COSINE * (1 - rng.random(n)), 1 - rng.random(n))[:, None]
     d = unit(normal * (side[pick, None] * cosine) + across * np.sqrt(1 - cosine**2))
-    noise = ROUNDING * length[pick] * (np.abs(middle[pick]).max(1) + surface.radius)
-    out = Bundle(middle[pick], d, rest[pick], side[pick], noise)
-    chosen = first.part(pick)
-    return Leaving(out, chosen, t[pick], low[pick], normal, skimming)
+    noise = ROUNDING * length[pick] * (np.abs(point[pick]).max(1) + surface.radius)
+    outgoing = RayBundle(point[pick], d, point_low[pick], side[pick], noise)
+    return SecondaryRays(outgoing, incoming.select(pick), t[pick], low[pick], normal, is_grazing)

@@ -1,4 +1,4 @@
-"""What is put to the test: the kernel, or any function of rays."""
+"""Solvers under test: visray's kernel, or any function that intersects rays with a surface."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,115 +20,124 @@ from visray.pytree import rows
 from visray.ray import NOTHING_KNOWN, Ray
 from visray.scene.scene import Scene, Settings
 from visray.setup import prepare
-from visray.study.stability.exact.known_surface import Bundle, Surface
-from visray.study.stability.ray_sets import Leaving
+from visray.study.stability.exact.surface import RayBundle, Surface
+from visray.study.stability.ray_sets import SecondaryRays
 
-TIMED, RUNS = 1 << 17, 5
+TIMED_RAYS, RUNS = 1 << 17, 5
 
 
 class Solver(Protocol):
-    """What is put to the test."""
+    """A solver under test, for one surface."""
 
-    def first(self, rays: Bundle) -> tuple[np.ndarray, np.ndarray | None]:
-        """Distances, inf for none, and unit normals along the gradient, if it has any. Shapes: (N), (N, 3)."""
+    def first_hits(self, rays: RayBundle) -> tuple[np.ndarray, np.ndarray | None]:
+        """Distances of the first hits, inf for none, and unit normals along the gradient, or None.
 
-    def leave(self, leaving: Leaving) -> tuple[np.ndarray, np.ndarray]:
-        """Distances along rays that leave hits of its own, NaN where it has none; and whether anything is between."""
+        Shapes: (N), (N, 3).
+        """
 
-    def unresolved(self, rays: Bundle) -> int | None:
-        """On how many rays a part was too narrow to tell, where it says so itself."""
+    def secondary(self, secondary: SecondaryRays) -> tuple[np.ndarray, np.ndarray]:
+        """First hits and occlusion of rays that leave the solver's own hits of the incoming rays.
 
-    def seconds(self, rays: Bundle) -> float | None:
-        """How long one ray takes, on one thread."""
+        Returns distances, NaN where the solver does not hit with the incoming ray, and whether anything is in between.
+        Shapes: (N), (N).
+        """
+
+    def unresolved(self, rays: RayBundle) -> int | None:
+        """Number of rays on which the solver reports that rounding hides whether there is a root; None: no reports."""
+
+    def seconds(self, rays: RayBundle) -> float | None:
+        """Seconds a ray, on one thread."""
 
 
 @dataclass(frozen=True)
-class Function:
-    """A function (o, d) -> t as a solver. Rays that leave the surface it knows nothing of."""
+class FunctionSolver:
+    """A function (o, d) -> t as a solver. It is not told which rays leave the surface."""
 
     solve: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-    def first(self, rays: Bundle) -> tuple[np.ndarray, np.ndarray | None]:
+    def first_hits(self, rays: RayBundle) -> tuple[np.ndarray, np.ndarray | None]:
         return self.solve(rays.o, rays.d), None
 
-    def leave(self, leaving: Leaving) -> tuple[np.ndarray, np.ndarray]:
-        t = self.solve(leaving.rays.o, leaving.rays.d)
+    def secondary(self, secondary: SecondaryRays) -> tuple[np.ndarray, np.ndarray]:
+        t = self.solve(secondary.rays.o, secondary.rays.d)
         return t, np.isfinite(t)
 
-    def unresolved(self, rays: Bundle) -> int | None:
+    def unresolved(self, rays: RayBundle) -> int | None:
         return None
 
-    def seconds(self, rays: Bundle) -> float | None:
-        begun = clock.now()
+    def seconds(self, rays: RayBundle) -> float | None:
+        start = clock.now()
         self.solve(rays.o, rays.d)
-        return (clock.now() - begun) / len(rays)
+        return (clock.now() - start) / len(rays)
 
 
-class Kernel:
-    """visray's search in a scene that has only the surface, all in double."""
+class KernelSolver:
+    """visray's own search, in a scene that has only the surface, all in double precision."""
 
     def __init__(self, surface: Surface):
-        thing = Polynomial(
+        primitive = Polynomial(
             expression=surface.expression,
             parameters=dict(surface.parameters),
             clip=Ball(center=tuple(map(float, surface.centre)), radius=float(surface.radius)),
             ends="open",
         )
         try:
-            prepared = prepare(Scene(objects={"surface": thing}, settings=Settings(precision="double")))
+            prepared = prepare(Scene(objects={"surface": primitive}, settings=Settings(precision="double")))
         except PolynomialError as error:
             raise UserError(str(error)) from None
         self.a, self.kernel, self.far = prepared.a, prepared.kernel, 10 * surface.radius
 
     def triples(self, v: np.ndarray) -> Any:
+        """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
         return self.a.W(np.ascontiguousarray(v.T, float))
 
     def origin(self, o: Any) -> RayOrigin:
         return RayOrigin(self.kernel.geometry, o, shared=False)
 
-    def look(self, rays: Bundle) -> tuple:
+    def trace(self, rays: RayBundle) -> tuple:
+        """The rays, their hits and the surfaces there, as Dr.Jit records."""
         ray = Ray(self.triples(rays.o), self.triples(rays.d))
         hit = closest(self.origin(ray.o), ray)
         surface = surface_of(self.kernel, ray, hit)[0]
         return ray, hit, surface
 
-    def first(self, rays: Bundle) -> tuple[np.ndarray, np.ndarray | None]:
-        _, hit, surface = self.look(rays)
+    def first_hits(self, rays: RayBundle) -> tuple[np.ndarray, np.ndarray | None]:
+        _, hit, surface = self.trace(rays)
         dr.eval(hit, surface)
         return np.array(hit.t), np.array(surface.n, float).T
 
-    def leave(self, leaving: Leaving) -> tuple[np.ndarray, np.ndarray]:
-        first, hit, surface = self.look(leaving.first)
-        n, within = face_forward(surface.n, self.a.V(first.d))
-        d = self.triples(leaving.rays.d)
-        ray = Ray(surface.p, d, hit.row, within, surface.error, dr.dot(self.a.W(n), d), hit.part)
+    def secondary(self, secondary: SecondaryRays) -> tuple[np.ndarray, np.ndarray]:
+        incoming, hit, surface = self.trace(secondary.incoming)
+        n, inside = face_forward(surface.n, self.a.V(incoming.d))
+        d = self.triples(secondary.rays.d)
+        ray = Ray(surface.p, d, hit.row, inside, surface.error, dr.dot(self.a.W(n), d), hit.part)
         dr.eval(ray)
         origin = self.origin(ray.o)
-        again = closest(origin, ray)
-        between = occluded(origin, ray, Target(self.a.D(self.far), self.a.D(0)), self.a.B(True))
-        t = dr.select(hit.valid, again.t, dr.nan)
-        return np.array(t), np.array(between)
+        next_hit = closest(origin, ray)
+        is_occluded = occluded(origin, ray, Target(self.a.D(self.far), self.a.D(0)), self.a.B(True))
+        t = dr.select(hit.valid, next_hit.t, dr.nan)
+        return np.array(t), np.array(is_occluded)
 
-    def unresolved(self, rays: Bundle) -> int | None:
+    def unresolved(self, rays: RayBundle) -> int | None:
         ray = Ray(self.triples(rays.o), self.triples(rays.d))
         batch = self.kernel.batches[0]
         seen = batch.kind.seen(rows(batch.placed, self.a.U(0)), ray.o)
         return int(np.count_nonzero(np.array(batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved)))
 
-    def seconds(self, rays: Bundle) -> float | None:
-        repeat = np.resize(np.arange(len(rays)), TIMED)
-        ray = Ray(self.triples(rays.o[repeat]), self.triples(rays.d[repeat]))
+    def seconds(self, rays: RayBundle) -> float | None:
+        repeated = np.resize(np.arange(len(rays)), TIMED_RAYS)
+        ray = Ray(self.triples(rays.o[repeated]), self.triples(rays.d[repeated]))
         dr.eval(ray)
-        threads, best = dr.thread_count(), np.inf
+        threads, least = dr.thread_count(), np.inf
         try:
             dr.set_thread_count(1)
-            for _ in range(RUNS + 1):  # the first one compiles
+            for _ in range(RUNS + 1):  # the first run compiles
                 dr.sync_thread()
                 with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
                     dr.kernel_history_clear()
                     dr.eval(closest(self.origin(ray.o), ray))
-                    spent = clock.kernel_seconds(dr.kernel_history([dr.KernelType.JIT]))
-                best = min(best, spent)
+                    seconds = clock.kernel_seconds(dr.kernel_history([dr.KernelType.JIT]))
+                least = min(least, seconds)
         finally:
             dr.set_thread_count(threads)
-        return best / TIMED
+        return least / TIMED_RAYS

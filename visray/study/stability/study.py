@@ -1,8 +1,8 @@
-"""How a kernel answers for polynomial surfaces, against exact truth: what it misses, what it sees that is not there,
-how far off it is, and what a ray costs.
+"""The stability study: polynomial surfaces by a solver, compared with exact results.
 
-A solver is asked. The one that counts is the Kernel, visray's own search for the polynomial primitive; any function
-(o, d) -> t of arrays can be put in its place.
+It counts false misses, false hits and wrong roots, and measures the error of distances and normals, and the time of a
+ray. The solver is KernelSolver, visray's own search for the polynomial primitive; FunctionSolver puts any function
+(o, d) -> t of arrays in its place.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,36 +16,36 @@ from rich.table import Column, Table
 from visray.errors import UserError
 from visray.progress import Bar, Interrupts
 from visray.study.stability import ray_sets
-from visray.study.stability.exact.certified import Exact
-from visray.study.stability.exact.formulas import flint
-from visray.study.stability.exact.known_surface import Bundle, Surface
-from visray.study.stability.exact.truth import Truth, settled
-from visray.study.stability.judging import Row, judged
-from visray.study.stability.ray_sets import PARTS, SETS, Leaving, Named, surfaces_of
-from visray.study.stability.solvers import Kernel, Solver
+from visray.study.stability.exact.certified_roots import CertifiedSolver
+from visray.study.stability.exact.expressions import flint
+from visray.study.stability.exact.surface import RayBundle, Surface
+from visray.study.stability.exact.truth import Truth, first_hits
+from visray.study.stability.ray_sets import SECONDARY_SETS, SETS, NamedSurface, SecondaryRays, named_surfaces
+from visray.study.stability.scoring import Score, score
+from visray.study.stability.solvers import KernelSolver, Solver
 
-RAYS, SAMPLE, MOST = 12_000, 100, 1000 * 36
+# Rays of a set; of them, rays that NumPy settles and python-flint repeats. Rays that python-flint settles at most are
+# MOST_BY_FLINT over the degree squared, as its time grows with the degree.
+RAYS, SAMPLE, MOST_BY_FLINT = 12_000, 100, 1000 * 36
 
 
-def tested(named: Named, sets: Sequence[str], rays: int, seed: int, solver: Solver) -> list[Row]:
-    """A surface's rows, a set each."""
-    surface, found = named.surface, []
-    most = max(40, MOST // surface.degree**2)
+def scores_of_surface(named: NamedSurface, sets: Sequence[str], rays: int, seed: int, solver: Solver) -> list[Score]:
+    """The scores of a solver for one surface, one for each set of rays."""
+    surface, scores = named.surface, []
+    most = max(40, MOST_BY_FLINT // surface.degree**2)
     sample = min(SAMPLE, most // 4)
     rng = {name: np.random.default_rng([seed, i]) for i, name in enumerate(SETS)}
 
-    def settle(bundle: Bundle) -> Truth:
-        return settled(surface, bundle, sample, most, seed)
-
-    def add(name: str, bundle: Bundle | None, truth: Truth | None = None) -> Truth | None:
+    def add(name: str, bundle: RayBundle | None) -> Truth | None:
+        """Adds the score of a set, if it is asked for. Returns the exact hits."""
         if bundle is None:
             return None
-        truth = settle(bundle) if truth is None else truth
+        truth = first_hits(surface, bundle, sample, most, seed)
         if name in sets:
-            t, n = solver.first(bundle)
-            figures = judged(named, bundle, truth, t, n)
+            t, n = solver.first_hits(bundle)
+            figures = score(named, bundle, truth, t, n)
             figures |= {"unresolved": solver.unresolved(bundle), "seconds": solver.seconds(bundle)}
-            found.append(Row(named.name, surface.degree, name, **figures))
+            scores.append(Score(named.name, surface.degree, name, **figures))
         return truth
 
     bundles, truths = [], []
@@ -54,94 +54,108 @@ def tested(named: Named, sets: Sequence[str], rays: int, seed: int, solver: Solv
             bundles.append(getattr(ray_sets, name)(named, rays, rng[name]))
             truths.append(add(name, bundles[-1]))
     if len(bundles) == 2:
-        base = Bundle.joined(*bundles), Truth.joined(*truths)
+        camera_and_inside = RayBundle.joined(*bundles), Truth.joined(*truths)
     if "grazing" in sets:
-        add("grazing", ray_sets.grazing(named, rays, rng["grazing"], *base))
+        add("grazing", ray_sets.grazing(named, rays, rng["grazing"], *camera_and_inside))
     if "singular" in sets:
         add("singular", ray_sets.singular(named, rays, rng["singular"]))
     if "secondary" in sets:
-        found += left(named, ray_sets.secondary(named, rays, rng["secondary"], *base), sample, most, seed, solver)
-    return found
+        secondary = ray_sets.secondary(named, rays, rng["secondary"], *camera_and_inside)
+        scores += scores_of_secondary(named, secondary, sample, most, seed, solver)
+    return scores
 
 
-def left(named: Named, rays: Leaving | None, sample: int, most: int, seed: int, solver: Solver) -> list[Row]:
-    """The rows of rays that leave the surface."""
-    found = []
-    for skims, name in enumerate(PARTS if rays is not None else ()):
-        part = rays.part(rays.skimming == bool(skims))
-        if not len(part.t):
+def scores_of_secondary(
+    named: NamedSurface, secondary: SecondaryRays | None, sample: int, most: int, seed: int, solver: Solver
+) -> list[Score]:
+    """The scores for rays that leave the surface: over the hemisphere, and grazing."""
+    scores = []
+    for grazing, name in enumerate(SECONDARY_SETS if secondary is not None else ()):
+        selected = secondary.select(secondary.grazing == bool(grazing))
+        if not len(selected.t):
             continue
-        exact = Exact(named.surface)
+        certified = CertifiedSolver(named.surface)
 
-        def start(i: int, part: Leaving = part, exact: Exact = exact) -> list:
-            return exact.point(part.first.o[i], part.first.d[i], part.t[i], part.low[i])
+        def start(i: int, s: SecondaryRays = selected, certified: CertifiedSolver = certified) -> list:
+            return certified.hit_point(s.incoming.o[i], s.incoming.d[i], s.t[i], s.low[i])
 
-        truth = settled(named.surface, part.rays, sample, most // 2, seed, start)
-        t, between = solver.leave(part)
-        differs = int((truth.good & ~np.isnan(t) & (np.isfinite(t) != between)).sum())
-        figures = judged(named, part.rays, truth, t, None, start)
-        found.append(Row(named.name, named.surface.degree, name, any_hit_differs=differs, **figures))
-    return found
+        truth = first_hits(named.surface, selected.rays, sample, most // 2, seed, start)
+        t, is_occluded = solver.secondary(selected)
+        contradictions = int((truth.judged & ~np.isnan(t) & (np.isfinite(t) != is_occluded)).sum())
+        figures = score(named, selected.rays, truth, t, None, start)
+        scores.append(Score(named.name, named.surface.degree, name, any_hit_differs=contradictions, **figures))
+    return scores
 
 
 @dataclass(frozen=True)
 class Report:
-    """Rows, and surfaces that were left out, with the reason."""
+    """The report of the study.
+
+    rays: number of rays in a set
+    seed: of the rays
+    scores: one for each surface and set
+    left_out: surfaces that the solver cannot take, with the reason
+    stopped: whether Ctrl-C ended the study early
+    """
 
     rays: int
     seed: int
-    rows: list[Row]
+    scores: list[Score]
     left_out: dict[str, str] = field(default_factory=dict)
     stopped: bool = False
 
     @property
     def passed(self) -> bool:
-        """Whether there are rows, and every one is."""
-        return bool(self.rows) and all(r.passed for r in self.rows)
+        """Whether there are scores, and all of them pass."""
+        return bool(self.scores) and all(s.passed for s in self.scores)
 
     def as_json(self) -> dict[str, Any]:
         """The report as json.dumps takes it."""
         head = {"passed": self.passed, "rays": self.rays, "seed": self.seed, "stopped": self.stopped}
-        return head | {"left_out": self.left_out, "rows": [r.as_json() for r in self.rows]}
+        return head | {"left_out": self.left_out, "rows": [s.as_json() for s in self.scores]}
 
     def table(self) -> Table:
         """The report for the terminal."""
-        title = f"{'passed' if self.passed else 'FAILED'}: against exact answers, {self.rays} rays a set"
+        title = f"{'passed' if self.passed else 'FAILED'}: compared with exact results, {self.rays} rays a set"
         layout = {"title": title, "caption": self._notes(), "caption_justify": "left", "padding": (0, 0, 0, 1)}
         table = Table(*(Column(name, no_wrap=True) for name in ("surface", "rays")), **layout)
         for name in ("judged", "edge", "wrong", "|dt|", "normal", "ns"):
             table.add_column(name, justify="right", no_wrap=True)
-        before = ""
-        for r in self.rows:
-            if r.surface != before:
+        previous = ""
+        for s in self.scores:
+            if s.surface != previous:
                 table.add_section()
-            name = "" if r.surface == before else r.surface
-            rays = {"secondary, hemisphere": "leaving", "secondary, grazing": "skimming"}.get(r.rays, r.rays)
-            edge = f"{r.near_edge}" + (f"+{r.open}" if r.open else "")
-            wrong = f"{r.false_misses}/{r.false_hits}/{r.wrong_roots}" if r.errors else "0"
-            wrong += f" ({r.errors_within})" if r.errors_within else ""
-            ns = "" if r.seconds is None else f"{1e9 * r.seconds:.0f}"
-            figures = (f"{v:.1g}" if v is not None else "" for v in (r.ulps and r.ulps[1], r.degrees and r.degrees[0]))
-            style = None if r.passed else "red"
-            table.add_row(name, rays, f"{r.judged}", edge, wrong, *figures, ns, style=style)
-            before = r.surface
+            name = "" if s.surface == previous else s.surface
+            rays = {"secondary, hemisphere": "secondary", "secondary, grazing": "skimming"}.get(s.rays, s.rays)
+            edge = f"{s.near_edge}" + (f"+{s.open}" if s.open else "")
+            wrong = f"{s.false_misses}/{s.false_hits}/{s.wrong_roots}" if s.errors else "0"
+            wrong += f" ({s.errors_within})" if s.errors_within else ""
+            ns = "" if s.seconds is None else f"{1e9 * s.seconds:.0f}"
+            figures = (f"{v:.1g}" if v is not None else "" for v in (s.ulps and s.ulps[1], s.degrees and s.degrees[0]))
+            style = None if s.passed else "red"
+            table.add_row(name, rays, f"{s.judged}", edge, wrong, *figures, ns, style=style)
+            previous = s.surface
         return table
 
     def _notes(self) -> str:
-        """What a reader of the columns must know."""
-        rows = self.rows
-        exact, checked, off = (sum(getattr(r, k) for r in rows) for k in ("exact", "checked", "truth_wrong"))
+        """The legend of the table, and totals."""
+        scores = self.scores
+        exact, checked, contradicted = (sum(getattr(s, k) for s in scores) for k in ("exact", "checked", "truth_wrong"))
         lines = [
-            "judged: answers that double can tell; edge: those it cannot (+ not settled).",
-            "wrong: lost/false/other roots; of leaving and skimming rays (on a surface, all around",
-            "and at small angles) leaks/self-shadows/other roots; in brackets the shift of f, in",
-            "roundings of its terms, that makes them right. 0 of n: below 3/n (95 %).",
-            "|dt|: p99.9, units in the last place of t; normal: p99.9, degrees; ns: one ray, one thread.",
-            f"Settled exactly: {exact} rays; of the others {checked} checked so, {off} of them off.",
-            f"NaN: {sum(r.nan for r in rows)}; unresolved: {sum(r.unresolved or 0 for r in rows)}; "
-            f"any hit and first hit differ: {sum(r.any_hit_differs or 0 for r in rows)}.",
+            "rays: secondary rays leave the surface in all directions, skimming ones at less than 3 degrees.",
+            "judged: rays whose hit is defined in double precision; edge: the other rays (+ those not settled).",
+            "wrong: false misses/false hits/wrong roots (of secondary and skimming rays: light leaks/self-shadows/"
+            "wrong roots), in brackets the shift of f, in roundings of its terms, that explains them. If 0 of n rays "
+            "are wrong, the rate is below 3/n (95 %).",
+            "|dt|: error of the distance, 99.9 % quantile, in units of the last place.",
+            "normal: error of the normal, 99.9 % quantile, in degrees.",
+            "ns: nanoseconds a ray, on one thread.",
+            f"Settled by exact arithmetic: {exact} rays; by NumPy: the others, of which {checked} were checked exactly "
+            f"and {contradicted} differed.",
+            f"NaN: {sum(s.nan for s in scores)}; unresolved: {sum(s.unresolved or 0 for s in scores)}; "
+            f"first hit and occlusion contradict: {sum(s.any_hit_differs or 0 for s in scores)}.",
         ]
-        lines += [f"left out: {name}: {why}" for name, why in self.left_out.items()]
+        lines += [f"left out: {name}: {reason}" for name, reason in self.left_out.items()]
         return "\n".join(lines + ["stopped early"] * self.stopped)
 
 
@@ -152,26 +166,33 @@ def run(
     only: Sequence[str] = (),
     seed: int = 0,
     progress: bool = False,
-    solver: Callable[[Surface], Solver] = Kernel,
+    solver: Callable[[Surface], Solver] = KernelSolver,
 ) -> Report:
-    """The study of the surfaces of a file, or of the known ones. Ctrl-C keeps what is done so far."""
+    """Runs the study. Ctrl-C ends it and keeps the scores so far.
+
+    surfaces: a JSON file of surfaces; None: the catalogue
+    rays: number of rays in a set
+    sets: names of the sets of rays
+    only: names of surfaces; none: all
+    solver: makes the solver of a surface
+    """
     flint()
     if unknown := [s for s in sets if s not in SETS]:
         raise UserError(f"sets = {', '.join(unknown)}: must be of {', '.join(SETS)}")
     if not isinstance(rays, int) or rays < 10:
         raise UserError(f"rays = {rays}: must be a whole number, at least 10")
-    every = surfaces_of(surfaces)
-    if missing := [n for n in only if n not in every]:
-        raise UserError(f"only = {', '.join(missing)}: must be of {', '.join(every)}")
-    chosen = {n: s for n, s in every.items() if not only or n in only}
-    rows, left_out = [], {}
+    known = named_surfaces(surfaces)
+    if missing := [name for name in only if name not in known]:
+        raise UserError(f"only = {', '.join(missing)}: must be of {', '.join(known)}")
+    chosen = {name: named for name, named in known.items() if not only or name in only}
+    scores, left_out = [], {}
     with Interrupts() as interrupts, Bar("testing", len(chosen), progress) as bar:
-        for i, (name, one) in enumerate(chosen.items()):
+        for i, (name, named) in enumerate(chosen.items()):
             if interrupts.requested:
                 break
             try:
-                rows += tested(one, sets, rays, seed, solver(one.surface))
+                scores += scores_of_surface(named, sets, rays, seed, solver(named.surface))
             except UserError as error:
                 left_out[name] = error.lines[0]
             bar.at(i + 1)
-        return Report(rays, seed, rows, left_out, interrupts.requested)
+        return Report(rays, seed, scores, left_out, interrupts.requested)

@@ -1,1 +1,1 @@
-"""First hits of rays and polynomial surfaces in exact arithmetic, apart from all that kernels do."""
+"""Exact first hits of rays with polynomial surfaces."""

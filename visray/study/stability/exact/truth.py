@@ -1,13 +1,13 @@
-"""What is true of rays and a polynomial surface: first hits, by exact arithmetic.
+"""The exact first hits of rays with a polynomial surface.
 
-Rays are doubles, hence rationals, and f is taken as written, with roots of numbers to 2^-140. The polynomial of a ray
-is then exact, and python-flint certifies its real roots. That takes a millisecond. So most rays are settled first in
-NumPy, where that is certain: the first change of sign is isolated by Bernstein coefficients clear of a margin that is
-more than their rounding and `tau`, and confirmed in double-double. Truth does not depend on what a kernel does.
+Rays are doubles, hence rationals, and f is taken as written, with square roots of numbers to 2^-140. So the polynomial
+along a ray is exact, and python-flint certifies its real roots (certified_roots.py). That takes a millisecond a ray. So
+most rays are settled in NumPy where it is certain: the first sign change is isolated by Bernstein coefficients that
+exceed their rounding and tau (root_isolation.py), and is confirmed in double-double. No kernel takes part.
 
-A ray's answer counts only where it is defined to the noise of double. `near`: it changes when f is shifted by tau =
-4 2^-53 sum |c_k|, with c_k the coefficients of the ray polynomial on the chord of the clip, s from -1 to 1; or it lies
-on the clip to within rounding.
+A ray is judged only where its hit is defined to the noise of double precision. It is near an edge if the hit changes
+when f is shifted by tau = 4 2^-53 sum |c_k|, with c_k the coefficients of the polynomial on the chord of the clip, s
+from -1 to 1; or if the hit lies on the clip to within rounding.
 """
 
 from collections.abc import Callable
@@ -16,31 +16,43 @@ from math import inf
 
 import numpy as np
 
-from visray.study.stability.exact.certified import JUMP, Exact
-from visray.study.stability.exact.isolation import Chord, confirmed, isolated, shifted
-from visray.study.stability.exact.known_surface import Bundle, Surface, certain_value
-from visray.study.stability.exact.twofold import Twofold
+from visray.study.stability.exact.certified_roots import JUMP, CertifiedSolver
+from visray.study.stability.exact.double_double import DoubleDouble
+from visray.study.stability.exact.root_isolation import (
+    ChordPolynomial,
+    first_root_shifted,
+    isolate_first_root,
+    refine,
+)
+from visray.study.stability.exact.surface import RayBundle, Surface, certain_value
 
 
 @dataclass
 class Truth:
-    """First hits: t + low, inf where nothing is hit. near: not defined to the noise of double. exact: settled by
-    python-flint; open: by nothing, as there were too many. side: the sign of f in front of the hit. checked, wrong: how
-    many that NumPy settled were asked again, and of them differed. Shapes: (N)."""
+    """The exact first hits of rays. Shapes: (N).
+
+    t, low: the distance is t + low, inf for none
+    near_edge: whether the hit is undefined to the noise of double precision
+    by_flint: whether python-flint settled the ray
+    unsettled: whether nothing did, because too many rays needed python-flint
+    side: the sign of f just before the hit, 0 if unknown
+    checked: how many rays that NumPy settled were repeated by python-flint
+    contradicted: how many of these came out differently
+    """
 
     t: np.ndarray
     low: np.ndarray
-    near: np.ndarray
-    exact: np.ndarray
-    open: np.ndarray
+    near_edge: np.ndarray
+    by_flint: np.ndarray
+    unsettled: np.ndarray
     side: np.ndarray
     checked: int = 0
-    wrong: int = 0
+    contradicted: int = 0
 
     @property
-    def good(self) -> np.ndarray:
-        """Rays whose answer counts."""
-        return ~self.near & ~self.open
+    def judged(self) -> np.ndarray:
+        """Whether the ray's hit is known, and defined to the noise of double precision."""
+        return ~self.near_edge & ~self.unsettled
 
     @property
     def hit(self) -> np.ndarray:
@@ -48,63 +60,93 @@ class Truth:
 
     @staticmethod
     def joined(a: "Truth", b: "Truth") -> "Truth":
-        """That of both."""
-        arrays = [np.concatenate([getattr(a, k), getattr(b, k)]) for k in ("t", "low", "near", "exact", "open", "side")]
-        return Truth(*arrays, a.checked + b.checked, a.wrong + b.wrong)
+        """The hits of both sets of rays."""
+        fields = ("t", "low", "near_edge", "by_flint", "unsettled", "side")
+        arrays = [np.concatenate([getattr(a, k), getattr(b, k)]) for k in fields]
+        return Truth(*arrays, a.checked + b.checked, a.contradicted + b.contradicted)
 
 
-def settled(
-    surface: Surface, rays: Bundle, sample: int, most: int, seed: int = 0, starts: Callable | None = None
+def first_hits(
+    surface: Surface, rays: RayBundle, sample: int, most: int, seed: int = 0, starts: Callable | None = None
 ) -> Truth:
-    """The first hits of rays. `sample` of those that NumPy settles are asked again of python-flint, and no more than
-    `most` of the rest; starts(i): the exact origin of ray i, for rays that leave the surface."""
-    n, chord = len(rays), Chord.of(surface, rays)
-    found, low, high, certain = isolated(chord, chord.tau + chord.rounding, rays.side)
+    """The exact first hits of rays.
+
+    sample: how many rays that NumPy settles python-flint repeats, as a check
+    most: how many of the other rays python-flint settles at most
+    starts: starts(i) is the exact origin of ray i, for rays that leave the surface
+    """
+    n, chord = len(rays), ChordPolynomial.of(surface, rays)
+    exists, low, high, certain = isolate_first_root(chord, chord.tau + chord.rounding, rays.side)
     truth = Truth(np.full(n, inf), np.zeros(n), *(np.zeros(n, bool) for _ in range(3)), np.zeros(n))
     doubtful = np.flatnonzero(~certain & ~chord.doubtful)
     if len(doubtful) and rays.side is None:
-        # With more digits: f, and f shifted by tau either way.
-        fine = Chord.of(surface, rays.part(doubtful), np.longdouble)
-        answers = [shifted(fine, by * fine.tau) for by in (0, 1, -1)]
-        t, *bracket, _ = answers[0]
-        sure, there = np.logical_and.reduce([a[3] for a in answers]), np.isfinite(t)
-        s = np.where(there, (t - fine.middle) / fine.half, 0)
-        slope = np.polynomial.polynomial.polyval(s, np.polynomial.polynomial.polyder(fine.coefficients), tensor=False)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            # The same root, if it moves as the slope says; where two are about to meet, by up to twice as much.
-            reach = 1.3 * fine.half * fine.tau / np.abs(slope)
-            moves = [np.where(there | np.isfinite(a[0]), np.abs(a[0] - t), 0) for a in answers[1:]]
-            near = np.logical_or.reduce([~(m <= np.where(there, JUMP * t, 0)) for m in moves])
-            sure &= near | np.logical_and.reduce([~there | (m <= reach) for m in moves])
-        truth.near[doubtful] = sure & near
-        found[doubtful], certain[doubtful] = np.isfinite(t), sure
+        t, bracket, near_edge, settled = _with_more_digits(surface, rays.select(doubtful))
+        truth.near_edge[doubtful] = settled & near_edge
+        exists[doubtful], certain[doubtful] = np.isfinite(t), settled
         low[doubtful], high[doubtful] = bracket
-    hits = found & certain & ~truth.near
+    hits = exists & certain & ~truth.near_edge
     if hits.any():
-        t, rest, ok, before = confirmed(surface, rays.part(hits), chord.part(hits), low[hits], high[hits])
-        truth.t[hits], truth.low[hits], truth.side[hits] = t, rest, before
-        certain[np.flatnonzero(hits)[~ok]] = False
-    rng, exact = np.random.default_rng([seed, 7]), Exact(surface)
-    again = rng.permutation(np.flatnonzero(certain))[:sample]
-    doubtful = rng.permutation(np.flatnonzero(~certain))
-    truth.open[doubtful[most:]] = True
-    sides = np.full(n, None) if rays.side is None else rays.side
-    for i in np.concatenate([again, doubtful[:most]]):
-        o = [float(x) for x in rays.o[i]] if starts is None else starts(i)
-        t, rest, near, _ = exact.first(o, rays.d[i], float(chord.tau[i]), sides[i])
-        if certain[i]:
-            truth.checked += 1
-            off = 0.0 if t == truth.t[i] else abs(t - truth.t[i] + rest - truth.low[i])
-            truth.wrong += int(near != truth.near[i] or not (near or off <= 2.0**-54 * t))
-        else:
-            truth.t[i], truth.low[i], truth.near[i], truth.exact[i] = t, rest, near, True
-    fresh = truth.exact & np.isfinite(truth.t) & ~truth.near
-    truth.side[fresh] = _sign_before(surface, rays.part(fresh), truth.t[fresh], truth.low[fresh])
+        refined = refine(surface, rays.select(hits), chord.select(hits), low[hits], high[hits])
+        truth.t[hits], truth.low[hits], confirmed, truth.side[hits] = refined
+        certain[np.flatnonzero(hits)[~confirmed]] = False
+    _settle_by_flint(surface, rays, chord.tau, truth, certain, sample, most, seed, starts)
+    new = truth.by_flint & np.isfinite(truth.t) & ~truth.near_edge
+    truth.side[new] = _sign_before(surface, rays.select(new), truth.t[new], truth.low[new])
     return truth
 
 
-def _sign_before(surface: Surface, rays: Bundle, t: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """The sign of f just in front of hits, 0 where double-double does not tell."""
+def _with_more_digits(
+    surface: Surface, rays: RayBundle
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray, np.ndarray]:
+    """First roots in long double: (t, bracket, near_edge, settled), from f and from f shifted by tau either way."""
+    chord = ChordPolynomial.of(surface, rays, np.longdouble)
+    roots = [first_root_shifted(chord, k * chord.tau) for k in (0, 1, -1)]
+    t, *bracket, _ = roots[0]
+    settled, hit = np.logical_and.reduce([r[3] for r in roots]), np.isfinite(t)
+    s = np.where(hit, (t - chord.middle) / chord.half, 0)
+    derivative = np.polynomial.polynomial.polyder(chord.coefficients)
+    slope = np.polynomial.polynomial.polyval(s, derivative, tensor=False)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # A root that moves as the slope says is still the same root. Where two roots are about to meet, the root moves
+        # up to twice as far; such rays stay for python-flint.
+        expected = 1.3 * chord.half * chord.tau / np.abs(slope)
+        moves = [np.where(hit | np.isfinite(r[0]), np.abs(r[0] - t), 0) for r in roots[1:]]
+        near_edge = np.logical_or.reduce([~(m <= np.where(hit, JUMP * t, 0)) for m in moves])
+        settled &= near_edge | np.logical_and.reduce([~hit | (m <= expected) for m in moves])
+    return t, (bracket[0], bracket[1]), near_edge, settled
+
+
+def _settle_by_flint(
+    surface: Surface,
+    rays: RayBundle,
+    tau: np.ndarray,
+    truth: Truth,
+    certain: np.ndarray,
+    sample: int,
+    most: int,
+    seed: int,
+    starts: Callable | None,
+) -> None:
+    """Settles rays by python-flint, at most `most`, and repeats a sample of those that are certain. Fills `truth`."""
+    rng, solver = np.random.default_rng([seed, 7]), CertifiedSolver(surface)
+    repeated = rng.permutation(np.flatnonzero(certain))[:sample]
+    doubtful = rng.permutation(np.flatnonzero(~certain))
+    truth.unsettled[doubtful[most:]] = True
+    sides = np.full(len(rays), None) if rays.side is None else rays.side
+    for i in np.concatenate([repeated, doubtful[:most]]):
+        o = [float(x) for x in rays.o[i]] if starts is None else starts(i)
+        t, low, near_edge, _ = solver.first_hit(o, rays.d[i], float(tau[i]), sides[i])
+        if certain[i]:
+            truth.checked += 1
+            difference = 0.0 if t == truth.t[i] else abs(t - truth.t[i] + low - truth.low[i])
+            same = near_edge == truth.near_edge[i] and (near_edge or difference <= 2.0**-54 * t)
+            truth.contradicted += int(not same)
+        else:
+            truth.t[i], truth.low[i], truth.near_edge[i], truth.by_flint[i] = t, low, near_edge, True
+
+
+def _sign_before(surface: Surface, rays: RayBundle, t: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """The sign of f just before hits, 0 where double-double leaves it uncertain. Shapes: (N)."""
     if not len(t):
         return np.zeros(0)
-    return np.sign(certain_value(surface, rays, Twofold(t, low) + Twofold(-(2.0**-40) * np.abs(t))))
+    return np.sign(certain_value(surface, rays, DoubleDouble(t, low) + DoubleDouble(-(2.0**-40) * np.abs(t))))

@@ -1,0 +1,163 @@
+"""The visray side of light: what arrives at hit points, and whether given shadow rays are occluded.
+
+The first comes from the kernels of a picture; the second repeats their searches on shadow rays that are given.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import integrator, pytree
+from visray.accel.intersect import Target, occluded, transmittance
+from visray.accel.origin import RayOrigin
+from visray.direct import area_light, light_sample
+from visray.interaction import Interaction, interact
+from visray.kernel_scene import PreparedLight
+from visray.lights.light import AreaLight, Light
+from visray.quantities import stacked
+from visray.ray import NO_ROW, Ray
+from visray.sampling import SampleSet
+from visray.study.mitsuba.shadow_rays import ShadowRays
+from visray.study.mitsuba.visray_scene import TracedRays, VisrayScene, to_numpy
+
+
+@dataclass(frozen=True)
+class LightArrival:
+    """Light from one light at the hit points.
+
+    reached: whether any light arrives, (N)
+    cosine: of the light's direction with the normal; no light arrives where it is not positive, (N)
+    transmittance: the share of light that transparent objects let through, (N, 3); None where they count as opaque
+    """
+
+    reached: np.ndarray
+    cosine: np.ndarray
+    transmittance: np.ndarray | None = None
+
+
+def arriving_light(ours: VisrayScene, traced: TracedRays) -> Iterator[LightArrival]:
+    """The arrival of each light that is no area light, in the order of the scene."""
+    interaction = _interaction(ours, traced)
+    n = len(traced.first_hits.t)
+    for light in _lights(ours):
+        sample = light_sample(ours.kernel, interaction, light)
+        share = None if sample.transmittance is None else np.broadcast_to(to_numpy(sample.transmittance), (n, 3))
+        yield LightArrival(np.array(sample.arrives), np.array(sample.cosine, float), share)
+
+
+def arriving_light_of_point(ours: VisrayScene, traced: TracedRays, light: AreaLight, point: np.ndarray) -> LightArrival:
+    """The arrival of one point of an area light, by the kernel that samples many points.
+
+    point: relative to the centre, (3).
+    """
+    a, row = ours.a, light_table(ours, light)
+    away = a.W(*(ours.centre + point).tolist()) - row.position
+    pinned = PreparedLight(type(light), PinnedAreaLight(row, away), SampleSet.of(a, 1), 1, 0, None)
+
+    def reflected(_: Any, __: Interaction, ___: Any, sample: Any) -> Any:
+        return a.V(dr.select(sample.arrives, a.F(1), 0), sample.cosine, 0)
+
+    reached, cosine, _ = to_numpy(area_light(ours.kernel, _interaction(ours, traced), pinned, reflected)).T
+    return LightArrival(reached > 0, cosine)
+
+
+class PinnedAreaLight:
+    """An area light whose samples all lie at one point, at the offset `away` from its middle."""
+
+    def __init__(self, light: Any, away: Any):
+        self.light, self.away = light, dr.make_opaque(away) or away
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.light, name)
+
+    def point_offset(self, w: Any, u: Any, v: Any) -> Any:
+        return w(self.away)
+
+
+def _interaction(ours: VisrayScene, traced: TracedRays) -> Interaction:
+    state = integrator.single_sample_state(ours.kernel, len(traced.first_hits.t))
+    return interact(ours.kernel, traced.ray, traced.hit, state)
+
+
+def _lights(ours: VisrayScene) -> list[PreparedLight]:
+    """All lights in the order of the scene. Lights that the kernel handles in a loop are taken out one by one."""
+    lights = {light.number: light for light in ours.kernel.lights}
+    for batch in ours.kernel.looped_lights:
+        columns = next(c for c in ours.prepared.packed.lights if c.kind is batch.kind)
+        for i, place in enumerate(columns.scene_index):
+            row = pytree.rows(batch.table, dr.opaque(ours.a.U, i))
+            lights[place] = PreparedLight(batch.kind, row, None, 0, place, None)
+    return [lights[i] for i in sorted(lights)]
+
+
+def light_table(ours: VisrayScene, light: Light) -> Any:
+    """A light with Dr.Jit fields, as the methods of its kind take it."""
+    return stacked(ours.a, type(light), [light])
+
+
+def sends_light(ours: VisrayScene, light: Light, shadow_rays: ShadowRays) -> np.ndarray:
+    """Whether a light sends anything towards the points where shadow rays start. Shapes: (N)."""
+    aim = light_table(ours, light).falloff(ours.triples(-shadow_rays.l))
+    return np.ones(len(shadow_rays.p), bool) if aim is None else np.array(aim) > 0
+
+
+def objects_touching(ours: VisrayScene, p: np.ndarray, tolerance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Objects whose surface passes within `tolerance` of the point p, and the unit normals there.
+
+    For flat shapes the whole plane counts. p is relative to the centre.
+    Shapes: p (3), tolerance (objects) -> (K), (K, 3).
+    """
+    point = ours.a.W(*(ours.centre + p).tolist())
+    levels = [batch.kind.surface_at(batch.placed, point) for batch in ours.kernel.batches]
+    f = np.concatenate([np.array(f, float) for f, _ in levels])
+    n = np.concatenate([to_numpy(g) for _, g in levels])
+    size = np.linalg.norm(n, axis=1)
+    touching = np.flatnonzero(np.abs(f) <= tolerance * size)
+    return touching, n[touching] / size[touching, None]
+
+
+def unoccluded(
+    ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, active: np.ndarray, on_hit_surface: bool = True
+) -> np.ndarray:
+    """Whether nothing lies on shadow rays; always true in a scene without shadows. Shapes: (N).
+
+    on_hit_surface: the shadow rays start on the surfaces that the traced rays hit.
+    """
+    if not ours.prepared.scene.settings.shadows:
+        return np.ones(len(shadow_rays.p), bool)
+    return ~np.array(occluded(*_search(ours, traced, shadow_rays, on_hit_surface), ours.a.B(active)))
+
+
+def transmittances(ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, active: np.ndarray) -> np.ndarray:
+    """The share of light that transparent objects let through on shadow rays from hit surfaces. Shapes: (N, 3)."""
+    materials = tuple((batch.material.kt, batch.material.dmax) for batch in ours.kernel.batches)
+    return to_numpy(transmittance(*_search(ours, traced, shadow_rays, True), ours.a.B(active), materials, False))
+
+
+def _search(
+    ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, on_hit_surface: bool
+) -> tuple[RayOrigin, Ray, Target]:
+    """The origin, ray and target that the kernels search with.
+
+    The kernels search from a light to the point, but from the point to a light that is infinitely far away.
+    """
+    a, n = ours.a, len(shadow_rays.p)
+    inside = a.B(traced.inside())
+    if shadow_rays.infinite:
+        ray = Ray(ours.triples(ours.centre + shadow_rays.p), ours.triples(shadow_rays.l))
+        target = Target(a.D(shadow_rays.length), dr.zeros(a.D, n))
+        if on_hit_surface:
+            # The search starts beyond the error of the point, so that surfaces flush with its own are not hit.
+            cosine = a.D(np.abs((traced.first_hits.n * shadow_rays.l).sum(1)))
+            clearance = traced.surface.error / dr.select(cosine > 0, cosine, 1)
+            ray = Ray(ray.o, ray.d, row=traced.hit.row, inside=inside, clearance=clearance, part=traced.hit.part)
+    else:
+        ray = Ray(ours.triples(ours.centre + shadow_rays.end), ours.triples(-shadow_rays.l))
+        row = traced.hit.row if on_hit_surface else dr.opaque(a.U, NO_ROW, n)
+        # The part is not read where the end lies on no row.
+        error, part = traced.surface.error, traced.hit.part
+        target = Target(a.D(shadow_rays.length), error, row, inside & on_hit_surface, part)
+    return RayOrigin(ours.kernel.geometry, ray.o, shared=False), ray, target

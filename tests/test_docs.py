@@ -118,6 +118,13 @@ def test_the_reports_are_of_every_scene_and_all_passed():
     assert all(r["passed"] for r in report.values())
 
 
+@page
+def test_a_page_speaks_of_nothing_that_its_reader_does_not_have(page):
+    """Paths of one machine, and words that only people who work on visray know."""
+    text = re.sub(r"<!--.*?-->", "", TEXTS[page])
+    assert not re.search(r"/work/|/tmp/|/home/|\bshared/|worktree|DESIGN|seed (format|scene)", text)
+
+
 # What is shown runs.
 
 

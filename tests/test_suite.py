@@ -1,4 +1,4 @@
-"""The quick suite, `pytest -m "not slow"`, leaves out no part of visray and no kind; reference/nightly says what fails."""
+"""The quick suite, `pytest -m "not slow"`, leaves out no part and no kind; reference/nightly says what fails."""
 
 import sys
 from importlib.machinery import SourceFileLoader

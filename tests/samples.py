@@ -219,8 +219,11 @@ class RoundTorus:
         z, dz = dot(w, n), dot(d, n)
         c = dot(w, w) - major**2 - minor**2
 
-        def f(t: np.ndarray) -> np.ndarray:
-            return (t * t + c) ** 2 - 4 * major**2 * (minor - z - t * dz) * (minor + z + t * dz)
+        minor = np.broadcast_to(minor, shift.shape)
+
+        def f(t: np.ndarray, i: Any = ...) -> np.ndarray:
+            lift = t * dz[i]
+            return (t * t + c[i]) ** 2 - 4 * major**2 * (minor[i] - z[i] - lift) * (minor[i] + z[i] + lift)
 
         # f' / 4 = t^3 + p t + q.
         p, q = c + 2 * major**2 * dz**2, 2 * major**2 * z * dz
@@ -233,14 +236,15 @@ class RoundTorus:
         inside = (f(start) < 0) & (np.abs(shift) < far)
         for low, high in pairwise(ends):
             low = np.maximum(low, start)
-            crossed = (low < high) & ((f(low) < 0) != (f(high) < 0)) & (what == 0)
             below = f(low) < 0
+            i = np.flatnonzero((low < high) & (below != (f(high) < 0)) & (what == 0))
+            low, high, below = low[i], high[i], below[i]
             for _ in range(70):
                 middle = (low + high) / 2
-                same = (f(middle) < 0) == below
+                same = (f(middle, i) < 0) == below
                 low, high = np.where(same, middle, low), np.where(same, high, middle)
-            t = np.where(crossed, (low + high) / 2 + shift, t)
-            what = np.where(crossed, np.where(inside, 2, 1), what)
+            t[i] = (low + high) / 2 + shift[i]
+            what[i] = np.where(inside[i], 2, 1)
         return what, t / size
 
     @staticmethod

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from light_samples import light_sample
 from samples import SAMPLES, inverse, outer, real, unit
 from test_sampling import SIGMA
 from test_shading import BLACK, DARK, PRECISIONS, seen
@@ -173,17 +174,16 @@ def test_no_attenuation_keeps_the_cone(precision: str, everything: bool) -> None
 # Attenuation
 
 TINY = 1e-6  # An area light of this size is a point but for 1e-6 of its distance.
-SMALL = {
-    PointLight: lambda p: PointLight(position=p),
-    SpotLight: lambda p: SpotLight(position=p, direction=(0.0, -1.0, 0.0), angle=85.0),
-    RectangleLight: lambda p: RectangleLight(position=p, width=(TINY, 0, 0), height=(0, 0, TINY), samples=3),
-    DiskLight: lambda p: DiskLight(position=p, radius=TINY, samples=3),
-    SphereLight: lambda p: SphereLight(position=p, radius=TINY, samples=3),
-}
+PLACED = [kind for kind in KINDS if kind.has_position]
+
+
+def small(kind: type, p: tuple, **more: Any) -> Any:
+    """A light of a kind at p that is TINY wide and shines down."""
+    return replace(light_sample(kind.__name__).above(p, TINY), **({"samples": 3} if kind.has_area else {}) | more)
 
 
 @PRECISIONS
-@pytest.mark.parametrize("kind", SMALL, ids=lambda k: k.__name__)
+@pytest.mark.parametrize("kind", PLACED, ids=lambda k: k.__name__)
 def test_attenuation_of_each_kind(precision: str, kind: type) -> None:
     """n.l / (a + b d + c d^2), d over decades; nothing where all three are 0."""
     rng = np.random.default_rng(5)
@@ -193,7 +193,7 @@ def test_attenuation_of_each_kind(precision: str, kind: type) -> None:
         far = np.linalg.norm(l)
         weight = a + b * far + c * far * far
         hand = l[1] / far / (weight if weight else 1)
-        lamp = replace(SMALL[kind](triple(l)), a=float(a), b=float(b), c=float(c))
+        lamp = small(kind, triple(l), a=float(a), b=float(b), c=float(c))
         found = at(scene_of({"l": lamp}, precision=precision), (0, 0, 0))[0]
         # A part of the lamp is nearer by TINY, which counts up to thrice.
         assert abs(found - hand) <= (gamma(20, precision) + (3 * 2 * TINY / far if kind.has_area else 0)) * hand
@@ -426,22 +426,12 @@ def some_lights(rng: np.random.Generator, kind: type, size: float) -> dict:
     for i in range(4):
         own: dict[str, Any] = {"Ia": colour(), "Id": colour(), "Is": colour(), "intensity": float(rng.uniform(0.5, 2))}
         place = tuple((rng.normal(size=3) * (3, 0.5, 3) + (0, 5, 0)).tolist())
-        down = tuple((rng.normal(size=3) * (0.5, 0.1, 0.5) - (0, 1, 0)).tolist())
         own["a"] = float(rng.uniform(0.5, 1))
         if kind.has_position:
             own |= {"position": place, "b": 0.1, "c": float(rng.uniform(0, 0.2))}
-        if kind is DirectionalLight or kind is SpotLight:
-            own["direction"] = down
-        if kind is SpotLight:
-            own |= {"angle": float(rng.uniform(20, 80)), "exponent": float(rng.uniform(0, 3))}
         if kind.has_area:
             own["samples"] = (3, 1, 16, 5)[i]
-        if kind is DiskLight or kind is SphereLight:
-            own["radius"] = size * float(rng.uniform(0.2, 1))
-        if kind is DiskLight:
-            own["normal"] = down
-        if kind is RectangleLight:
-            own |= {"width": tuple((size * rng.normal(size=3)).tolist()), "height": (0.0, 0.1 * size, size)}
+        own |= light_sample(kind.__name__).random(rng, size)
         made[f"l{i}"] = kind(**own)
     return made
 
@@ -512,7 +502,7 @@ def test_each_light_draws_samples_of_its_own(looped: bool, monkeypatch: pytest.M
 def test_lights_are_looped_over_from_where_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than so many lights times objects, the first of them counted once more; a kind with one light never."""
     lights = {f"l{i}": PointLight(position=(float(i), 5.0, 0.0)) for i in range(5)}
-    lights["one"] = SMALL[SpotLight]((0.0, 4.0, 0.0))
+    lights["one"] = small(SpotLight, (0.0, 4.0, 0.0))
     for limit, looped in ((6 * 3, 0), (6 * 3 - 1, 1)):
         monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", limit)
         kernel = prepare(scene_of(lights, {"floor": Plane(), "ball": Sphere()})).kernel
@@ -537,9 +527,10 @@ def test_ambient_light_of_each_kind_gets_everywhere(kind: type, looped: bool, mo
 
 # Lights in things and on things
 
-PLACED = {k: v for k, v in SMALL.items() if k is not SpotLight} | {
-    SpotLight: lambda p: SpotLight(position=p, direction=(0.1, -1.0, 0.2), angle=180.0)
-}
+
+def all_around(kind: type, p: tuple, **more: Any) -> Any:
+    """A small light of a kind that shines in all directions."""
+    return small(kind, p, **light_sample(kind.__name__).all_around | more)
 
 
 HOLLOW = {
@@ -557,8 +548,7 @@ def test_a_light_in_a_thing_lights_its_inside_alone(precision: str, kind: type) 
     """A light in each of four things on a floor: all of it is dark, and all of their insides are lit."""
     wide = {"samples": 16} if kind.has_area else {}
     wide |= {"radius": 0.2} if hasattr(kind, "radius") else {}
-    lamps = {f"l{i}": replace(PLACED[kind](tuple((m + (0.2, 0.1, 0.1)).tolist())), **wide)
-             for i, m in enumerate(MIDDLES)}  # fmt: skip
+    lamps = {f"l{i}": all_around(kind, tuple((m + (0.2, 0.1, 0.1)).tolist()), **wide) for i, m in enumerate(MIDDLES)}
     scene, rng = scene_of(lamps, {"floor": Plane(), **HOLLOW}, precision=precision), np.random.default_rng(11)
     goal = np.c_[rng.uniform(-9, 9, (1000, 1)), np.zeros((1000, 1)), rng.uniform(-4, 4, (1000, 1))]
     assert (seen(scene, goal + (0.0, 0.9, 0.0), np.tile([0.0, -1, 0], (1000, 1))) == 0).all()
@@ -694,7 +684,7 @@ def test_lights_where_they_are_shaded_give_numbers(precision: str) -> None:
     objects = {"floor": Plane(), "ball": Sphere(center=(0, 1, 0)), "box": Box(min=(2, 0, -1), max=(4, 2, 1))}
     rng = np.random.default_rng(14)
     for p in ((0, 0, 3), (0, 2, 0), (2, 0, 1), (2, 2, 1)):
-        lamps = {k.__name__: replace(make(tuple(map(float, p))), c=1.0) for k, make in PLACED.items()}
+        lamps = {kind.__name__: all_around(kind, tuple(map(float, p)), c=1.0) for kind in PLACED}
         o = np.array([0, 5, 9.0])
         near = np.array(p) + 10 ** rng.uniform(-20, -3, (80, 1)) * rng.normal(size=(80, 3))
         goal = np.vstack([np.repeat([p], 20, 0), near])

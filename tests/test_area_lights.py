@@ -31,7 +31,7 @@ def lights(name: str) -> list:
 def points(a: Arrays, light: Any, u: Any, v: Any) -> np.ndarray:
     """The points of a light for numbers from the unit square, from the middle of the light, as kernels have them."""
     row, w = stacked(a, type(light), [light]), a.W if a.precision == "double" else a.V
-    return array(row.offset(w, *(a.put(a.F, np.ascontiguousarray(x)) for x in (u, v)))).astype(float)
+    return array(row.point_offset(w, *(a.put(a.F, np.ascontiguousarray(x)) for x in (u, v)))).astype(float)
 
 
 def frame(rng: np.random.Generator) -> np.ndarray:
@@ -89,6 +89,6 @@ def test_points_are_on_the_surface_and_within_its_reach(name: str, a: Arrays) ->
     u, v = np.hstack([rng.uniform(size=(2, 5000)), np.array(np.meshgrid(edges, edges)).reshape(2, -1)])
     for light in lights(name):
         p = points(a, light, u, v)
-        reach = float(np.array(stacked(DOUBLE, type(light), [light]).reach()).item())
+        reach = float(np.array(stacked(DOUBLE, type(light), [light]).radius_bound()).item())
         assert (surface_of(name).away(light, p) <= gamma(16, a.precision) * reach).all()
         assert (np.linalg.norm(p, axis=1) <= (1 + gamma(16, a.precision)) * reach).all()

@@ -19,7 +19,7 @@ from test_seed_format import MATT
 
 import visray as vr
 from visray import transforms
-from visray.cli.options import opened
+from visray.cli.options import load_scene
 from visray.primitives import rectangle, triangle
 from visray.scene import check, validated
 from visray.scene.address import changed
@@ -127,7 +127,7 @@ def test_the_command_line_validates_once(watched: Watched, tmp_path: Path) -> No
     path = tmp_path / "scene.json"
     path.write_text(dump(small()))
     watched.since()
-    scene = opened(path, None, False, ["objects.ball.radius=3", "settings.spp=2"], size=(4, 4))
+    scene = load_scene(path, None, False, ["objects.ball.radius=3", "settings.spp=2"], size=(4, 4))
     rendered(scene)
     assert watched.since() == ALL | {"objects.ball": 2}
 

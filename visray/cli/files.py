@@ -6,14 +6,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from visray.cli.options import Compat, Setup, app, written
+from visray.cli.options import Compat, Setup, app, write_or_print
 from visray.scene import load as loading
 
 
 @app.command
 def schema(*, output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None) -> int:
     """Print the JSON Schema of scene files, or write it to a file."""
-    written(json.dumps(loading.schema(), indent=2) + "\n", output)
+    write_or_print(json.dumps(loading.schema(), indent=2) + "\n", output)
     return 0
 
 
@@ -27,5 +27,5 @@ def import_command(
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), help="A .json file; else it is printed.")] = None,
 ) -> int:
     """Convert a scene of the original VisRayTrace, and its setup, to visray's own format."""
-    written(loading.dump(loading.load(scene, setup, compat), output and output.parent), output)
+    write_or_print(loading.dump(loading.load(scene, setup, compat), output and output.parent), output)
     return 0

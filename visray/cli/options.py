@@ -25,12 +25,12 @@ app = App(
 )
 
 
-def whole(_: type, tokens: Sequence[Token]) -> int:
+def parse_integer(_: type, tokens: Sequence[Token]) -> int:
     """A whole number; cyclopts by itself would round 1.5."""
     return int(tokens[0].value)
 
 
-Whole = Annotated[int, Parameter(converter=whole)]
+Integer = Annotated[int, Parameter(converter=parse_integer)]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
 Compat = Annotated[bool, Parameter(help="Light, occlude and weight a scene of the original as the original did.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
@@ -44,13 +44,13 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
-def opened(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
+def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
     """The scene of a file, with the values that the command line sets."""
     made = adjusted(loading.load(scene, setup, compat), **settings)
     return changed(made, dict(map(parse_assignment, assignments))) if assignments else made
 
 
-def sized(text: str | None) -> tuple[int, int] | None:
+def parse_size(text: str | None) -> tuple[int, int] | None:
     """Width and height from a text such as 640x480."""
     if text is None:
         return None
@@ -60,12 +60,12 @@ def sized(text: str | None) -> tuple[int, int] | None:
     return int(parts[0]), int(parts[1])
 
 
-def listed(text: str) -> tuple[str, ...]:
+def parse_list(text: str) -> tuple[str, ...]:
     """The words of a text that are separated by commas."""
     return tuple(word for part in text.split(",") if (word := part.strip()))
 
 
-def written(text: str, path: Path | None) -> None:
+def write_or_print(text: str, path: Path | None) -> None:
     """Puts text into a file, or onto the terminal."""
     if path is None:
         sys.stdout.write(text)
@@ -73,6 +73,6 @@ def written(text: str, path: Path | None) -> None:
         write_text(path, text)
 
 
-def put(report: Any) -> None:
+def print_json(report: Any) -> None:
     """Prints a report as JSON."""
     sys.stdout.write(json.dumps(report, indent=2, ensure_ascii=False) + "\n")

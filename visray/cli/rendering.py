@@ -11,7 +11,19 @@ from cyclopts import Parameter
 from visray import clock
 from visray.adaptive.error_floor import Files
 from visray.adaptive.stopping import Goal
-from visray.cli.options import INTERRUPTED, Compat, Json, Outputs, Settings, Setup, Whole, app, opened, put, sized
+from visray.cli.options import (
+    INTERRUPTED,
+    Compat,
+    Integer,
+    Json,
+    Outputs,
+    Settings,
+    Setup,
+    app,
+    load_scene,
+    parse_size,
+    print_json,
+)
 from visray.errors import UserError
 from visray.output.image import check_destination
 from visray.output.layers import NAMES, names_from
@@ -79,15 +91,15 @@ def render_command(
     setup: Setup = None,
     compat: Compat = False,
     output: Outputs = [],  # noqa: B006 - only read
-    spp: Annotated[Whole | None, Parameter(help="Samples per pixel.")] = None,
+    spp: Annotated[Integer | None, Parameter(help="Samples per pixel.")] = None,
     error: Annotated[
         float | None, Parameter(help="Samples until the error is no larger, as a share of the mean luminance.")
     ] = None,
     time: Annotated[float | None, Parameter(help="The best picture in so many seconds.")] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels.")] = None,
     precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
-    seed: Annotated[Whole | None, Parameter(help="Another seed is other noise.")] = None,
-    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    seed: Annotated[Integer | None, Parameter(help="Another seed is other noise.")] = None,
+    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
     backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Annotated[str | None, Parameter(help=f"Of an EXR file, separated by commas: {', '.join(NAMES)}.")] = None,
@@ -104,7 +116,7 @@ def render_command(
     if quiet:
         warnings.simplefilter("ignore")
     Goal.asked(error, time, spp, begun)
-    made = opened(scene, setup, compat, set, spp=spp, size=sized(size), seed=seed, precision=precision)
+    made = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
     if not made.lights and not any(made.ambient):
         warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
@@ -134,7 +146,7 @@ def render_command(
         keep = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", *PROVEN)
         keep += ("error_at_most", *PURSUED_FACTS)
         report = {"outputs": [str(o) for o in outputs], "width": image.width, "height": image.height}
-        put(
+        print_json(
             report
             | {k: facts[k] for k in keep if k in facts}
             | {"layers": list(image.layers), "seconds": seconds, "stopped": stopped}

@@ -12,15 +12,15 @@ from rich.table import Table
 from visray.cli.options import (
     INTERRUPTED,
     Compat,
+    Integer,
     Json,
     Settings,
     Setup,
-    Whole,
     app,
-    listed,
-    opened,
-    put,
-    written,
+    load_scene,
+    parse_list,
+    print_json,
+    write_or_print,
 )  # fmt: skip
 from visray.errors import UserError
 from visray.output.files import check_writable
@@ -42,21 +42,21 @@ def explain(
     compat: Compat = False,
     set: Settings = [],  # noqa: B006
     cost: Annotated[bool, Parameter(help="Measure what each effect costs, on a small picture.")] = False,
-    spp: Annotated[Whole | None, Parameter(help="With --cost: samples per pixel of that picture.")] = None,
-    runs: Annotated[Whole, Parameter(help="With --cost: how often each picture is made.")] = ablation.RUNS,
+    spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of that picture.")] = None,
+    runs: Annotated[Integer, Parameter(help="With --cost: how often each picture is made.")] = ablation.RUNS,
     json: Json = False,
 ) -> int:
     """List what is simulated for a scene, what is not, and why; and with --cost, at what cost."""
-    made = opened(scene, setup, compat, set)
+    made = load_scene(scene, setup, compat, set)
     # Before anything is printed: what is asked of it may be wrong.
     measured = ablation.cost(made, spp, runs, progress=not json) if cost else None
     if measured and json:
-        put(measured.as_json())
+        print_json(measured.as_json())
         return 0
     on = explain_scene(made)
     if json:
         effects, rays = ([asdict(x) for x in listed] for listed in (on.listed, on.rays))
-        put({"scene_hash": made.hash(), "features": effects, "rays": rays})
+        print_json({"scene_hash": made.hash(), "features": effects, "rays": rays})
         return 0
     table = Table("effect", "", "why")
     for f in on.listed:
@@ -82,9 +82,9 @@ def check(
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
     ] = None,
-    rays: Annotated[Whole, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
-    seed: Annotated[Whole, Parameter(help="Of the random rays.")] = 0,
-    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    rays: Annotated[Integer, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
+    seed: Annotated[Integer, Parameter(help="Of the random rays.")] = 0,
+    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
     json: Json = False,
 ) -> int:
     """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
@@ -94,10 +94,10 @@ def check(
         check_destination(output)
     if threads is not None:
         set_threads(threads)
-    report = crosscheck.check(opened(scene, setup, compat, set), rays=rays, seed=seed)
+    report = crosscheck.check(load_scene(scene, setup, compat, set), rays=rays, seed=seed)
     if output is not None:
         report.difference.write(output)
-    put(report.as_json()) if json else Console().print(report.table())
+    print_json(report.as_json()) if json else Console().print(report.table())
     return 0 if report.passed else 1
 
 
@@ -114,8 +114,8 @@ def cost(
         Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
     ] = None,
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
-    seeds: Annotated[Whole, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
-    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
+    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
     csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
     json: Json = False,
 ) -> int:
@@ -133,7 +133,7 @@ def cost(
     if output is not None:
         check_report(output)
         check_writable(output)
-    made = opened(scene, setup, compat, set)
+    made = load_scene(scene, setup, compat, set)
     report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
     report = replace(report, scene=scene.stem)
     # A page takes seconds to draw: Ctrl-C must not lose in them what took minutes to measure.
@@ -141,9 +141,9 @@ def cost(
         if output is not None:
             report.write(output)
         if json:
-            put(report.as_json())
+            print_json(report.as_json())
         elif csv:
-            written(report.as_csv(), None)
+            write_or_print(report.as_csv(), None)
         else:
             Console().print(table(report))
             _say_written(output)
@@ -166,7 +166,7 @@ def tune(
     error: Annotated[float | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
     time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
     full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
-    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the scene with these knobs to a .json file.")
     ] = None,
@@ -183,14 +183,14 @@ def tune(
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
-    made = opened(scene, setup, compat, set)
+    made = load_scene(scene, setup, compat, set)
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     # What is found is not lost by Ctrl-C any more.
     with Interrupts():
         if output is not None:
-            written(as_scene(found, output.parent, scene), output)
+            write_or_print(as_scene(found, output.parent, scene), output)
         if json:
-            put(found.as_json() | ({} if output is None else {"output": str(output)}))
+            print_json(found.as_json() | ({} if output is None else {"output": str(output)}))
         else:
             Console().print(found.table())
             _say_written(output)
@@ -201,10 +201,10 @@ def tune(
 def stability(
     *,
     surfaces: Annotated[Path | None, Parameter(help="A JSON file of surfaces; else the known ones.")] = None,
-    rays: Annotated[Whole | None, Parameter(help="Of each set.")] = None,
+    rays: Annotated[Integer | None, Parameter(help="Of each set.")] = None,
     sets: Annotated[str, Parameter(help="Separated by commas; else all.")] = "",
     only: Annotated[str, Parameter(help="Names of surfaces, separated by commas.")] = "",
-    seed: Annotated[Whole, Parameter(help="Of the rays.")] = 0,
+    seed: Annotated[Integer, Parameter(help="Of the rays.")] = 0,
     json: Json = False,
 ) -> int:
     """Compare polynomial surfaces with exact arithmetic: lost, false and wrong roots. Exit code 1 if there are any.
@@ -213,9 +213,11 @@ def stability(
     """
     from visray.study.stability import study  # NumPy twins of the kernels, which no other command needs
 
-    chosen = listed(sets) or study.SETS
-    report = study.run(surfaces, study.RAYS if rays is None else rays, chosen, listed(only), seed, progress=not json)
-    put(report.as_json()) if json else Console().print(report.table())
+    chosen = parse_list(sets) or study.SETS
+    report = study.run(
+        surfaces, study.RAYS if rays is None else rays, chosen, parse_list(only), seed, progress=not json
+    )
+    print_json(report.as_json()) if json else Console().print(report.table())
     return INTERRUPTED if report.stopped else 0 if report.passed else 1
 
 
@@ -226,7 +228,7 @@ def surfaces(*, json: Json = False) -> int:
     With --json also how each is written, where that is from, and its singular points.
     """
     if json:
-        put({name: asdict(c) for name, c in SURFACES.items()})
+        print_json({name: asdict(c) for name, c in SURFACES.items()})
         return 0
     table = Table("surface", "", "parameters", "clip")
     for name, c in SURFACES.items():
@@ -242,7 +244,7 @@ def doctor(*, json: Json = False) -> int:
     from visray.study import doctor as examination  # it loads Mitsuba
 
     report = examination.examine(_probe)
-    put(report) if json else Console().print(examination.table(report))
+    print_json(report) if json else Console().print(examination.table(report))
     return 0 if report["verdict"] == examination.GOOD else 1
 
 

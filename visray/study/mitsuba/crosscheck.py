@@ -47,16 +47,16 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     with Bar("checking", 6) as bar:
         ours = VisrayScene(opaque(scene))
         theirs = MitsubaScene(their_scene, ours.names, shapes, ours.centre)
-        bar.at(1)
+        bar.update(1)
         of_pixels = RayComparison(ours, theirs, ours.pixel_rays())
-        bar.at(2)
+        bar.update(2)
         shadow_comparison = shadows.compare(of_pixels)
-        bar.at(3)
+        bar.update(3)
         opaque_scene = replace(opaque(scene), lights=full_scene.lights)
         area_lights, area_light_examples = area_shadows.compare(opaque_scene, theirs, their_lights, of_pixels.rays)
-        bar.at(4)
+        bar.update(4)
         of_random = RayComparison(ours, theirs, random_rays(scene, ours.centre, rays, seed))
-        bar.at(5)
+        bar.update(5)
         coloured, picture, difference = _compare_pictures(of_pixels, scene, shadow_comparison)
     return Report(
         width=scene.film.width,

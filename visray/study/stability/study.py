@@ -194,5 +194,5 @@ def run(
                 scores += scores_of_surface(named, sets, rays, seed, solver(named.surface))
             except UserError as error:
                 left_out[name] = error.lines[0]
-            bar.at(i + 1)
+            bar.update(i + 1)
         return Report(rays, seed, scores, left_out, interrupts.requested)

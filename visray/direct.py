@@ -1,4 +1,4 @@
-"""Direct light: on its way to a point from points, from afar and from shapes, with its shadows."""
+"""Direct light at a surface point: from point lights, distant lights and area lights, with its shadows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,15 +16,19 @@ from visray.lights.light import Light
 from visray.pytree import rows
 from visray.ray import Ray, inverse_length
 
-# Dimensions of random numbers from here on belong to lights.
+# The first random dimension of lights: light i uses DIMENSION + i.
 DIMENSION = 16
 
 
 @dataclass(frozen=True)
 class LightSample:
-    """Light on its way to a point: unit direction to the light, cosine with the normal, whether any arrives.
+    """Light that travels from a light, or one point of it, to a surface point.
 
-    weight: what attenuation and aim leave of it; share: what transparent objects leave; None where that is all.
+    l: unit direction to the light
+    cosine: between l and the surface's normal
+    arrives: whether any light arrives
+    weight: factor of attenuation and falloff, or None where it is 1
+    transmittance: share of the light that passes transparent objects, a colour; None where shadows are opaque
     """
 
     l: Any
@@ -35,7 +39,7 @@ class LightSample:
 
 
 def direct(s: KernelScene, si: Interaction, reflected: Callable) -> Any:
-    """What all lights add: the sum of reflected(s, si, light's row, light sample)."""
+    """Reflected light from all lights: the sum of reflected(s, si, the light's row, light sample)."""
     colour = dr.zeros(s.a.V, 1)
     for light in s.lights:
         if light.kind.has_area:
@@ -48,7 +52,7 @@ def direct(s: KernelScene, si: Interaction, reflected: Callable) -> Any:
 
 
 def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Callable) -> Any:
-    """What the lights of a batch add, one after the other."""
+    """Reflected light from the lights of a batch, in a loop."""
 
     def step(i: Any, colour: Any) -> tuple:
         row, points = rows(batch.table, i), rows(batch.points, i)
@@ -62,91 +66,104 @@ def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Calla
 
 
 def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
-    """What an area light adds: the mean over its samples of what each point of it would.
+    """Reflected light from an area light: the mean over samples of its points.
 
-    With settings.area "centre" as in the original: what its middle adds, weakened by the mean of all shadows.
+    With settings.area "centre", as in the original program, only the light's centre is shaded, and the mean of all
+    shadows weakens it.
+
+    salt: number that makes the samples of looped lights differ
     """
     a, n, row = s.a, dr.width(si.surface.p), light.light
     dimension = si.sample.derived(salt).dimension(DIMENSION + light.number)
-    base = a.V(row.position - si.surface.p)
-    middle = None if s.settings.area == "samples" else _along(s, si, row, base)
+    to_centre = a.V(row.position - si.surface.p)
+    centre = None if s.settings.area == "samples" else _from_point(s, si, row, to_centre)
     origin = None
     if s.features["shadows"]:
-        origin = si.origin.toward(DirectionCone.around(a, base, row.radius_bound()))
+        origin = si.origin.toward(DirectionCone.around(a, to_centre, row.radius_bound()))
 
     def step(j: Any, colour: Any) -> tuple:
-        sample = _along(s, si, row, base + row.point_offset(a.V, *dimension.set_point(j, light.points)), origin, middle)
+        to_light = to_centre + row.point_offset(a.V, *dimension.set_point(j, light.points))
+        sample = _from_point(s, si, row, to_light, origin, centre)
         return (colour + reflected(s, si, row, sample),)
 
     total = s.loop(light.samples, light.points.count, si.hit.valid, (dr.zeros(a.V, n),), step)
     return total[0] * dr.rcp(a.F(light.points.count))
 
 
-def _along(
-    s: KernelScene, si: Interaction, row: Any, way: Any, origin: RayOrigin | None = None,
-    middle: LightSample | None = None,
+def _from_point(
+    s: KernelScene, si: Interaction, row: Any, to_light: Any, origin: RayOrigin | None = None,
+    centre: LightSample | None = None,
 ) -> LightSample:  # fmt: skip
-    """The light along `way` from a point of an area light, in the precision of shading; its shadow is looked for from
-    `origin`. `middle`: the light sample to shade with, which takes only its shadow from this one."""
+    """A light sample of one point of an area light, computed in the precision of shading.
+
+    to_light: vector from the surface point to the light's point
+    origin: start of shadow rays, or None where there are no shadows
+    centre: light sample of the light's centre, which is shaded instead; only the shadow is that of the point
+    """
     a = s.a
-    squared = dr.squared_norm(way)
-    inverse = dr.select(squared > 0, dr.rsqrt(squared), 0) if a.precision == "single" else inverse_length(way, None)
-    l = way * inverse
-    distance = squared * inverse
+    squared_distance = dr.squared_norm(to_light)
+    if a.precision == "single":
+        inverse_distance = dr.select(squared_distance > 0, dr.rsqrt(squared_distance), 0)
+    else:
+        inverse_distance = inverse_length(to_light, None)
+    l = to_light * inverse_distance
+    distance = squared_distance * inverse_distance
     cosine = dr.dot(si.n, l)
-    reached = si.hit.valid & (cosine > 0)
-    sample = LightSample(l, cosine, reached, attenuation(s, row, distance))
-    if middle is not None:
-        sample = LightSample(middle.l, middle.cosine, reached & middle.arrives, middle.weight)
+    arrives = si.hit.valid & (cosine > 0)
+    sample = LightSample(l, cosine, arrives, attenuation(s, row, distance))
+    if centre is not None:
+        sample = LightSample(centre.l, centre.cosine, arrives & centre.arrives, centre.weight)
     if origin is None:
         return sample
-    # The light's point is known as well as the way to it: a sum, whose parts may be longer than the light is wide.
-    longest = distance + a.F(row.radius_bound())
-    error = gamma(8, a.precision) * longest + a.F(gamma(9) * l1_norm(row.position))
+    # The error of the light's point: that of the vector to it, a sum with terms that may exceed the distance.
+    largest_coordinate = distance + a.F(row.radius_bound())
+    error = gamma(8, a.precision) * largest_coordinate + a.F(gamma(9) * l1_norm(row.position))
     return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, may_touch=True), sample)
 
 
 def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
-    """What arrives of a light that is a point, or infinitely far away."""
+    """The light sample of a light without an area."""
     if not light.kind.has_position:
-        return _from_afar(s, si, light.light)
+        return _directional(s, si, light.light)
     a, row = s.a, light.light
-    way = si.surface.p - row.position
-    # What comes near nothing on its way needs no more than single; where light is aimed digits would cancel.
-    late = a.precision == "single"
-    if late:
-        squared = dr.squared_norm(a.V(way))
-        inverse = dr.select(squared > 0, dr.rsqrt(squared), 0)
-        d = a.V(way) * inverse
+    from_light = si.surface.p - row.position
+    # Single precision suffices for shadow rays that come near nothing. The falloff needs double: digits cancel in it.
+    starts_single = a.precision == "single"
+    if starts_single:
+        squared_distance = dr.squared_norm(a.V(from_light))
+        inverse_distance = dr.select(squared_distance > 0, dr.rsqrt(squared_distance), 0)
+        d = a.V(from_light) * inverse_distance
     else:
-        squared = dr.squared_norm(way)
-        inverse = inverse_length(way, None)
-        d = way * inverse
-    distance, l = squared * inverse, a.V(-d)
+        squared_distance = dr.squared_norm(from_light)
+        inverse_distance = inverse_length(from_light, None)
+        d = from_light * inverse_distance
+    distance, l = squared_distance * inverse_distance, a.V(-d)
     cosine = dr.dot(si.n, l)
-    reached = si.hit.valid & (cosine > 0)
-    aimed = late and light.kind.falloff is not Light.falloff
-    weight, aim = attenuation(s, row, a.F(distance)), row.falloff(way * inverse_length(way, a.F32) if aimed else d)
-    if aim is not None:
-        aim = a.F(aim)
-        reached &= aim > 0
-        weight = aim if weight is None else weight * aim
-    sample = LightSample(l, cosine, reached, weight)
+    arrives = si.hit.valid & (cosine > 0)
+    exact_falloff = starts_single and light.kind.falloff is not Light.falloff
+    weight = attenuation(s, row, a.F(distance))
+    falloff = row.falloff(from_light * inverse_length(from_light, a.F32) if exact_falloff else d)
+    if falloff is not None:
+        falloff = a.F(falloff)
+        arrives &= falloff > 0
+        weight = falloff if weight is None else weight * falloff
+    sample = LightSample(l, cosine, arrives, weight)
     if not s.features["shadows"]:
         return sample
     if light.origin is None:
         error = gamma(9) * (l1_norm(row.position) + a.D(distance))
-        ray = replace(si.spawn_ray(-d, cosine), to_target=-way if late else None)
+        ray = replace(si.spawn_ray(-d, cosine), to_target=-from_light if starts_single else None)
         return _shadowed(s, si.origin, ray, Target(distance, error, may_touch=True), sample)
-    # The ray runs from the light to the point: all rays of a light share their origin. It counts as arrived where
-    # it meets a surface flush with the one seen: no farther above it than both are off, as seen from eye and light.
+    # The ray runs from the light to the point, so that all rays of a light share their origin. It counts as arrived at
+    # a surface flush with the one that is shaded: above it by at most the errors of the point and of the ray's end.
     error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))
     target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=cosine)
-    return _shadowed(s, light.origin, Ray(row.position, d, to_target=way if late else None), target, sample)
+    ray = Ray(row.position, d, to_target=from_light if starts_single else None)
+    return _shadowed(s, light.origin, ray, target, sample)
 
 
-def _from_afar(s: KernelScene, si: Interaction, row: Any) -> LightSample:
-    """What arrives of a directional light."""
+def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
+    """The light sample of a directional light."""
     a = s.a
     d = -dr.normalize(row.direction)
     l = a.V(d)
@@ -157,13 +174,13 @@ def _from_afar(s: KernelScene, si: Interaction, row: Any) -> LightSample:
     sample = LightSample(l, cosine, si.hit.valid & (cosine > 0), weight)
     if not s.features["shadows"]:
         return sample
-    everywhere = dr.zeros(a.D, dr.width(si.surface.p))
-    ray = si.spawn_ray(d + everywhere, cosine)
-    return _shadowed(s, si.origin, ray, Target(everywhere + dr.inf, everywhere), sample)
+    zeros = dr.zeros(a.D, dr.width(si.surface.p))
+    ray = si.spawn_ray(d + zeros, cosine)
+    return _shadowed(s, si.origin, ray, Target(zeros + dr.inf, zeros), sample)
 
 
 def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
-    """1 / (a + b d + c d^2), or 1 where a = b = c = 0; None where no light has any."""
+    """1 / (a + b d + c d^2), or 1 where a = b = c = 0; None in scenes without attenuation."""
     if not s.features["attenuation"]:
         return None
     weight = row.a + distance * (row.b + distance * row.c)
@@ -171,10 +188,10 @@ def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
 
 
 def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sample: LightSample) -> LightSample:
-    """The light sample with what is left of it beyond the objects on its way."""
+    """The light sample after the shadows of the objects along the ray."""
     if not s.features["coloured shadows"]:
-        hidden = occluded(origin, ray, target, sample.arrives, s.brute_force)
-        return LightSample(sample.l, sample.cosine, sample.arrives & ~hidden, sample.weight)
+        is_occluded = occluded(origin, ray, target, sample.arrives, s.brute_force)
+        return LightSample(sample.l, sample.cosine, sample.arrives & ~is_occluded, sample.weight)
     tints = tuple((b.material.kt, b.material.dmax) for b in s.batches)
-    share = transmittance(origin, ray, target, sample.arrives, tints, s.attached, s.brute_force)
-    return LightSample(sample.l, sample.cosine, sample.arrives, sample.weight, share)
+    light_left = transmittance(origin, ray, target, sample.arrives, tints, s.attached, s.brute_force)
+    return LightSample(sample.l, sample.cosine, sample.arrives, sample.weight, light_left)

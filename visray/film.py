@@ -78,6 +78,7 @@ def _shown(value: Any) -> str:
 class Film:
     """Samples of pixels: of a whole picture or of some of its pixels. The bits depend on the picture's identity and on
     the counts alone, not on how samples are cut into passes, or pixels into films.
+
     a: array types
     moments: moments of the samples, lane by lane
     counts: number of samples of each lane. Shapes: (N)

@@ -1,11 +1,15 @@
-"""Light that comes by way of other surfaces: reflected, refracted, scattered.
+"""Indirect light: light that reaches a surface from other surfaces, by reflection, refraction and scattering.
 
-A path has one ray at each of its levels. Where a surface both reflects and lets through, one of the two is drawn, with
-a chance by their strength. Of a matte surface that the eye sees, settings.scatter.rays paths are followed.
+A path has one ray from each of its vertices. Where a surface both reflects and refracts, one of the two is chosen at
+random, with probability proportional to its strength. From a matte surface that the camera sees, settings.scatter.rays
+paths are followed.
 
-    I = (1 - kt) local + kr reflected + kt refracted, and matte: local + kd (mean of what comes over the hemisphere)
+    I = (1 - kt) local + kr reflected + kt refracted
+    I = (1 - kt) local + kr reflected + kt refracted
+    I = local + kd (mean of the light over the hemisphere), for matte surfaces
+    I = local + kd (mean of the light over the hemisphere), for matte surfaces
 
-All of the light that is refracted is reflected where the angle is beyond the critical one (weight kt).
+Beyond the critical angle, all refracted light is reflected instead (weight kt).
 """
 
 from dataclasses import dataclass, replace
@@ -30,10 +34,11 @@ LOBE, SCATTER = 5, 6
 
 @dataclass(frozen=True)
 class Interface:
-    """What rays pass at a refracting surface.
+    """The interface between two media at a refracting surface.
 
-    ratio: the index of refraction on the viewer's side over that beyond. hidden: the surface lies in a smaller
-    transparent solid, whose index holds there, so that nothing is seen of it; None where no solid can.
+    ratio: index of refraction on the viewer's side divided by that on the other side
+    hidden: whether the surface is invisible, because it lies inside a smaller transparent solid, whose index holds
+        there; None in scenes without nested media
     """
 
     ratio: Any
@@ -41,7 +46,7 @@ class Interface:
 
 
 def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -> Any:
-    """How much of a surface's own colour is seen: 1 - kt, and nothing of one that is hidden; None for all of it."""
+    """Weight of the surface's own colour: 1 - kt, or 0 where the surface is hidden; None where all weights are 1."""
     if not s.features["refraction"]:
         return None
     kt = si.material.kt
@@ -53,62 +58,72 @@ def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -
 
 @dataclass(frozen=True)
 class Medium:
-    """What lies on one side of a surface: the index of refraction, the size and the row of the solid it is of."""
+    """The medium on one side of a surface.
+
+    ior: index of refraction
+    size: radius of the bounding ball of the solid that fills the side; inf outside all solids
+    row: row of this solid, NO_ROW outside all solids
+    """
 
     ior: Any
     size: Any
     row: Any
 
-    def or_in(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
-        """The medium where another solid is as well: the smaller one's index holds; of equals, the first one's."""
-        other = where & ((size < self.size) | ((size == self.size) & (row < self.row)))
-        return Medium(*(dr.select(other, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
+    def with_solid(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
+        """The medium with one more solid considered. Of overlapping solids the index of the smaller one holds; of
+        equally large ones, that of the first.
+
+        where: lanes in which the solid fills the side
+        """
+        replaces = where & ((size < self.size) | ((size == self.size) & (row < self.row)))
+        return Medium(*(dr.select(replaces, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
 
 
 def interface(s: KernelScene, si: Interaction) -> Interface | None:
-    """What a ray goes through at the surface. Where transparent solids overlap, the index of the smaller
-    one holds (by the balls around them): so an inner one counts, wherever it stands in the file."""
+    """The interface at a surface. Where transparent solids overlap, the index of the smaller one holds, by their
+    bounding balls. So an inner solid counts, wherever it stands in the scene file."""
     if not s.features["refraction"]:
         return None
     a, n = s.a, dr.width(si.surface.p)
-    nothing = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_ROW, n))
-    before, beyond = nothing, nothing
+    air = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_ROW, n))
+    near_side, far_side = air, air
     closed = dr.full(a.B, False, n)
     for batch in (b for b in s.batches if b.kind.closed):
-        here = batch.has(si.hit.row)
-        closed |= here
-        size = dr.gather(a.D, batch.radius, dr.select(here, si.hit.row - batch.first_row, 0))
-        own = si.material.ior, size, si.hit.row
-        before, beyond = before.or_in(here & si.from_inside, *own), beyond.or_in(here & ~si.from_inside, *own)
+        in_batch = batch.has(si.hit.row)
+        closed |= in_batch
+        size = dr.gather(a.D, batch.radius, dr.select(in_batch, si.hit.row - batch.first_row, 0))
+        solid = si.material.ior, size, si.hit.row
+        near_side = near_side.with_solid(in_batch & si.from_inside, *solid)
+        far_side = far_side.with_solid(in_batch & ~si.from_inside, *solid)
         if s.features["nested media"]:
-            before, beyond = _others(s, si, batch, before, beyond)
-    # A sheet has no inside: light goes straight through, but where a solid begins or ends flush with it.
-    ratio = before.ior / beyond.ior
+            near_side, far_side = _nested_media(s, si, batch, near_side, far_side)
+    # A flat object has no inside: light passes straight through it, except where a solid begins or ends flush with it.
+    ratio = near_side.ior / far_side.ior
     if not s.features["nested media"]:
         return Interface(ratio, None)
-    return Interface(ratio, closed & (before.row == beyond.row) & (_most(si.material.kt) > 0))
+    return Interface(ratio, closed & (near_side.row == far_side.row) & (_max_component(si.material.kt) > 0))
 
 
-def _others(s: KernelScene, si: Interaction, batch: Batch, before: Medium, beyond: Medium) -> tuple[Medium, Medium]:
-    """The media on both sides, where the solids of a batch count too, but for that of the surface itself.
-
-    One whose surface lies flush with it is on the one side or the other, as the ray leaves or enters it there.
-    """
+def _nested_media(
+    s: KernelScene, si: Interaction, batch: Batch, near_side: Medium, far_side: Medium
+) -> tuple[Medium, Medium]:
+    """The media on both sides (viewer's side first) with all other solids of a batch considered. A solid whose surface
+    lies flush with the point fills one side or the other, depending on whether the ray leaves or enters it there."""
     size = len(batch)
 
     def step(i: Any, *state: Any) -> tuple:
-        before, beyond = Medium(*state[:3]), Medium(*state[3:])
-        one, material = batch.rows_at(i), rows(batch.material, i)
+        near_side, far_side = Medium(*state[:3]), Medium(*state[3:])
+        row_batch, material = batch.rows_at(i), rows(batch.material, i)
         p, row = dr.detach(si.surface.p), i + batch.first_row
-        f, g = batch.kind.surface_at(one.placed, p)
-        there = (_most(material.kt) > 0) & (si.hit.row != row)
-        on, outwards = touches(one, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
-        inside, solid = batch.kind.inside(one.placed, p), (material.ior, one.radius, row)
-        before = before.or_in(there & dr.select(on, outwards, inside), *solid)
-        beyond = beyond.or_in(there & dr.select(on, ~outwards, inside), *solid)
-        return (*leaves(before), *leaves(beyond))
+        f, g = batch.kind.surface_at(row_batch.placed, p)
+        other_solid = (_max_component(material.kt) > 0) & (si.hit.row != row)
+        on, outwards = touches(row_batch, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
+        inside, solid = batch.kind.inside(row_batch.placed, p), (material.ior, row_batch.radius, row)
+        near_side = near_side.with_solid(other_solid & dr.select(on, outwards, inside), *solid)
+        far_side = far_side.with_solid(other_solid & dr.select(on, ~outwards, inside), *solid)
+        return (*leaves(near_side), *leaves(far_side))
 
-    state = (*leaves(before), *leaves(beyond))
+    state = (*leaves(near_side), *leaves(far_side))
     if size > policy.MAX_INLINED:
         state = s.loop(size, dr.opaque(s.a.U, size), si.hit.valid, state, step)
     else:
@@ -117,21 +132,28 @@ def _others(s: KernelScene, si: Interaction, batch: Batch, before: Medium, beyon
     return Medium(*state[:3]), Medium(*state[3:])
 
 
-def _most(colour: Any) -> Any:
-    """The greatest of a colour's parts: whether there is any of it."""
+def _max_component(colour: Any) -> Any:
+    """The largest component of a colour, detached; 0 where the colour is black."""
     c = dr.detach(colour)
     return dr.maximum(dr.maximum(c.x, c.y), c.z)
 
 
 def _strength(colour: Any) -> Any:
-    """How strong a way for light is. One of strength 0 counts as 1 where its derivative is asked for."""
-    most = _most(colour)
-    return dr.select(most > 0, most, 1) if dr.grad_enabled(colour) else most
+    """Largest component of a colour, used as weight when one of several bounces is chosen. A strength of 0 counts as 1
+    where its derivative is asked for."""
+    strength = _max_component(colour)
+    return dr.select(strength > 0, strength, 1) if dr.grad_enabled(colour) else strength
 
 
 @dataclass(frozen=True)
 class Bounce:
-    """How a path goes on from a surface: its next ray, the weight of what that sees, and which ways it took."""
+    """The continuation of a path from a surface.
+
+    ray: the next ray
+    weight: factor of the light that the next ray sees, a colour
+    alive: whether the path continues
+    scattered: whether the bounce is a scattering, and not a reflection or refraction
+    """
 
     ray: Ray
     weight: Any
@@ -140,140 +162,155 @@ class Bounce:
 
 
 def scattered(s: KernelScene, si: Interaction, j: Any) -> Bounce:
-    """Ray number j of those that a matte surface scatters."""
+    """A scattering at a matte surface. j: number of the ray in the set of the first surface; None at later vertices of
+    a path."""
     dimension = si.sample.dimension(SCATTER)
     u, v = dimension.point() if j is None else dimension.set_point(j, s.sample_sets["scatter"])
     d = warp.cosine(si.n, u, v)
-    yes = dr.full(s.a.B, True, dr.width(d))
+    always = dr.full(s.a.B, True, dr.width(d))
     ray = si.spawn_ray(unit(d, s.a.W), s.a.D(dr.dot(si.n, d))).exact()
-    return Bounce(ray, si.material.kd, yes, yes)
+    return Bounce(ray, si.material.kd, always, always)
 
 
 def bounce(
-    s: KernelScene, si: Interaction, ray: Ray, interface: Interface | None, mirrors: Any, scatters: Any, j: Any = None
+    s: KernelScene,
+    si: Interaction,
+    ray: Ray,
+    interface: Interface | None,
+    specular_left: Any,
+    scatters_left: Any,
+    j: Any = None,
 ) -> Bounce:
-    """How a path goes on: `mirrors` and `scatters` are how many more reflections or refractions, and scatterings, it
-    may have."""
-    a, on, m = s.a, s.features, si.material
-    kr = _strength(m.kr) if on["reflection"] else a.F(0)
-    kt = _strength(m.kt) if on["refraction"] else a.F(0)
+    """The continuation of a path at a surface.
+
+    interface: media at the surface, or None in scenes without refraction
+    specular_left: number of further reflections and refractions allowed
+    scatters_left: number of further scatterings allowed
+    j: number of the scattered ray in its set, or None at later vertices of a path
+    """
+    a, effects, m = s.a, s.features, si.material
+    kr = _strength(m.kr) if effects["reflection"] else a.F(0)
+    kt = _strength(m.kt) if effects["refraction"] else a.F(0)
     shiny = kr + kt > 0
-    matte = (_most(m.kr) + _most(m.kt) == 0) & (_strength(m.kd) > 0) if on["scatter"] else None
+    matte = (_max_component(m.kr) + _max_component(m.kt) == 0) & (_strength(m.kd) > 0) if effects["scatter"] else None
     n = dr.select(si.from_inside, -si.surface.exact, si.surface.exact)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
-    if on["reflection"]:
+    if effects["reflection"]:
         weight = m.kr
-    if on["refraction"]:
-        chance = dr.select(shiny, kt / (kr + kt), 0)
-        chosen = kt > 0
-        if on["reflection"]:
-            chosen = si.sample.dimension(LOBE).point()[0] < chance
-            weight = weight / dr.select(chosen, 1, 1 - chance)
-        left = 1 - dr.square(interface.ratio) * (1 - dr.square(cosine))
-        passes = left > 0
-        bent = interface.ratio * ray.d + (interface.ratio * cosine - dr.sqrt(dr.select(passes, left, 0))) * n
-        weight = dr.select(chosen, m.kt / dr.select(chosen, chance, 1), weight)
-        through = chosen & passes
-        d = dr.select(through, bent, d)
+    if effects["refraction"]:
+        p_refract = dr.select(shiny, kt / (kr + kt), 0)
+        refracts = kt > 0
+        if effects["reflection"]:
+            refracts = si.sample.dimension(LOBE).point()[0] < p_refract
+            weight = weight / dr.select(refracts, 1, 1 - p_refract)
+        cos2_refracted = 1 - dr.square(interface.ratio) * (1 - dr.square(cosine))
+        transmits = cos2_refracted > 0
+        cos_refracted = dr.sqrt(dr.select(transmits, cos2_refracted, 0))
+        refracted = interface.ratio * ray.d + (interface.ratio * cosine - cos_refracted) * n
+        weight = dr.select(refracts, m.kt / dr.select(refracts, p_refract, 1), weight)
+        through = refracts & transmits
+        d = dr.select(through, refracted, d)
         if (hidden := interface.hidden) is not None:
             d, weight, through = dr.select(hidden, ray.d, d), dr.select(hidden, 1, weight), through | hidden
-    alive = shiny & (mirrors > 0)
+    alive = shiny & (specular_left > 0)
     inside = si.from_inside ^ through
     ray = replace(si.spawn_ray(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
-    further = Bounce(ray, weight, alive, a.B(False))
-    if on["scatter"]:
-        further = _either(matte & (scatters > 0), scattered(s, si, j), further)
-    lit = further.alive & si.hit.valid & (_strength(further.weight) > 0)
-    return Bounce(further.ray, further.weight, lit, further.scattered)
+    result = Bounce(ray, weight, alive, a.B(False))
+    if effects["scatter"]:
+        result = _either(matte & (scatters_left > 0), scattered(s, si, j), result)
+    alive_and_lit = result.alive & si.hit.valid & (_strength(result.weight) > 0)
+    return Bounce(result.ray, result.weight, alive_and_lit, result.scattered)
 
 
-def _either(first: Any, x: Bounce, y: Bounce) -> Bounce:
-    """x where `first` holds, and y elsewhere."""
-    ray = _ray(*(dr.select(first, p, q) for p, q in zip(_state(x.ray), _state(y.ray))))
-    return Bounce(ray, dr.select(first, x.weight, y.weight), first | y.alive, first)
+def _either(use_x: Any, x: Bounce, y: Bounce) -> Bounce:
+    """Bounce x where `use_x` holds, else bounce y."""
+    ray = _ray(*(dr.select(use_x, p, q) for p, q in zip(_state(x.ray), _state(y.ray))))
+    return Bounce(ray, dr.select(use_x, x.weight, y.weight), use_x | y.alive, use_x)
 
 
 def miss_radiance(s: KernelScene, d: Any) -> Any:
-    """What a secondary ray sees that hits nothing."""
+    """Light seen by a secondary ray that hits nothing."""
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
 
 
 def background(s: KernelScene, d: Any) -> Any:
-    """The sky in a direction: linear in its y, from bottom to top."""
+    """Light of the sky in direction d: linear in d.y, from bottom to top."""
     if not s.features["background"]:
         return s.a.V(0)
     up = 0.5 * s.a.F(d.y) + 0.5
     return dr.fma(s.sky.top - s.sky.bottom, up, s.sky.bottom)
 
 
-def indirect(s: KernelScene, first: Interaction, ray: Ray, glass: Interface | None) -> Any:
-    """The light that comes to a surface by way of others, as the ray sees it.
+def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Interface | None) -> Any:
+    """The light that reaches a surface from other surfaces, as seen along the ray.
 
-    One loop over the levels of one path after the other; written out where derivatives are asked for.
+    One loop over the vertices of one path after the other; unrolled where derivatives are asked for.
     """
     a, settings, rays, n = s.a, s.settings, s.sample_sets["scatter"], dr.width(first.surface.p)
-    mirrors, scatters = (dr.full(a.U, 0, n) + x for x in s.bounce_limits)
-    # What never changes is no state of the loop (as in integrator.sample): there is one path, and nothing scatters.
-    first_number = dr.zeros(a.U, n) if s.features["scatter"] else None
-    scatters = scatters if s.features["scatter"] else None
-    b = bounce(s, first, ray, glass, mirrors, scatters, a.U(0))
-    # Of what the eye sees, only a matte surface has more than one path.
-    split = b.alive & b.scattered
-    count = dr.select(split, rays.count, 1)
-    share = dr.select(split, dr.rcp(a.F(rays.count)), 1)
+    specular_left, scatters_left = (dr.full(a.U, 0, n) + limit for limit in s.bounce_limits)
+    # Values that never change are no loop state (as in integrator.sample): without scattering there is only one path.
+    first_path = dr.zeros(a.U, n) if s.features["scatter"] else None
+    scatters_left = scatters_left if s.features["scatter"] else None
+    first_bounce = bounce(s, first, ray, first_interface, specular_left, scatters_left, a.U(0))
+    # Only from a matte surface that the camera sees, more than one path starts.
+    splits = first_bounce.alive & first_bounce.scattered
+    path_count = dr.select(splits, rays.count, 1)
+    path_weight = dr.select(splits, dr.rcp(a.F(rays.count)), 1)
 
-    def begun(number: Any, b: Bounce, alive: Any) -> tuple:
-        left = _left(a, b, mirrors, scatters)
-        return number, dr.zeros(a.U, n), *left, *_state(b.ray), b.weight * share, alive
+    def path_start(number: Any, b: Bounce, alive: Any) -> tuple:
+        limits = _limits_after(a, b, specular_left, scatters_left)
+        return number, dr.zeros(a.U, n), *limits, *_state(b.ray), b.weight * path_weight, alive
 
-    def level(number: Any, i: Any, mirrors: Any, scatters: Any, *rest: Any) -> tuple:
+    def extend(number: Any, i: Any, specular_left: Any, scatters_left: Any, *rest: Any) -> tuple:
         *state, weight, alive, total = rest
-        path = _ray(*state)
-        hit = closest(RayOrigin(s.geometry, path.o, shared=False), path, s.brute_force, alive)
+        ray = _ray(*state)
+        hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray, s.brute_force, alive)
         hit = Hit(hit.t, dr.select(alive, hit.row, NO_ROW), hit.part)
-        here = interact(s, path, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
-        glass = interface(s, here)
-        colour, own = shade(s, here), local_weight(s, here, glass)
-        colour = dr.select(hit.valid, colour if own is None else colour * own, miss_radiance(s, path.d))
+        si = interact(s, ray, hit, first.sample.derived(1 + (0 if number is None else number) + (i << 16)))
+        media = interface(s, si)
+        colour, own_weight = shade(s, si), local_weight(s, si, media)
+        colour = dr.select(hit.valid, colour if own_weight is None else colour * own_weight, miss_radiance(s, ray.d))
         total = dr.select(alive, total + weight * colour, total)
-        b = bounce(s, here, path, glass, mirrors, scatters)
-        left = _left(a, b, mirrors, scatters)
-        return number, i + 1, *left, *_state(b.ray), weight * b.weight, alive & b.alive, total
+        b = bounce(s, si, ray, media, specular_left, scatters_left)
+        limits = _limits_after(a, b, specular_left, scatters_left)
+        return number, i + 1, *limits, *_state(b.ray), weight * b.weight, alive & b.alive, total
 
     def step(*state: Any) -> tuple:
-        number, *rest, alive, total = level(*state)
+        number, *rest, alive, total = extend(*state)
         if not s.features["scatter"]:
             return number, *rest, alive, total
-        again = ~alive & (number + 1 < count)
-        new = begun(number + 1, scattered(s, first, number + 1), again)
-        state = tuple(dr.select(again, x, y) for x, y in zip(new, (number, *rest, alive)))
+        starts_next = ~alive & (number + 1 < path_count)
+        next_path = path_start(number + 1, scattered(s, first, number + 1), starts_next)
+        state = tuple(dr.select(starts_next, x, y) for x, y in zip(next_path, (number, *rest, alive)))
         return *state, total
 
     total = dr.zeros(a.V, n)
     if not s.attached:
-        start = *begun(first_number, b, b.alive), total
+        start = *path_start(first_path, first_bounce, first_bounce.alive), total
         return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
-    mirrored = s.features["reflection"] or s.features["refraction"]
+    specular = s.features["reflection"] or s.features["refraction"]
     for k in range(settings.scatter.rays if s.features["scatter"] else 1):
-        number = None if first_number is None else first_number + k
-        state = begun(number, b if k == 0 else scattered(s, first, a.U(k)), b.alive if k == 0 else split)
-        for _ in range(settings.depth * mirrored + settings.scatter.depth * s.features["scatter"]):
-            *state, total = level(*state, total)
+        number = None if first_path is None else first_path + k
+        b, alive = (first_bounce, first_bounce.alive) if k == 0 else (scattered(s, first, a.U(k)), splits)
+        state = path_start(number, b, alive)
+        for _ in range(settings.depth * specular + settings.scatter.depth * s.features["scatter"]):
+            *state, total = extend(*state, total)
     return total
 
 
 def _state(ray: Ray) -> tuple:
-    """A ray as the state of a loop: its part only where hits have any."""
+    """The arrays of a ray as loop state; the part is included only where hits have parts."""
     state = ray.o, ray.d, ray.row, ray.inside, ray.clearance
     return state if ray.part is None else (*state, ray.part)
 
 
-def _ray(o: Any, d: Any, row: Any, inside: Any, start: Any, part: Any = None) -> Ray:
-    return Ray(o, d, row, inside, start, part=part)
+def _ray(o: Any, d: Any, row: Any, inside: Any, clearance: Any, part: Any = None) -> Ray:
+    """The ray with these arrays as loop state."""
+    return Ray(o, d, row, inside, clearance, part=part)
 
 
-def _left(a: Any, b: Bounce, mirrors: Any, scatters: Any) -> tuple:
-    """How many more reflections, and scatterings if any, a path may have after a bounce."""
-    fewer = None if scatters is None else scatters - dr.select(b.scattered, a.U(1), 0)
-    return mirrors - dr.select(b.scattered, a.U(0), 1), fewer
+def _limits_after(a: Any, b: Bounce, specular_left: Any, scatters_left: Any) -> tuple:
+    """Numbers of further reflections and refractions, and of scatterings (or None), after a bounce."""
+    remaining = None if scatters_left is None else scatters_left - dr.select(b.scattered, a.U(1), 0)
+    return specular_left - dr.select(b.scattered, a.U(0), 1), remaining

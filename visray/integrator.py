@@ -1,4 +1,4 @@
-"""Radiance and layers along rays, composed from the effects that are present."""
+"""Radiance and data layers along camera rays, composed from the effects that are present."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,72 +18,73 @@ from visray.ray import NO_ROW, NOTHING_KNOWN, Hit, Ray, unit
 from visray.sampling import SampleState
 from visray.shading import shade
 
+# Random dimension of the lens.
 LENS = 1
 
 
 def camera_direction(s: KernelScene, x: Any, y: Any) -> Any:
-    """The unit direction to the point (x, y) of the picture, in pixels from its top left corner; in single where
-    shading is."""
+    """Unit direction through the point (x, y) of the picture, in pixels from its top left corner; in single where
+    shading is single."""
     d = dr.normalize(s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down)
     return d if s.a.precision == "single" else unit(d, s.a.W)
 
 
 def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
-    """The ray through the point (x, y) of the picture, in pixels from its top left corner."""
+    """Ray through the point (x, y) of the picture, in pixels from its top left corner."""
     return Ray(s.view.o, camera_direction(s, x, y)).exact()
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
-    """The ray from the lens's point for (u, v) in the unit square to where the camera's ray through (x, y) is sharp."""
+    """Ray from the lens point for (u, v) in the unit square to the point in focus of the camera ray through (x, y)."""
     a = s.a
-    across, up = warp.disk(a.D(u), a.D(v))
-    aside = across * s.view.lens_right + up * s.view.lens_up
-    straight = s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down
-    d = dr.normalize(straight - a.V(aside * s.view.inverse_focus))
-    return Ray(s.view.o + aside, d if a.precision == "single" else unit(d, a.W)).exact()
+    disk_x, disk_y = warp.disk(a.D(u), a.D(v))
+    offset = disk_x * s.view.lens_right + disk_y * s.view.lens_up
+    through_pinhole = s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down
+    d = dr.normalize(through_pinhole - a.V(offset * s.view.inverse_focus))
+    return Ray(s.view.o + offset, d if a.precision == "single" else unit(d, a.W)).exact()
 
 
 def single_sample_state(s: KernelScene, n: int) -> SampleState:
-    """The random numbers of the only sample of n pixels, where none are given."""
+    """Random numbers of n pixels with a single sample each, for callers that give none."""
     a = s.a
     plan = sampling.SamplePlan.of(a, 0, 1, 0, 1)
-    lane = dr.arange(a.U, n)
-    return SampleState(s.settings.sampler, a.F, plan, sampling.hash32(lane), plan.first + 0 * lane, 0 * lane)
+    lanes = dr.arange(a.U, n)
+    return SampleState(s.settings.sampler, a.F, plan, sampling.hash32(lanes), plan.first + 0 * lanes, 0 * lanes)
 
 
 def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
-    """The colour along a ray from the camera, and how much of it the film counts as covered."""
-    on = s.features
+    """The colour along a camera ray, and its coverage: 1 where something is hit, else that of the film's background."""
+    effects = s.features
     state = state or single_sample_state(s, max(dr.width(ray.d), dr.width(ray.o)))
-    origin = RayOrigin(s.geometry, ray.o, shared=False) if on["defocus"] else s.origin
+    origin = RayOrigin(s.geometry, ray.o, shared=False) if effects["defocus"] else s.origin
     hit, ray = closest(origin, ray, s.brute_force), ray.exact()
-    here = interact(s, ray, hit, state)
-    colour = shade(s, here)
-    if on["paths"]:
-        interface = indirect.interface(s, here)
-        own = indirect.local_weight(s, here, interface)
-        colour = (colour if own is None else colour * own) + indirect.indirect(s, here, ray, interface)
+    si = interact(s, ray, hit, state)
+    colour = shade(s, si)
+    if effects["paths"]:
+        interface = indirect.interface(s, si)
+        own_weight = indirect.local_weight(s, si, interface)
+        colour = (colour if own_weight is None else colour * own_weight) + indirect.indirect(s, si, ray, interface)
     sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 
 def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: Moments) -> Moments:
-    """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over its blocks, and in
-    that one over the samples of a block.
+    """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over blocks, and inside
+    it one over the samples of a block.
 
-    What no sample changes is no state of the loops: Dr.Jit would trace all of it once more, to take that out. A
-    sample's ray is made while the one before is looked along: neither waits for the other.
+    Values that no sample changes are no loop state, because Dr.Jit would trace the whole loop once more to remove them.
+    The ray of the next sample is generated while the current one is traced: neither waits for the other.
     """
-    a, end, covers = s.a, plan.first + plan.count, s.features["coverage"]
+    a, end, has_coverage = s.a, plan.first + plan.count, s.features["coverage"]
     pixels = _Pixels(s, plan, x, y)
 
     def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
-        state, after = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
-        ahead = pixels.ray(pixels.state(i + 1, after))
+        state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
+        next_ray = pixels.ray(pixels.state(i + 1, next_stratum))
         ray = Ray(s.view.o, d) if o is None else Ray(o, d).exact()
         colour, covered = radiance(s, ray, state)
-        more = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
-        return i + 1, after, *ahead, *more.arrays[3:]
+        block_sums = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
+        return i + 1, next_stratum, *next_ray, *block_sums.arrays[3:]
 
     def block(i: Any, stratum: Any, d: Any, o: Any, mean: Any, squares: Any, coverage: Any, *sums: Any) -> tuple:
         stop = dr.minimum(end, (i | (BLOCK - 1)) + 1)
@@ -93,17 +94,17 @@ def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: M
         joined = Moments(mean, squares, coverage, *sums).block_joined(a, index_in_block(i) == 0, i - BLOCK, BLOCK)
         return i, stratum, d, o, *joined.arrays
 
-    before = moments if covers else replace(moments, coverage=None, open_coverage=None)
+    used_moments = moments if has_coverage else replace(moments, coverage=None, open_coverage=None)
     first = dr.zeros(a.U, dr.width(x)) + plan.first, sampling.first_stratum(plan, pixels.key, a.F)
-    start = *first, *pixels.ray(pixels.state(*first)), *before.arrays
-    _, _, _, _, *parts = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
-    after = Moments(*parts)
-    return after if covers else replace(after, coverage=moments.coverage, open_coverage=moments.open_coverage)
+    start = *first, *pixels.ray(pixels.state(*first)), *used_moments.arrays
+    _, _, _, _, *arrays = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
+    result = Moments(*arrays)
+    return result if has_coverage else replace(result, coverage=moments.coverage, open_coverage=moments.open_coverage)
 
 
 def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:
-    """The mean colour of the samples of one pass over the pixels (x, y), with its derivatives: one loop over all
-    samples, as Dr.Jit 1.5 has no derivatives of loops within loops, and only sums may go through it."""
+    """Mean colour of the samples of one pass over the pixels (x, y), with derivatives. One loop over all samples, with
+    sums as its only state: Dr.Jit 1.5 differentiates no loops inside loops."""
     a, n = s.a, dr.width(x)
     pixels = _Pixels(s, plan, x, y)
 
@@ -122,20 +123,20 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
 
 
 class _Pixels:
-    """The pixels (x, y) of a pass: the random numbers of their samples, and the rays."""
+    """Samples of the pixels (x, y) in a pass: their random numbers and rays."""
 
     def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any):
         self.s, self.plan, self.key = s, plan, sampling.pixel_key(plan, x, y)
         self.left, self.top = s.a.F(x), s.a.F(y)
 
     def state(self, index: Any, stratum: Any) -> SampleState:
-        """The random numbers of a sample, by its index and stratum."""
+        """Random numbers of the sample with this index and stratum."""
         return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, stratum)
 
     def ray(self, state: SampleState) -> tuple[Any, Any]:
-        """Direction and origin of a sample's ray; None for the origin where all have the same."""
-        across, down = state.pixel()
-        x, y = self.left + across, self.top + down
+        """Direction and origin of a sample's ray. The origin is None where all rays share it."""
+        offset_x, offset_y = state.pixel()
+        x, y = self.left + offset_x, self.top + offset_y
         if not self.s.features["defocus"]:
             return camera_direction(self.s, x, y), None
         ray = lens_ray(self.s, x, y, *state.dimension(LENS).point())
@@ -143,11 +144,7 @@ class _Pixels:
 
 
 def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
-    """The layers of the first hit along the ray through each pixel's centre, by name (visray/output/layers.py).
-
-    Where nothing is hit, distances are inf and all other layers 0. The layers of the certificate are there only if the
-    scene has surfaces whose crossings are searched for.
-    """
+    """The first hit of the ray through each pixel's centre."""
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.origin, ray)
@@ -170,7 +167,7 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
 
 
 def object_of(s: KernelScene, hit: Hit) -> Any:
-    """The index in the scene of the object that is hit, NO_ROW for none."""
+    """Number in the scene of the object that is hit, NO_ROW where nothing is."""
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
@@ -180,11 +177,11 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
 
 
 def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
-    """The certificate's layers, of surfaces whose crossings are searched for; empty if the scene has none.
+    """Certificate of the kinds that search for their roots: the number of unresolved pieces of the ray, and the
+    residual of the visible point p.
 
-    unresolved: parts of the ray in which rounding hides whether there is a crossing.
-    residual: the distance of the visible point p from its surface, to first order, in units in the last place of the
-        largest coordinate of p and the ray's origin.
+    The residual is the distance of p from its surface, to first order, in units in the last place of the largest
+    coordinate of p or the ray's origin.
     """
     a, searched = s.a, [b for b in s.batches if b.kind.finds_roots]
     if not searched:

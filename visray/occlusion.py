@@ -1,6 +1,6 @@
-"""Ambient occlusion: how much ambient light gets to a point, by rays over the hemisphere above it.
+"""Ambient occlusion: the share of ambient light that reaches a point, by rays over the hemisphere above it.
 
-Rays are drawn by their cosine with the normal, so that each counts alike.
+Rays are drawn with density proportional to the cosine with the normal, so that all have equal weight.
 """
 
 from typing import Any
@@ -19,34 +19,34 @@ SKY, NEAR, TURN = 2, 3, 6
 
 
 def sky(s: KernelScene, si: Interaction) -> Any:
-    """The share of the sky that is seen: of the rays that meet nothing."""
+    """Share of the sky that is visible: of the rays that hit nothing."""
 
-    def step(j: Any, seen: Any) -> tuple:
+    def step(j: Any, visible: Any) -> tuple:
         ray = _ray(s, si, SKY, j)
-        n = dr.width(seen)
-        far = Target(dr.full(s.a.F, dr.inf, n), dr.zeros(s.a.F, n))
-        hidden = occluded(origin, ray, far, si.hit.valid, s.brute_force)
-        return (seen + dr.select(hidden, s.a.F(0), 1),)
+        n = dr.width(visible)
+        no_target = Target(dr.full(s.a.F, dr.inf, n), dr.zeros(s.a.F, n))
+        is_occluded = occluded(origin, ray, no_target, si.hit.valid, s.brute_force)
+        return (visible + dr.select(is_occluded, s.a.F(0), 1),)
 
     origin = _above(s, si)
     return _mean(s, si, "sky", s.settings.occlusion.sky, step)
 
 
 def near(s: KernelScene, si: Interaction) -> Any:
-    """The mean over rays of the distance to what they meet, as a share of settings.occlusion.distance, at most 1."""
+    """Mean over rays of the distance to the first hit, as a share of settings.occlusion.distance, at most 1."""
 
-    def step(j: Any, free: Any) -> tuple:
+    def step(j: Any, total: Any) -> tuple:
         ray = _ray(s, si, NEAR, j)
         hit = closest(origin, ray, s.brute_force, si.hit.valid, s.occlusion_distance)
         t = attached_distance(s, ray, hit) if s.attached else hit.t
-        return (free + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.occlusion_distance)), 1),)
+        return (total + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.occlusion_distance)), 1),)
 
     origin = _above(s, si)
     return _mean(s, si, "near", s.settings.occlusion.near, step)
 
 
 def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
-    """The mean of what `step` adds up; 1 where there are no rays."""
+    """Mean of the values that `step` adds up; 1 where there are no rays."""
     count = s.sample_sets[name].count
     start = (dr.zeros(s.a.F, dr.width(si.surface.p)),)
     total = s.loop(n, count, si.hit.valid, start, step)[0]
@@ -66,6 +66,6 @@ def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
 
 
 def _above(s: KernelScene, si: Interaction) -> RayOrigin:
-    """Rays from the point over its hemisphere."""
-    right = s.a.F32(1), s.a.F32(0)
-    return si.origin.toward(DirectionCone(s.a.V32(dr.detach(si.n)), *right))
+    """Rays that start at the point, in the hemisphere above it."""
+    hemisphere = s.a.F32(1), s.a.F32(0)
+    return si.origin.toward(DirectionCone(s.a.V32(dr.detach(si.n)), *hemisphere))

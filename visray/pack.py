@@ -58,6 +58,7 @@ class Names:
 class Columns:
     """Rows of one kind that share their code, as arrays. They come from the objects of a scene, or from any other
     source of columns.
+
     kind: class of the rows; rows with a transform and rows without form two batches
     names: names of the rows
     numbers: the kind's table

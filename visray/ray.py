@@ -1,13 +1,13 @@
 """Rays, hits, crossings and surface points.
 
 Single letters with one meaning everywhere: o origin, d unit direction, t distance, p point, n normal, l direction to
-    the light, v direction to the eye, h half vector; F, V, D, W array types (quantities.Arrays).
+the light, v direction to the eye, h half vector; F, V, D, W array types (quantities.Arrays).
 
 Rows are the objects of a scene, numbered batch after batch. A `part` is one smooth piece of a row's surface: a side of
 a box, a cap of a cylinder, a factor of a polynomial. Rows with a single part carry None instead of a number.
 
 There is no epsilon: a ray never starts off the surface that it leaves. Instead, a ray names the row and the part that
-    it leaves, and the side on which it runs (`inside`). With this, the row reports only its other crossings.
+it leaves, and the side on which it runs (`inside`). With this, the row reports only its other crossings.
 """
 
 from dataclasses import dataclass, replace
@@ -86,6 +86,7 @@ class Hit:
 class KnownEnds:
     """Facts about both ends of a ray segment, for the one row that the segment is tested against. A mask is None where
     it holds for no ray.
+
     on_start: the segment begins on the row's surface
     inside: from there it runs into the row
     start_part: part of the surface on which it begins

@@ -133,6 +133,7 @@ def pascal(x: Any) -> Any:
 def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
     """A point of an Owen-scrambled (0, 2)-sequence. Any 2^k points from a multiple of 2^k on are stratified in every
     way.
+
     shuffled: whether the points are visited in an order of their own, so that sequences of different seeds can be
         paired
     """

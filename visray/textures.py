@@ -27,8 +27,8 @@ class ImageTexture(Texture):
     """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
 
     `filter`: the nearest pixel, or a blend of four. `wrap`: beyond its edges the picture repeats, keeps the colour of
-        the edge (`clamp`), or is mirrored (`mirror`). `encoding`: by default, PNG and JPEG are read as sRGB and EXR as
-        linear.
+    the edge (`clamp`), or is mirrored (`mirror`). `encoding`: by default, PNG and JPEG are read as sRGB and EXR as
+    linear.
     """
 
     type: Literal["image"] = "image"

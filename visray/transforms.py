@@ -1,7 +1,7 @@
 """Transforms of an object: a list of steps, applied in order.
 
 Each step gives `affine`, its 3 x 4 matrix, and `bounds`: the least and the greatest factor by which it changes lengths,
-    and how far it moves the origin. `bounds` uses plain numbers, no arrays.
+and how far it moves the origin. `bounds` uses plain numbers, no arrays.
 """
 
 import math

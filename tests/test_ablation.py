@@ -18,7 +18,7 @@ from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.setup import prepare
 from visray.study import ablation
-from visray.study.ablation import BRIEF, FEWEST, LONGEST, MOST, Cost, Picture, Spread, cost, fitting, left_out, reduced
+from visray.study.ablation import BRIEF, FEWEST, LONGEST, MOST, Cost, Picture, Spread, cost, fitting, left_out, reduced_size
 
 __all__ = ["folder"]  # the fixture
 
@@ -56,7 +56,7 @@ def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
     assert all(p.compiled()[1] > 0 for p in (one, other))
     # The second time it is the same kernel: nothing is compiled.
     assert max(one.kernels(), key=lambda k: k["operation_count"])["backend_time"] == 0
-    other = replace(made, x=ablation.marked(made.a, made.x, one.mark))
+    other = replace(made, x=ablation.marked_columns(made.a, made.x, one.mark))
     np.testing.assert_array_equal(np.array(expose(other)[0].mean), np.array(expose(made)[0].mean))
 
 
@@ -118,8 +118,8 @@ def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("size", [(640, 480), (100, 5000), (256, 256), (3, 2), (5000, 1)])
-def test_reduced(size: tuple[int, int]) -> None:
-    width, height = reduced(*size)
+def test_reduced_size(size: tuple[int, int]) -> None:
+    width, height = reduced_size(*size)
     scale = min(1, LONGEST / max(size))
     assert max(width, height) == min(LONGEST, max(size)) and min(width, height) >= 1
     assert abs(width - scale * size[0]) <= 1 and abs(height - scale * size[1]) <= 1

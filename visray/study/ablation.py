@@ -44,7 +44,7 @@ RUNS, REPEATS = 8, 3
 CHANCE, FEWEST = 0.01, 8
 
 
-def inner(n: int, chance: float) -> list[int]:
+def sign_test_trims(n: int, chance: float) -> list[int]:
     """How many of n values may be left out at each end, so that the true median lies within the others but for a
     chance, by the sign test; none where they are too few for that."""
     beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
@@ -56,7 +56,7 @@ def new_mark() -> int:
     return 2**31 + secrets.randbelow(2**31)
 
 
-def marked(a: Arrays, x: Any, mark: int) -> Any:
+def marked_columns(a: Arrays, x: Any, mark: int) -> Any:
     """The columns of pixels, by a kernel that holds the mark: the column of that number would be moved to the first."""
     return dr.select(x == a.U(mark), 0, x)
 
@@ -72,7 +72,7 @@ class Spread:
     @staticmethod
     def of(values: list[float]) -> "Spread":
         """The median, and two of the values between which the true one lies, by the sign test."""
-        ordered, k = sorted(values), max(inner(len(values), CHANCE))
+        ordered, k = sorted(values), max(sign_test_trims(len(values), CHANCE))
         return Spread(median(values), ordered[k], ordered[-1 - k])
 
     @property
@@ -167,7 +167,7 @@ class Picture:
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             # Anew each time: were it kept, the next kernel would be traced in another order.
-            x = marked(prepared.a, prepared.x, self.mark)
+            x = marked_columns(prepared.a, prepared.x, self.mark)
             exposed_once(replace(prepared, x=x), film, prepared.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 
@@ -186,7 +186,7 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
     in the middle of a kernel."""
     if not isinstance(runs, int) or runs < FEWEST:
         raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST}, for the spread of a median")
-    small = adjusted(scene, spp=spp, size=reduced(scene.film.width, scene.film.height))
+    small = adjusted(scene, spp=spp, size=reduced_size(scene.film.width, scene.film.height))
     found = explain(small)
     with Interrupts() as interrupts:
         fitted = fitting(small)
@@ -196,7 +196,7 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
     return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, found.listed, costs, total)
 
 
-def reduced(width: int, height: int, longest: int = LONGEST) -> tuple[int, int]:
+def reduced_size(width: int, height: int, longest: int = LONGEST) -> tuple[int, int]:
     """The film's size with its longer side at most so many pixels."""
     scale = longest / max(width, height, longest)
     return max(1, round(width * scale)), max(1, round(height * scale))

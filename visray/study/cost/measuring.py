@@ -69,13 +69,13 @@ class Taken:
 def band(values: Sequence[float]) -> Band:
     """The median, and two of the values between which the true one lies, by the sign test; the first and the last
     where they are too few for that."""
-    ordered, k = sorted(values), max(ablation.inner(len(values), CHANCE), default=0)
+    ordered, k = sorted(values), max(ablation.sign_test_trims(len(values), CHANCE), default=0)
     return Band(median(values), ordered[k], ordered[-1 - k])
 
 
 def reduced(scene: Scene, longest: int) -> Scene:
     """The scene with the longer side of its film at most so many pixels."""
-    return adjusted(scene, size=ablation.reduced(scene.film.width, scene.film.height, longest))
+    return adjusted(scene, size=ablation.reduced_size(scene.film.width, scene.film.height, longest))
 
 
 def blank(prepared: Prepared, pictures: int) -> Film:
@@ -94,7 +94,7 @@ def exposed(
     dr.eval(x, y, numbers)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        x = ablation.marked(a, x, mark)
+        x = ablation.marked_columns(a, x, mark)
         plan = replace(SamplePlan.of(a, 0, spp, done, count), seed=numbers)
         film = film.with_moments(integrator.sample(prepared.kernel, plan, x, y, film.moments), done + count)
         dr.eval(film.moments)

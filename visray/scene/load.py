@@ -1,4 +1,4 @@
-"""Scenes from files and into files; every error names the file, the address in it and what would be right."""
+"""Reads scenes from files. Every error names the file, the address in it and what would be right."""
 
 import warnings
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from visray.errors import UserError
 from visray.scene.check import checked, examined, flaws
-from visray.scene.legacy.convert import SeedWarning, convert, is_seed, is_setup
+from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line, printable
 from visray.scene.scene import Scene
 from visray.scene.source import read
@@ -16,33 +16,34 @@ __all__ = ["checked", "dump", "flaws", "load", "schema"]
 
 
 def load(path: str | Path, setup: str | Path | None = None, compat: bool = False) -> Scene:
-    """The scene in a file: one of visray's, or one of the original VisRayTrace, with or without its `setup` file.
+    """The scene of a file: a visray scene, or a VisRayTrace scene with or without its `setup` file.
 
-    The files of textures, in the file relative to its folder, are in the scene relative to the current one.
-    What an original file says and this version cannot do is told by a SeedWarning each, or a UserError. `compat`: with
-    the original's own rules where ours are others (see seed_format).
+    compat: follow VisRayTrace's rules where visray's differ (legacy/convert.py).
+
+    The file gives paths of texture files relative to its own folder; in the scene they are relative to the current
+    folder. What a VisRayTrace file asks for and visray cannot do is a LegacyWarning or a UserError.
     """
     source = read(path)
-    if is_seed(source.raw) or is_setup(source.raw):
-        scene, told = convert(path, setup, compat)
-        for text in told:
-            warnings.warn(text, SeedWarning, stacklevel=2)
+    if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
+        scene, warning_texts = convert(path, setup, compat)
+        for text in warning_texts:
+            warnings.warn(text, LegacyWarning, stacklevel=2)
         return scene
     if setup is not None:
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those take a setup file; leave {setup} out")
     if compat:
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those have its rules; leave --compat out")
-    found = [f"{address}: the key is written twice; keep one" for address in source.repeated]
-    raw, of_schema = _native(source.raw)
-    scene, wrong = examined(raw)
-    if found or of_schema or wrong:
-        raise UserError(*(f"{path}: {text}" for text in [*map(printable, found), *of_schema, *wrong]))
+    repeated = [printable(f"{address}: the key is written twice; keep one") for address in source.repeated]
+    raw, schema_flaws = _without_schema(source.raw)
+    scene, scene_flaws = examined(raw)
+    if repeated or schema_flaws or scene_flaws:
+        raise UserError(*(f"{path}: {text}" for text in [*repeated, *schema_flaws, *scene_flaws]))
     folder = Path(path).parent
     return with_files(scene, lambda file: str(folder / file))
 
 
-def _native(raw: Any) -> tuple[Any, list[str]]:
-    """The content of a scene file without its `$schema`, and what is wrong with that."""
+def _without_schema(raw: Any) -> tuple[Any, list[str]]:
+    """Content of a scene file without its key `$schema`, and what is wrong with that key."""
     if not isinstance(raw, dict) or "$schema" not in raw:
         return raw, []
     rest = {k: v for k, v in raw.items() if k != "$schema"}

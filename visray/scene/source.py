@@ -1,4 +1,4 @@
-"""Reads JSON files strictly, with errors that say where."""
+"""Strict reading of JSON files; errors give the line and the column."""
 
 import json
 from collections.abc import Callable
@@ -10,32 +10,35 @@ from typing import Any
 from visray.errors import UserError
 from visray.scene.garbage import uncollected
 
-# Every whole number of this many digits has a double near it; longer ones may overflow.
+# A whole number of up to this many digits can be converted to double; a longer one may overflow and becomes infinite.
 LONGEST_INTEGER = 300
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a JSON file holds, and the addresses of its keys that are written more than once (the last one counts)."""
+    """Content of a JSON file.
+
+    raw: its dicts, lists and values. repeated: addresses of keys that are written twice; their last value counts.
+    """
 
     raw: Any
     repeated: tuple[str, ...] = ()
 
 
-class _Repeated(Exception):
-    """A key is written twice in an object."""
+class _RepeatedKey(Exception):
+    """Raised where a JSON object has a key twice."""
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict:
-    """A JSON object whose keys are all different."""
-    made = dict(pairs)
-    if len(made) < len(pairs):
-        raise _Repeated
-    return made
+def _with_unique_keys(pairs: list[tuple[str, Any]]) -> dict:
+    """Dict of a JSON object; raises _RepeatedKey where a key comes twice."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        raise _RepeatedKey
+    return values
 
 
 class _Object(dict):
-    """A JSON object that remembers which of its keys came twice."""
+    """Dict of a JSON object. `repeated`: its keys that come twice."""
 
     def __init__(self, pairs: list[tuple[str, Any]]):
         super().__init__(pairs)
@@ -44,7 +47,7 @@ class _Object(dict):
 
 
 def read(path: str | Path) -> Source:
-    """The content of a JSON file; raises UserError where it cannot be read, is not UTF-8 or not JSON."""
+    """Content of a JSON file. Raises UserError where it cannot be read, or is not JSON in UTF-8."""
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
@@ -65,31 +68,33 @@ def read(path: str | Path) -> Source:
 
 @uncollected()
 def parse(text: str, name: str) -> Source:
-    """The content of a JSON text; `name` stands before what is wrong with it."""
+    """Content of a JSON text. Errors begin with `name`."""
     try:
-        return Source(_loaded(text, name, _once))
-    except _Repeated:
+        return Source(_loaded(text, name, _with_unique_keys))
+    except _RepeatedKey:
+        # Only now are the addresses of repeated keys needed, which take longer to find.
         repeated: list[str] = []
         return Source(_plain(_loaded(text, name, _Object), "", repeated), tuple(repeated))
 
 
-def _loaded(text: str, name: str, made: Callable[[list], dict]) -> Any:
-    """The content of a JSON text, with `made` from the pairs of each object."""
+def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
+    """Content of a JSON text; `to_object` makes an object from its (key, value) pairs."""
     try:
-        return json.loads(text, object_pairs_hook=made, parse_int=_integer)
+        return json.loads(text, object_pairs_hook=to_object, parse_int=_integer)
     except json.JSONDecodeError as error:
-        what = error.msg[0].lower() + error.msg[1:]
-        raise UserError(f"{name}: line {error.lineno}, column {error.colno}: is not JSON: {what}") from None
+        reason = error.msg[0].lower() + error.msg[1:]
+        raise UserError(f"{name}: line {error.lineno}, column {error.colno}: is not JSON: {reason}") from None
     except RecursionError:
         raise UserError(f"{name}: is nested too deeply") from None
 
 
 def _integer(digits: str) -> int | float:
+    """Value of a whole number."""
     return int(digits) if len(digits) <= LONGEST_INTEGER else float(digits)
 
 
 def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
-    """The tree in plain dicts; the addresses of repeated keys are added to `repeated`."""
+    """The tree with plain dicts for each _Object. Adds the addresses of repeated keys to `repeated`."""
     if isinstance(tree, list):
         return [_plain(v, f"{address}{i}.", repeated) for i, v in enumerate(tree)]
     if isinstance(tree, _Object):
@@ -99,10 +104,10 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
 
 
 def neighbour(path: Path) -> str:
-    """A hint at a file of a similar name in the same folder, or nothing."""
+    """Hint at a file of a similar name in the same folder; empty where there is none."""
     if not path.parent.is_dir():
         return ""
-    # By the names without their ends, in which all files of a kind are alike.
+    # Names are compared without their suffix, which files of one kind have in common.
     files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
-    near = get_close_matches(path.stem, files, 1)
-    return f"; did you mean {str(path.parent / files[near[0]])!r}?" if near else ""
+    similar = get_close_matches(path.stem, files, 1)
+    return f"; did you mean {str(path.parent / files[similar[0]])!r}?" if similar else ""

@@ -89,7 +89,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "surface": f"the name of a known surface: {', '.join(SURFACES)}",
         "parameters": "values by name: of the parameters in the expression, or new values of the known surface's",
         "clip": "region that bounds the surface; by default that of the known surface, or a ball of radius 5",
-        "ends": "open: the surface ends where the clip cuts it; closed: the clip closes the solid where f < 0",
+        "ends": "open: the surface ends where the clip cuts it; capped: the clip closes the solid where f < 0",
         "tolerance": "largest error of a crossing, from 0 to 1, as a share of half a ray's chord in the clip",
     },
     Scale: {"scale": "one factor, or one for each axis; not 0"},

@@ -1,4 +1,4 @@
-"""The camera of original VisRayTrace setups, and the size of their pictures, as plain dicts of visray's fields."""
+"""Camera and film of a VisRayTrace setup, as plain dicts of visray's fields."""
 
 from math import isfinite
 
@@ -6,13 +6,13 @@ from visray.scene.legacy.entry import Entry
 from visray.scene.legacy.keys import BLUR, CAMERA
 from visray.scene.messages import line
 
-# The diameter of the lens that the original always used, as it looked for the file's in the wrong place.
-LENS = 2.0
+# Lens diameter that VisRayTrace always used: it looked for the file's diameter under the wrong key.
+LENS_DIAMETER = 2.0
 
 
-def view(setup: Entry) -> dict:
-    """Camera and film."""
-    e = setup.inner("camera", CAMERA)
+def camera_and_film(setup: Entry) -> dict:
+    """Camera and film of a setup."""
+    e = setup.nested("camera", CAMERA)
     if e is None:
         setup.log.warn("camera: is missing; it looks from (0, 0, 10) to the origin, 90 degrees wide, 400 x 400 pixels")
         e = Entry({"vup": [0, 1, 0], "vfov": 90}, "camera", CAMERA, setup.log)
@@ -22,12 +22,13 @@ def view(setup: Entry) -> dict:
     if not e.has("vup"):
         e.log.warn(f"{e.at('vup')}: is missing; (0, 1, 0) is used")
     if not e.has("vfov"):
-        e.log.warn(f"{e.at('vfov')}: is missing; 90 degrees is used, since the original's 180 gives no picture")
+        e.log.warn(f"{e.at('vfov')}: is missing; 90 degrees is used, since VisRayTrace's 180 gives no picture")
     return {"camera": camera, "film": _film(e)}
 
 
 def _film(e: Entry) -> dict:
-    width, aspect = e.whole("pixelsX", 400), e.number("aspectRatio", 1.0)
+    """Film: width and height in pixels, or {} with an error in the log."""
+    width, aspect = e.integer("pixelsX", 400), e.number("aspectRatio", 1.0)
     height = width / aspect if aspect > 0 else 0.0
     if not (aspect > 0 and isfinite(height)):
         e.error("aspectRatio", "must be greater than 0; it is width / height")
@@ -39,12 +40,13 @@ def _film(e: Entry) -> dict:
 
 
 def _aperture(e: Entry) -> float:
-    """The diameter of the lens, which stands in defocusBlur, or beside it, where the original looked for it.
+    """Diameter of the lens.
 
-    The lens is focused on lookAt, as in the original; that is our default.
+    It belongs in defocusBlur; VisRayTrace looked for it beside defocusBlur, so that place is read too. The lens is
+    focused on lookAt, as in VisRayTrace; this is visray's default.
     """
     beside = e.number("aperture", 0.0)
-    blur = e.inner("defocusBlur", BLUR)
+    blur = e.nested("defocusBlur", BLUR)
     if blur is None:
         return 0.0
     inside = blur.number("aperture", 0.0)
@@ -52,8 +54,9 @@ def _aperture(e: Entry) -> float:
         return 0.0
     if not blur.has("aperture"):
         if not e.has("aperture"):
-            blur.log.warn(f"{blur.at('aperture')}: is missing; {LENS:g} is used, as always in the original")
-        return beside if e.has("aperture") else LENS
-    if inside != LENS and not e.has("aperture"):
-        blur.log.warn(line(blur.at("aperture"), inside, f"counts here; the original always used {LENS:g}"))
+            blur.log.warn(f"{blur.at('aperture')}: is missing; {LENS_DIAMETER:g} is used, as always in VisRayTrace")
+        return beside if e.has("aperture") else LENS_DIAMETER
+    if inside != LENS_DIAMETER and not e.has("aperture"):
+        text = f"counts in visray; VisRayTrace always used {LENS_DIAMETER:g}"
+        blur.log.warn(line(blur.at("aperture"), inside, text))
     return inside

@@ -1,19 +1,20 @@
-"""Scenes of the original VisRayTrace 2021-22, and of the programs of the same family, as visray scenes.
+"""Conversion of VisRayTrace scenes (2021-22, and programs of the same family) into visray scenes.
 
-Such a scene is two JSON files: the objects, and a setup with camera, lights and background. What they say is drawn as
-they mean it, with the original's defects mended. `compat` restores what the original did on purpose, and we do
-otherwise:
+Such a scene consists of two JSON files: the objects, and a setup with camera, lights and background. They are
+interpreted as their authors meant them, without VisRayTrace's defects. Where VisRayTrace deliberately follows another
+rule than visray, `compat` restores its rule:
 
 - area lights light from their centre, and only their shadow comes from all samples (settings.area = "centre");
-- the rays of the ambient occlusion crowd as in its box (settings.occlusion.hemisphere = "box", where it is on);
-- the own colour of a transparent surface counts in full, beside what it lets through (settings.local = "full");
-- the numbers of pictures are kd as they stand, not sRGB (textures with encoding = "linear");
+- rays of the ambient occlusion point to a half cube (settings.occlusion.hemisphere = "box", where it is on);
+- the own colour of a transparent surface counts in full, beside what it transmits (settings.local = "full");
+- the numbers of image files are kd as they stand, not sRGB (textures with encoding = "linear");
 - MAXDEPTH counts strictly, down to 1, its default: no reflection and no refraction (settings.depth = MAXDEPTH - 1).
 
-It restores no defects: not the highlights drawn to the viewer, the shift of half a pixel, the missing total internal
-reflection, the shadows from beyond a light, the occlusion of the global light that is 0, the boxes without light, the
-lens that is always 2 wide, the spot light without a cone where a = b = c = 0, the monomials that were misread; nor the
-fourth root in a spot light's falloff, one sample a pixel, or the original's random numbers.
+`compat` restores no defects: highlights computed with the direction to the viewer, the shift of half a pixel, the
+missing total internal reflection, shadows cast by objects beyond a light, occlusion of the global light that is
+always 0, unlit boxes, the lens diameter that is always 2, spot lights that ignore their cone where a = b = c = 0,
+misread monomials. Nor does it restore the fourth root in a spot light's falloff, the single sample per pixel, or
+VisRayTrace's random numbers.
 """
 
 from pathlib import Path
@@ -23,36 +24,36 @@ from visray.errors import UserError
 from visray.scene.check import examined
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import SCENE, SCENES, SETUP
-from visray.scene.legacy.materials import Looks
-from visray.scene.legacy.names import respelled
-from visray.scene.legacy.objects import clipped, objects
-from visray.scene.legacy.pictures import Pictures
-from visray.scene.legacy.setup import effects, setup
+from visray.scene.legacy.materials import Materials
+from visray.scene.legacy.names import with_legacy_address
+from visray.scene.legacy.objects import clip_polynomials, objects
+from visray.scene.legacy.setup import enabled_effects, setup
+from visray.scene.legacy.textures import Textures
 from visray.scene.messages import hint, line
 from visray.scene.scene import Scene
 from visray.scene.source import read
 
-# Keys of our scenes that no original scene has.
-OURS = {"camera", "film", "materials", "lights", "settings", "background", "ambient"}
+# Keys of visray scenes that no VisRayTrace scene has.
+VISRAY_KEYS = {"camera", "film", "materials", "lights", "settings", "background", "ambient"}
 
 
-class SeedWarning(UserWarning):
-    """Something in a file of the original VisRayTrace that was passed over, or is not built yet."""
+class LegacyWarning(UserWarning):
+    """Something in a VisRayTrace file that is ignored, changed, or not built yet."""
 
 
-def is_seed(raw: Any) -> bool:
-    """Whether the content of a file is a scene of the original format."""
+def is_legacy_scene(raw: Any) -> bool:
+    """Whether the content of a file is a VisRayTrace scene."""
     if not isinstance(raw, dict):
         return False
     if any(key.strip(" :").casefold() == "typescene" for key in raw):
         return True
-    lists = any(isinstance(raw.get(key), list) for key in ("objects", "properties", "attributes"))
-    return lists and not OURS & raw.keys()
+    has_list = any(isinstance(raw.get(key), list) for key in ("objects", "properties", "attributes"))
+    return has_list and not VISRAY_KEYS & raw.keys()
 
 
-def is_setup(raw: Any) -> bool:
-    """Whether the content of a file is a setup of the original format."""
-    if not isinstance(raw, dict) or is_seed(raw):
+def is_legacy_setup(raw: Any) -> bool:
+    """Whether the content of a file is a VisRayTrace setup."""
+    if not isinstance(raw, dict) or is_legacy_scene(raw):
         return False
     camera = raw.get("camera")
     return "renderType" in raw or (isinstance(camera, dict) and "lookFrom" in camera)
@@ -61,9 +62,9 @@ def is_setup(raw: Any) -> bool:
 def convert(
     scene_file: str | Path, setup_file: str | Path | None = None, compat: bool = False
 ) -> tuple[Scene, list[str]]:
-    """The scene in a scene file and its setup, and a warning for everything that is passed over.
+    """The visray scene of a VisRayTrace scene file and its setup file, and the warnings about both files.
 
-    With `compat` it is drawn more like in the original (see above). Its pictures are named as seen from here, not from
+    compat: follow VisRayTrace's rules (see above). Paths of image files are relative to the current folder, not to
     the scene file. Raises UserError with all errors of both files.
     """
     log, setup_log = Log(str(scene_file)), Log(str(setup_file or scene_file))
@@ -75,15 +76,18 @@ def convert(
         log.warn("no setup file: no lights, a black background, and a camera at (0, 0, 10) that looks at the origin")
         raw_setup = {"camera": {"vup": [0, 1, 0], "vfov": 90}}
     e = Entry(raw_setup, "", SETUP, setup_log)
-    looks = Looks(effects(e), Pictures(scene_file, compat))
-    things = _objects(raw, looks, log)
-    made = setup(e, looks.materials.values(), compat)
-    clipped(things, made["camera"]["origin"], log)
-    parts = {"textures": looks.pictures.textures, "materials": looks.materials, "objects": things}
-    scene, wrong = examined(made | parts)
-    kinds = {name: thing["type"] for name, thing in things.items()}
-    for text in wrong:
-        (log if text.startswith(tuple(f"{part}." for part in parts)) else setup_log).error(respelled(text, kinds))
+    materials = Materials(enabled_effects(e), Textures(scene_file, compat))
+    objects_by_name = _objects(raw, materials, log)
+    setup_parts = setup(e, materials.by_name.values(), compat)
+    clip_polynomials(objects_by_name, setup_parts["camera"]["origin"], log)
+    scene_parts = {
+        "textures": materials.textures.by_name, "materials": materials.by_name, "objects": objects_by_name
+    }  # fmt: skip
+    scene, flaws = examined(setup_parts | scene_parts)
+    kinds = {name: fields["type"] for name, fields in objects_by_name.items()}
+    in_scene_file = tuple(f"{part}." for part in scene_parts)
+    for text in flaws:
+        (log if text.startswith(in_scene_file) else setup_log).error(with_legacy_address(text, kinds))
     errors = [*log.errors, *setup_log.errors]
     if errors or scene is None:
         raise UserError(*errors)
@@ -91,7 +95,7 @@ def convert(
 
 
 def _read(path: str | Path, log: Log) -> Any:
-    """The content of a file. Its errors go to the log, so that those of both files are told."""
+    """Content of a file, or {} with its errors in the log, so that the errors of both files are reported together."""
     try:
         source = read(path)
     except UserError as error:
@@ -103,21 +107,21 @@ def _read(path: str | Path, log: Log) -> Any:
 
 
 def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
-    """Errors for files that are no scene and no setup, most often because they were swapped."""
+    """Logs errors for files that are no scene and no setup, most often because they are swapped."""
     if log.errors or setup_log.errors:
         return
-    if is_setup(raw):
+    if is_legacy_setup(raw):
         log.error("is a setup file; the file with the objects comes first, and the setup after it")
     elif not isinstance(raw, dict):
         log.error(line("", raw, "is not a scene; a scene is an object {...}"))
-    if is_seed(raw_setup):
+    if is_legacy_scene(raw_setup):
         setup_log.error("is a scene file; a setup has a camera and lights")
     elif not isinstance(raw_setup, dict):
         setup_log.error(line("", raw_setup, "is not a setup; a setup is an object {...}"))
 
 
-def _objects(raw: dict, looks: Looks, log: Log) -> dict[str, dict]:
-    """The objects of a scene file; an error if the scene is of a type that is not built."""
+def _objects(raw: dict, materials: Materials, log: Log) -> dict[str, dict]:
+    """Objects of a scene file by name. Logs an error if scenes of its type are not built yet."""
     e = Entry(raw, "", SCENE, log)
     written = e.text("typeScene")
     if written is None:
@@ -133,4 +137,4 @@ def _objects(raw: dict, looks: Looks, log: Log) -> dict[str, dict]:
         log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
     elif not e.has("objects"):
         log.error("objects: the key is missing; it is the list of the scene's objects")
-    return objects(e.entries("objects"), looks, log)
+    return objects(e.items("objects"), materials, log)

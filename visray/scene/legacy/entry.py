@@ -1,7 +1,7 @@
-"""Reads the JSON objects of original VisRayTrace files.
+"""Reads the JSON objects of VisRayTrace files.
 
-The original passed over what it did not know or could not read. Here that is a warning where the picture still makes
-sense, and an error where it does not.
+VisRayTrace silently ignored whatever it did not know or could not read. Here that is a warning where the picture still
+makes sense, and an error where it does not.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,65 +14,74 @@ from visray.scene.messages import hint, line, printable
 
 @dataclass
 class Log:
-    """What is wrong with a file, and what was passed over; each line begins with the file's name."""
+    """Errors and warnings about one file; each line begins with the file's name."""
 
     name: str
     errors: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
     def error(self, text: str) -> None:
+        """Adds an error."""
         self.errors.append(f"{self.name}: {printable(text)}")
 
     def warn(self, text: str) -> None:
+        """Adds a warning."""
         self.warnings.append(f"{self.name}: {printable(text)}")
 
 
 QUOTE = "'"
-# What the original took for a colour that a file leaves out.
+# Colour that VisRayTrace used for a colour that the file leaves out.
 BLACK = (0.0, 0.0, 0.0)
 
 
 class Entry:
-    """One JSON object of a file, its keys known under one spelling, its values read by type.
+    """One JSON object of a file. All spellings of a key are mapped to one, and values are read by type.
 
-    A value of another type is passed over with a warning, as the original did in silence.
+    A value of another type is ignored with a warning; VisRayTrace ignored it silently.
+
+    address: address of the object in the file. log: where its errors and warnings go.
+    spelling: for each key, how the file writes it. values: for each key, its value.
     """
 
     def __init__(self, raw: Mapping[str, Any], address: str, keys: Mapping[str, tuple[str, ...]], log: Log):
+        """keys: the known keys, each with its other spellings."""
         self.address, self.log = address, log
         self.spelling: dict[str, str] = {}
         self.values: dict[str, Any] = {}
-        meanings = {spelling: key for key, others in keys.items() for spelling in (key, *others)}
-        loose = {_loosely(spelling): key for spelling, key in meanings.items()}
-        for written in sorted(raw, key=lambda w: w not in meanings):  # the right spelling goes first
-            key = meanings.get(written) or loose.get(_loosely(written))
+        key_of = {spelling: key for key, synonyms in keys.items() for spelling in (key, *synonyms)}
+        key_of_normalized = {_normalized(spelling): key for spelling, key in key_of.items()}
+        for written in sorted(raw, key=lambda w: w not in key_of):  # exact spellings take precedence
+            key = key_of.get(written) or key_of_normalized.get(_normalized(written))
             if key is None:
-                log.warn(f"{self.at(written)}: unknown key, passed over; {hint(written, keys, QUOTE)}")
+                log.warn(f"{self.at(written)}: unknown key, ignored; {hint(written, keys, QUOTE)}")
             elif key in self.values:
-                log.warn(f"{self.at(written)}: passed over; {self.spelling[key]!r} says the same")
+                log.warn(f"{self.at(written)}: ignored; {self.spelling[key]!r} says the same")
             else:
-                if written not in meanings:
-                    log.warn(f"{address or 'key'}: {written!r} is read as {key!r}; the original passed it over")
+                if written not in key_of:
+                    log.warn(f"{address or 'key'}: {written!r} is read as {key!r}; VisRayTrace ignored it")
                 self.spelling[key], self.values[key] = written, raw[written]
 
     def at(self, key: str) -> str:
-        """The address of a key."""
+        """Address of a key."""
         written = self.spelling.get(key, key)
         return f"{self.address}.{written}" if self.address else written
 
     def error(self, key: str, text: str) -> None:
+        """Logs an error about the value of a key."""
         self.log.error(line(self.at(key), self.values[key], text))
 
     def has(self, key: str) -> bool:
+        """Whether the object has the key."""
         return key in self.values
 
-    def _odd(self, key: str, wanted: str) -> None:
-        self.log.warn(line(self.at(key), self.values.pop(key), f"passed over; must be {wanted}"))
+    def _ignore(self, key: str, expected: str) -> None:
+        """Removes a value of a wrong type, with a warning."""
+        self.log.warn(line(self.at(key), self.values.pop(key), f"ignored; must be {expected}"))
 
     def number(self, key: str, default: float | None = None) -> float | None:
-        """A finite number; without a default, a missing one is an error and gives None."""
+        """A finite number. Without a default, a missing number is an error and gives None."""
         if self.has(key) and not _is_number(self.values[key]):
-            self._odd(key, "a number")
+            self._ignore(key, "a number")
         if self.has(key):
             if not isfinite(self.values[key]):
                 self.error(key, "must be finite")
@@ -82,64 +91,69 @@ class Entry:
             self.log.error(f"{self.at(key)}: the key is missing; it is a number")
         return default
 
-    def whole(self, key: str, default: int) -> int:
-        """A whole number; what it has after the point is cut off."""
+    def integer(self, key: str, default: int) -> int:
+        """A whole number; the digits after the decimal point are cut off."""
         return int(self.number(key, float(default)))
 
     def vector(self, key: str, default: tuple | None = None, size: int = 3) -> tuple[float, ...] | None:
-        """Numbers; as in the original, further ones are passed over and missing ones are 0, each with a warning."""
-        found = self.values.get(key)
-        if self.has(key) and not (isinstance(found, list) and all(map(_is_number, found))):
-            self._odd(key, f"{size} numbers")
+        """`size` numbers. As in VisRayTrace, further ones are ignored and missing ones are 0, each with a warning."""
+        numbers = self.values.get(key)
+        if self.has(key) and not (isinstance(numbers, list) and all(map(_is_number, numbers))):
+            self._ignore(key, f"{size} numbers")
         if self.has(key):
-            if not all(map(isfinite, found)):
+            if not all(map(isfinite, numbers)):
                 self.error(key, "must be finite")
                 return default
-            if len(found) != size:
-                rest = "further ones are passed over" if len(found) > size else "missing ones are 0"
-                self.log.warn(line(self.at(key), found, f"must be {size} numbers; {rest}"))
-            return tuple(map(float, (found + [0] * size)[:size]))
+            if len(numbers) != size:
+                rest = "further ones are ignored" if len(numbers) > size else "missing ones are 0"
+                self.log.warn(line(self.at(key), numbers, f"must be {size} numbers; {rest}"))
+            return tuple(map(float, (numbers + [0] * size)[:size]))
         if default is None:
             self.log.error(f"{self.at(key)}: the key is missing; it is {size} numbers")
         return default
 
     def flag(self, key: str, default: bool | None = None) -> bool | None:
+        """True or false."""
         if self.has(key) and not isinstance(self.values[key], bool):
-            self._odd(key, "true or false")
+            self._ignore(key, "true or false")
         return self.values.get(key, default)
 
     def text(self, key: str) -> str | None:
+        """A string, or None where there is none."""
         if self.has(key) and not isinstance(self.values[key], str):
-            self._odd(key, "a string")
+            self._ignore(key, "a string")
         return self.values.get(key)
 
-    def chosen(self, key: str, choices: Iterable[str]) -> str | None:
-        """The choice that a text means, whatever its case; None where it is none of them, or not there."""
+    def choice(self, key: str, choices: Iterable[str]) -> str | None:
+        """One of the choices, in any case of letters. None where the key is missing, or with an error where its value
+        is none of the choices."""
         text = self.text(key)
         if text is None:
             return None
-        meant = next((c for c in choices if c.casefold() == text.strip().casefold()), None)
-        if meant is None:
+        chosen = next((c for c in choices if c.casefold() == text.strip().casefold()), None)
+        if chosen is None:
             self.error(key, f"unknown {key}; {hint(text, choices)}")
-        return meant
+        return chosen
 
-    def inner(self, key: str, keys: Mapping[str, tuple[str, ...]]) -> "Entry | None":
-        """The JSON object under a key."""
+    def nested(self, key: str, keys: Mapping[str, tuple[str, ...]]) -> "Entry | None":
+        """The JSON object under a key, or None where there is none."""
         if self.has(key) and not isinstance(self.values[key], dict):
-            self._odd(key, "an object {...}")
+            self._ignore(key, "an object {...}")
         return Entry(self.values[key], self.at(key), keys, self.log) if self.has(key) else None
 
-    def entries(self, key: str) -> list[Any]:
+    def items(self, key: str) -> list[Any]:
+        """The list under a key; empty where there is none."""
         if self.has(key) and not isinstance(self.values[key], list):
             self.error(key, "must be a list [...]")
             return []
         return self.values.get(key, [])
 
 
-def _loosely(key: str) -> str:
-    """A key as hands that slip write it: with a colon or spaces inside the quotes, in any case."""
+def _normalized(key: str) -> str:
+    """A key in lower case, without colons and spaces at its ends, to recognise misspellings such as `"lookAt:"`."""
     return key.strip(" \t:").casefold()
 
 
-def _is_number(found: Any) -> bool:
-    return isinstance(found, (int, float)) and not isinstance(found, bool)
+def _is_number(value: Any) -> bool:
+    """Whether a JSON value is a number; true and false are none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -1,6 +1,6 @@
-"""The keys of original VisRayTrace files with all their spellings, and their enumerations."""
+"""Keys of VisRayTrace files with all their spellings, and the values of their enumerations."""
 
-# For every kind of JSON object: its keys, and after each the other spellings of the same key.
+# For each kind of JSON object: its keys, each with its other spellings.
 OBJECT = {"name": (), "type": (), "material": (), "data": ()}
 OBJECTS = {
     "sphere": OBJECT | {"center": (), "radius": ("radious",)},
@@ -14,36 +14,37 @@ OBJECTS = {
 }
 
 
-def _plain(keys: str) -> dict[str, tuple[str, ...]]:
-    """Keys that have one spelling each."""
+def _single_spelling(keys: str) -> dict[str, tuple[str, ...]]:
+    """Keys, separated by spaces, that have one spelling each."""
     return dict.fromkeys(keys.split(), ())
 
 
-MATERIAL = _plain("type ka kd ks shininess opacity kt nut dmax id textureFile colorGradient")
+MATERIAL = _single_spelling("type ka kd ks shininess opacity kt nut dmax id textureFile colorGradient")
 MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
 
-SCENE = _plain("scene typeScene objects base Real Virtual") | {"properties": ("attributes",)}
-# How a typeScene begins. Shipped files say VIRTUAL or ONLINE for VIRTUALWORLD, and VIRTUAL for the renderType ONLINE.
+SCENE = _single_spelling("scene typeScene objects base Real Virtual") | {"properties": ("attributes",)}
+# Beginnings of a typeScene. The files that came with VisRayTrace write VIRTUAL or ONLINE for VIRTUALWORLD, and VIRTUAL
+# for the renderType ONLINE.
 SCENES = ("VIRTUAL", "ONLINE", "REALDATA", "TEMPORAL")
 
-SETUP = _plain(
+SETUP = _single_spelling(
     "renderType output camera globalLight lights background MAXDEPTH colorTopBackground colorDownBackground numSamples "
     "shading shadows reflections refractions textures ambientOcclusion"
 )
 RENDERS = ("ONLINE", "IMAGE", "TEMPORAL", "VIRTUAL")
-CAMERA = _plain("lookFrom lookAt vup vfov aspectRatio pixelsX defocusBlur aperture")
-BLUR = _plain("enabled aperture")
-OCCLUSION = _plain("enabled raysGlobal raysLocal maxDistance")
+CAMERA = _single_spelling("lookFrom lookAt vup vfov aspectRatio pixelsX defocusBlur aperture")
+BLUR = _single_spelling("enabled aperture")
+OCCLUSION = _single_spelling("enabled raysGlobal raysLocal maxDistance")
 
-LIGHT = _plain("type Ia Id Is a b c")
+LIGHT = _single_spelling("type Ia Id Is a b c")
 LIGHTS = {
-    "pointLight": LIGHT | _plain("position"),
-    "spotLight": LIGHT | _plain("position direction angle theta cosineCutoff exponent"),
-    "areaLight": LIGHT | _plain("position width height numLights"),
-    "directionalLight": LIGHT | _plain("direction intensity"),
+    "pointLight": LIGHT | _single_spelling("position"),
+    "spotLight": LIGHT | _single_spelling("position direction angle theta cosineCutoff exponent"),
+    "areaLight": LIGHT | _single_spelling("position width height numLights"),
+    "directionalLight": LIGHT | _single_spelling("direction intensity"),
 }
 
-# What the models of shading are called here. With "Shadow" at the end they have shadows.
+# visray's name of each shading model. With "Shadow" at its end, a model has shadows.
 MODELS = {
     "BlinnPhong": "blinn-phong",
     "Phong": "phong",

@@ -1,9 +1,9 @@
-"""Names of things in original VisRayTrace scenes: ours for the things, and theirs for the fields."""
+"""Names of objects that are valid in visray, and error messages with the addresses of the VisRayTrace files."""
 
 import re
 from collections.abc import Container, Mapping
 
-# What the addresses of our fields are called in a setup file.
+# For addresses of visray fields, the addresses in a setup file.
 SETUP = {
     "camera.origin": "camera.lookFrom",
     "camera.target": "camera.lookAt",
@@ -20,7 +20,7 @@ SETUP = {
     "settings.occlusion.near": "ambientOcclusion.raysLocal",
     "settings.occlusion.distance": "ambientOcclusion.maxDistance",
 }
-# What the fields of a part of a scene are called in the files, where they are not called the same.
+# For fields of lights, materials and objects, the names in the files, where these differ from visray's.
 LIGHT = {"samples": "numLights"}
 MATERIAL = {"kr": "ks", "ior": "nut"}
 OBJECTS = {
@@ -31,30 +31,35 @@ OBJECTS = {
 }
 
 
-def valid(written: str) -> str:
-    """The nearest text that can be a name; empty where there is none. Halves of a character (\\ud800) are no text."""
-    return written.replace(".", "_").encode(errors="replace").decode().strip()
+def valid_name(text: str) -> str:
+    """A valid name made from a text; empty where no character can be used."""
+    # Lone surrogates such as \ud800, which JSON can hold, are replaced by `?`.
+    return text.replace(".", "_").encode(errors="replace").decode().strip()
 
 
-def distinct(wanted: str, taken: Container[str]) -> str:
-    """A name, numbered where it is taken."""
-    name, count = wanted, 1
-    while name in taken:
+def unique_name(name: str, taken: Container[str]) -> str:
+    """The name, followed by a number if it is taken."""
+    unique, count = name, 1
+    while unique in taken:
         count += 1
-        name = f"{wanted} {count}"
-    return name
+        unique = f"{name} {count}"
+    return unique
 
 
-def respelled(text: str, kinds: Mapping[str, str]) -> str:
-    """An error with the addresses of the original files; `kinds` are our types of the objects, by name."""
-    part = re.match(r"(lights)\.light (\d+)(?:\.(\w+))?|(objects|materials)\.([^.]+)\.(\w+)", text)
-    if part is None:
-        ours = next((ours for ours in SETUP if text.startswith((f"{ours} ", f"{ours}.", f"{ours}:"))), None)
-        return SETUP[ours] + text.removeprefix(ours) if ours else text
-    rest = text[part.end() :]
-    if part[1]:
-        field = f".{LIGHT.get(part[3], part[3])}" if part[3] else ""
-        return f"lights.{int(part[2]) - 1}{field}{rest}"
-    if part[4] == "materials":
-        return f"objects.{part[5]}.material.{MATERIAL.get(part[6], part[6])}{rest}"
-    return f"objects.{part[5]}.{OBJECTS.get(kinds.get(part[5], ''), {}).get(part[6], part[6])}{rest}"
+def with_legacy_address(text: str, kinds: Mapping[str, str]) -> str:
+    """An error message with its visray address replaced by the address in the VisRayTrace file.
+
+    kinds: visray type of each object, by name.
+    """
+    match = re.match(r"(lights)\.light (\d+)(?:\.(\w+))?|(objects|materials)\.([^.]+)\.(\w+)", text)
+    if match is None:
+        address = next((a for a in SETUP if text.startswith((f"{a} ", f"{a}.", f"{a}:"))), None)
+        return SETUP[address] + text.removeprefix(address) if address else text
+    light, number, light_field, section, name, field = match.groups()
+    rest = text[match.end() :]
+    if light:
+        suffix = f".{LIGHT.get(light_field, light_field)}" if light_field else ""
+        return f"lights.{int(number) - 1}{suffix}{rest}"
+    if section == "materials":
+        return f"objects.{name}.material.{MATERIAL.get(field, field)}{rest}"
+    return f"objects.{name}.{OBJECTS.get(kinds.get(name, ''), {}).get(field, field)}{rest}"

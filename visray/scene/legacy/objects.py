@@ -1,4 +1,4 @@
-"""The objects of original VisRayTrace scenes as plain dicts of visray's fields."""
+"""Objects of a VisRayTrace scene, as plain dicts of visray's fields."""
 
 import re
 from collections.abc import Callable
@@ -9,67 +9,68 @@ from visray.primitives.clips import Ball
 from visray.quantities import FARTHEST
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import OBJECTS
-from visray.scene.legacy.materials import Looks
-from visray.scene.legacy.names import distinct, valid
+from visray.scene.legacy.materials import Materials
+from visray.scene.legacy.names import unique_name, valid_name
 from visray.scene.messages import hint, line
 
+# Types of objects that visray cannot read yet, each with the key that says which object it is.
 NOT_BUILT = {"mesh": "objFileName"}
 HYPERBOLOID = ("x2", "y2", "-z2", "-1")
-# What the original read as it is written, unless a letter comes again and one of the two has a digit, as in "xx2".
-PLAIN = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
-AGAIN = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
+# Monomials that VisRayTrace read correctly, except those where a letter comes twice and one of the two has an exponent,
+# as in "xx2".
+READ_CORRECTLY = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
+REPEATED_WITH_EXPONENT = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
 
 
-def objects(raw: list[Any], looks: Looks, log: Log) -> dict[str, dict]:
-    """The objects by name; their materials are added to `looks`."""
-    things: dict[str, dict] = {}
+def objects(raw: list[Any], materials: Materials, log: Log) -> dict[str, dict]:
+    """Objects by name. Their materials are added to `materials`."""
+    by_name: dict[str, dict] = {}
     taken: set[str] = set()
-    for i, found in enumerate(raw):
-        if not isinstance(found, dict):
-            log.error(line(f"objects.{i}", found, "must be an object {...}"))
+    for i, entry in enumerate(raw):
+        if not isinstance(entry, dict):
+            log.error(line(f"objects.{i}", entry, "must be an object {...}"))
             continue
-        name = _name(found, i, taken, log)
-        thing = _object(found, f"objects.{name}", log)
-        if thing is None:
+        name = _name(entry, i, taken, log)
+        shape = _shape(entry, f"objects.{name}", log)
+        if shape is None:
             continue
-        material = looks.name(found, name, log)
-        if thing["type"] == "rectangle" and "texture" in looks.materials[material]:
-            thing |= _upright(thing)
-        things[name] = thing | {"material": material}
-    return things
+        material = materials.name(entry, name, log)
+        if shape["type"] == "rectangle" and "texture" in materials.by_name[material]:
+            shape |= _height_for_texture(shape)
+        by_name[name] = shape | {"material": material}
+    return by_name
 
 
-def clipped(things: dict[str, dict], eye: tuple[float, ...], log: Log) -> None:
-    """Bounds the polynomials, which had no end in the original, by a ball about the origin, twice as large as the
-    camera is far from there, or by a ball of the default size.
+def clip_polynomials(objects_by_name: dict[str, dict], camera_origin: tuple[float, ...], log: Log) -> None:
+    """Bounds polynomials, which VisRayTrace did not bound, by a ball about the origin.
 
-    It holds the camera and all around it up to its distance from the origin, and towards the origin three times as
-    far. A larger ball would show no more of most surfaces, but costs accuracy: f is summed from powers of coordinates
-    as large as the ball.
+    Its radius is twice the camera's distance from the origin, or that of visray's default clip if that is larger. The
+    ball then contains everything within that distance of the camera, and toward the origin three times as far. A
+    larger ball shows no more of most surfaces and costs accuracy, since f is a sum of powers of the coordinates.
     """
-    radius = min(max(2 * hypot(*eye), Ball.radius), FARTHEST)
-    for name, thing in things.items():
-        if thing["type"] == "polynomial":
-            thing["clip"] = {"type": "sphere", "radius": radius}
-            text = "is drawn of the surface; the original had no such bound"
-            log.warn(f"objects.{name}.monomis: what lies within {radius:.4g} of the origin {text}")
+    radius = min(max(2 * hypot(*camera_origin), Ball.radius), FARTHEST)
+    for name, fields in objects_by_name.items():
+        if fields["type"] == "polynomial":
+            fields["clip"] = {"type": "sphere", "radius": radius}
+            text = f"only the part within {radius:.4g} of the origin is drawn; VisRayTrace had no such bound"
+            log.warn(f"objects.{name}.monomis: {text}")
 
 
-def _name(found: dict, i: int, taken: set[str], log: Log) -> str:
-    """A name that is valid and no other object's; warns if it is not the one written."""
-    written, kind = found.get("name", ""), found.get("type")
-    wanted = valid(written) if isinstance(written, str) else ""
-    wanted = wanted or (valid(kind).lower() if isinstance(kind, str) else "") or "object"
-    name = distinct(wanted, taken)
+def _name(entry: dict, i: int, taken: set[str], log: Log) -> str:
+    """A valid name that no other object has. Warns if it differs from the name in the file."""
+    written, kind = entry.get("name", ""), entry.get("type")
+    name = valid_name(written) if isinstance(written, str) else ""
+    name = name or (valid_name(kind).lower() if isinstance(kind, str) else "") or "object"
+    name = unique_name(name, taken)
     taken.add(name)
     if name != written:
-        log.warn(line(f"objects.{i}.name", written, f"the object is called {name!r} here"))
+        log.warn(line(f"objects.{i}.name", written, f"the object is called {name!r} in visray"))
     return name
 
 
-def _object(found: dict, address: str, log: Log) -> dict | None:
-    """The fields of an object without its material, or None if there is an error."""
-    kind = found.get("type")
+def _shape(entry: dict, address: str, log: Log) -> dict | None:
+    """Fields of an object without its material, or None with an error in the log."""
+    kind = entry.get("type")
     if kind is None:
         log.error(f"{address}: the key 'type' is missing; one of {', '.join(OBJECTS)}")
         return None
@@ -78,28 +79,33 @@ def _object(found: dict, address: str, log: Log) -> dict | None:
         log.error(line(f"{address}.type", kind, f"unknown type; {hint(kind, OBJECTS)}"))
         return None
     if key in NOT_BUILT:
-        log.error(line(f"{address}.{NOT_BUILT[key]}", found.get(NOT_BUILT[key]), f"{key} is not built yet"))
+        log.error(line(f"{address}.{NOT_BUILT[key]}", entry.get(NOT_BUILT[key]), f"{key} is not built yet"))
         return None
-    errors = len(log.errors)
-    made = BUILDERS[key](Entry(found, address, OBJECTS[key], log))
-    return made if len(log.errors) == errors else None
+    errors_before = len(log.errors)
+    shape = FIELDS[key](Entry(entry, address, OBJECTS[key], log))
+    return shape if len(log.errors) == errors_before else None
 
 
 def _sphere(e: Entry) -> dict:
+    """Fields of a sphere."""
     return {"type": "sphere", "center": e.vector("center", (0.0,) * 3), "radius": e.number("radius")}
 
 
 def _plane(e: Entry) -> dict:
+    """Fields of an infinite plane."""
     return {"type": "plane", "point": e.vector("point", (0.0,) * 3), "normal": e.vector("normal")}
 
 
 def _triangle(e: Entry) -> dict:
+    """Fields of a triangle."""
     corners = {"p1": (-1.0, -1.0, 0.0), "p2": (1.0, -1.0, 0.0), "p3": (0.0, 2.0, 0.0)}
-    return {"type": "triangle"} | {ours: e.vector(key, corner) for ours, (key, corner) in zip("abc", corners.items())}
+    return {"type": "triangle"} | {
+        corner: e.vector(key, default) for corner, (key, default) in zip("abc", corners.items())
+    }
 
 
 def _cylinder(e: Entry) -> dict:
-    """The original read the axis and drew every cylinder upright; here the axis counts."""
+    """Fields of a cylinder. VisRayTrace ignored the axis and drew every cylinder upright; visray uses the axis."""
     return {
         "type": "cylinder",
         "center": e.vector("center", (0.0,) * 3),
@@ -110,27 +116,30 @@ def _cylinder(e: Entry) -> dict:
 
 
 def _box(e: Entry) -> dict:
+    """Fields of a box. Its two corners may be any that lie opposite each other."""
     corners = e.vector("minPoint", (-0.5,) * 3), e.vector("maxPoint", (0.5,) * 3)
     return {"type": "box", "min": tuple(map(min, *corners)), "max": tuple(map(max, *corners))}
 
 
 def _polynomial(e: Entry) -> dict:
-    """The original misread some of what is written; here all of it counts as it is written."""
-    found = e.entries("monomis")
-    for i, text in enumerate(found):
+    """Fields of a polynomial surface. VisRayTrace misread some monomials; visray reads all as they are written."""
+    monomials = e.items("monomis")
+    for i, text in enumerate(monomials):
         address = f"{e.at('monomis')}.{i}"
         if not isinstance(text, str):
             e.log.error(line(address, text, 'must be a string such as "-0.5x2y"'))
-        elif not PLAIN.fullmatch(text) or AGAIN.search(text):
-            e.log.warn(line(address, text, "counts as it is written; the original read it otherwise"))
-    if not found:
+        elif not READ_CORRECTLY.fullmatch(text) or REPEATED_WITH_EXPONENT.search(text):
+            e.log.warn(line(address, text, "is read as it is written; VisRayTrace misread it"))
+    if not monomials:
         e.log.warn(f"{e.at('monomis')}: {'is empty' if e.has('monomis') else 'is missing'}; x2 + y2 - z2 - 1 is used")
-    return {"type": "polynomial", "monomis": tuple(found) or HYPERBOLOID}
+    return {"type": "polynomial", "monomis": tuple(monomials) or HYPERBOLOID}
 
 
 def _fitted_plane(e: Entry) -> dict:
-    """The part of the plane over the rectangle from pmin to pmax in x and z, with its normal on the file's side: as
-    `width` runs to +x, it points up where `height` runs to -z, and down where `height` runs to +z.
+    """Fields of a rectangle: the part of a plane above the rectangle from pmin to pmax in x and z.
+
+    Its normal points to the same side as the file's. `width` runs to +x, so the normal points up if `height` runs to
+    -z, and down if `height` runs to +z.
     """
     point, normal = e.vector("point", (0.0,) * 3), e.vector("normal")
     low, high = e.vector("pmin", size=2), e.vector("pmax", size=2)
@@ -152,24 +161,27 @@ def _fitted_plane(e: Entry) -> dict:
     return {"type": "rectangle", "center": (x, y, z), "width": width, "height": height}
 
 
-def _upright(plane: dict) -> dict:
-    """The side of a plane that has a picture on it: in the original u runs to +x and row 0 is at the least z, whichever
-    side the normal is on. Our v runs up from the last row, so `height` runs to -z, and the normal points up.
+def _height_for_texture(rectangle: dict) -> dict:
+    """`height` of a textured rectangle, turned so that the image lies as in VisRayTrace.
+
+    There u runs to +x and row 0 of the image lies at the smallest z, whichever side the normal points to. visray's v
+    runs up from the last row, so `height` runs to -z, and the normal points up.
     """
-    x, y, z = plane["height"]
+    x, y, z = rectangle["height"]
     return {"height": (x, -y, -z) if z > 0 else (x, y, z)}
 
 
 def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
-    """What to add to pmin and pmax: with puntoCentro they are relative to the point."""
-    middle = (point[0], point[2])
+    """Offset of pmin and pmax in x and z: that of the point with puntoCentro, else 0."""
+    center = (point[0], point[2])
     relative = e.flag("puntoCentro")
-    if relative is None and any(middle):
+    if relative is None and any(center):
         e.log.warn(f"{e.at('puntoCentro')}: is missing; pmin and pmax are read as absolute x and z")
-    return middle if relative else (0.0, 0.0)
+    return center if relative else (0.0, 0.0)
 
 
-BUILDERS: dict[str, Callable[[Entry], dict]] = {
+# The function that reads the fields of each type of object.
+FIELDS: dict[str, Callable[[Entry], dict]] = {
     "sphere": _sphere,
     "plane": _plane,
     "fittedplane": _fitted_plane,

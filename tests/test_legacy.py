@@ -1,9 +1,9 @@
-"""Files of the original VisRayTrace and its siblings as scenes. The shipped ones are tried where they are at hand.
+"""Files of VisRayTrace (2021-22) and its siblings as scenes. The files that came with it are tested where available.
 
-What becomes of the original's defects that lie in its files, or in how it read them. D1 to D37 are those of the notes
-on it; the ones not named here lie in its arithmetic, and no file says anything about them.
+The table lists VisRayTrace's defects that concern its files or how it read them, and what visray does instead. The
+numbers are from our list of its defects, D1 to D37; those not named here lie in its arithmetic, not in files.
 
-| defect of the original | here | test |
+| defect of VisRayTrace | visray | test |
 |---|---|---|
 | D1 the lens is 2 wide, whatever the file says | the file counts, with a warning | test_the_lens |
 | D2 MAXDEPTH, background are read, not used | they count; 1 only with compat | test_depth, test_misses |
@@ -13,14 +13,14 @@ on it; the ones not named here lie in its arithmetic, and no file says anything 
 | D12 a directional light crashes | it shines | test_directional_lights |
 | D13 to D16 boxes without light | boxes; corners in any order | test_objects |
 | D17 to D19 meshes lose triangles | not built yet: an error | test_all_that_is_not_built... |
-| D20 a cylinder's axis is passed over | it counts | test_objects |
+| D20 a cylinder's axis is ignored | it counts | test_objects |
 | D21 pictures slide on spheres off the origin | they do not | test_pictures_on_a_sphere |
 | D22 fitted planes level, puntoCentro random | they lean; absolute, warning | test_objects, test_a_fitted_plane... |
 | D24, D25 polynomials beyond a light, and missed | as they are, within a ball | test_polynomials_are_clipped... |
 | D31 misread monomials | they count as written, with a warning | test_misread_monomials |
 | D28 own colour of glass in full | weighted with 1 - kt; full with compat | test_compat |
 | D29, D30, D32 to D35 data | not built yet: an error | test_a_missing_type_of_scene... |
-| D36 animation crashes | one picture, with a warning | test_what_is_passed_over_is_told |
+| D36 animation crashes | one picture, with a warning | test_what_is_ignored_is_reported |
 | D37 invalid JSON | an error with line and column | test_shipped_pairs_that_are_refused |
 | D37 "lookAt:" | read, with a warning | test_spellings_that_slipped... |
 | D37 a picture in another folder | found, with a warning | test_pictures_elsewhere |
@@ -43,13 +43,13 @@ from visray.primitives import Box, Cylinder, Plane, Polynomial, Rectangle, Spher
 from visray.primitives.clips import Ball
 from visray.primitives.primitive import scalars
 from visray.quantities import FARTHEST
-from visray.scene.legacy.convert import SeedWarning, convert
+from visray.scene.legacy.convert import LegacyWarning, convert
 from visray.scene.load import load
 from visray.scene.scene import Film, Occlusion, Scene, Settings, SkyGradient
 from visray.textures import ImageTexture
 
 SHIPPED = Path(__file__).resolve().parents[2] / "shared" / "seed-scenes"
-shipped = pytest.mark.skipif(not SHIPPED.is_dir(), reason="the original files are not here")
+shipped = pytest.mark.skipif(not SHIPPED.is_dir(), reason="VisRayTrace's own files are not available")
 
 CAMERA = {"lookFrom": [0, 1, 5], "lookAt": [0, 0, 0], "vup": [0, 1, 0], "vfov": 40, "aspectRatio": 2, "pixelsX": 100}
 MATT = {"type": "lambertian", "ka": [0.1, 0.1, 0.1], "kd": [0.5, 0.5, 0.5], "ks": [0.2, 0.2, 0.2], "shininess": 10}
@@ -71,8 +71,8 @@ class Pair:
         self, *objects: object, setup: object = None, compat: bool = False, **scene: object
     ) -> tuple[Scene, list[str]]:
         self.write(*objects, setup=setup, **scene)
-        made, told = convert(self.scene, self.setup, compat)
-        return made, [self.short(text) for text in told]
+        loaded, warnings = convert(self.scene, self.setup, compat)
+        return loaded, [self.short(text) for text in warnings]
 
     def errors(self, *objects: object, setup: object = None, **scene: object) -> list[str]:
         self.write(*objects, setup=setup, **scene)
@@ -93,10 +93,10 @@ def pair(tmp_path: Path) -> Pair:
 
 def thing(pair: Pair, **fields: object) -> object:
     """The object that one JSON object becomes, without its material."""
-    made, told = pair.convert({"name": "x", "material": MATT} | fields)
-    assert told == []
-    assert made.objects["x"].material == "x"
-    return made.objects["x"]
+    loaded, warnings = pair.convert({"name": "x", "material": MATT} | fields)
+    assert warnings == []
+    assert loaded.objects["x"].material == "x"
+    return loaded.objects["x"]
 
 
 def test_a_pair_of_files(pair: Pair) -> None:
@@ -119,21 +119,21 @@ def test_a_pair_of_files(pair: Pair) -> None:
         "colorDownBackground": [1, 1, 1],
         "numSamples": 9,
     }
-    made, told = pair.convert(BALL, setup=setup)
-    assert told == []
-    assert made.camera == Camera(origin=(0.0, 1.0, 5.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=40.0)
-    assert made.film == Film(width=100, height=50)
-    assert made.ambient == (0.1, 0.2, 0.3)
-    assert made.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
-    assert made.settings == Settings(spp=9, depth=3)
-    assert made.lights == {
+    loaded, warnings = pair.convert(BALL, setup=setup)
+    assert warnings == []
+    assert loaded.camera == Camera(origin=(0.0, 1.0, 5.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=40.0)
+    assert loaded.film == Film(width=100, height=50)
+    assert loaded.ambient == (0.1, 0.2, 0.3)
+    assert loaded.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    assert loaded.settings == Settings(spp=9, depth=3)
+    assert loaded.lights == {
         "light 1": PointLight(
             position=(2.0, 8.0, 10.0), Ia=(0.3, 0.3, 0.3), Id=(0.7, 0.6, 0.5), Is=(1.0, 1.0, 1.0), a=0.5, b=0.25, c=0.01
         )
     }
-    assert made.objects == {"ball": Sphere(center=(1.0, 2.0, 3.0), radius=0.5, material="ball")}
+    assert loaded.objects == {"ball": Sphere(center=(1.0, 2.0, 3.0), radius=0.5, material="ball")}
     matt = Material(ka=(0.1, 0.1, 0.1), kd=(0.5, 0.5, 0.5), ks=(0.2, 0.2, 0.2), shininess=10.0)
-    assert made.materials == {"ball": matt}
+    assert loaded.materials == {"ball": matt}
 
 
 @pytest.mark.parametrize(
@@ -187,8 +187,8 @@ def test_a_pair_of_files(pair: Pair) -> None:
     ],
 )
 def test_objects(pair: Pair, fields: dict, expected: object) -> None:
-    made = thing(pair, **fields)
-    assert made == type(expected)(**{**vars(expected), "material": "x"})
+    loaded = thing(pair, **fields)
+    assert loaded == type(expected)(**{**vars(expected), "material": "x"})
 
 
 def test_a_fitted_plane_has_the_normal_of_the_file(pair: Pair) -> None:
@@ -206,50 +206,50 @@ def ball(name: str = "ball", **material: object) -> dict:
 
 
 def test_materials(pair: Pair) -> None:
-    made, told = pair.convert(
-        # What only other types have is passed over without a word, as in the original.
+    loaded, warnings = pair.convert(
+        # Keys that only other types have are silently ignored, as in VisRayTrace.
         ball("matt", kt=[0.5, 0, 0], nut=-1, opacity=1, dmax=0, id=3),
         ball("mirror", type="METAL", ks=[0.9, 0.8, 0.7], kt=[1, 1, 1], nut=0.0),
         ball("twin"),
         setup={"camera": CAMERA, "MAXDEPTH": 3},
     )
-    assert told == []
+    assert warnings == []
     # Equal materials become one, with the name of the first object.
-    assert {name: o.material for name, o in made.objects.items()} == {
+    assert {name: o.material for name, o in loaded.objects.items()} == {
         "matt": "matt",
         "mirror": "mirror",
         "twin": "matt",
     }
     matt = {"ka": (0.1, 0.1, 0.1), "kd": (0.5, 0.5, 0.5), "shininess": 10.0}
-    assert made.materials == {
+    assert loaded.materials == {
         "matt": Material(**matt, ks=(0.2, 0.2, 0.2)),
         "mirror": Material(**matt, ks=(0.9, 0.8, 0.7), kr=(0.9, 0.8, 0.7)),
     }
 
 
 def test_transparent_materials(pair: Pair) -> None:
-    made, told = pair.convert(
+    loaded, warnings = pair.convert(
         ball("glass", type="Transparent", kt=[1, 0.5, 0], nut=1.5, dmax=2, id=0),
         ball("other glass", type="transparent", kt=[1, 0.5, 0], nut=1.5, dmax=2, id=1),
         ball("air", type="transparent", dmax=1e30),
         setup={"camera": CAMERA, "MAXDEPTH": 2},
     )
-    assert told == []
-    assert list(made.materials) == ["glass", "air"]
-    glass, air = made.materials.values()
+    assert warnings == []
+    assert list(loaded.materials) == ["glass", "air"]
+    glass, air = loaded.materials.values()
     assert (glass.kt, glass.ior, glass.dmax, glass.kr) == ((1.0, 0.5, 0.0), 1.5, 2.0, (0.0,) * 3)
     assert (air.kt, air.ior, air.dmax) == ((0.0,) * 3, 1.000293, FARTHEST)
 
 
 def test_shares_beyond_1_are_brought_there(pair: Pair) -> None:
-    made, told = pair.convert(
+    loaded, warnings = pair.convert(
         ball("mirror", type="metal", ks=[1.5, 1, 0]),
         ball("glass", type="transparent", kt=[1.5, -1, 0.5]),
         setup={"camera": CAMERA, "MAXDEPTH": 2},
     )
-    mirror, glass = made.materials.values()
+    mirror, glass = loaded.materials.values()
     assert (mirror.ks, mirror.kr, glass.kt) == ((1.5, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.5))
-    assert told == [
+    assert warnings == [
         "scene: objects.mirror.material.ks = [1.5, 1.0, 0.0]: a mirror reflects at most 1; its highlights keep ks",
         "scene: objects.glass.material.kt = [1.5, -1.0, 0.5]: a surface lets through from 0 to 1; the nearest is used",
     ]
@@ -262,10 +262,10 @@ def test_a_setup_switches_effects_of_materials_off(pair: Pair) -> None:
         ball("globe", type="materialtextura", kd=[0, 1, 0], textureFile="://resources/none.png"),
     )
     switches = {"reflections": False, "refractions": False, "textures": False}
-    made, told = pair.convert(*objects, setup={"camera": CAMERA} | switches)
-    assert told == []
-    assert made.textures == {}
-    assert [(m.kr, m.kt, m.texture, m.kd) for m in made.materials.values()] == [
+    loaded, warnings = pair.convert(*objects, setup={"camera": CAMERA} | switches)
+    assert warnings == []
+    assert loaded.textures == {}
+    assert [(m.kr, m.kt, m.texture, m.kd) for m in loaded.materials.values()] == [
         ((0.0,) * 3, (0.0,) * 3, None, kd) for kd in ((0.5,) * 3, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     ]
 
@@ -297,12 +297,12 @@ def globe(asked: object, name: str = "globe") -> dict:
 def test_pictures(tmp_path: Path, asked: str, scene: str, there: str, inner: str) -> None:
     file = picture(tmp_path, there)
     pair = Pair(picture(tmp_path, scene).parent)
-    made, told = pair.convert(globe(asked.format(inner)))
-    assert told == []
-    assert made.textures == {
+    loaded, warnings = pair.convert(globe(asked.format(inner)))
+    assert warnings == []
+    assert loaded.textures == {
         "map": ImageTexture(file=str(file), filter="nearest", wrap="clamp"),
     }
-    assert made.materials["globe"].texture == "map"
+    assert loaded.materials["globe"].texture == "map"
 
 
 @pytest.mark.parametrize(
@@ -318,9 +318,9 @@ def test_pictures_elsewhere(tmp_path: Path, scene: str, there: str) -> None:
     file = picture(tmp_path, there)
     pair = Pair(picture(tmp_path, scene).parent)
     for asked in ("://resources/deep/map.png", "C:\\tmp\\map.png", "/nowhere/map.png"):
-        made, told = pair.convert(globe(asked))
-        assert [t.file for t in made.textures.values()] == [str(file)]
-        assert told == [
+        loaded, warnings = pair.convert(globe(asked))
+        assert [t.file for t in loaded.textures.values()] == [str(file)]
+        assert warnings == [
             f"scene: objects.globe.material.textureFile = {json.dumps(asked)}: is not there; "
             f"{str(file).replace(str(pair.scene.parent), 'FOLDER')} is used"
         ]
@@ -338,14 +338,14 @@ def test_a_picture_is_one_texture_with_a_name_of_its_own(pair: Pair) -> None:
     for name in ("a/map.v2.png", "b/map.v2.png", " .png"):
         picture(folder, name)
     asked = ("a/map.v2.png", "b/map.v2.png", "a/../a/map.v2.png", " .png")
-    made, told = pair.convert(*(globe(f"://resources/{name}", name=f"globe {i}") for i, name in enumerate(asked)))
-    assert told == []
-    assert {name: Path(t.file).relative_to(folder).as_posix() for name, t in made.textures.items()} == {
+    loaded, warnings = pair.convert(*(globe(f"://resources/{name}", name=f"globe {i}") for i, name in enumerate(asked)))
+    assert warnings == []
+    assert {name: Path(t.file).relative_to(folder).as_posix() for name, t in loaded.textures.items()} == {
         "map_v2": "a/map.v2.png",
         "map_v2 2": "b/map.v2.png",
         "picture": " .png",
     }
-    textures = {name: made.materials[thing.material].texture for name, thing in made.objects.items()}
+    textures = {name: loaded.materials[thing.material].texture for name, thing in loaded.objects.items()}
     assert list(textures.values()) == ["map_v2", "map_v2 2", "map_v2", "picture"]
 
 
@@ -357,23 +357,20 @@ def test_a_picture_that_is_not_there_is_an_error(pair: Pair, asked: str) -> None
 
 
 def test_a_texture_without_a_file_is_black(pair: Pair) -> None:
-    made, told = pair.convert(ball(type="materialtextura"))
-    assert (made.materials["ball"].kd, made.textures) == ((0.0,) * 3, {})
-    assert told == ["scene: objects.ball.material.textureFile: is missing; kd is black, as in the original"]
+    loaded, warnings = pair.convert(ball(type="materialtextura"))
+    assert (loaded.materials["ball"].kd, loaded.textures) == ((0.0,) * 3, {})
+    assert warnings == ["scene: objects.ball.material.textureFile: is missing; kd is black, as in VisRayTrace"]
 
 
 POLYNOMIAL = {"name": "p", "type": "polynomial", "monomis": ["x2", "-1"], "material": MATT}
-BOUND = (
-    "scene: objects.p.monomis: "
-    "what lies within {} of the origin is drawn of the surface; the original had no such bound"
-)
+BOUND = "scene: objects.p.monomis: only the part within {} of the origin is drawn; VisRayTrace had no such bound"
 
 
 def surface(pair: Pair, *monomis: object) -> tuple[Polynomial, list[str]]:
-    """The polynomial of these monomials, and what is told of it besides that it is bounded."""
-    made, told = pair.convert(POLYNOMIAL | {"monomis": list(monomis)})
-    assert told[-1] == BOUND.format("10.2")
-    return made.objects["p"], told[:-1]
+    """The polynomial of these monomials, and what is warnings of it besides that it is bounded."""
+    loaded, warnings = pair.convert(POLYNOMIAL | {"monomis": list(monomis)})
+    assert warnings[-1] == BOUND.format("10.2")
+    return loaded.objects["p"], warnings[:-1]
 
 
 def same(monomis: list[str], expression: str) -> bool:
@@ -382,9 +379,9 @@ def same(monomis: list[str], expression: str) -> bool:
 
 def test_a_polynomial(pair: Pair) -> None:
     sample = ("0.9x2", "z2", "y4", "y3", "-3y2", "-1")
-    found, told = surface(pair, *sample)
+    found, warnings = surface(pair, *sample)
     assert found == Polynomial(monomis=sample, clip=Ball(radius=2 * 26**0.5), material="p")
-    assert (found.ends, told) == ("open", [])
+    assert (found.ends, warnings) == ("open", [])
     assert same(found.monomis, "0.9*x^2 + z^2 + y^4 + y^3 - 3*y^2 - 1")
 
 
@@ -400,9 +397,9 @@ def test_a_polynomial(pair: Pair) -> None:
         ("-12x", "-12*x"),
     ],
 )
-def test_monomials_that_the_original_read(pair: Pair, written: str, meant: str) -> None:
-    found, told = surface(pair, written, "z5")
-    assert (found.monomis, told) == ((written, "z5"), [])
+def test_monomials_that_visraytrace_read_correctly(pair: Pair, written: str, meant: str) -> None:
+    found, warnings = surface(pair, written, "z5")
+    assert (found.monomis, warnings) == ((written, "z5"), [])
     assert same(found.monomis, f"{meant} + z^5")
 
 
@@ -421,19 +418,19 @@ def test_monomials_that_the_original_read(pair: Pair, written: str, meant: str) 
     ],
 )
 def test_misread_monomials(pair: Pair, written: str, meant: str) -> None:
-    found, told = surface(pair, "z5", written)
-    text = "counts as it is written; the original read it otherwise"
-    assert told == [f"scene: objects.p.monomis.1 = {json.dumps(written)}: {text}"]
+    found, warnings = surface(pair, "z5", written)
+    text = "is read as it is written; VisRayTrace misread it"
+    assert warnings == [f"scene: objects.p.monomis.1 = {json.dumps(written)}: {text}"]
     assert same(found.monomis, f"{meant} + z^5")
 
 
 def test_without_monomials_it_is_a_hyperboloid(pair: Pair) -> None:
-    found, told = surface(pair)
+    found, warnings = surface(pair)
     assert found.monomis == ("x2", "y2", "-z2", "-1")
-    assert told == ["scene: objects.p.monomis: is empty; x2 + y2 - z2 - 1 is used"]
-    made, told = pair.convert({k: v for k, v in POLYNOMIAL.items() if k != "monomis"})
-    assert made.objects["p"] == found
-    assert told == [
+    assert warnings == ["scene: objects.p.monomis: is empty; x2 + y2 - z2 - 1 is used"]
+    loaded, warnings = pair.convert({k: v for k, v in POLYNOMIAL.items() if k != "monomis"})
+    assert loaded.objects["p"] == found
+    assert warnings == [
         "scene: objects.p.monomis: is missing; x2 + y2 - z2 - 1 is used",
         BOUND.format("10.2"),
     ]
@@ -455,18 +452,18 @@ def test_monomials_that_are_none_are_errors(pair: Pair) -> None:
     ("eye", "radius"), [([3, 0, 4], 10), ([0, 0, 0.5], 5), ([10, 2, 3], 2 * 113**0.5), ([8e8, 0, 0], 1e9)]
 )
 def test_polynomials_are_clipped_twice_as_far_as_the_camera(pair: Pair, eye: list[float], radius: float) -> None:
-    made, told = pair.convert(POLYNOMIAL, setup={"camera": CAMERA | {"lookFrom": eye}})
-    assert made.objects["p"].clip == Ball(radius=radius)
-    assert told == [BOUND.format(f"{radius:.4g}")]
+    loaded, warnings = pair.convert(POLYNOMIAL, setup={"camera": CAMERA | {"lookFrom": eye}})
+    assert loaded.objects["p"].clip == Ball(radius=radius)
+    assert warnings == [BOUND.format(f"{radius:.4g}")]
 
 
 @pytest.mark.parametrize("normal", [[0, 1, 0], [0, -1, 0], [0.5, 1, -0.25], [0.5, -1, -0.25]])
 def test_pictures_on_a_fitted_plane(pair: Pair, normal: list[float]) -> None:
-    """u and v as in the original: row 0 of the picture, our v = 1, at the least z, whichever side the normal is on."""
+    """u and v as in VisRayTrace: row 0 of the picture, our v = 1, at the least z, whichever side the normal is on."""
     picture(pair.scene.parent, "map.png")
     plane = {"type": "fittedplane", "normal": normal, "pmin": [-1, -2], "pmax": [3, 4]}
-    made, _ = pair.convert(globe("map.png") | plane)
-    thing = made.objects["globe"]
+    loaded, _ = pair.convert(globe("map.png") | plane)
+    thing = loaded.objects["globe"]
     placed = scalars(thing).placed(None)
     for x, z in product((-1, -0.5, 2, 3), (-2, 0, 1.5, 4)):
         y = -(normal[0] * x + normal[2] * z) / normal[1]
@@ -475,10 +472,10 @@ def test_pictures_on_a_fitted_plane(pair: Pair, normal: list[float]) -> None:
 
 
 def test_pictures_on_a_sphere(pair: Pair) -> None:
-    """u and v as in the original for a sphere at the origin, row 0 at the north pole."""
+    """u and v as in VisRayTrace for a sphere at the origin, row 0 at the north pole."""
     picture(pair.scene.parent, "map.png")
-    made, _ = pair.convert(globe("map.png") | {"center": [0, 0, 0], "radius": 2})
-    placed = scalars(made.objects["globe"]).placed(None)
+    loaded, _ = pair.convert(globe("map.png") | {"center": [0, 0, 0], "radius": 2})
+    placed = scalars(loaded.objects["globe"]).placed(None)
     for longitude, latitude in product((-170, -90, -1, 0, 45, 90, 179), (-89, -30, 0, 1, 60, 89)):
         a, b = radians(longitude), radians(latitude)
         x, y, z = 2 * cos(b) * cos(a), 2 * sin(b), 2 * cos(b) * sin(a)
@@ -486,42 +483,42 @@ def test_pictures_on_a_sphere(pair: Pair) -> None:
         assert Sphere.uv(placed, Array3f64(x, y, z)) == pytest.approx((u, 1 - row), abs=1e-12)
 
 
-def test_absent_material_fields_are_the_original_ones(pair: Pair) -> None:
+def test_absent_material_fields_are_those_of_visraytrace(pair: Pair) -> None:
     bare = Material(ka=(1.0, 1.0, 1.0), kd=(1.0, 1.0, 1.0), ks=(1.0, 1.0, 1.0), shininess=1.0)
-    made, told = pair.convert(BALL | {"material": {}})
-    assert made.materials == {"ball": bare}
-    assert told == []
-    made, told = pair.convert({k: v for k, v in BALL.items() if k != "material"})
-    assert made.materials == {"ball": bare}
-    assert told == [
-        "scene: objects.ball: has no material; ka, kd, ks are 1 and shininess is 1, as in the original",
+    loaded, warnings = pair.convert(BALL | {"material": {}})
+    assert loaded.materials == {"ball": bare}
+    assert warnings == []
+    loaded, warnings = pair.convert({k: v for k, v in BALL.items() if k != "material"})
+    assert loaded.materials == {"ball": bare}
+    assert warnings == [
+        "scene: objects.ball: has no material; ka, kd, ks are 1 and shininess is 1, as in VisRayTrace",
     ]
 
 
 def test_names_become_valid_and_unique(pair: Pair) -> None:
     nameless = {k: v for k, v in BALL.items() if k != "name"}
-    made, told = pair.convert(
+    loaded, warnings = pair.convert(
         BALL, BALL, BALL | {"name": "ball 2"}, BALL | {"name": "a.b "}, BALL | {"name": ""}, nameless
     )
-    assert list(made.objects) == ["ball", "ball 2", "ball 2 2", "a_b", "sphere", "sphere 2"]
-    assert told == [
-        "scene: objects.1.name = \"ball\": the object is called 'ball 2' here",
-        "scene: objects.2.name = \"ball 2\": the object is called 'ball 2 2' here",
-        "scene: objects.3.name = \"a.b \": the object is called 'a_b' here",
-        "scene: objects.4.name = \"\": the object is called 'sphere' here",
-        "scene: objects.5.name = \"\": the object is called 'sphere 2' here",
+    assert list(loaded.objects) == ["ball", "ball 2", "ball 2 2", "a_b", "sphere", "sphere 2"]
+    assert warnings == [
+        "scene: objects.1.name = \"ball\": the object is called 'ball 2' in visray",
+        "scene: objects.2.name = \"ball 2\": the object is called 'ball 2 2' in visray",
+        "scene: objects.3.name = \"a.b \": the object is called 'a_b' in visray",
+        "scene: objects.4.name = \"\": the object is called 'sphere' in visray",
+        "scene: objects.5.name = \"\": the object is called 'sphere 2' in visray",
     ]
 
 
 @pytest.mark.parametrize("kind", ["VIRTUALWORLD", "VIRTUAL", "virtual", "ONLINE", "VirtualWorld"])
 def test_virtual_worlds(pair: Pair, kind: str) -> None:
-    made, told = pair.convert(BALL, typeScene=kind)
-    assert (list(made.objects), told) == (["ball"], [])
+    loaded, warnings = pair.convert(BALL, typeScene=kind)
+    assert (list(loaded.objects), warnings) == (["ball"], [])
 
 
 def test_a_missing_type_of_scene_is_inferred(pair: Pair) -> None:
-    made, told = pair.convert(BALL, typeScene=None)
-    assert (list(made.objects), told) == (["ball"], ["scene: typeScene: is missing; VIRTUALWORLD is used"])
+    loaded, warnings = pair.convert(BALL, typeScene=None)
+    assert (list(loaded.objects), warnings) == (["ball"], ["scene: typeScene: is missing; VIRTUALWORLD is used"])
     for key in ("properties", "attributes"):
         assert pair.errors(typeScene=None, objects=None, **{key: []}) == [
             'scene: typeScene = "REALDATA": a data scene (test) is not built yet'
@@ -672,18 +669,18 @@ def test_the_type_of_scene_must_be_known(pair: Pair) -> None:
 
 def test_spellings_that_slipped_are_read_with_a_warning(pair: Pair) -> None:
     camera = {k: v for k, v in CAMERA.items() if k != "lookAt"} | {"lookAt:": [0, 0, -1]}
-    made, told = pair.convert(BALL | {"Radius ": 3}, setup={"camera": camera, "GlobalLight": [1, 1, 1]})
-    assert made.camera.target == (0.0, 0.0, -1.0)
-    assert made.ambient == (1.0, 1.0, 1.0)
-    assert made.objects["ball"].radius == 0.5
-    assert told == [
-        "scene: objects.ball.Radius : passed over; 'radius' says the same",
-        "setup: key: 'GlobalLight' is read as 'globalLight'; the original passed it over",
-        "setup: camera: 'lookAt:' is read as 'lookAt'; the original passed it over",
+    loaded, warnings = pair.convert(BALL | {"Radius ": 3}, setup={"camera": camera, "GlobalLight": [1, 1, 1]})
+    assert loaded.camera.target == (0.0, 0.0, -1.0)
+    assert loaded.ambient == (1.0, 1.0, 1.0)
+    assert loaded.objects["ball"].radius == 0.5
+    assert warnings == [
+        "scene: objects.ball.Radius : ignored; 'radius' says the same",
+        "setup: key: 'GlobalLight' is read as 'globalLight'; VisRayTrace ignored it",
+        "setup: camera: 'lookAt:' is read as 'lookAt'; VisRayTrace ignored it",
     ]
 
 
-def test_what_is_passed_over_is_told(pair: Pair) -> None:
+def test_what_is_ignored_is_reported(pair: Pair) -> None:
     light = {"type": "pointLight", "position": [0, 5, 0, 9], "width": [1, 0, 0], "height": [0, 1, 0], "Id": "white"}
     setup = {
         "camera": CAMERA | {"zoom": 3, "pixelsX": "wide"},
@@ -691,21 +688,21 @@ def test_what_is_passed_over_is_told(pair: Pair) -> None:
         "renderType": "temporal",
         "ambientOcclusion": True,
     }
-    made, told = pair.convert(BALL | {"colour": 3, "center": [1]}, setup=setup)
-    assert made.objects["ball"].center == (1.0, 0.0, 0.0)
-    assert made.film.width == 400
-    assert made.lights["light 1"] == PointLight(position=(0.0, 5.0, 0.0), Id=(0.0, 0.0, 0.0), Is=(0.0, 0.0, 0.0))
-    assert told == [
-        "scene: objects.ball.colour: unknown key, passed over; one of name, type, material, data, center, radius",
+    loaded, warnings = pair.convert(BALL | {"colour": 3, "center": [1]}, setup=setup)
+    assert loaded.objects["ball"].center == (1.0, 0.0, 0.0)
+    assert loaded.film.width == 400
+    assert loaded.lights["light 1"] == PointLight(position=(0.0, 5.0, 0.0), Id=(0.0, 0.0, 0.0), Is=(0.0, 0.0, 0.0))
+    assert warnings == [
+        "scene: objects.ball.colour: unknown key, ignored; one of name, type, material, data, center, radius",
         "scene: objects.ball.center = [1]: must be 3 numbers; missing ones are 0",
         'setup: renderType = "temporal": a sequence of frames is not built yet; the scene is one picture',
-        "setup: camera.zoom: unknown key, passed over; one of lookFrom, lookAt, vup, vfov, aspectRatio, pixelsX, "
+        "setup: camera.zoom: unknown key, ignored; one of lookFrom, lookAt, vup, vfov, aspectRatio, pixelsX, "
         "defocusBlur, aperture",
-        'setup: camera.pixelsX = "wide": passed over; must be a number',
+        'setup: camera.pixelsX = "wide": ignored; must be a number',
         "setup: lights.0: has a width and a height, which belong to an areaLight; it is a pointLight without them",
-        'setup: lights.0.Id = "white": passed over; must be 3 numbers',
-        "setup: lights.0.position = [0, 5, 0, 9]: must be 3 numbers; further ones are passed over",
-        "setup: ambientOcclusion = true: passed over; must be an object {...}",
+        'setup: lights.0.Id = "white": ignored; must be 3 numbers',
+        "setup: lights.0.position = [0, 5, 0, 9]: must be 3 numbers; further ones are ignored",
+        "setup: ambientOcclusion = true: ignored; must be an object {...}",
     ]
 
 
@@ -721,10 +718,10 @@ def test_what_is_passed_over_is_told(pair: Pair) -> None:
     ],
 )
 def test_shadows(pair: Pair, setup: dict, shadows: bool) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA} | setup)
-    assert made.settings.shadows is shadows
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA} | setup)
+    assert loaded.settings.shadows is shadows
     silent = shadows or "shadows" in setup
-    assert told == (
+    assert warnings == (
         [] if silent else ['setup: shading = "BlinnPhong": has no shadows; write BlinnPhongShadow to have them']
     )
 
@@ -740,14 +737,14 @@ def test_shadows(pair: Pair, setup: dict, shadows: bool) -> None:
         ({"defocusBlur": {"enabled": True, "aperture": 0.5}, "aperture": 3}, 0.5, None),
         ({"defocusBlur": {"enabled": True}, "aperture": 3}, 3.0, None),
         ({"defocusBlur": {"enabled": True, "aperture": 2}}, 2.0, None),
-        ({"defocusBlur": {"enabled": True, "aperture": 3}}, 3.0, " = 3.0: counts here; the original always used 2"),
-        ({"defocusBlur": {"enabled": True}}, 2.0, ": is missing; 2 is used, as always in the original"),
+        ({"defocusBlur": {"enabled": True, "aperture": 3}}, 3.0, " = 3.0: counts in visray; VisRayTrace always used 2"),
+        ({"defocusBlur": {"enabled": True}}, 2.0, ": is missing; 2 is used, as always in VisRayTrace"),
     ],
 )
 def test_the_lens(pair: Pair, camera: dict, aperture: float, warning: str | None) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA | camera})
-    assert (made.camera.aperture, made.camera.focus) == (aperture, 0.0)
-    assert told == ([] if warning is None else [f"setup: camera.defocusBlur.aperture{warning}"])
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA | camera})
+    assert (loaded.camera.aperture, loaded.camera.focus) == (aperture, 0.0)
+    assert warnings == ([] if warning is None else [f"setup: camera.defocusBlur.aperture{warning}"])
 
 
 MIRROR, GLASS = ball(type="metal"), ball(type="transparent", kt=[1, 1, 1])
@@ -761,8 +758,8 @@ FOLLOWED = "6 reflections and refractions are followed (none with --set settings
         (BALL, {"MAXDEPTH": 1}, 6, 0, None),
         (BALL, {"MAXDEPTH": 4}, 3, 3, None),
         (MIRROR, {}, 6, 0, f"MAXDEPTH: is missing; {FOLLOWED}"),
-        (MIRROR, {"MAXDEPTH": 1}, 6, 0, f"MAXDEPTH = 1: did not count in the original; {FOLLOWED}"),
-        (GLASS, {"MAXDEPTH": -3}, 6, 0, f"MAXDEPTH = -3: did not count in the original; {FOLLOWED}"),
+        (MIRROR, {"MAXDEPTH": 1}, 6, 0, f"MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}"),
+        (GLASS, {"MAXDEPTH": -3}, 6, 0, f"MAXDEPTH = -3: did not count in VisRayTrace; {FOLLOWED}"),
         (GLASS, {"MAXDEPTH": 2}, 1, 1, None),
         (MIRROR, {"reflections": False}, 6, 0, None),
         (GLASS, {"refractions": False}, 6, 0, None),
@@ -771,18 +768,18 @@ FOLLOWED = "6 reflections and refractions are followed (none with --set settings
 )
 def test_depth(pair: Pair, thing: dict, setup: dict, depth: int, compat_depth: int, warning: str | None) -> None:
     setup = {"camera": CAMERA} | setup
-    made, told = pair.convert(thing, setup=setup)
-    assert made.settings.depth == depth
-    assert told == ([] if warning is None else [f"setup: {warning}"])
-    made, told = pair.convert(thing, setup=setup, compat=True)
-    assert (made.settings.depth, told) == (compat_depth, [])
+    loaded, warnings = pair.convert(thing, setup=setup)
+    assert loaded.settings.depth == depth
+    assert warnings == ([] if warning is None else [f"setup: {warning}"])
+    loaded, warnings = pair.convert(thing, setup=setup, compat=True)
+    assert (loaded.settings.depth, warnings) == (compat_depth, [])
 
 
 def test_depths_beyond_the_deepest(pair: Pair) -> None:
     for compat in (False, True):
-        made, told = pair.convert(MIRROR, setup={"camera": CAMERA, "MAXDEPTH": 5000}, compat=compat)
-        assert made.settings.depth == 1000
-        assert told == ["setup: MAXDEPTH = 5000: must be at most 1001, which is used"]
+        loaded, warnings = pair.convert(MIRROR, setup={"camera": CAMERA, "MAXDEPTH": 5000}, compat=compat)
+        assert loaded.settings.depth == 1000
+        assert warnings == ["setup: MAXDEPTH = 5000: must be at most 1001, which is used"]
 
 
 @pytest.mark.parametrize(
@@ -790,8 +787,8 @@ def test_depths_beyond_the_deepest(pair: Pair) -> None:
     [({}, "background"), ({"background": True}, "background"), ({"background": False}, "ambient")],
 )
 def test_misses(pair: Pair, setup: dict, misses: str) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA} | setup)
-    assert (made.settings.misses, told) == (misses, [])
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA} | setup)
+    assert (loaded.settings.misses, warnings) == (misses, [])
 
 
 @pytest.mark.parametrize(
@@ -808,8 +805,8 @@ def test_misses(pair: Pair, setup: dict, misses: str) -> None:
     ],
 )
 def test_ambient_occlusion(pair: Pair, written: dict, expected: Occlusion) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA, "ambientOcclusion": written})
-    assert (made.settings.occlusion, told) == (expected, [])
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA, "ambientOcclusion": written})
+    assert (loaded.settings.occlusion, warnings) == (expected, [])
 
 
 @pytest.mark.parametrize(
@@ -825,45 +822,45 @@ def test_ambient_occlusion(pair: Pair, written: dict, expected: Occlusion) -> No
     ],
 )
 def test_shading(pair: Pair, written: str, expected: str) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA, "shading": f"{written}Shadow"})
-    assert (made.settings.shading, made.settings.shadows, told) == (expected, True, [])
-    made, told = pair.convert(BALL, setup={"camera": CAMERA, "shading": written})
-    assert (made.settings.shading, made.settings.shadows) == (expected, False)
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA, "shading": f"{written}Shadow"})
+    assert (loaded.settings.shading, loaded.settings.shadows, warnings) == (expected, True, [])
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA, "shading": written})
+    assert (loaded.settings.shading, loaded.settings.shadows) == (expected, False)
     # Where nothing is lit, no shadow is missed.
-    assert len(told) == (expected in ("blinn-phong", "phong", "toon"))
+    assert len(warnings) == (expected in ("blinn-phong", "phong", "toon"))
 
 
 def test_compat(pair: Pair) -> None:
     setup = {"camera": CAMERA, "ambientOcclusion": {"enabled": True}, "MAXDEPTH": 1}
     plain, _ = pair.convert(GLASS, setup=setup)
-    made, told = pair.convert(GLASS, setup=setup, compat=True)
-    assert told == []
-    assert made.settings == Settings(
+    loaded, warnings = pair.convert(GLASS, setup=setup, compat=True)
+    assert warnings == []
+    assert loaded.settings == Settings(
         depth=0,
         area="centre",
         local="full",
         occlusion=Occlusion(sky=20, near=20, distance=100.0, hemisphere="box"),
     )
     # Nothing else is different.
-    assert vars(made) | {"settings": None} == vars(plain) | {"settings": None}
-    made, _ = pair.convert(GLASS, setup={"camera": CAMERA}, compat=True)
-    assert made.settings.occlusion == Occlusion()
+    assert vars(loaded) | {"settings": None} == vars(plain) | {"settings": None}
+    loaded, _ = pair.convert(GLASS, setup={"camera": CAMERA}, compat=True)
+    assert loaded.settings.occlusion == Occlusion()
 
 
-def test_an_empty_setup_has_the_defaults_of_the_original(pair: Pair) -> None:
-    made, told = pair.convert(BALL, setup={})
-    assert made.camera == Camera(origin=(0.0, 0.0, 10.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=90.0)
-    assert made.film == Film(width=400, height=400)
-    assert (made.background, made.ambient, made.lights) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), {})
-    assert told == [
+def test_an_empty_setup_has_the_defaults_of_visraytrace(pair: Pair) -> None:
+    loaded, warnings = pair.convert(BALL, setup={})
+    assert loaded.camera == Camera(origin=(0.0, 0.0, 10.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=90.0)
+    assert loaded.film == Film(width=400, height=400)
+    assert (loaded.background, loaded.ambient, loaded.lights) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), {})
+    assert warnings == [
         "setup: camera: is missing; it looks from (0, 0, 10) to the origin, 90 degrees wide, 400 x 400 pixels"
     ]
-    made, told = pair.convert(BALL, setup={"camera": {"lookFrom": [0, 0, 3]}, "colorDownBackground": [1, 1, 1]})
-    assert made.camera == Camera(origin=(0.0, 0.0, 3.0), up=(0.0, 1.0, 0.0), fov=90.0)
-    assert made.background == SkyGradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 1.0, 1.0))
-    assert told == [
+    loaded, warnings = pair.convert(BALL, setup={"camera": {"lookFrom": [0, 0, 3]}, "colorDownBackground": [1, 1, 1]})
+    assert loaded.camera == Camera(origin=(0.0, 0.0, 3.0), up=(0.0, 1.0, 0.0), fov=90.0)
+    assert loaded.background == SkyGradient(top=(0.0, 0.0, 0.0), bottom=(1.0, 1.0, 1.0))
+    assert warnings == [
         "setup: camera.vup: is missing; (0, 1, 0) is used",
-        "setup: camera.vfov: is missing; 90 degrees is used, since the original's 180 gives no picture",
+        "setup: camera.vfov: is missing; 90 degrees is used, since VisRayTrace's 180 gives no picture",
     ]
 
 
@@ -873,8 +870,8 @@ OURS = {key: tuple(colour) for key, colour in COLOURS.items()}
 
 def lit(pair: Pair, **light: object) -> tuple[object, list[str]]:
     """A light of a setup, and the warnings about it."""
-    made, told = pair.convert(BALL, setup={"camera": CAMERA, "lights": [COLOURS | light]})
-    return made.lights["light 1"], told
+    loaded, warnings = pair.convert(BALL, setup={"camera": CAMERA, "lights": [COLOURS | light]})
+    return loaded.lights["light 1"], warnings
 
 
 def unlit(pair: Pair, **light: object) -> list[str]:
@@ -896,9 +893,9 @@ SPOT = {"type": "spotLight", "position": [-2, 10, 0], "direction": [0, -2, 0], "
     ],
 )
 def test_spot_lights(pair: Pair, width: dict, angle: float) -> None:
-    light, told = lit(pair, **SPOT, **width)
+    light, warnings = lit(pair, **SPOT, **width)
     position, direction = (-2.0, 10.0, 0.0), (0.0, -2.0, 0.0)
-    assert told == []
+    assert warnings == []
     assert light.angle == pytest.approx(angle, rel=1e-14)
     assert light == SpotLight(
         **OURS, position=position, direction=direction, angle=light.angle, exponent=0.0, a=0.5, b=0.25, c=0.01
@@ -908,12 +905,12 @@ def test_spot_lights(pair: Pair, width: dict, angle: float) -> None:
 def test_spot_lights_that_need_a_word(pair: Pair) -> None:
     assert lit(pair, **SPOT)[0].angle == 30.0
     assert lit(pair, **SPOT)[1] == ["setup: lights.0.angle: is missing; 30 degrees from the axis to the edge are used"]
-    light, told = lit(pair, **SPOT, angle=0.5, theta=10, cosineCutoff=0.5, exponent=2)
+    light, warnings = lit(pair, **SPOT, angle=0.5, theta=10, cosineCutoff=0.5, exponent=2)
     assert (light.angle, light.exponent) == (pytest.approx(28.6478897565), 2.0)
-    assert told == [
-        "setup: lights.0.exponent = 2.0: here the light falls to 0 at the edge of the cone",
-        "setup: lights.0.theta: passed over; 'angle' says how wide the light is",
-        "setup: lights.0.cosineCutoff: passed over; 'angle' says how wide the light is",
+    assert warnings == [
+        "setup: lights.0.exponent = 2.0: in visray the light falls to 0 at the edge of the cone",
+        "setup: lights.0.theta: ignored; 'angle' says how wide the light is",
+        "setup: lights.0.cosineCutoff: ignored; 'angle' says how wide the light is",
     ]
 
 
@@ -943,21 +940,23 @@ AREA = {"type": "AREALIGHT", "position": [0, 9, 0], "width": [0, 0, 2], "height"
 
 
 def test_area_lights(pair: Pair) -> None:
-    light, told = lit(pair, **AREA, a=1)
-    assert told == []
+    light, warnings = lit(pair, **AREA, a=1)
+    assert warnings == []
     assert light == RectangleLight(
         **OURS, position=(0.0, 9.0, 0.0), width=(0.0, 0.0, 2.0), height=(2.0, 0.0, 0.0), samples=20, a=1.0
     )
     assert lit(pair, **AREA, numLights=3)[0].samples == 3
     assert lit(pair, **AREA | {"height": [0.39, 0, 0]})[0].samples == 3
-    small, told = lit(pair, **AREA | {"height": [0.09, 0, 0]})
+    small, warnings = lit(pair, **AREA | {"height": [0.09, 0, 0]})
     assert small.samples == 1
-    assert told == [
-        "setup: lights.0.numLights: the original took 0 samples of so small an area, and divided by 0; 1 is taken"
+    assert warnings == [
+        "setup: lights.0.numLights: VisRayTrace took 0 samples of so small an area, and divided by 0; 1 is taken"
     ]
-    large, told = lit(pair, **AREA | {"height": [1e6, 0, 0]})
+    large, warnings = lit(pair, **AREA | {"height": [1e6, 0, 0]})
     assert large.samples == 2**16
-    assert told == ["setup: lights.0.numLights: the original took 1e+07 samples of so large an area; 65536 are taken"]
+    assert warnings == [
+        "setup: lights.0.numLights: VisRayTrace took 1e+07 samples of so large an area; 65536 are taken"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -979,13 +978,13 @@ def test_wrong_area_lights(pair: Pair, fields: dict, what: str) -> None:
 
 
 def test_directional_lights(pair: Pair) -> None:
-    light, told = lit(pair, type="DirectionalLight", direction=[0, -3, 1], a=0.5)
-    assert told == []
+    light, warnings = lit(pair, type="DirectionalLight", direction=[0, -3, 1], a=0.5)
+    assert warnings == []
     assert light == DirectionalLight(**OURS, direction=(0.0, -3.0, 1.0), a=0.5)
-    light, told = lit(pair, type="directionalLight", direction=[0, -3, 1], b=-1, c=2, intensity=0.5)
+    light, warnings = lit(pair, type="directionalLight", direction=[0, -3, 1], b=-1, c=2, intensity=0.5)
     assert light == DirectionalLight(**OURS, direction=(0.0, -3.0, 1.0), intensity=0.5)
-    assert told == [
-        f"setup: lights.0.{key}: passed over; a directional light is infinitely far away" for key in ("b = -1", "c = 2")
+    assert warnings == [
+        f"setup: lights.0.{key}: ignored; a directional light is infinitely far away" for key in ("b = -1", "c = 2")
     ]
     (text,) = unlit(pair, type="directionalLight", position=[1, 1, 1])
     assert text == "setup: lights.0.direction: the key is missing; it is 3 numbers"
@@ -994,16 +993,18 @@ def test_directional_lights(pair: Pair) -> None:
 
 
 def test_a_light_without_a_type_is_a_point_light(pair: Pair) -> None:
-    made, told = pair.convert(BALL, setup={"camera": CAMERA, "lights": [{"position": [1, 2, 3], "Id": [1, 1, 1]}]})
-    assert made.lights["light 1"].position == (1.0, 2.0, 3.0)
-    assert told == ["setup: lights.0: has no type; a pointLight is used, as in the original"]
+    loaded, warnings = pair.convert(
+        BALL, setup={"camera": CAMERA, "lights": [{"position": [1, 2, 3], "Id": [1, 1, 1]}]}
+    )
+    assert loaded.lights["light 1"].position == (1.0, 2.0, 3.0)
+    assert warnings == ["setup: lights.0: has no type; a pointLight is used, as in VisRayTrace"]
 
 
 def test_a_fitted_plane_without_punto_centro_says_how_it_is_read(pair: Pair) -> None:
     plane = BALL | {"type": "fittedplane", "point": [1, 0, 0], "normal": [0, 1, 0], "pmin": [-1, -1], "pmax": [1, 1]}
-    made, told = pair.convert({k: v for k, v in plane.items() if k not in ("center", "radius")})
-    assert made.objects["ball"].center == (0.0, 0.0, 0.0)
-    assert told == ["scene: objects.ball.puntoCentro: is missing; pmin and pmax are read as absolute x and z"]
+    loaded, warnings = pair.convert({k: v for k, v in plane.items() if k not in ("center", "radius")})
+    assert loaded.objects["ball"].center == (0.0, 0.0, 0.0)
+    assert warnings == ["scene: objects.ball.puntoCentro: is missing; pmin and pmax are read as absolute x and z"]
 
 
 ODD = [
@@ -1049,10 +1050,10 @@ def test_odd_values_anywhere_give_a_scene_or_lines(pair: Pair, odd: object) -> N
         pair.scene.write_text(json.dumps(scene), encoding="utf-8")
         pair.setup.write_text(json.dumps(changed["setup"]), encoding="utf-8")
         try:
-            _, told = convert(pair.scene, pair.setup)
+            _, warnings = convert(pair.scene, pair.setup)
         except UserError as error:
-            told = error.lines
-        assert all(pair.short(text).startswith(("scene: ", "setup: ")) for text in told)
+            warnings = error.lines
+        assert all(pair.short(text).startswith(("scene: ", "setup: ")) for text in warnings)
     assert count > 100
 
 
@@ -1068,7 +1069,7 @@ def _with_each_value_replaced(tree: object, odd: object) -> list:
     return copies
 
 
-def test_both_files_are_read_before_errors_are_told(pair: Pair) -> None:
+def test_both_files_are_read_before_errors_are_reported(pair: Pair) -> None:
     pair.scene.write_text('{"typeScene": "VIRTUAL",\n "objects": [}', encoding="utf-8")
     pair.setup.write_text("", encoding="utf-8")
     with pytest.raises(UserError) as caught:
@@ -1095,99 +1096,101 @@ def test_the_last_of_two_like_keys_counts(pair: Pair) -> None:
     pair.write(BALL)
     text = f'{{"camera": {json.dumps(CAMERA)}, "numSamples": 3, "numSamples": 5}}'
     pair.setup.write_text(text, encoding="utf-8")
-    made, told = convert(pair.scene, pair.setup)
-    assert made.settings.spp == 5
-    assert [pair.short(text) for text in told] == ["setup: numSamples: the key is written twice; the last one counts"]
+    loaded, warnings = convert(pair.scene, pair.setup)
+    assert loaded.settings.spp == 5
+    assert [pair.short(text) for text in warnings] == [
+        "setup: numSamples: the key is written twice; the last one counts"
+    ]
 
 
-def test_load_knows_original_scenes_and_warns(pair: Pair) -> None:
+def test_load_recognises_legacy_scenes_and_warns(pair: Pair) -> None:
     pair.write(BALL)
     assert load(pair.scene, pair.setup) == convert(pair.scene, pair.setup)[0]
-    with pytest.warns(SeedWarning, match="no setup file: no lights, a black background, and a camera"):
+    with pytest.warns(LegacyWarning, match="no setup file: no lights, a black background, and a camera"):
         alone = load(pair.scene)
     assert (list(alone.objects), alone.camera.fov, alone.film) == (["ball"], 90.0, Film(width=400, height=400))
 
 
-def original(scene: str, setup: str | None) -> tuple[Scene, list[str]]:
-    made, told = convert(SHIPPED / scene, setup and SHIPPED / setup)
-    return made, [text.replace(f"{SHIPPED}/", "") for text in told]
+def shipped_pair(scene: str, setup: str | None) -> tuple[Scene, list[str]]:
+    loaded, warnings = convert(SHIPPED / scene, setup and SHIPPED / setup)
+    return loaded, [text.replace(f"{SHIPPED}/", "") for text in warnings]
 
 
 @shipped
 def test_the_two_spheres() -> None:
-    made, told = original("twoSpheres.json", "setupRenderTwoSpheres.json")
-    assert told == [f"setupRenderTwoSpheres.json: MAXDEPTH = 1: did not count in the original; {FOLLOWED}"]
-    assert made.settings == Settings()
-    metal = made.materials["Esfera mitjana"]
+    loaded, warnings = shipped_pair("twoSpheres.json", "setupRenderTwoSpheres.json")
+    assert warnings == [f"setupRenderTwoSpheres.json: MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}"]
+    assert loaded.settings == Settings()
+    metal = loaded.materials["Esfera mitjana"]
     assert metal.kr == metal.ks == (0.7, 0.7, 0.7)
-    assert made.camera == Camera(origin=(13.0, 2.0, 3.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=20.0)
-    assert made.film == Film(width=1200, height=600)
-    assert made.ambient == (0.1, 0.1, 0.1)
-    assert made.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
-    assert made.lights["light 1"] == PointLight(
+    assert loaded.camera == Camera(origin=(13.0, 2.0, 3.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), fov=20.0)
+    assert loaded.film == Film(width=1200, height=600)
+    assert loaded.ambient == (0.1, 0.1, 0.1)
+    assert loaded.background == SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
+    assert loaded.lights["light 1"] == PointLight(
         position=(2.0, 8.0, 10.0), Ia=(0.3,) * 3, Id=(0.3,) * 3, Is=(0.7,) * 3, a=0.5, b=0.0, c=0.01
     )
-    assert made.objects["Esfera gran"] == Sphere(center=(0.0, -100.5, -1.0), radius=100.0, material="Esfera gran")
-    assert made.materials["Esfera gran"] == Material(
+    assert loaded.objects["Esfera gran"] == Sphere(center=(0.0, -100.5, -1.0), radius=100.0, material="Esfera gran")
+    assert loaded.materials["Esfera gran"] == Material(
         ka=(0.2, 0.2, 0.2), kd=(0.8, 0.8, 0.0), ks=(1.0, 1.0, 1.0), shininess=10.0
     )
-    assert list(made.objects) == ["Esfera petita", "Esfera gran", "Esfera mitjana"]
+    assert list(loaded.objects) == ["Esfera petita", "Esfera gran", "Esfera mitjana"]
 
 
 @shipped
 def test_the_box() -> None:
-    made, told = original("oneBox.json", "setupRenderOneBox.json")
-    assert told == []
-    assert made.objects == {
+    loaded, warnings = shipped_pair("oneBox.json", "setupRenderOneBox.json")
+    assert warnings == []
+    assert loaded.objects == {
         "One Box": Box(min=(0.0, 0.0, 0.0), max=(3.0, 3.0, 3.0), material="One Box"),
         "plano": Rectangle(center=(0.0, 0.0, -1.0), width=(20.0, 0.0, 0.0), height=(0.0, 0.0, -20.0), material="plano"),
     }
-    assert made.film == Film(width=1400, height=790)
+    assert loaded.film == Film(width=1400, height=790)
 
 
 @shipped
 def test_the_cylinder() -> None:
-    made, told = original("oneCylinder.json", "setupRenderOneCylinder.json")
-    assert told == ["setupRenderOneCylinder.json: camera: 'lookAt:' is read as 'lookAt'; the original passed it over"]
+    loaded, warnings = shipped_pair("oneCylinder.json", "setupRenderOneCylinder.json")
+    assert warnings == ["setupRenderOneCylinder.json: camera: 'lookAt:' is read as 'lookAt'; VisRayTrace ignored it"]
     cylinder = Cylinder(center=(0.0, -1.0, -1.0), radius=0.5, height=0.5, axis=(0.0, 1.0, 0.0), material="One Cilynder")
-    assert made.objects == {"One Cilynder": cylinder}
-    assert made.lights == {}
-    assert made.ambient == (0.0, 0.0, 0.0)
-    assert made.camera.target == (0.0, 0.0, -1.0)
-    assert made.film == Film(width=400, height=225)
+    assert loaded.objects == {"One Cilynder": cylinder}
+    assert loaded.lights == {}
+    assert loaded.ambient == (0.0, 0.0, 0.0)
+    assert loaded.camera.target == (0.0, 0.0, -1.0)
+    assert loaded.film == Film(width=400, height=225)
 
 
 @shipped
 def test_the_transparent_spheres_with_the_setup_of_the_tests() -> None:
-    made, told = original("transparentSpheres.json", "setupTests.json")
-    assert told == [f"setupTests.json: MAXDEPTH = 1: did not count in the original; {FOLLOWED}"]
-    assert [(m.ior, m.dmax) for m in made.materials.values()][:4] == [
+    loaded, warnings = shipped_pair("transparentSpheres.json", "setupTests.json")
+    assert warnings == [f"setupTests.json: MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}"]
+    assert [(m.ior, m.dmax) for m in loaded.materials.values()][:4] == [
         (ior, FARTHEST) for ior in (1.0003, 1.0003, 1.3333, 1.48)
     ]
-    assert made.materials["Esfera aigua"].kt == (1.0, 1.0, 1.0)
-    assert made.materials["Esfera gran"].kr == (1.0, 1.0, 1.0)
-    assert made.background == SkyGradient(top=(0.0, 0.8, 0.8), bottom=(1.0, 1.0, 1.0))
+    assert loaded.materials["Esfera aigua"].kt == (1.0, 1.0, 1.0)
+    assert loaded.materials["Esfera gran"].kr == (1.0, 1.0, 1.0)
+    assert loaded.background == SkyGradient(top=(0.0, 0.8, 0.8), bottom=(1.0, 1.0, 1.0))
 
 
 @shipped
 def test_the_spot_light() -> None:
-    made, told = original("coneLight.json", "setupConeLight.json")
-    assert told == []
-    (light,) = made.lights.values()
+    loaded, warnings = shipped_pair("coneLight.json", "setupConeLight.json")
+    assert warnings == []
+    (light,) = loaded.lights.values()
     assert (light.direction, light.angle) == ((0.0, -1.0, 0.0), pytest.approx(10.0, abs=1e-4))
 
 
 @shipped
 @pytest.mark.parametrize(("scene", "name"), [("earth/earth.json", "earth1"), ("earth/stars.json", "stars")])
 def test_the_pictures(scene: str, name: str) -> None:
-    made, told = original(scene, "earth/setupEarth.json")
-    assert told == []
-    assert {key: Path(t.file) for key, t in made.textures.items()} == {name: SHIPPED / f"earth/{name}.png"}
+    loaded, warnings = shipped_pair(scene, "earth/setupEarth.json")
+    assert warnings == []
+    assert {key: Path(t.file) for key, t in loaded.textures.items()} == {name: SHIPPED / f"earth/{name}.png"}
 
 
 @shipped
 @pytest.mark.parametrize(
-    ("scene", "setup", "count", "told"),
+    ("scene", "setup", "count", "warnings"),
     [
         ("ambientOcclusion.json", "setupAmbientOcclusion.json", 6, 0),
         ("cornell_box_geometry.json", "cornell_box_config_vis.json", 11, 0),
@@ -1199,9 +1202,9 @@ def test_the_pictures(scene: str, name: str) -> None:
         ("tests.json", "setupPoly.json", 1, 1),
     ],
 )
-def test_other_shipped_pairs(scene: str, setup: str | None, count: int, told: int) -> None:
-    made, warned = original(scene, setup)
-    assert (len(made.objects), len(warned)) == (count, told)
+def test_other_shipped_pairs(scene: str, setup: str | None, count: int, warnings: int) -> None:
+    loaded, warned = shipped_pair(scene, setup)
+    assert (len(loaded.objects), len(warned)) == (count, warnings)
 
 
 @shipped
@@ -1250,5 +1253,5 @@ def test_every_shipped_scene_with_every_setup() -> None:
             convert(SHIPPED / scene, SHIPPED / setup, compat)
             assert not refused
         except UserError as error:
-            # An invalid file is told alone, before anything else.
+            # An invalid file is warnings alone, before anything else.
             assert len(error.lines) == 1 and refused

@@ -300,7 +300,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("[]", "[]: is not a scene; a scene is an object {...}"),
         ("null", "null: is not a scene; a scene is an object {...}"),
         ('{"$schema": 3}', "$schema = 3: must be a string, the name of a JSON Schema"),
-        ('{"objects": [], "camera": {}}', "objects = []: must be an object {...} that gives each thing its name"),
+        ('{"objects": [], "camera": {}}', "objects = []: must be an object {...} that holds entries by name"),
         ('{"camera": {"fov": 3, "fov": 4}}', "camera.fov: the key is written twice; keep one"),
         ('{"objects": {"a": {"type": "box"}, "a": {"type": "box"}}}', "objects.a: the key is written twice; keep one"),
         ('{"ambient": [1, 1, NaN]}', "ambient.2 = NaN: must be finite"),
@@ -585,7 +585,7 @@ def test_one_wrong_texture(tmp_path: Path, fields: object, what: str) -> None:
 
 def test_textures_that_are_no_object_make_no_names_unknown(tmp_path: Path) -> None:
     content = {"textures": [], "materials": {"m": {"texture": "wood"}}}
-    assert errors(tmp_path, content) == ["textures = []: must be an object {...} that gives each thing its name"]
+    assert errors(tmp_path, content) == ["textures = []: must be an object {...} that holds entries by name"]
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_legacy import MATT
 from test_scene_load import FILES, everything
-from test_seed_format import MATT
 
 import visray as vr
 from visray import transforms

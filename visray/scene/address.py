@@ -1,4 +1,4 @@
-"""Addresses: `objects.ball.center.1` names a value in a scene, in files, on the command line and in Python alike."""
+"""Addresses of values in a scene, such as `objects.ball.center.1`, for files, the command line and Python alike."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass
@@ -6,38 +6,42 @@ from typing import Any, get_args
 
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
+from visray.scene.annotations import bare, is_union
 from visray.scene.check import examined, parts
-from visray.scene.messages import bare, hint, is_union, printable
+from visray.scene.messages import hint, printable
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 from visray.scene.validated import plain
 
 
 def value(scene: Scene, address: str) -> Any:
-    """What stands at an address; raises UserError that lists what is there if the address names nothing."""
-    return _found(scene, address)
+    """Value at an address. Raises UserError with the keys to choose from if the address names nothing."""
+    return _value_at(scene, address)
 
 
 def replaced(scene: Scene, address: str, new: Any) -> Scene:
-    """A checked copy of the scene with another value at an address."""
+    """Checked copy of the scene with another value at an address."""
     return changed(scene, {address: new})
 
 
 def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
-    """A checked copy of the scene with all the assignments made, in order; it is checked once, at the end, and what
-    none of them touches is kept as it is."""
+    """Checked copy of the scene with other values at some addresses.
+
+    assignments: the new value at each address, assigned in order. The scene is checked once, after the last one. Parts
+    that no assignment changes are shared with the old scene.
+    """
     raw = parts(scene)
     for address, new in assignments.items():
-        _found(raw, address)
-        raw = _with(raw, address.split("."), _plain(new))
-    result, wrong = examined(raw)
-    if wrong:
-        raise UserError(*wrong)
+        _value_at(raw, address)
+        raw = _with(raw, address.split("."), _without_instances(new))
+    result, flaws = examined(raw)
+    if flaws:
+        raise UserError(*flaws)
     return result
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """The address and the value of `ADDRESS=VALUE`. The value is JSON; what does not begin like JSON is a string."""
+    """Address and value of `ADDRESS=VALUE`. The value is JSON, or a plain word, which is a string."""
     address, equals, written = (part.strip() for part in text.partition("="))
     if not (address and equals and written):
         raise UserError(f"{text!r}: is not an assignment; write ADDRESS=VALUE, as in objects.ball.radius=2")
@@ -50,83 +54,86 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def numeric_addresses(scene: Scene) -> dict[str, Quantity]:
-    """The addresses of all fields that are numbers in a kernel, each with its quantity."""
+    """Quantity of each numeric field of the scene, by address. Numeric fields are those that enter a kernel."""
     return dict(_numeric(scene, ""))
 
 
 def _word(written: str) -> Any:
-    """A number, true, false or null; any other word as it stands."""
+    """A number, true, false or null; any other word is a string."""
     try:
         return parse(written, "").raw
     except UserError:
         return written
 
 
-def _keys(whole: Any) -> Collection[str]:
-    """What can follow the address of `whole`."""
-    if is_dataclass(whole):
-        return [f.name for f in fields(whole)]
-    if isinstance(whole, dict):
-        return whole.keys()
-    return [str(i) for i in range(len(whole))] if isinstance(whole, (tuple, list)) else []
+def _keys(node: Any) -> Collection[str]:
+    """Keys that may follow the address of a node: an instance, a dict or a tuple. Other values have none."""
+    if is_dataclass(node):
+        return [f.name for f in fields(node)]
+    if isinstance(node, dict):
+        return node.keys()
+    return [str(i) for i in range(len(node))] if isinstance(node, (tuple, list)) else []
 
 
-def _entry(whole: Any, key: str) -> Any:
-    if is_dataclass(whole):
-        return getattr(whole, key)
-    return whole[key] if isinstance(whole, dict) else whole[int(key)]
+def _entry(node: Any, key: str) -> Any:
+    """Value of one key of a node. Domain: the node has the key."""
+    if is_dataclass(node):
+        return getattr(node, key)
+    return node[key] if isinstance(node, dict) else node[int(key)]
 
 
-def _found(whole: Any, address: str) -> Any:
-    keys = address.split(".")
+def _value_at(root: Any, address: str) -> Any:
+    """Value at an address below `root`. Raises UserError if there is none."""
+    node, keys = root, address.split(".")
     for i, key in enumerate(keys):
-        there = _keys(whole)
-        if key not in there:
+        choices = _keys(node)
+        if key not in choices:
             owner = ".".join(keys[:i]) or "the scene"
-            what = f"{owner} has no {key!r}; {hint(key, there)}"
-            if not there and not isinstance(whole, (dict, tuple)):
-                what = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
-            raise UserError(printable(f"{address}: {what}"))
-        whole = _entry(whole, key)
-    return whole
+            text = f"{owner} has no {key!r}; {hint(key, choices)}"
+            if not choices and not isinstance(node, (dict, tuple)):
+                text = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
+            raise UserError(printable(f"{address}: {text}"))
+        node = _entry(node, key)
+    return node
 
 
-def _plain(new: Any) -> Any:
-    """A value without instances of the kinds, so that what is put in is checked as what a file says."""
+def _without_instances(new: Any) -> Any:
+    """A value with dicts in place of dataclass instances, so that it is checked like the content of a file."""
     if is_dataclass(new) and not isinstance(new, type):
         return asdict(new)
     if isinstance(new, dict):
-        return {k: _plain(v) for k, v in new.items()}
-    return tuple(map(_plain, new)) if isinstance(new, (tuple, list)) else new
+        return {k: _without_instances(v) for k, v in new.items()}
+    return tuple(map(_without_instances, new)) if isinstance(new, (tuple, list)) else new
 
 
-def _with(whole: Any, keys: list[str], new: Any) -> Any:
-    """A copy of nested dicts and tuples with another value at the end of `keys`. An instance on the way becomes a dict,
-    so that what is around a new value is checked with it."""
+def _with(node: Any, keys: list[str], new: Any) -> Any:
+    """Copy of nested dicts and tuples with another value at the end of `keys`. An instance on the path becomes a dict,
+    so that it is checked together with its new value."""
     if not keys:
         return new
     key, *rest = keys
-    whole = plain(whole) if is_dataclass(whole) else whole
-    if isinstance(whole, dict):
-        return whole | {key: _with(whole[key], rest, new)}
+    node = plain(node) if is_dataclass(node) else node
+    if isinstance(node, dict):
+        return node | {key: _with(node[key], rest, new)}
     i = int(key)
-    return (*whole[:i], _with(whole[i], rest, new), *whole[i + 1 :])
+    return (*node[:i], _with(node[i], rest, new), *node[i + 1 :])
 
 
-def _numeric(whole: Any, prefix: str) -> list[tuple[str, Quantity]]:
-    """The numeric fields below an address; `prefix` is that address and a dot, or nothing."""
-    if not is_dataclass(whole):
-        return [n for key in _keys(whole) for n in _numeric(_entry(whole, key), f"{prefix}{key}.")]
-    own, result = quantities(type(whole)), []
-    for f in fields(whole):
-        part = getattr(whole, f.name)
-        quantity = own.get(f.name) or _of_union(f.type, part)
+def _numeric(node: Any, prefix: str) -> list[tuple[str, Quantity]]:
+    """Addresses and quantities of the numeric fields below a node. `prefix`: the node's address and a dot, or ""."""
+    if not is_dataclass(node):
+        return [n for key in _keys(node) for n in _numeric(_entry(node, key), f"{prefix}{key}.")]
+    own, result = quantities(type(node)), []
+    for f in fields(node):
+        part = getattr(node, f.name)
+        quantity = own.get(f.name) or _quantity_in_union(f.type, part)
         result += [(prefix + f.name, quantity)] if quantity else _numeric(part, f"{prefix}{f.name}.")
     return result
 
 
-def _of_union(annotation: Any, part: Any) -> Quantity | None:
-    """The quantity of a field that may hold numbers or something else, if it holds numbers."""
+def _quantity_in_union(annotation: Any, part: Any) -> Quantity | None:
+    """Quantity of a field whose type is a union with one, such as a colour or a gradient; None where its present value
+    `part` is of another member."""
     if is_dataclass(part) or not is_union(bare(annotation)):
         return None
     marks = [m for a in get_args(bare(annotation)) for m in getattr(a, "__metadata__", ()) if isinstance(m, Quantity)]

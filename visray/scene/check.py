@@ -1,7 +1,8 @@
-"""Checks scenes, from files and from Python: the fields one by one, then what only several together show.
+"""Checks scenes from files and from Python: first each field alone, then the conditions between several fields.
 
-What has passed before is not validated again (validated.py); names that refer to others are looked up every time, as
-the dicts of a scene may change. Only where something is wrong is the whole scene validated, to tell all that is.
+Textures, materials, lights and objects that were validated before are not validated again (validated.py). References by
+name are checked every time, since the dicts of a scene may change. If anything is wrong, the whole scene is validated
+again, to report all errors at once.
 """
 
 import sys
@@ -24,9 +25,9 @@ from visray.scene.validated import plain, remember, validated
 from visray.transforms import Transform, bounds, compose
 
 DEFAULT_MATERIAL = "default"
-# The sections whose entries are named elsewhere in a scene, and what stands in for an entry that is wrong.
+# Sections whose entries are referred to by name. A wrong entry is replaced by this one while the rest is checked.
 STAND_INS = {"textures": {"type": "checker"}, "materials": {}}
-# The sections of a scene that hold things by name, and their kinds.
+# Sections of a scene that hold entries by name, and the kinds of these entries.
 SECTIONS = {
     "textures": frozenset(textures.KINDS),
     "materials": frozenset((Material,)),
@@ -37,31 +38,32 @@ NAMES = TypeAdapter(list[Name])
 
 
 def checked(scene: Scene) -> Scene:
-    """A validated copy of the scene, whose parts that were validated before are kept; raises UserError with all that
-    is wrong."""
+    """Validated copy of the scene; entries that were validated before are shared with it. Raises UserError with all
+    errors of the scene."""
     if not isinstance(scene, Scene):
         raise UserError(f"a scene is a visray Scene, not a {type(scene).__name__}")
-    result, wrong = examined(parts(scene))
-    if wrong:
-        raise UserError(*wrong)
+    result, errors = examined(parts(scene))
+    if errors:
+        raise UserError(*errors)
     return result
 
 
 def parts(scene: Scene) -> dict[str, Any]:
-    """The scene as plain dicts, but for the things that have names: these are instances still."""
-    found = {f.name: getattr(scene, f.name) for f in fields(scene)}
-    return {name: _things(part) if name in SECTIONS else plain(part) for name, part in found.items()}
+    """The scene as plain dicts, except for its textures, materials, lights and objects, which stay instances."""
+    sections = {f.name: getattr(scene, f.name) for f in fields(scene)}
+    return {name: _with_instances(part) if name in SECTIONS else plain(part) for name, part in sections.items()}
 
 
-def _things(section: Any) -> Any:
+def _with_instances(section: Any) -> Any:
+    """A section as a dict whose entries may be dataclass instances; all other values are plain."""
     if not isinstance(section, dict):
         return plain(section)
-    return {name: thing if is_dataclass(type(thing)) else plain(thing) for name, thing in section.items()}
+    return {name: entry if is_dataclass(type(entry)) else plain(entry) for name, entry in section.items()}
 
 
 def examined(raw: Any) -> tuple[Scene | None, list[str]]:
-    """The scene that plain dicts and lists describe, and a line for everything that is wrong with it. Things that have
-    names may be instances of the kinds as well."""
+    """The scene that plain dicts and lists describe, and one line for each error. The scene is None where it has errors
+    in single fields. Textures, materials, lights and objects may also be instances of their kinds."""
     if not isinstance(raw, dict):
         return None, [line("", raw, "is not a scene; a scene is an object {...}")]
     scene = _accepted(raw)
@@ -76,74 +78,79 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
 
 
 def _without_instances(part: Any) -> Any:
-    return {name: _plain(thing) for name, thing in part.items()} if isinstance(part, dict) else part
+    """A section with plain entries."""
+    return {name: _plain(entry) for name, entry in part.items()} if isinstance(part, dict) else part
 
 
-def _plain(thing: Any) -> Any:
-    return plain(thing) if is_dataclass(type(thing)) else thing
+def _plain(entry: Any) -> Any:
+    """An entry of a section as a plain dict, if it is an instance."""
+    return plain(entry) if is_dataclass(type(entry)) else entry
 
 
 @uncollected()
 def _accepted(raw: dict) -> Scene | None:
-    """The scene of these parts, if nothing is wrong with it, or None. What is new in it is remembered."""
+    """The scene of these parts, or None if it has an error. Its new entries are remembered as validated."""
     sections = {name: raw[name] for name in SECTIONS if isinstance(raw.get(name), dict)}
-    known = {name: _known(things, SECTIONS[name]) for name, things in sections.items()}
+    known = {name: _known(entries, SECTIONS[name]) for name, entries in sections.items()}
     unknown = {
-        name: {key: _plain(thing) for key, thing in things.items() if key not in known[name]}
-        for name, things in sections.items()
+        name: {key: _plain(entry) for key, entry in entries.items() if key not in known[name]}
+        for name, entries in sections.items()
     }
     try:
-        for things in known.values():
-            NAMES.validate_python(list(things))
+        for entries in known.values():
+            NAMES.validate_python(list(entries))
         new = ADAPTER.validate_python(raw | unknown)
     except ValidationError:
         return None
-    joined = {name: _joined(things, known[name], getattr(new, name)) for name, things in sections.items()}
+    joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
     scene = replace(new, **joined)
-    if _own_flaws_of(new) or _without_referent(scene):
+    if _has_own_flaws(new) or _has_unknown_reference(scene):
         return None
-    for name, things in sections.items():
+    for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
-            remember(things[key] if is_dataclass(type(things[key])) else equal, equal)
+            remember(entries[key] if is_dataclass(type(entries[key])) else equal, equal)
     return scene
 
 
-def _known(things: dict, kinds: frozenset) -> dict:
-    """The validated equals of those things that have passed before and are of the right kind."""
-    return {key: equal for key, thing in things.items() if type(equal := validated(thing)) in kinds}
+def _known(entries: dict, kinds: frozenset) -> dict:
+    """Validated copies of the entries that were validated before and are of the right kind."""
+    return {key: equal for key, entry in entries.items() if type(equal := validated(entry)) in kinds}
 
 
-def _joined(things: dict, known: dict, new: dict) -> dict:
-    """What is known and what is new, in the order of the things."""
+def _joined(entries: dict, known: dict, new: dict) -> dict:
+    """The known and the new entries together, in the order of `entries`."""
     if not (known and new):
         return known or new
-    return {key: known[key] if key in known else new[key] for key in things}
+    return {key: known[key] if key in known else new[key] for key in entries}
 
 
-def _own_flaws_of(scene: Scene) -> bool:
-    """Whether the camera, a light or an object has a flaw of its own."""
+def _has_own_flaws(scene: Scene) -> bool:
+    """Whether the camera, a light or an object is wrong by itself."""
     with np.errstate(all="ignore"):
         return bool(
             _camera_flaws(scene.camera)
             or any(light.flaws() for light in scene.lights.values())
-            or any(thing.flaws() or _transform_flaw(thing.transform) for thing in scene.objects.values())
+            or any(shape.flaws() or _transform_flaw(shape.transform) for shape in scene.objects.values())
         )
 
 
-def _without_referent(scene: Scene) -> bool:
-    """Whether the scene lacks a texture or a material that is named in it."""
-    named = {m.texture for m in scene.materials.values()}, {x.material for x in scene.objects.values()}
-    return not (named[0] <= {None, *scene.textures} and named[1] <= {DEFAULT_MATERIAL, *scene.materials})
+def _has_unknown_reference(scene: Scene) -> bool:
+    """Whether a material names a texture, or an object a material, that the scene does not have."""
+    textures_named = {m.texture for m in scene.materials.values()}
+    materials_named = {x.material for x in scene.objects.values()}
+    return not (
+        textures_named <= {None, *scene.textures} and materials_named <= {DEFAULT_MATERIAL, *scene.materials}
+    )  # fmt: skip
 
 
 def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
-    """The flaws of what pydantic found nothing wrong with, so that a user sees all errors at once."""
+    """Flaws of the parts in which pydantic found no error, so that a user sees all errors at once."""
     sections = {k: dict(v) if isinstance(v, dict) else v for k, v in raw.items()}
     for section, *inner in (e["loc"] for e in error.errors(include_url=False)):
         if section in STAND_INS and not inner:
             return []
         if section in STAND_INS and inner[-1] != "[key]":
-            sections[section][inner[0]] = STAND_INS[section]  # its name is there, whatever is wrong with it
+            sections[section][inner[0]] = STAND_INS[section]  # references to its name stay valid
         elif section in ("objects", "lights", *STAND_INS) and inner:
             sections[section].pop(inner[0], None)
         else:
@@ -155,77 +162,82 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
 
 
 def flaws(scene: Scene) -> list[str]:
-    """What no field alone shows to be wrong, a line each: `ADDRESS = VALUE: what is wrong; what would be right`."""
+    """Errors that concern several fields together, one line each: `ADDRESS = VALUE: what is wrong; what would be
+    right`."""
     with np.errstate(all="ignore"):
-        found = _camera_flaws(scene.camera)
+        texts = _camera_flaws(scene.camera)
         for name, material in scene.materials.items():
-            found += _texture_flaws(scene, f"materials.{name}.texture", material.texture)
+            texts += _texture_flaws(scene, f"materials.{name}.texture", material.texture)
         for name, light in scene.lights.items():
-            found += _own_flaws(f"lights.{name}", light)
-        for name, thing in scene.objects.items():
-            found += _object_flaws(scene, f"objects.{name}", thing)
-        return [printable(text) for text in found]
+            texts += _own_flaws(f"lights.{name}", light)
+        for name, shape in scene.objects.items():
+            texts += _object_flaws(scene, f"objects.{name}", shape)
+        return [printable(text) for text in texts]
 
 
 def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:
+    """Error of a material that names an unknown texture."""
     if texture is None or texture in scene.textures:
         return []
     return [line(address, texture, f"unknown texture; {hint(texture, scene.textures)}")]
 
 
-def _own_flaws(address: str, thing: Any) -> list[str]:
-    """The flaws that a light or an object finds in itself."""
-    found = []
-    for field, text in thing.flaws():
+def _own_flaws(address: str, entry: Any) -> list[str]:
+    """Errors that a light or an object reports about itself, by its method flaws()."""
+    texts = []
+    for field, text in entry.flaws():
         name, _, part = field.partition(".")
-        value = getattr(thing, name)
+        value = getattr(entry, name)
         value = asdict(value) if is_dataclass(value) else value[int(part)] if part else value
-        found.append(line(f"{address}.{field}", value, text))
-    return found
+        texts.append(line(f"{address}.{field}", value, text))
+    return texts
 
 
-def _object_flaws(scene: Scene, address: str, thing: Any) -> list[str]:
-    found = []
-    if thing.material != DEFAULT_MATERIAL and thing.material not in scene.materials:
-        text = f"unknown material; {hint(thing.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
-        found.append(line(f"{address}.material", thing.material, text))
-    found += _own_flaws(address, thing)
-    wrong = _transform_flaw(thing.transform)
-    if wrong:
-        found.append(line(f"{address}.transform", [asdict(step) for step in thing.transform], wrong))
-    return found
+def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
+    """Errors of an object: an unknown material, its own flaws, or a transform without an inverse."""
+    texts = []
+    if shape.material != DEFAULT_MATERIAL and shape.material not in scene.materials:
+        text = f"unknown material; {hint(shape.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
+        texts.append(line(f"{address}.material", shape.material, text))
+    texts += _own_flaws(address, shape)
+    flaw = _transform_flaw(shape.transform)
+    if flaw:
+        texts.append(line(f"{address}.transform", [asdict(step) for step in shape.transform], flaw))
+    return texts
 
 
 def _camera_flaws(camera: Camera) -> list[str]:
+    """Errors of the camera: no view direction, a distance that overflows, or `up` parallel to the view."""
     view = np.subtract(camera.target, camera.origin)
     up = np.array(camera.up, float)
     if camera.target == camera.origin:
         return [line("camera.target", camera.target, "must differ from origin")]
-    # The kernel normalises with the root of a sum of squares, which must be a normal number.
+    # The kernel normalises with the root of a sum of squares; the sum must neither overflow nor be subnormal.
     for address, value, vector in (("camera.target", camera.target, view), ("camera.up", camera.up, up)):
         if not sys.float_info.min <= vector @ vector <= sys.float_info.max:
             return [line(address, value, "is too near or too far for double precision")]
     view, up = view / np.linalg.norm(view), up / np.linalg.norm(up)
-    # Each component of the product is off by at most 3 roundings of |view| |up|, and the unit vectors by 5 each: the
-    # difference or none, and 4 of the norm and the quotient.
+    # Rounding error: each component of the cross product is off by at most 3 roundings of |view| |up|. The unit
+    # vectors are off by 5 each: 1 of the subtraction (for view), and 4 of the norm and the quotient.
     if np.linalg.norm(np.cross(view, up)) <= np.sqrt(3) * gamma(3 + 5 + 5):
         return [line("camera.up", camera.up, "must not be parallel to the view direction, target - origin")]
     return []
 
 
 def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
-    """Why the composed transform has no inverse in double arithmetic, or None."""
+    """Reason why the composed transform has no inverse in double precision, or None if it has one."""
     if not steps or _clearly_invertible(steps):
         return None
-    whole = compose(steps)
-    if not np.isfinite(whole).all():
+    matrix = compose(steps)
+    if not np.isfinite(matrix).all():
         return "the steps together overflow double precision"
-    x, y, z = whole[:, :3].T
-    lengths = np.linalg.norm(whole, axis=0)
+    x, y, z = matrix[:, :3].T
+    lengths = np.linalg.norm(matrix, axis=0)
     if lengths.max() > FARTHEST or lengths[:3].min() < 1 / FARTHEST:
         return f"the steps together scale below {1 / FARTHEST:g} or reach beyond {FARTHEST:g}"
     volume = abs(x @ np.cross(y, z))
-    # Every step adds at most 4 roundings to each entry, and the triple product has 6: below that its sign is unknown.
+    # Each step adds at most 4 roundings to each entry, and the triple product 6. If the product is smaller than this
+    # error, its sign is unknown.
     uncertain = gamma(4 * len(steps) + 6) * np.linalg.norm(x) * np.linalg.norm(y) * np.linalg.norm(z)
     if not (volume > uncertain and sys.float_info.min <= volume <= sys.float_info.max):
         return "the steps together have no inverse in double precision; they flatten the object"
@@ -233,9 +245,12 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
 
 
 def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
-    """Whether bounds show that all that is asked of a transform holds, by far more than rounding can change: that moves
-    a composed entry by at most gamma(4 n + 6) times the greatest factor."""
-    least, most, far = bounds(steps)
-    if not (least > 2 / FARTHEST and max(most, far) < FARTHEST / 2):
+    """Whether simple bounds prove that the composed transform passes all tests of _transform_flaw.
+
+    The bounds hold by a wide margin over rounding, which changes an entry of the composed matrix of n steps by at most
+    gamma(4 n + 6) times the largest scale factor.
+    """
+    least_scale, largest_scale, largest_shift = bounds(steps)
+    if not (least_scale > 2 / FARTHEST and max(largest_scale, largest_shift) < FARTHEST / 2):
         return False
-    return (least / most) ** 3 > 100 * gamma(4 * len(steps) + 6)
+    return (least_scale / largest_scale) ** 3 > 100 * gamma(4 * len(steps) + 6)

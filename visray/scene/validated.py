@@ -1,8 +1,8 @@
-"""Memory of the textures, materials, lights and objects that have passed validation, so that each is validated once.
+"""Cache of validated textures, materials, lights and objects, so that each instance is validated once.
 
-The kinds are frozen: an instance that can be hashed holds no list and no dict, and says the same as long as it lives.
-Instances are known by identity: copies, also those by dataclasses.replace or pickle, are new ones. Polynomials have a
-dict of parameters, and are validated every time.
+The kinds are frozen dataclasses, so an instance that can be hashed holds no list and no dict and never changes.
+Instances are compared by identity: copies, also by dataclasses.replace or pickle, are new instances. Polynomials hold a
+dict of parameters, cannot be hashed, and are validated every time.
 """
 
 from dataclasses import fields, is_dataclass
@@ -10,13 +10,15 @@ from functools import cache
 from typing import Any
 from weakref import ref
 
-# Types of values that hold no others.
+# Types of values that contain no other values.
 ATOMS = frozenset((float, str, int, bool, type(None)))
 
 
 class _Entry(ref):
-    """A weak reference to an instance, with the key of its entry and its validated equal (None: the instance
-    itself)."""
+    """Weak reference to an instance.
+
+    key: the key of the entry. equal: the validated copy of the instance; None means the instance itself.
+    """
 
     __slots__ = ("equal", "key")
 
@@ -25,39 +27,41 @@ _entries: dict[int, _Entry] = {}
 
 
 def _forget(entry: _Entry, pop: Any = _entries.pop) -> None:
+    """Removes the entry of an instance that is gone."""
     pop(entry.key, None)
 
 
-def validated(thing: Any) -> Any | None:
-    """The validated equal of an instance that has passed before, often itself; None of any other."""
-    entry = _entries.get(id(thing))
-    if entry is None or entry() is not thing:
+def validated(instance: Any) -> Any | None:
+    """The validated copy of an instance, often the instance itself; None if it has not been validated yet."""
+    entry = _entries.get(id(instance))
+    if entry is None or entry() is not instance:
         return None
-    return thing if entry.equal is None else entry.equal
+    return instance if entry.equal is None else entry.equal
 
 
-def remember(thing: Any, equal: Any) -> None:
-    """Remembers what an instance was validated to, if neither can change any more. `thing` may be `equal` itself."""
+def remember(instance: Any, equal: Any) -> None:
+    """Stores the validated copy of an instance, unless one of the two can change. They may be the same object."""
     try:
         hash(equal)
-        if thing is not equal:
-            hash(thing)
+        if instance is not equal:
+            hash(instance)
     except TypeError:
         return
-    if thing is not equal:
-        _enter(thing, equal)
-    _enter(equal, None)
+    if instance is not equal:
+        _add(instance, equal)
+    _add(equal, None)
 
 
-def _enter(thing: Any, equal: Any | None) -> None:
-    entry = _Entry(thing, _forget)
-    entry.key, entry.equal = id(thing), equal
+def _add(instance: Any, equal: Any | None) -> None:
+    """Adds an entry."""
+    entry = _Entry(instance, _forget)
+    entry.key, entry.equal = id(instance), equal
     _entries[entry.key] = entry
 
 
 def plain(value: Any) -> Any:
-    """Dicts in place of instances of dataclasses, however deep, as by dataclasses.asdict. They may be shared with the
-    instances: only to be read."""
+    """The value with dicts in place of dataclass instances at every depth, as by dataclasses.asdict. Read only: the
+    dicts may be those of the instances."""
     kind = type(value)
     if kind in ATOMS:
         return value
@@ -73,11 +77,12 @@ def plain(value: Any) -> Any:
 
 @cache
 def _names(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a dataclass."""
     return tuple(f.name for f in fields(kind))
 
 
 def _flat(own: dict[str, Any]) -> bool:
-    """Whether the fields are atoms and tuples of atoms only."""
+    """Whether the fields hold only atoms and tuples of atoms."""
     for value in own.values():
         if type(value) not in ATOMS and not (type(value) is tuple and ATOMS.issuperset(map(type, value))):
             return False

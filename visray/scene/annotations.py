@@ -1,0 +1,93 @@
+"""Type annotations of scene fields: their parts, and their description in words for error messages."""
+
+from dataclasses import fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from visray.quantities import Quantity
+from visray.transforms import STEPS
+
+
+def bare(annotation: Any) -> Any:
+    """The type inside Annotated."""
+    return bare(get_args(annotation)[0]) if get_origin(annotation) is Annotated else annotation
+
+
+def is_union(annotation: Any) -> bool:
+    """Whether a bare type is a union."""
+    return get_origin(annotation) in (Union, UnionType)
+
+
+def members_of(union: Any) -> list[Any]:
+    """Members of a bare union; a union among them is replaced by its own members."""
+    inner = [(m, bare(m)) for m in get_args(union)]
+    return [x for m, bare_type in inner for x in (members_of(bare_type) if is_union(bare_type) else [m])]
+
+
+def tag_of(kind: type) -> str:
+    """Name of a kind in a union: its `type` in files, or the name of its class where it has none."""
+    return next((f.default for f in fields(kind) if f.name == "type"), kind.__name__)
+
+
+def member(union: Any, tag: str) -> Any:
+    """The member of a bare union that pydantic calls `tag`."""
+    members = members_of(union)
+    kinds = [m for m in members if is_dataclass(bare(m)) and tag in (tag_of(bare(m)), bare(m).__name__)]
+    not_kinds = [m for m in members if not is_dataclass(bare(m))]
+    same_shape = [m for m in not_kinds if (get_origin(bare(m)) is tuple) == tag.startswith("tuple")]
+    return (kinds + same_shape + not_kinds)[0]
+
+
+def child(annotation: Any, part: Any) -> Any:
+    """The type declared for a key or an index of a bare type, or None if it has no such key."""
+    if is_dataclass(annotation):
+        return next((f.type for f in fields(annotation) if f.name == part), None)
+    args = get_args(annotation)
+    if get_origin(annotation) is dict:
+        return args[1]
+    if get_origin(annotation) is tuple:
+        return args[0] if args[-1] is Ellipsis else args[part] if isinstance(part, int) and part < len(args) else None
+    return None
+
+
+def describe(annotation: Any) -> str:
+    """What a file writes for a value of a type, such as `3 numbers (world units)`."""
+    marks = [m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, Quantity)]
+    if marks:
+        return f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
+    annotation = bare(annotation)
+    if is_union(annotation):
+        return _describe_union(members_of(annotation))
+    if is_dataclass(annotation):
+        return f"an object {{...}} with the keys {', '.join(f.name for f in fields(annotation))}"
+    args, origin = get_args(annotation), get_origin(annotation)
+    if origin is Literal:
+        return f"one of {', '.join(args)}"
+    if origin is tuple and args[-1] is not Ellipsis:
+        inner = bare(args[0])
+        return f"{len(args)} numbers" if inner is float else f"{len(args)} lists of {len(get_args(inner))} numbers"
+    return _JSON_NAMES[origin or annotation]
+
+
+# Descriptions of types that need no further detail.
+_JSON_NAMES = {
+    float: "a number",
+    int: "a whole number",
+    bool: "true or false",
+    str: "a string",
+    NoneType: "null",
+    tuple: "a list [...]",
+    dict: "an object {...} that holds entries by name",
+}
+
+
+def _describe_union(members: list) -> str:
+    """What a file writes for a value of one of the members."""
+    kinds = [bare(m) for m in members if bare(m) is not NoneType]
+    if len(kinds) > 1 and len(kinds) < len(members):
+        return f"{_describe_union(kinds)}, or null"
+    if all(k in STEPS.values() for k in kinds):
+        return f"an object {{...}} with one of the keys {', '.join(STEPS)}"
+    if all(is_dataclass(k) for k in kinds):
+        return f"an object {{...}} with a type: one of {', '.join(map(tag_of, kinds))}"
+    return " or ".join(map(describe, members))

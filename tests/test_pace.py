@@ -8,7 +8,7 @@ import pytest
 
 from visray import clock
 from visray import pass_timer as pace
-from visray.pass_timer import GROWTH, PASS_SECONDS, SAFE_SHARE, RUN_PER_TRACE, PassTimer
+from visray.pass_timer import GROWTH, PASS_SECONDS, RUN_PER_TRACE, SAFE_SHARE, PassTimer
 from visray.passes import empty_film, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings

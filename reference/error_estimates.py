@@ -134,18 +134,18 @@ class Stopwatch:
     """Seconds of the passes of a picture while it is entered."""
 
     def __enter__(self) -> list[float]:
-        self.kept, found = DualBuffer.take, []
+        self.kept, found = DualBuffer.run_pass, []
 
         def timed(halves: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
             begun = time.perf_counter()
             self.kept(halves, lanes, targets)
             found.append(time.perf_counter() - begun)
 
-        DualBuffer.take = timed
+        DualBuffer.run_pass = timed
         return found
 
     def __exit__(self, *_: object) -> None:
-        DualBuffer.take = self.kept
+        DualBuffer.run_pass = self.kept
 
 
 def times(name: str) -> list[dict]:

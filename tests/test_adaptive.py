@@ -21,9 +21,9 @@ from virtual import Machine
 from visray import clock
 from visray.adaptive import allocation, dual_buffer
 from visray.adaptive import loop as adaptive
-from visray.adaptive.allocation import LOWEST, MOST, STEPS, Allocation
-from visray.adaptive.depth_bias import truncation
-from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_of_squares
+from visray.adaptive.allocation import LARGEST_LEVEL, STEPS, WEIGHT_RANGE, Allocation
+from visray.adaptive.depth_bias import depth_biases
+from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_quantile
 from visray.adaptive.error_floor import ROUNDINGS, Files
 from visray.adaptive.loop import AdaptiveRun
 from visray.adaptive.stopping import Goal
@@ -132,12 +132,12 @@ def test_ratios_of_mean_squares(d: float) -> None:
     """By closed forms for 1 and 2 degrees of freedom, else by quantiles of two million random numbers."""
     if d <= 2:
         true = np.log(np.tan(0.975 * np.pi / 2) ** 2 if d == 1 else 39)
-        assert np.log(ratio_of_squares(d)) == pytest.approx(true, rel=1e-4)
+        assert np.log(ratio_quantile(d)) == pytest.approx(true, rel=1e-4)
     else:
         a, b = np.random.default_rng(5).chisquare(d, (2, 2 * 10**6))
         found = np.log(a / b)
         # As often as it should be, but for chance.
-        share, n = (np.abs(found) > np.log(ratio_of_squares(d))).mean(), found.size
+        share, n = (np.abs(found) > np.log(ratio_quantile(d))).mean(), found.size
         assert abs(share - 0.05) < BOTH_SIDES * sqrt(0.05 * 0.95 / n)
 
 
@@ -193,7 +193,7 @@ def test_a_picture_without_light_has_an_absolute_error() -> None:
 
 
 def slow_around(x: np.ndarray) -> np.ndarray:
-    """As allocation.around, pixel by pixel: binomial weights, without the pixel's own value."""
+    """As allocation.neighbour_means, pixel by pixel: binomial weights, without the pixel's own value."""
     weights = np.outer([1, 4, 6, 4, 1], [1, 4, 6, 4, 1]) / 256
     height, width = x.shape
     found = np.ones((height, width))
@@ -213,7 +213,7 @@ def slow_around(x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("shape", [(7, 9), (1, 6), (6, 1), (2, 3), (1, 1), (3, 2), (5, 5)])
 def test_weights_around_a_pixel_are_the_means_of_all_others(shape: tuple[int, int]) -> None:
     x = np.random.default_rng(0).lognormal(0, 2, shape)
-    np.testing.assert_allclose(allocation.around(x), slow_around(x), rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(allocation.neighbour_means(x), slow_around(x), rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("shape", [(7, 9), (1, 6)])
@@ -223,7 +223,7 @@ def test_a_pixel_s_own_value_does_not_count(shape: tuple[int, int]) -> None:
     for y, x in [(0, 0), (0, shape[1] - 1), (shape[0] // 2, shape[1] // 2)]:
         after = before.copy()
         after[y, x] += 4096
-        old, new = allocation.around(before), allocation.around(after)
+        old, new = allocation.neighbour_means(before), allocation.neighbour_means(after)
         assert new[y, x] == old[y, x]
         beside = max(x - 1, 0) if x else 1
         assert new[y, beside] > old[y, beside]
@@ -253,7 +253,7 @@ def slow_targets(variances: np.ndarray, counts: np.ndarray, number: int) -> np.n
         wanted = 1
         if variance > 0:
             step = round(STEPS * np.log2(variance) / 2)
-            wanted = 2 ** int(np.clip(np.floor((step + number) / STEPS + 0.5), 0, MOST))
+            wanted = 2 ** int(np.clip(np.floor((step + number) / STEPS + 0.5), 0, LARGEST_LEVEL))
         found.append(max(wanted, count))
     return np.maximum(found, int(2 ** (np.floor(np.log2(np.mean(found))) - 1)))
 
@@ -270,7 +270,7 @@ def test_targets_are_powers_of_two_that_never_fall(seed: int) -> None:
         # Where nothing varies around a pixel, something may yet be in it.
         assert targets.min() >= targets.mean() / 8
         before = targets
-    assert before.max() == 2**MOST
+    assert before.max() == 2**LARGEST_LEVEL
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -278,11 +278,11 @@ def test_the_least_number_is_the_least(seed: int) -> None:
     """And what it is told of samples and error is the mean over lanes."""
     variances, counts = lanes(seed)
     found = Allocation.of(variances, counts)
-    found.learn(1e-3, counts)
+    found.update(1e-3, counts)
     weights = np.where(variances > 0, 2 ** (np.rint(STEPS / 2 * np.log2(np.maximum(variances, 1e-300))) / STEPS), 0)
     scale = 1e-3 / np.mean(weights**2 * counts.astype(float) ** -found.power)
 
-    numbers = range(-STEPS * LOWEST, STEPS * (LOWEST + MOST) + 1)
+    numbers = range(-STEPS * WEIGHT_RANGE, STEPS * (WEIGHT_RANGE + LARGEST_LEVEL) + 1)
     targets = {n: slow_targets(variances, counts, n) for n in numbers}
     expected = {
         n: (k.mean(), scale * np.mean(weights**2 * k.astype(float) ** -found.power), k.min())
@@ -295,17 +295,17 @@ def test_the_least_number_is_the_least(seed: int) -> None:
             told.append((mean, square, least))
             return square <= limit
 
-        number = found.least(enough)
+        number = found.smallest_budget(enough)
         slow = next(n for n in numbers if expected[n][1] <= limit)
         assert np.array_equal(targets[number], targets[slow])
         every = np.array(list(expected.values()))
         for heard in told:
             assert np.isclose(every, heard, rtol=1e-9, atol=0).all(1).any()
     # By samples: the first number that has as many on average.
-    number = found.least(lambda mean, *_: mean >= 100)
+    number = found.smallest_budget(lambda mean, *_: mean >= 100)
     assert expected[number][0] >= 100 > expected[number - 1][0]
     # What cannot be had is answered with the most samples of all.
-    assert (found.targets(found.least(lambda *_: False))[variances > 0] == 2**MOST).all()
+    assert (found.targets(found.smallest_budget(lambda *_: False))[variances > 0] == 2**LARGEST_LEVEL).all()
 
 
 @pytest.mark.parametrize("power", [1.0, 1.25, 1.5])
@@ -315,13 +315,13 @@ def test_the_power_is_learned(power: float) -> None:
     weights = np.where(variances > 0, variances, 0)
     square = lambda n: float(np.mean(weights * n.astype(float) ** -power))  # noqa: E731
     found = Allocation.of(variances, counts)
-    found.learn(square(counts), counts)
+    found.update(square(counts), counts)
     targets = found.targets(40)
-    found.learn(square(targets), targets)
+    found.update(square(targets), targets)
     assert found.power == pytest.approx(power, abs=0.03)
     more = found.targets(56)
     heard = []
-    found.least(lambda mean, expected, _: heard.append((mean, expected)) or mean >= more.mean())
+    found.smallest_budget(lambda mean, expected, _: heard.append((mean, expected)) or mean >= more.mean())
     mean, expected = min(heard, key=lambda pair: abs(pair[0] - more.mean()))
     assert mean == more.mean() and expected == pytest.approx(square(more), rel=0.05)
 
@@ -339,7 +339,7 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
     for _ in range(1000):
         hits = rng.binomial(pilot, np.stack([chances] * 2))
         variances = hits / pilot * (1 - hits / pilot) * pilot / (pilot - 1)
-        around = allocation.around(variances.sum(0)).ravel()
+        around = allocation.neighbour_means(variances.sum(0)).ravel()
         counts = Allocation.of(around, np.full(chances.size, pilot)).targets(48).reshape(shape)
         a, b = (hits + rng.binomial(counts - pilot, chances, hits.shape)) / counts
         told.append((np.square(a - b) / 4).mean())
@@ -403,7 +403,7 @@ def test_lanes_have_the_samples_of_the_uniform_renderer(sampler: str) -> None:
     means, squares = np.array(h.film.mean), np.array(h.film.squares)
     for half in (0, 1):
         for count in np.unique(targets):
-            film = exposed_once(seeded(made, dual_buffer.seed_of(77, half)), empty_film(made), int(count))
+            film = exposed_once(seeded(made, dual_buffer.half_seed(77, half)), empty_film(made), int(count))
             here = half * h.n + np.flatnonzero(targets[half * h.n :][: h.n] == count)
             for own, uniform in ((means, film.mean), (squares, film.squares)):
                 assert np.array_equal(own[:, here], np.array(uniform)[:, here - half * h.n])
@@ -422,7 +422,7 @@ def samplers_compiled(work: Callable[[], object]) -> list[int]:
 
 def test_no_count_seed_or_subset_compiles() -> None:
     made = prepare(replace(EDGES, film=SMALL))
-    DualBuffer(made).compiled()
+    DualBuffer(made).compile()
     DualBuffer(made).extend(np.full(2 * len(made.order), 2))
 
     def others() -> None:
@@ -439,7 +439,7 @@ def test_a_lane_alone_compiles_nothing() -> None:
     """Dr.Jit makes another kernel for arrays of one entry; a pass may have one lane left."""
     made = prepare(replace(EDGES, film=SMALL, objects=EDGES.objects | {"more": Sphere(radius=0.1)}))
     h = DualBuffer(made)
-    h.compiled()
+    h.compile()
     h.extend(np.full(2 * h.n, 2))
     assert samplers_compiled(lambda: h.extend(np.where(np.arange(2 * h.n) == 5, 16, 2))) == []
 
@@ -448,7 +448,7 @@ def test_the_kernel_that_is_made_first_is_that_of_passes() -> None:
     """After it, seconds tell how long samples take, and nothing else."""
     more = {"more": Sphere(radius=0.1), "yet more": Rectangle()}
     h = DualBuffer(prepare(replace(EDGES, film=SMALL, objects=EDGES.objects | more)))
-    assert len(samplers_compiled(h.compiled)) >= 1
+    assert len(samplers_compiled(h.compile)) >= 1
     assert samplers_compiled(lambda: h.extend(np.full(2 * h.n, 2))) == []
     assert samplers_compiled(lambda: h.extend(some_counts(h) + 2)) == []
 
@@ -457,9 +457,9 @@ def test_what_depth_leaves_out_compiles_nothing() -> None:
     """Nor does the number of pixels, or a depth."""
     for size in ((31, 21), (23, 17)):
         h = DualBuffer(prepare(with_settings(hall(3, *size), sampler="sobol")))
-        h.compiled()
+        h.compile()
         h.extend(np.full(2 * h.n, 2))
-        assert samplers_compiled(lambda h=h: truncation(h, (3, 7, 9), 20)) == []
+        assert samplers_compiled(lambda h=h: depth_biases(h, (3, 7, 9), 20)) == []
 
 
 def test_a_second_picture_compiles_nothing() -> None:
@@ -525,7 +525,7 @@ def test_no_pixel_has_a_bias() -> None:
     ]
     true = np.mean(uniform, axis=0).ravel()[made.order]
     off = (np.var(uniform, axis=0, ddof=1) / len(uniform)).ravel()[made.order]
-    found = [pursuit(seeded(made, 1 + i), error=0.02).halves for i in range(300)]
+    found = [pursuit(seeded(made, 1 + i), error=0.02).buffer for i in range(300)]
     counts = np.array([h.counts for h in found])
     assert counts.min() <= 4 and counts.max() >= 32 and len(np.unique(counts[0])) >= 3
     assert not Bias.of([luminance(h) for h in found], true, off).seen()
@@ -745,7 +745,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
-        assert set(pursuit(made, error=0.01, interrupts=Asked(0)).halves.counts) == {adaptive.SHORTEST_PILOT}
+        assert set(pursuit(made, error=0.01, interrupts=Asked(0)).buffer.counts) == {adaptive.SHORTEST_PILOT}
     else:
         with pytest.raises(KeyboardInterrupt):
             pursuit(made, error=0.01, interrupts=Asked(0))
@@ -772,7 +772,7 @@ def test_noisy_pixels_get_half_of_all_samples() -> None:
 
 def test_each_seed_has_samples_of_its_own() -> None:
     seeds = [0, 1, 2, 3, 2**31, 2**31 + 1, 2**32 - 1]
-    found = {dual_buffer.seed_of(seed, half) for seed in seeds for half in (0, 1)}
+    found = {dual_buffer.half_seed(seed, half) for seed in seeds for half in (0, 1)}
     assert len(found) == 2 * len(seeds) and not found & set(seeds)
     one, other = (render_adaptively(with_settings(EDGES, seed=seed), error=0.1)["RGB"] for seed in (0, 2**31))
     assert (one != other).any()
@@ -806,16 +806,16 @@ def test_interrupted_a_picture_is_kept(questions: int) -> None:
     """At any pass: with at least one sample of each lane, and with the error that it has."""
     made = prepare(EDGES)
     found = pursuit(made, error=2e-4, interrupts=Asked(questions))
-    h = found.halves
-    assert h.counts.min() >= 1 and h.counts.max() <= 2**MOST
+    h = found.buffer
+    assert h.counts.min() >= 1 and h.counts.max() <= 2**LARGEST_LEVEL
     layers = h.layers(("RGB", "error"))
     assert np.isfinite(layers["RGB"]).all() and np.isfinite(layers["error"]).all()
-    assert found.found == h.estimate() and found.found.error > 2e-4
+    assert found.estimate == h.estimate() and found.estimate.error > 2e-4
 
 
 def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C in the first pass: that one is finished, and no other begun."""
-    whole, passes = DualBuffer.take, []
+    whole, passes = DualBuffer.run_pass, []
 
     def interrupted(h: DualBuffer, *more: Any) -> None:
         whole(h, *more)
@@ -823,7 +823,7 @@ def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
         if len(passes) == 1:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(DualBuffer, "take", interrupted)
+    monkeypatch.setattr(DualBuffer, "run_pass", interrupted)
     image = render_adaptively(EDGES, error=0.002)
     assert image.metadata["interrupted"] == 1 and image.metadata["error"] > 0.002
     assert 2 <= image.metadata["spp_least"] == image.metadata["spp_most"] <= 2 * adaptive.SHORTEST_PILOT
@@ -911,7 +911,7 @@ def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
         return render(hall(depth, *size), spp=64, seed=seed, layers=("RGB",), progress=False)["RGB"].astype(float)
 
     pictures = {depth: [converged(depth, seed) for seed in (8, 9)] for depth in (*depths, deep)}
-    for found in truncation(h, depths, deep):
+    for found in depth_biases(h, depths, deep):
         one, two = (last - here for last, here in zip(pictures[deep], pictures[found.depth]))
         # No bias, as the seeds differ; what is looked at there are all pixels, here a random part of them.
         true, off = (one * two).mean(), np.square(one - two).mean() / sqrt(one.size)
@@ -946,7 +946,7 @@ def test_without_mirrors_nothing_is_left_out() -> None:
     made = prepare(EDGES)
     h = DualBuffer(made)
     h.extend(np.full(2 * h.n, 2))
-    assert [(t.square, t.low, t.high) for t in truncation(h, (0, 3), 8)] == [(0, 0, 0)] * 2
+    assert [(t.square, t.low, t.high) for t in depth_biases(h, (0, 3), 8)] == [(0, 0, 0)] * 2
     assert render_adaptively(with_settings(EDGES, depth=0), error=0.05).metadata["depth_error"] == 0
 
 

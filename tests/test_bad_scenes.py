@@ -391,7 +391,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
     monkeypatch.setattr(passes, "exposed_once", spoilt((10, 7), (11, 7), (3, 14)))
     with pytest.raises(vr.UserError, match="and 2 pixels more: is not a number;"):
         vr.render(scene, progress=False, layers=("RGB",))
-    take = DualBuffer.take
+    take = DualBuffer.run_pass
 
     def broken(h: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
         take(h, lanes, targets)
@@ -401,7 +401,7 @@ def test_a_pixel_that_is_not_a_number_is_named_with_its_object(value: float, mon
 
     made = prepare(scene)
     with monkeypatch.context() as patch:
-        patch.setattr(DualBuffer, "take", broken)
+        patch.setattr(DualBuffer, "run_pass", broken)
         with pytest.raises(vr.UserError, match=r"^pixel 10, 7, which shows objects.ball: is not a number;"):
             vr.render(scene, error=0.05, progress=False)
     # With every number sound, nothing is refused.

@@ -22,7 +22,7 @@ from visray.output.layers import BY_NAME, names_from
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.primitive import Primitive
 from visray.scene.check import examined
-from visray.scene.legacy.convert import SeedWarning
+from visray.scene.legacy.convert import LegacyWarning
 from visray.textures import Texture
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -141,7 +141,7 @@ def folder(tmp_path, monkeypatch):
 def test_a_scene_on_a_page_loads(page, block, folder):
     (folder / "scene.json").write_text(block)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SeedWarning)
+        warnings.simplefilter("ignore", LegacyWarning)
         vr.load(folder / "scene.json")
 
 

@@ -69,7 +69,7 @@ def render(
     begun: the moment from which `time` counts (clock.now); by default the call.
     """
     now = clock.now()
-    goal, layers = Goal.asked(error, time, spp, now if begun is None else begun), checked_layers(layers)
+    goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
     adaptive_only = set(layers) & set(names_from("adaptive"))
     if goal is None and adaptive_only and layers != NAMES:
         raise UserError(

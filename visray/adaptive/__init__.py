@@ -1,1 +1,1 @@
-"""Pictures to a given error, or as good as a given time allows."""
+"""Adaptive sampling: pictures to a given error, or as good as a given time allows."""

@@ -1,8 +1,8 @@
-"""Two halves of a picture with samples of their own, any number of them in each pixel, and the error that they tell.
+"""Dual buffer: two halves A and B of a picture with separate samples, and the error estimated from their difference.
 
-The picture is (A + B) / 2. A pixel's halves are independent, as long as what decides how many samples it has does not
-know them (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of its variance, whatever the sampler; the mean
-over all pixels is a good one.
+The picture is (A + B) / 2. The two halves of a pixel are independent, as long as its number of samples does not depend
+on their values (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of the pixel's variance, whatever the
+sampler. It is a poor estimate for one pixel and a good one for the mean over all pixels.
 """
 
 from collections.abc import Callable, Collection
@@ -22,19 +22,25 @@ from visray.passes import first_pass_samples
 from visray.sampling import SamplePlan
 from visray.setup import Prepared
 
-# Of the normal distribution, for 95 %.
+# Quantile of the normal distribution for an interval of 95 %.
 QUANTILE = 1.959964
-# Nothing seen in n tries: the chance is less than so much over n, with 95 %.
+# Rule of three: an event that does not occur in n tries has a probability below UNSEEN / n, with 95 % confidence.
 UNSEEN = 3.0
-# A pass takes no more samples of a lane than this: they run one after the other, and a time or Ctrl-C waits for them.
-LONGEST = 2**12
+# Most samples of a lane in one pass. They run one after the other, and the time limit or Ctrl-C waits for them.
+MOST_SAMPLES = 2**12
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """The error of a picture: the root of the mean square over pixels and channels, in linear light, over the picture's
-    mean luminance; low and high: with a chance of 95 % the true one lies between them. square: its absolute square;
-    factor: by which that of high is larger, but for `unseen`, what may be there and no sample has met."""
+    """Estimated error of a picture.
+
+    error: root mean square error over pixels and channels, in linear light, divided by the picture's mean luminance.
+    low, high: interval that contains the true error with a probability of 95 %.
+    square: mean square error, not divided by the luminance.
+    luminance: mean luminance of the picture.
+    factor: ratio of the mean square errors at `high` and at `error`, without `unseen`.
+    unseen: mean square error at `high` of light that no sample may have met.
+    """
 
     error: float
     low: float
@@ -46,26 +52,36 @@ class Estimate:
 
     @staticmethod
     def of(a: np.ndarray, b: np.ndarray, samples: float = np.inf) -> "Estimate":
-        """From the halves' pixels, of so many samples together if that is to count. Shapes: (3, N)."""
+        """Estimate from the pixels of both halves. Shapes: (3, N).
+
+        samples: samples of each pixel in both halves together; infinite: no light is unseen.
+        """
         squares = np.square(a - b).mean(0) / 4
         sums = squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2
-        return Estimate.told(squares.size, *map(float, sums), samples)
+        return Estimate.from_sums(squares.size, *map(float, sums), samples)
 
     @staticmethod
-    def told(n: int, squares: float, fourths: float, luminance: float, samples: float) -> "Estimate":
-        """From sums over n pixels: of x = (a - b)^2 / 4, of x^2, of luminance; and the least samples of a pixel.
+    def from_sums(n: int, squares: float, fourths: float, luminance: float, samples: float) -> "Estimate":
+        """Estimate from sums over n pixels.
 
-        With a and b as they are off the truth, ((a + b)^2 - (a - b)^2) / 4 = a b is what the truth is above the other
-        in a pixel, and its mean square is at most twice that of x. Where few pixels have most of the error, neither is
-        known well, nor how well: so the interval is one of factors. High: also what is the mean of no pixel yet, as
-        bright as the picture, that would have been missed by all samples with a chance of 5 %. Where no sample has met
-        light nothing is known.
+        squares, fourths: sums of x = (a - b)^2 / 4 and of x^2. luminance: sum of luminance.
+        samples: smallest number of samples of a pixel, in both halves together.
+
+        Let a and b be the errors of the two halves of a pixel. Its true square error is (a + b)^2 / 4 and the estimate
+        is x = (a - b)^2 / 4. They differ by a b, whose mean square is at most twice that of x. Where few pixels have
+        most of the error, the sum of x is uncertain, and so is the estimate of its spread: hence an interval by a
+        factor, not by a difference.
+
+        `unseen` is added to the upper end. It is the error by light as bright as the picture that three samples of the
+        whole picture would meet on average, and that all samples miss with a probability of 5 %. Such a sample would
+        change one pixel by luminance / samples. Where no sample has met any light, nothing is known of the error, and
+        `high` is 1.
         """
         square, light = squares / n, luminance / n
-        # Of pixels that are no numbers this is none either, and whoever asks sees that.
+        # Pixels that are not numbers give an estimate that is not a number, which the caller reports.
         with np.errstate(invalid="ignore"):
-            # As many degrees of freedom as pixels, if they are alike: then fourths n / squares^2 is 3 or less.
-            factor = ratio_of_squares(max(2 * squares**2 / fourths - 1, 1.0)) if squares > 0 < fourths else 1.0
+            # Equal pixels give about n degrees of freedom, since then n fourths / squares^2 is 3 or less.
+            factor = ratio_quantile(max(2 * squares**2 / fourths - 1, 1.0)) if squares > 0 < fourths else 1.0
             unseen = UNSEEN * light**2 / (samples**2 * n)
             scale = 1 / light if light > 0 else 1.0
             error, low, high = (scale * np.sqrt([square, square / factor, square * factor + unseen])).tolist()
@@ -73,157 +89,177 @@ class Estimate:
             return Estimate(error, low, high, square, light, factor, unseen)
 
 
-def ratio_of_squares(d: float) -> float:
-    """What the ratio of two independent mean squares of normal numbers, with d degrees of freedom each, exceeds with a
-    chance of 2.5 %. Its logarithm is distributed as cosh(x / 2)^-d. Domain: d >= 1. Error: below 1e-4, relative to the
-    logarithm (tests/test_adaptive.py)."""
-    # Far enough out for d = 1; of more the curve is narrower.
+def ratio_quantile(d: float) -> float:
+    """97.5 % quantile of the ratio of two independent mean squares of normal numbers with d degrees of freedom each.
+
+    The density of the ratio's logarithm x is proportional to cosh(x / 2)^-d.
+
+    Domain: d >= 1.
+    Error: below 1e-4, relative to the quantile's logarithm (tests/test_adaptive.py).
+    """
+    # Wide enough for d = 1; the density is narrower for larger d.
     x = np.linspace(0, 60 / np.sqrt(d), 4001)
-    chance = np.exp(-d * (np.logaddexp(x / 2, -x / 2) - np.log(2)))
-    total = np.concatenate([[0], np.cumsum(chance[1:] + chance[:-1])])
-    return float(np.exp(np.interp(0.95, total / total[-1], x)))
+    density = np.exp(-d * (np.logaddexp(x / 2, -x / 2) - np.log(2)))
+    cumulative = np.concatenate([[0], np.cumsum(density[1:] + density[:-1])])
+    return float(np.exp(np.interp(0.95, cumulative / cumulative[-1], x)))
 
 
 class DualBuffer:
-    """Both halves: their film, the lanes of A before those of B. Its bits depend on the seed and on how many samples
-    each lane has, not on the passes that took them (tests/test_same_bits.py)."""
+    """Film of both halves. Lanes 0 to N - 1 are the pixels of half A, lanes N to 2 N - 1 those of half B.
+
+    Its bits depend on the seed and on the number of samples of each lane, not on the passes that took them.
+    Error: none (tests/test_same_bits.py).
+
+    pace: measured duration of samples, to choose the size of passes.
+    rates: for each lane, seconds per sample in its last pass; noisier lanes take longer. Shape: (2 N).
+    """
 
     def __init__(self, prepared: Prepared):
         self.prepared, self.n = prepared, len(prepared.order)
         films.check_memory(prepared.scene.film.width, prepared.scene.film.height, 2)
         self.film = Film.empty(prepared.a, np.tile(prepared.order, 2))
         self.pace = PassTimer()
-        # Of each lane, seconds of a sample in the last pass that it was in: where there is more noise they take longer.
         self.rates = np.zeros(2 * self.n)
 
     @property
     def counts(self) -> np.ndarray:
-        """The samples of each lane. Shape: (2 N)."""
+        """Number of samples of each lane. Shape: (2 N)."""
         return self.film.counts
 
-    def compiled(self) -> None:
-        """Makes the kernel of a pass, with a few samples that are thrown away."""
-        few = np.arange(min(2 * self.n, 32))
-        DualBuffer(self.prepared).take(few, np.ones(2 * self.n, np.int64))
+    def compile(self) -> None:
+        """Compiles the kernel of a pass, by a few samples that are discarded."""
+        lanes = np.arange(min(2 * self.n, 32))
+        DualBuffer(self.prepared).run_pass(lanes, np.ones(2 * self.n, np.int64))
 
-    def extend(self, targets: np.ndarray, left: Callable[[], float] = lambda: np.inf) -> bool:
-        """Brings the lanes to so many samples, in passes; those that get most come first. `left` is asked before each
-        pass how many seconds there are for it. Returns whether all were done."""
+    def extend(self, targets: np.ndarray, seconds_left: Callable[[], float] = lambda: np.inf) -> bool:
+        """Takes samples in passes until each lane has its target. Lanes that lack most samples come first.
+
+        targets: number of samples of each lane. Shape: (2 N).
+        seconds_left: called before each pass; the pass must not take longer.
+
+        Returns whether all lanes have their target.
+        """
         while (targets > self.counts).any():
-            if not self._extend(np.minimum(targets, self.counts + LONGEST), left):
+            if not self._extend(np.minimum(targets, self.counts + MOST_SAMPLES), seconds_left):
                 return False
         return True
 
-    def _extend(self, targets: np.ndarray, left: Callable[[], float]) -> bool:
-        """As extend, each lane by no more than fits into a pass."""
+    def _extend(self, targets: np.ndarray, seconds_left: Callable[[], float]) -> bool:
+        """Does the same as `extend`, where no lane lacks more samples than fit into one pass."""
         lanes = np.flatnonzero(targets > self.counts)
-        # Neighbours in the list run side by side, so they should take as long; else in the order of tiles.
+        # Neighbours in this list run side by side in vector lanes, so they should lack equally many samples. Lanes that
+        # do stay in the order of pixel tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
         while len(lanes):
-            span, pace = self.pace.next_seconds(left()), self.pace
+            span, pace = self.pace.next_seconds(seconds_left()), self.pace
             if span <= 0:
                 return False
-            more = (targets - self.counts)[lanes]
+            missing = (targets - self.counts)[lanes]
             if pace.sample_seconds is None:
-                fit = np.searchsorted(np.cumsum(more), first_pass_samples(self.prepared), "right")
+                fit = np.searchsorted(np.cumsum(missing), first_pass_samples(self.prepared), "right")
             else:
-                seconds = np.cumsum(more * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.sample_seconds))
-                fit = min(
-                    np.searchsorted(x, most, "right")
-                    for x, most in ((np.cumsum(more), pace.next_samples()), (seconds, span))
-                )
-            some, lanes = np.split(lanes, [max(int(fit), 1)])
-            self.take(some, targets)
+                seconds = np.cumsum(missing * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.sample_seconds))
+                limits = (np.cumsum(missing), pace.next_samples()), (seconds, span)
+                fit = min(np.searchsorted(sums, limit, "right") for sums, limit in limits)
+            pass_lanes, lanes = np.split(lanes, [max(int(fit), 1)])
+            self.run_pass(pass_lanes, targets)
         return True
 
-    def take(self, lanes: np.ndarray, targets: np.ndarray) -> None:
-        """Brings some lanes to so many samples, in one pass."""
+    def run_pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
+        """Takes samples of some lanes in one pass, until each has its target. Shapes: lanes any; targets (2 N)."""
         begun = clock.now()
-        # Of one lane the kernel would be another.
+        # A single lane would need a kernel of its own; it is written twice with the same value.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
         counts, moments = self.counts.copy(), self.film.moments
         before, counts[lanes] = counts[lanes], targets[lanes]
-        count = counts[lanes] - before
-        old, new, at = self._sampled(lanes, before, count)
-        for whole, was, part in zip(moments.arrays, old.arrays, new.arrays):
-            if part is not was:
-                dr.scatter(whole, part, at)
-        samples = int(count.sum())
+        added = counts[lanes] - before
+        old, new, index = self._sample(lanes, before, added)
+        for film_part, old_part, new_part in zip(moments.arrays, old.arrays, new.arrays):
+            if new_part is not old_part:
+                dr.scatter(film_part, new_part, index)
+        samples = int(added.sum())
         self.rates[lanes] = self.pace.evaluate(begun, samples, moments) / samples
         self.film = self.film.with_moments(moments, counts)
 
-    def _sampled(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
-        """The moments of lanes before and after `count` samples from `first` on, and the lanes as opaque numbers."""
+    def _sample(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
+        """Moments of some lanes before and after `count` more samples, and the lanes as a Dr.Jit array.
+
+        first: number of each lane's first new sample. Shapes: lanes, first, count alike.
+        """
         prepared, a, n = self.prepared, self.prepared.a, self.n
-        at = a.put(a.U, lanes.astype(np.uint32))
-        second = at >= dr.opaque(a.U, n)
-        pixel = dr.select(second, at - dr.opaque(a.U, n), at)
-        one, other = (dr.opaque(a.U, seed_of(prepared.scene.settings.seed, half)) for half in (0, 1))
-        seeds = dr.select(second, other, one)
+        index = a.put(a.U, lanes.astype(np.uint32))
+        in_b = index >= dr.opaque(a.U, n)
+        pixel = dr.select(in_b, index - dr.opaque(a.U, n), index)
+        seed_a, seed_b = (dr.opaque(a.U, half_seed(prepared.scene.settings.seed, half)) for half in (0, 1))
+        seeds = dr.select(in_b, seed_b, seed_a)
         x, y = (dr.gather(a.U, v, pixel) for v in (prepared.x, prepared.y))
         plan = SamplePlan.per_lane(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-        old = Moments(*(dr.gather(type(x), x, at) for x in self.film.moments.arrays))
-        return old, integrator.sample(prepared.kernel, plan, x, y, old), at
+        old = Moments(*(dr.gather(type(part), part, index) for part in self.film.moments.arrays))
+        return old, integrator.sample(prepared.kernel, plan, x, y, old), index
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
-        """The halves' pixels. Shapes: (3, N)."""
+        """Pixels of half A and of half B. Shapes: (3, N)."""
         mean = np.array(self.film.mean)
         return mean[:, : self.n], mean[:, self.n :]
 
     def mean(self) -> np.ndarray:
-        """The picture's pixels. Shape: (3, N)."""
+        """Pixels of the picture. Shape: (3, N)."""
         return sum(self.means()) / 2
 
     def estimate(self) -> Estimate:
-        """The error of the picture. Source: as Estimate.of, but summed where the pixels are."""
+        """Estimated error of the picture: that of Estimate.of, with the sums computed by Dr.Jit."""
         a, lanes = self.prepared.a, dr.arange(self.prepared.a.U, self.n)
         left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
         squares = dr.squared_norm(left - right) / 12
         light = dr.dot(a.W(*LUMINANCE.tolist()), left + right) / 2
         sums = dr.sum(squares), dr.sum(dr.square(squares)), dr.sum(light)
         dr.eval(sums)
-        return Estimate.told(self.n, *(float(x[0]) for x in sums), 2 * int(self.counts.min()))
+        return Estimate.from_sums(self.n, *(float(x[0]) for x in sums), 2 * int(self.counts.min()))
 
-    def layers(self, wanted: Collection[str]) -> dict[str, np.ndarray]:
-        """Colour of pixels and, where they are wanted, coverage, the variance of samples, the standard error of pixels
-        (from the halves' differences over 3 x 3 pixels: of one alone it is known badly), how many samples they have. In
-        the order of lanes."""
+    def layers(self, names: Collection[str]) -> dict[str, np.ndarray]:
+        """Layers of the picture, in the order of lanes: RGB and samples, and those of A, variance and error that are
+        in `names`. Shapes: (3, N) or (N).
+
+        error: standard error of a pixel. It is averaged over 3 x 3 pixels, since one pixel alone estimates it badly.
+        """
         counts, film = self.counts.reshape(2, -1), self.prepared.scene.film
-        found = {"RGB": self.mean(), "samples": counts.sum(0)}
-        if "A" in wanted:
+        layers = {"RGB": self.mean(), "samples": counts.sum(0)}
+        if "A" in names:
             coverage = np.array(self.film.coverage).reshape(2, -1) / counts
-            found["A"] = coverage.mean(0) if film.transparent else np.ones(self.n)
-        if "variance" in wanted and counts.min() > 1:
-            found["variance"] = np.array(self.film.squares).reshape(3, 2, -1).sum(1) / (counts - 1).sum(0)
-        if "error" in wanted:
+            layers["A"] = coverage.mean(0) if film.transparent else np.ones(self.n)
+        if "variance" in names and counts.min() > 1:
+            layers["variance"] = np.array(self.film.squares).reshape(3, 2, -1).sum(1) / (counts - 1).sum(0)
+        if "error" in names:
             shape, order = (film.height, film.width), self.prepared.order
             a, b = self.means()
             picture = np.empty((3, self.n))
             picture[:, order] = np.square(a - b) / 4
-            found["error"] = np.sqrt(np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture]))
-        return found
+            layers["error"] = np.sqrt(np.stack([smoothed(x.reshape(shape)).ravel()[order] for x in picture]))
+        return layers
 
-    def spreads(self) -> np.ndarray:
-        """The variance of a lane's samples, summed over channels. Shapes: (2 N)."""
+    def variances(self) -> np.ndarray:
+        """Variance of each lane's samples, summed over channels. Shape: (2 N)."""
         return np.array(self.film.squares).sum(0) / np.maximum(self.counts - 1, 1)
 
 
-def seed_of(seed: int, half: int) -> int:
-    """The seed of a half: far from the small ones that pictures have, another one for each seed."""
+def half_seed(seed: int, half: int) -> int:
+    """Seed of half A (0) or B (1): another one for each seed, and far from the small numbers that scenes use."""
     return (seed * 0x9E3779B1 + half * 0x7FEB352D + 0x85EBCA6B) % 2**32
 
 
 def smoothed(x: np.ndarray) -> np.ndarray:
-    """The means over the 3 x 3 pixels about each pixel, of those that there are. Shapes: (H, W)."""
-    return windowed(x, np.ones(3)) / windowed(np.ones(x.shape), np.ones(3))
+    """Mean over the 3 x 3 pixels around each pixel; at edges, over those inside the picture. Shapes: (H, W)."""
+    return window_sums(x, np.ones(3)) / window_sums(np.ones(x.shape), np.ones(3))
 
 
-def windowed(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """The sums over a window about each pixel, weighted by the kernel along each side, of what is in the picture.
-    Shapes: x (H, W), kernel (odd)."""
-    reach = len(kernel) // 2
+def window_sums(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted sum over a window around each pixel; pixels outside the picture count as 0.
+
+    weights: along each side of the window; an odd number of them. Shapes: x (H, W).
+    """
+    reach = len(weights) // 2
     for axis in (0, 1):
-        ways, n = [(reach, reach) if i == axis else (0, 0) for i in (0, 1)], x.shape[axis]
-        padded = np.pad(x, ways)
-        x = sum(k * padded[(slice(None),) * axis + (slice(i, i + n),)] for i, k in enumerate(kernel))
+        padding, n = [(reach, reach) if i == axis else (0, 0) for i in (0, 1)], x.shape[axis]
+        padded = np.pad(x, padding)
+        x = sum(w * padded[(slice(None),) * axis + (slice(i, i + n),)] for i, w in enumerate(weights))
     return x

@@ -1,5 +1,8 @@
-"""Errors that samples do not take away: they are part of a picture's error, and one that is asked for below them is
-refused, with what would be right."""
+"""Error floor: the errors that more samples do not reduce, by the depth of paths and by the rounding of files.
+
+They are part of a picture's error. An error asked for below the floor is refused, with a message that says what would
+be right.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,32 +10,32 @@ from pathlib import Path
 
 import numpy as np
 
-from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, truncation
+from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, depth_biases
 from visray.adaptive.dual_buffer import DualBuffer, Estimate
 from visray.errors import UserError
 from visray.geometry import gamma as rounded
 from visray.output.curves import Gamma
 from visray.output.rounding import rounding
 
-# No scene is deeper.
+# Largest settings.depth of a scene.
 DEEPEST = 1000
-# Of the seconds that are left, for what depth leaves out.
-SHARE = 0.05
-# Times as many pixels tell more of that, where it is doubtful.
-MORE = 8
+# Share of the remaining seconds for the estimate of the depth bias.
+DEPTH_SHARE = 0.05
+# Factor for the number of test pixels where the first estimate of the depth bias is too uncertain.
+MORE_PIXELS = 8
 LARGER = "ask for a larger error"
 FILES = {
     ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
     ".exr": ("half precision of EXR", LARGER),
 }
-# So many roundings a sample's colour has at least, which is the same for all samples of a flat place: light times
+# Least number of roundings in a sample's colour that are the same for all samples of a flat surface: light times
 # material, twice, and their sum.
 ROUNDINGS = 4
 
 
 @dataclass(frozen=True)
 class Files:
-    """Where a picture goes: the paths, and the display curve of PNG files."""
+    """Files that a picture is written to: their paths, and the display curve of PNG files."""
 
     paths: Sequence[str | Path] = ()
     gamma: Gamma = "srgb"
@@ -41,76 +44,85 @@ class Files:
 
 @dataclass(frozen=True)
 class Floor:
-    """Mean squares over pixels and channels of what samples do not take away. depth: what is left out; rounding: of the
-    file that is best."""
+    """Error floor, as mean squares over pixels and channels.
+
+    depth: the depth bias. rounding: the mean square of the most exact file's rounding.
+    """
 
     depth: DepthBias
     rounding: float = 0.0
 
     @property
     def square(self) -> float:
+        """Estimated mean square of the floor."""
         return max(self.depth.square, 0.0) + self.rounding
 
     @property
     def low(self) -> float:
+        """Lower end of the 95 % interval."""
         return max(self.depth.low, 0.0) + self.rounding
 
     @property
     def high(self) -> float:
+        """Upper end of the 95 % interval."""
         return max(self.depth.high, 0.0) + self.rounding
 
 
-def rounded_off(halves: DualBuffer, files: Files) -> tuple[float, str]:
-    """The mean square by which the best of the files is off, as it rounds, and its kind; 0 where there are none."""
+def file_rounding(buffer: DualBuffer, files: Files) -> tuple[float, str]:
+    """Mean square of the rounding of the most exact file, and its suffix; 0 and "" where there are no files."""
     if not files.paths:
         return 0.0, ""
-    # Their own curve is that of the lanes; a file's error does not depend on the order of pixels.
-    picture = halves.mean().T[None]
-    off = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
-    kind, least = min(off.items(), key=lambda pair: pair[1])
-    return least**2, kind
+    # The pixels may stay in the order of lanes: the error of a file does not depend on their order.
+    picture = buffer.mean().T[None]
+    errors = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
+    suffix, least = min(errors.items(), key=lambda pair: pair[1])
+    return least**2, suffix
 
 
-def unavoidable(
-    halves: DualBuffer, found: Estimate, error: float | None, files: Files, seconds: float = np.inf
+def checked_floor(
+    buffer: DualBuffer, estimate: Estimate, error: float | None, files: Files, seconds: float = np.inf
 ) -> Floor:
-    """What samples do not take away; raises UserError if what the depth leaves out, the precision or the rounding of
-    all files may be above the error that is asked for. `halves`: a pilot, of which `found` is the error; seconds: that
-    are left."""
-    scene = halves.prepared.scene
-    settings, on = scene.settings, halves.prepared.features
-    # Its square must be a number too.
-    asked = np.inf if error is None else min(float(error), 1e100) * found.luminance
+    """Error floor of a picture. Raises UserError if the depth bias, the precision of shading or the rounding of all
+    files may exceed the error that is asked for.
+
+    buffer: a pilot of the picture. estimate: its estimated error. error: the error that is asked for, or None.
+    seconds: time left for the whole picture.
+    """
+    scene = buffer.prepared.scene
+    settings, on = scene.settings, buffer.prepared.features
+    # Limited, so that its square does not overflow.
+    absolute = np.inf if error is None else min(float(error), 1e100) * estimate.luminance
     if error is not None:
         check_precision(error, settings.precision)
-    off, kind = rounded_off(halves, files)
-    if off > asked**2 and found.luminance > 0:
-        least = np.sqrt(off) / found.luminance
-        what, right = FILES[kind]
-        raise UserError(f"error = {error:g}: {what} alone is off by {least:.2g}; {right}")
+    file_square, suffix = file_rounding(buffer, files)
+    if file_square > absolute**2 and estimate.luminance > 0:
+        least = np.sqrt(file_square) / estimate.luminance
+        format_name, remedy = FILES[suffix]
+        raise UserError(f"error = {error:g}: {format_name} alone is off by {least:.2g}; {remedy}")
     depth = settings.depth
-    # A depth of 0 switches them off: that is what the scene is, not what is left out.
+    # A depth of 0 switches reflection and refraction off: then the scene has none, and there is no bias.
     if not (on["reflection"] or on["refraction"]):
-        return Floor(DepthBias(depth, 0.0, 0.0, 0.0), off)
-    deep = min(8 * depth + 8, 2 * DEEPEST)
-    (here,) = truncation(halves, (depth,), deep, SHARE * seconds)
-    if here.low <= asked**2 / 2 < here.high and seconds == np.inf:
-        # Some samples of some of the pixels do not tell.
-        (here,) = truncation(halves, (depth,), deep, pixels=MORE * PIXELS, count=SAMPLES)
-    if here.high > asked**2:
+        return Floor(DepthBias(depth, 0.0, 0.0, 0.0), file_square)
+    reference_depth = min(8 * depth + 8, 2 * DEEPEST)
+    (bias,) = depth_biases(buffer, (depth,), reference_depth, DEPTH_SHARE * seconds)
+    if bias.low <= absolute**2 / 2 < bias.high and seconds == np.inf:
+        # The interval is too wide for a decision.
+        (bias,) = depth_biases(buffer, (depth,), reference_depth, pixels=MORE_PIXELS * PIXELS, count=SAMPLES)
+    if bias.high > absolute**2:
         deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
-        good = [t.depth for t in truncation(halves, tuple(deeper), deep) if t.high <= asked**2 / 4]
-        left = " to ".join(f"{np.sqrt(max(x, 0)) / found.luminance:.2g}" for x in (here.low, here.high))
-        right = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
+        biases = depth_biases(buffer, tuple(deeper), reference_depth)
+        good = [b.depth for b in biases if b.high <= absolute**2 / 4]
+        interval = " to ".join(f"{np.sqrt(max(x, 0)) / estimate.luminance:.2g}" for x in (bias.low, bias.high))
+        remedy = f"settings.depth = {good[0]} would do" if good else "raise settings.depth"
         raise UserError(
-            f"error = {error:g}: settings.depth = {depth} alone leaves out {left} (95 %); {right}, or {LARGER}"
+            f"error = {error:g}: settings.depth = {depth} alone leaves out {interval} (95 %); {remedy}, or {LARGER}"
         )
-    return Floor(here, off)
+    return Floor(bias, file_square)
 
 
 def check_precision(error: float, precision: str) -> None:
-    """Refuses an error that a precision of shading does not hold."""
+    """Raises a UserError if an error is below the rounding of a precision of shading."""
     finest = rounded(ROUNDINGS, precision)
     if error < finest:
-        right = f"{LARGER}, or use double" if precision == "single" else LARGER
-        raise UserError(f"error = {error:g}: {precision} precision is off by {finest:.1g}; {right}")
+        remedy = f"{LARGER}, or use double" if precision == "single" else LARGER
+        raise UserError(f"error = {error:g}: {precision} precision is off by {finest:.1g}; {remedy}")

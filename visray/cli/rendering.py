@@ -115,7 +115,7 @@ def render_command(
     begun = clock.now()
     if quiet:
         warnings.simplefilter("ignore")
-    Goal.asked(error, time, spp, begun)
+    Goal.from_arguments(error, time, spp, begun)
     made = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
     if not made.lights and not any(made.ambient):
         warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)

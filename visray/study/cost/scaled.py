@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.adaptive.depth_bias import truncation
+from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import DEEPEST
 from visray.render import adjusted
@@ -99,7 +99,7 @@ class Scaled:
         halves = DualBuffer(prepare(adjusted(self.scene, sampler="sobol")))
         halves.extend(np.full_like(halves.counts, PILOT))
         scale = (halves.estimate().luminance or 1.0) ** 2
-        left = truncation(halves, depths, min(4 * max(depths) + 4, DEEPEST))
+        left = depth_biases(halves, depths, min(4 * max(depths) + 4, DEEPEST))
         return {t.depth: Band(*(max(x, 0.0) / scale for x in (t.square, t.low, t.high))) for t in left}
 
     @cached_property

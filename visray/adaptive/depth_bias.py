@@ -119,7 +119,7 @@ def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarr
 
 def _rendered(prepared: Prepared, depth: int, targets: np.ndarray) -> DualBuffer:
     """Dual buffer rendered at another depth. The depth is data of the kernel, so nothing is compiled."""
-    levels = (dr.opaque(prepared.a.U, depth), prepared.kernel.levels[1])
-    buffer = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, levels=levels)))
+    limits = (dr.opaque(prepared.a.U, depth), prepared.kernel.bounce_limits[1])
+    buffer = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, bounce_limits=limits)))
     buffer.extend(targets)
     return buffer

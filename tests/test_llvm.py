@@ -134,7 +134,7 @@ def test_where_nothing_is_usable_the_line_says_what_to_install(monkeypatch, tmp_
     outcome = llvm.search()
     assert outcome.llvm is None
     assert outcome.refused == (f"{old} is LLVM 15, which ends the process during a render",)
-    monkeypatch.setattr(llvm, "_outcome", outcome)
+    monkeypatch.setattr(llvm, "_result", outcome)
     with pytest.raises(llvm.UserError) as caught:
         llvm.require()
     line = str(caught.value)

@@ -601,5 +601,5 @@ def test_an_opaque_torus_beside_glass_has_derivatives(address: str) -> None:
     off = np.abs(slope - exact).max(-1) > 1e-5 * np.abs(exact).max()
     assert np.abs(slope).max() > 0.01 and off.mean() < 0.1
     glassy = vr.replaced(BESIDE_GLASS, "objects.ring.material", "glass")
-    with pytest.raises(vr.UserError, match=r"^objects.ring: .* of a torus; give it a material without kt$"):
+    with pytest.raises(vr.UserError, match=r"^objects.ring: .*; give this torus a material without kt$"):
         vr.derivative(glassy, address)

@@ -144,7 +144,11 @@ class _Pixels:
 
 
 def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
-    """The first hit of the ray through each pixel's centre."""
+    """Layers of the first hit along the ray through each pixel's centre, by name (visray/output/layers.py).
+
+    Where nothing is hit, distances are inf and all other layers 0. The certificate's layers exist only in scenes with
+    kinds that search for their roots.
+    """
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
     hit = closest(s.origin, ray)
@@ -167,7 +171,7 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
 
 
 def object_of(s: KernelScene, hit: Hit) -> Any:
-    """Number in the scene of the object that is hit, NO_ROW where nothing is."""
+    """Number in the scene of the object that is hit, NO_ROW where nothing is hit."""
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
@@ -177,11 +181,11 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
 
 
 def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
-    """Certificate of the kinds that search for their roots: the number of unresolved pieces of the ray, and the
-    residual of the visible point p.
+    """The certificate's layers, for kinds that search for their roots; empty in scenes without such kinds.
 
-    The residual is the distance of p from its surface, to first order, in units in the last place of the largest
-    coordinate of p or the ray's origin.
+    unresolved: number of pieces of the ray in which rounding hides whether there is a crossing
+    residual: distance of the visible point p from its surface, to first order, in units in the last place of the
+        largest coordinate of p and the ray's origin
     """
     a, searched = s.a, [b for b in s.batches if b.kind.finds_roots]
     if not searched:

@@ -1,9 +1,9 @@
 """Finds a libLLVM that Dr.Jit can use, before Dr.Jit is imported.
 
-Dr.Jit loads libLLVM at its import, and takes the first one it meets. LLVM 15 and 16, which distributions ship, end the
-process in the middle of a render: no exception, nothing to catch. So the library is chosen here, by its version, and
-handed over in DRJIT_LIBLLVM_PATH. Where none is usable, that variable names a path that does not exist, because Dr.Jit
-left alone would take a fatal one.
+Dr.Jit loads libLLVM at its import, and takes the first one that it meets. With LLVM 15 and 16, which distributions
+ship, the process aborts in the middle of a render, and no exception can be caught. So the library is chosen here, by
+its version, and passed on in DRJIT_LIBLLVM_PATH. Where none is usable, that variable names a path that does not exist,
+because Dr.Jit on its own would load one that aborts.
 """
 
 import os
@@ -31,7 +31,7 @@ _LIBRARY = re.compile(r"libLLVM(?:-\d[\w.]*)?\.(?:so|dylib|\d+)|LLVM-C\.dll$")
 _IN_NAME = re.compile(r"libLLVM(?:-|\.so\.(?=\d\d)|\.(?=\d\d))(\d+(?:\.\d+)*)")
 _IN_FOLDER = re.compile(r"/Cellar/llvm(?:@\d+)?/(\d+(?:\.\d+)*)")
 
-_ASK = """
+_VERSION_SCRIPT = """
 import ctypes, sys
 try:
     library = ctypes.CDLL(sys.argv[1])
@@ -49,7 +49,12 @@ print(".".join(str(number.value) for number in numbers))
 
 @dataclass(frozen=True)
 class LLVM:
-    """A libLLVM: its path, its version as far as it is known, and where it was found."""
+    """A libLLVM.
+
+    path: path of the file
+    version: its version, as far as it is known
+    source: where it comes from: the variable, the Python environment or the system
+    """
 
     path: str
     version: tuple[int, ...]
@@ -58,93 +63,97 @@ class LLVM:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search came to: the library, or None, and a line for each one refused on the way.
+    """The result of a search.
 
-    `early` is True where Dr.Jit had been imported before: then nothing was searched and nothing can be changed.
+    llvm: the library, or None
+    refused: a line for each library that is not usable
+    imported_before: whether Dr.Jit was imported before; then nothing was searched, and nothing can be changed
     """
 
     llvm: LLVM | None
     refused: tuple[str, ...] = ()
-    early: bool = False
+    imported_before: bool = False
 
 
-_outcome: SearchResult | None = None
+_result: SearchResult | None = None
 
 
 def prepare() -> SearchResult:
-    """Searches once, and sets DRJIT_LIBLLVM_PATH; to be called before drjit or mitsuba is imported."""
-    global _outcome
-    if _outcome is None:
+    """Searches once, and sets DRJIT_LIBLLVM_PATH. Must be called before drjit or mitsuba is imported."""
+    global _result
+    if _result is None:
         if "drjit" in sys.modules:
-            _outcome = SearchResult(None, early=True)
+            _result = SearchResult(None, imported_before=True)
         else:
-            _outcome = search()
-            os.environ[VARIABLE] = _outcome.llvm.path if _outcome.llvm else NOWHERE
-    return _outcome
+            _result = search()
+            os.environ[VARIABLE] = _result.llvm.path if _result.llvm else NOWHERE
+    return _result
 
 
 def library() -> LLVM | None:
     """The libLLVM that Dr.Jit uses or will use, or None where there is no usable one."""
-    outcome = prepare()
-    if not outcome.early:
-        return outcome.llvm
+    result = prepare()
+    if not result.imported_before:
+        return result.llvm
     version = loaded_version()
     path = os.environ.get(VARIABLE) or "chosen by Dr.Jit"
     return LLVM(path, version, "loaded before visray was imported") if version else None
 
 
 def require() -> LLVM:
-    """The libLLVM in use, with the version it reports itself; UserError where a render would fail or abort."""
-    outcome = prepare()
-    if not outcome.early and outcome.llvm is None:
-        raise UserError(_advice(outcome.refused))
+    """The libLLVM in use, with the version it reports. Raises UserError where a render would fail or abort."""
+    result = prepare()
+    if not result.imported_before and result.llvm is None:
+        raise UserError(_advice(result.refused))
     version = loaded_version()
     llvm = library()
     if llvm and version and version[0] >= OLDEST:
         return LLVM(llvm.path, version, llvm.source)
-    what = f"LLVM {_dotted(version)}, which ends the process during a render" if version else "no LLVM"
-    if not outcome.early:
-        right = f"set {VARIABLE} to a libLLVM of version {OLDEST} or newer, or {_installation()}"
-        raise UserError(f"LLVM: Dr.Jit was given {outcome.llvm.path} and loaded {what}; {right}")
-    right = "import visray before drjit and mitsuba"
+    problem = f"LLVM {_dotted(version)}, which ends the process during a render" if version else "no LLVM"
+    if not result.imported_before:
+        advice = f"set {VARIABLE} to a libLLVM of version {OLDEST} or newer, or {_installation()}"
+        raise UserError(f"LLVM: Dr.Jit was given {result.llvm.path} and loaded {problem}; {advice}")
+    advice = "import visray before drjit and mitsuba"
     if search().llvm is None:
-        right += f", after you {_installation()}"
-    raise UserError(f"LLVM: Dr.Jit was imported before visray and loaded {what}; {right}")
+        advice += f", after you {_installation()}"
+    raise UserError(f"LLVM: Dr.Jit was imported before visray and loaded {problem}; {advice}")
 
 
 def loaded_version() -> tuple[int, ...] | None:
-    """The version of the libLLVM that Dr.Jit has loaded, or None; imports Dr.Jit."""
+    """Version of the libLLVM that Dr.Jit has loaded, or None. Imports Dr.Jit."""
     # Not at the top: the import loads libLLVM, so it must come after the search.
     version = import_module("drjit.detail").llvm_version()
     return tuple(version) if version[0] > 0 else None
 
 
 def search() -> SearchResult:
-    """Searches the variable, then the Python environment, then the system; loads nothing into this process.
+    """Searches the variable, then the Python environment, then the system. Loads nothing into this process.
 
-    A library that the variable names is never replaced by another: its user has asked for it.
+    A library that the variable names is never replaced by another, because the user has asked for it.
     """
     named = os.environ.get(VARIABLE)
     if named and named != NOWHERE:
-        answer = judge(named, VARIABLE)
-        return SearchResult(answer) if isinstance(answer, LLVM) else SearchResult(None, (f"{VARIABLE}={answer}",))
+        judgement = judge(named, VARIABLE)
+        if isinstance(judgement, LLVM):
+            return SearchResult(judgement)
+        return SearchResult(None, (f"{VARIABLE}={judgement}",))
     refused: list[str] = []
     for source, paths in (("Python environment", _environment), ("system", _system)):
-        answers = [judge(path, source) for path in _distinct(paths())]
-        refused += [answer for answer in answers if isinstance(answer, str)]
-        usable = [answer for answer in answers if isinstance(answer, LLVM)]
+        judgements = [judge(path, source) for path in _distinct(paths())]
+        refused += [judgement for judgement in judgements if isinstance(judgement, str)]
+        usable = [judgement for judgement in judgements if isinstance(judgement, LLVM)]
         if usable:
             return SearchResult(max(usable, key=lambda library: library.version), tuple(refused))
     return SearchResult(None, tuple(refused))
 
 
 def judge(path: str, source: str) -> LLVM | str:
-    """The library at `path` as a record, or why it is refused as `<path> <reason>`."""
+    """The library at `path`, or the reason why it is refused, as `<path> <reason>`."""
     if os.path.dirname(path) and not os.path.isfile(path):
         return f"{path} " + ("is not a file" if os.path.exists(path) else "does not exist")
     version = version_in_name(path) if os.path.dirname(path) else None
     if version is None:
-        version = _ask(path)
+        version = _reported_version(path)
     if isinstance(version, str):
         return f"{path} {version}"
     if version[0] < OLDEST:
@@ -153,17 +162,18 @@ def judge(path: str, source: str) -> LLVM | str:
 
 
 def version_in_name(path: str) -> tuple[int, ...] | None:
-    """The version that the name of the file behind `path` tells, or None where it tells none."""
-    real = os.path.realpath(path)
-    match = _IN_NAME.match(os.path.basename(real)) or _IN_FOLDER.search(real)
+    """Version in the name of the file behind `path`, or None where the name contains none."""
+    resolved = os.path.realpath(path)
+    match = _IN_NAME.match(os.path.basename(resolved)) or _IN_FOLDER.search(resolved)
     return tuple(int(number) for number in match[1].split(".")) if match else None
 
 
-def _ask(path: str) -> tuple[int, ...] | str:
-    """The version that the library itself reports, or what is wrong with it; asked in a process that may die of it."""
+def _reported_version(path: str) -> tuple[int, ...] | str:
+    """Version that the library itself reports, or what is wrong with it. A separate process loads it, because loading
+    may abort."""
     try:
         run = subprocess.run(
-            [sys.executable, "-I", "-S", "-c", _ASK, path],
+            [sys.executable, "-I", "-S", "-c", _VERSION_SCRIPT, path],
             capture_output=True,
             text=True,
             errors="replace",
@@ -172,15 +182,15 @@ def _ask(path: str) -> tuple[int, ...] | str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return "does not tell its version"
-    answer = run.stdout.strip()
-    if run.returncode == 0 and re.fullmatch(r"\d+(\.\d+)*", answer):
-        return tuple(int(number) for number in answer.split("."))
+    version = run.stdout.strip()
+    if run.returncode == 0 and re.fullmatch(r"\d+(\.\d+)*", version):
+        return tuple(int(number) for number in version.split("."))
     lines = run.stderr.strip().splitlines()
     return lines[-1] if run.returncode == 1 and lines else "does not tell its version"
 
 
 def _environment() -> Iterator[str]:
-    """Libraries that a Python package or the environment around it (conda) has brought."""
+    """Libraries in the Python environment: from a Python package or from conda."""
     try:
         files = metadata.distribution(WHEEL).files or []
     except metadata.PackageNotFoundError:
@@ -192,7 +202,7 @@ def _environment() -> Iterator[str]:
 
 
 def _system() -> Iterator[str]:
-    """Libraries that the operating system or its package manager has brought, for this processor."""
+    """Libraries of the operating system or its package manager, for this processor."""
     if sys.platform == "darwin":
         roots = ("/opt/homebrew", "/usr/local")
         patterns = [f"{root}/{home}/lib/" for root in roots for home in ("opt/llvm*", "Cellar/llvm*/*")]
@@ -210,7 +220,7 @@ def _system() -> Iterator[str]:
 
 
 def _ldconfig() -> Iterator[str]:
-    """Libraries that the dynamic linker's cache lists for 64-bit processes."""
+    """Libraries in the dynamic linker's cache, for 64-bit processes."""
     program = shutil.which("ldconfig") or shutil.which("ldconfig", path="/sbin:/usr/sbin")
     if program is None:
         return
@@ -222,13 +232,13 @@ def _ldconfig() -> Iterator[str]:
 
 
 def _distinct(paths: Iterable[str]) -> list[str]:
-    """The files behind `paths` that are libLLVM by their name, each once, in order."""
-    real = (os.path.realpath(path) for path in paths if _LIBRARY.match(os.path.basename(path)))
-    return list(dict.fromkeys(path for path in real if os.path.isfile(path)))
+    """The files behind `paths` whose name is that of a libLLVM, each once, in order."""
+    resolved = (os.path.realpath(path) for path in paths if _LIBRARY.match(os.path.basename(path)))
+    return list(dict.fromkeys(path for path in resolved if os.path.isfile(path)))
 
 
 def _advice(refused: tuple[str, ...]) -> str:
-    """One line: that no library is usable, what to install, and why those found were refused."""
+    """One line for the user: no library is usable, what to install, and why libraries were refused."""
     if refused and refused[0].startswith(VARIABLE):
         return f"{refused[0]}; set it to a libLLVM of version {OLDEST} or newer, or unset it and {_installation()}"
     line = f"LLVM: Dr.Jit needs version {OLDEST} or newer and there is none; {_installation()}"
@@ -236,7 +246,7 @@ def _advice(refused: tuple[str, ...]) -> str:
 
 
 def _installation() -> str:
-    """How a libLLVM is installed on this platform."""
+    """How to install a libLLVM on this platform."""
     if sys.platform == "darwin":
         return "run: brew install llvm"
     if sys.platform == "win32":
@@ -247,4 +257,5 @@ def _installation() -> str:
 
 
 def _dotted(version: tuple[int, ...]) -> str:
+    """A version as text, such as 19.1.0."""
     return ".".join(str(number) for number in version)

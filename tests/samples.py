@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+import exact_surfaces as exact
 import numpy as np
+from exact_surfaces import Piece
 
 from visray.accel.origin import Geometry
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
@@ -239,7 +241,8 @@ class RoundTorus:
             below = f(low) < 0
             i = np.flatnonzero((low < high) & (below != (f(high) < 0)) & (what == 0))
             low, high, below = low[i], high[i], below[i]
-            for _ in range(70):
+            # 64 bits of a span that is no longer than the ray's way through the torus.
+            for _ in range(70 if len(i) else 0):
                 middle = (low + high) / 2
                 same = (f(middle, i) < 0) == below
                 low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -494,8 +497,14 @@ class RoundTriangle(RoundFlat):
 
 @dataclass(frozen=True)
 class Sample:
-    """A kind's random instances, its twin, and the middle and reach of an instance (for aiming at it).
+    """A kind of primitive, for all tests that run over primitives.KINDS.
 
+    random: an instance of about the given size.
+    twin: the same shape in NumPy.
+    hull: the middle and the reach of an instance, for aiming at it.
+    exact: its surface as polynomials over the rational numbers (exact_surfaces.py).
+    plain: instances whose numbers are round, about the origin and at most 2 wide, for degenerate rays.
+    uv: instances, points of theirs and the texture coordinates there, by hand.
     loose: the radius of the sphere that is known to hold an instance, over its reach.
     """
 
@@ -503,6 +512,9 @@ class Sample:
     random: Callable[[np.random.Generator, float], Any]
     twin: Any
     hull: Callable[[Any], tuple[np.ndarray, float]]
+    exact: Callable[[Any], list[Piece]]
+    plain: tuple
+    uv: tuple[tuple[Any, tuple, tuple], ...]
     loose: float = 1.0
 
 
@@ -617,24 +629,183 @@ def _rectangle_hull(s: Rectangle) -> tuple[np.ndarray, float]:
 SAMPLES = {
     s.kind.__name__: s
     for s in (
-        Sample(Sphere, _sphere, RoundSphere, lambda s: (np.array(s.center), s.radius)),
-        # A plane has no size: rays are aimed at the part around its point.
-        Sample(Plane, _plane, RoundPlane, lambda s: (np.array(s.point), float(np.linalg.norm(s.point)))),
-        Sample(Disk, _disk, RoundDisk, lambda s: (np.array(s.center), s.radius)),
-        Sample(Rectangle, _rectangle, RoundRectangle, _rectangle_hull),
-        Sample(Triangle, _triangle, RoundTriangle, _corners_hull),
-        Sample(Box, _box, RoundBox, _box_hull),
-        Sample(Cylinder, _cylinder, RoundCylinder, _cylinder_hull),
-        Sample(Cone, _cone, RoundCone, _cone_hull),
-        Sample(Ellipsoid, _ellipsoid, RoundEllipsoid, lambda s: (np.array(s.center), max(s.radii))),
-        Sample(Capsule, _capsule, RoundCapsule, _capsule_hull),
-        Sample(Torus, _torus, RoundTorus, lambda s: (np.array(s.center), s.major + s.minor)),
         Sample(
-            Polynomial, _polynomial, RoundPolynomial, lambda s: (np.array(s.clip.center), s.parameters["r"]), loose=CLIP
+            Sphere,
+            _sphere,
+            RoundSphere,
+            lambda s: (np.array(s.center), s.radius),
+            exact.sphere,
+            (Sphere(radius=0.5),),
+            # Globe: +x is the middle of the map, east is to the left of it seen from +x with y up, i.e. towards -z.
+            (
+                (Sphere(radius=2), (2, 0, 0), (0.5, 0.5)),
+                (Sphere(radius=2), (0, 0, -2), (0.75, 0.5)),
+                (Sphere(radius=2), (0, 0, 2), (0.25, 0.5)),
+                (Sphere(radius=2), (0, 2, 0), (0.5, 1)),
+                (Sphere(radius=2), (0, -2, 0), (0.5, 0)),
+            ),
+        ),
+        Sample(
+            Plane,
+            _plane,
+            RoundPlane,
+            # A plane has no size: rays are aimed at the part around its point.
+            lambda s: (np.array(s.point), float(np.linalg.norm(s.point))),
+            exact.plane,
+            (Plane(),),
+            # A floor: u east, v north (-z). A wall that looks at +z: u right, v up.
+            (
+                (Plane(point=(1, 0, 1)), (3, 0, 1), (2, 0)),
+                (Plane(point=(1, 0, 1)), (1, 0, -2), (0, 3)),
+                (Plane(normal=(0, 0, 5)), (2, 3, 0), (2, 3)),
+            ),
+        ),
+        Sample(
+            Disk,
+            _disk,
+            RoundDisk,
+            lambda s: (np.array(s.center), s.radius),
+            exact.disk,
+            (Disk(radius=0.5),),
+            (
+                (Disk(radius=2, normal=(0, 0, 1)), (2, 0, 0), (1, 0.5)),
+                (Disk(radius=2, normal=(0, 0, 1)), (0, 2, 0), (0.5, 1)),
+            ),
+        ),
+        Sample(
+            Rectangle,
+            _rectangle,
+            RoundRectangle,
+            _rectangle_hull,
+            exact.rectangle,
+            (Rectangle(),),
+            (
+                (Rectangle(width=(4, 0, 0), height=(0, 2, 0)), (-2, -1, 0), (0, 0)),
+                (Rectangle(width=(4, 0, 0), height=(0, 2, 0)), (2, 1, 0), (1, 1)),
+                (Rectangle(width=(4, 0, 0), height=(0, 2, 0)), (-2, 1, 0), (0, 1)),
+            ),
+        ),
+        Sample(
+            Triangle,
+            _triangle,
+            RoundTriangle,
+            _corners_hull,
+            exact.triangle,
+            (Triangle(a=(-0.5, -0.5, 0), b=(0.5, -0.5, 0), c=(-0.5, 0.5, 0)),),
+            (
+                (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (1, 0, 0), (0, 0)),
+                (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (3, 0, 0), (1, 0)),
+                (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (1, 2, 0), (0, 1)),
+            ),
+        ),
+        Sample(
+            Box,
+            _box,
+            RoundBox,
+            _box_hull,
+            exact.box,
+            (Box(),),
+            # Face by face: the point a quarter in from the lower left corner, seen from outside.
+            (
+                (Box(), (-0.25, -0.25, 0.5), (0.25, 0.25)),
+                (Box(), (0.25, -0.25, -0.5), (0.25, 0.25)),
+                (Box(), (0.5, -0.25, 0.25), (0.25, 0.25)),
+                (Box(), (-0.5, -0.25, -0.25), (0.25, 0.25)),
+                (Box(), (-0.25, 0.5, 0.25), (0.25, 0.25)),
+                (Box(), (-0.25, -0.5, -0.25), (0.25, 0.25)),
+            ),
+        ),
+        Sample(
+            Cylinder,
+            _cylinder,
+            RoundCylinder,
+            _cylinder_hull,
+            exact.cylinder,
+            (Cylinder(),),
+            # About y: the frame's first axis is +x, and east is towards -z, as on the globe. Caps like floors and
+            # ceilings.
+            (
+                (Cylinder(radius=1, height=2), (1, -1 + 0.5, 0), (0.5, 0.25)),
+                (Cylinder(radius=1, height=2), (0, 0, -1), (0.75, 0.5)),
+                (Cylinder(radius=1, height=2), (0.5, 1, 0), (0.75, 0.5)),
+                (Cylinder(radius=1, height=2), (0, 1, -0.5), (0.5, 0.75)),
+                (Cylinder(radius=1, height=2), (0, -1, 0.5), (0.5, 0.75)),
+            ),
+        ),
+        Sample(
+            Cone,
+            _cone,
+            RoundCone,
+            _cone_hull,
+            exact.cone,
+            # Along the wall of the second one run diagonal rays, or parallel to it.
+            (Cone(base=(0, -0.5, 0)), Cone(base=(0, -0.25, 0), height=0.5)),
+            (
+                (Cone(radius=1, height=2), (0.5, 1, 0), (0.5, 0.5)),
+                (Cone(radius=1, height=2), (0, 1, -0.5), (0.75, 0.5)),
+                (Cone(radius=1, height=2), (0, 0, 0.5), (0.5, 0.75)),
+            ),
+        ),
+        Sample(
+            Ellipsoid,
+            _ellipsoid,
+            RoundEllipsoid,
+            lambda s: (np.array(s.center), max(s.radii)),
+            exact.ellipsoid,
+            (Ellipsoid(radii=(0.5, 0.25, 0.5)), Ellipsoid(radii=(0.5, 0.25, 1))),
+            # As on the ball that it is stretched from.
+            (
+                (Ellipsoid(radii=(2, 1, 3)), (2, 0, 0), (0.5, 0.5)),
+                (Ellipsoid(radii=(2, 1, 3)), (0, 0, -3), (0.75, 0.5)),
+                (Ellipsoid(radii=(2, 1, 3)), (0, -1, 0), (0.5, 0)),
+            ),
+        ),
+        Sample(
+            Capsule,
+            _capsule,
+            RoundCapsule,
+            _capsule_hull,
+            exact.capsule,
+            (Capsule(a=(0, -0.25, 0), b=(0, 0.25, 0), radius=0.25), Capsule()),
+            # v is the arc from pole to pole: here pi/2, pi and pi/2 of 2 pi long.
+            (
+                (Capsule(a=(0, 0, 0), b=(0, float(PI), 0), radius=1), (1, 0, 0), (0.5, 0.25)),
+                (Capsule(a=(0, 0, 0), b=(0, float(PI), 0), radius=1), (0, float(PI), -1), (0.75, 0.75)),
+                (Capsule(a=(0, 0, 0), b=(0, float(PI), 0), radius=1), (0, -1, 0), (0.5, 0)),
+            ),
+        ),
+        Sample(
+            Torus,
+            _torus,
+            RoundTorus,
+            lambda s: (np.array(s.center), s.major + s.minor),
+            exact.torus,
+            (Torus(major=0.5, minor=0.25),),
+            # u around the axis, as on the globe; v around the tube, from the inside over the lower side.
+            (
+                (Torus(major=2, minor=1), (3, 0, 0), (0.5, 0.5)),
+                (Torus(major=2, minor=1), (0, 0, -3), (0.75, 0.5)),
+                (Torus(major=2, minor=1), (2, 1, 0), (0.5, 0.75)),
+                (Torus(major=2, minor=1), (2, -1, 0), (0.5, 0.25)),
+            ),
+        ),
+        Sample(
+            Polynomial,
+            _polynomial,
+            RoundPolynomial,
+            lambda s: (np.array(s.clip.center), s.parameters["r"]),
+            lambda s: exact.sphere(round_of(s)),
+            (polynomial_sphere((0.0, 0.0, 0.0), 0.5),),
+            (
+                (polynomial_sphere((1.0, 0.0, 0.0), 2.0), (1, 0, -2), (0.75, 0.5)),
+                (polynomial_sphere((1.0, 0.0, 0.0), 2.0), (1, -2, 0), (0.5, 0)),
+            ),
+            loose=CLIP,
         ),
     )
 }
 NAMES = [k.__name__ for k in KINDS]
+assert set(NAMES) <= set(SAMPLES), f"no entry in SAMPLES of tests/samples.py: {set(NAMES) - set(SAMPLES)}"
 # No ray that leaves one of these outwards meets it again. The polynomial of the sample is a ball.
 CONVEX = [k.__name__ for k in KINDS if not issubclass(k, PolynomialSolid)]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from visray import direct, indirect, integrator, occlusion, shading, warp
+from visray import direct, indirect, integrator, media, occlusion, shading, warp
 from visray.camera import Camera
 from visray.features import RULES, features
 from visray.gradients import gradient
@@ -388,13 +388,14 @@ PARTS = {
     (occlusion, "sky"): {"sky occlusion"},
     (occlusion, "near"): {"near occlusion"},
     (indirect, "indirect"): PATHS,
-    (indirect, "interface"): PATHS,
+    (media, "interface_at"): PATHS,
+    (indirect, "interface_at"): PATHS,
     (indirect, "bounce"): PATHS,
     (indirect, "scattered"): {"scatter"},
-    (indirect, "_others"): {"nested media"},
+    (media, "_nested_media"): {"nested media"},
     (direct, "area_light"): {"area lights"},
-    (direct, "_along"): {"area lights"},
-    (direct, "_from_afar"): set(),
+    (direct, "_from_point"): {"area lights"},
+    (direct, "_directional"): set(),
     (direct, "_shadowed"): {"shadows"},
     (direct, "occluded"): {"shadows"},
     (direct, "transmittance"): {"coloured shadows"},

@@ -29,13 +29,13 @@ scene.scene
 scene
 features progress output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
-pack batches sampling moments film
+pack address_index repack batches sampling moments film
 accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.traversal accel.intersect accel
 kernel_scene
 interaction
 direct occlusion
 shading
-indirect
+media indirect
 integrator
 setup passes
 adaptive

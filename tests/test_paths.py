@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from samples import SAMPLES, array
 
-from visray import indirect, integrator
+from visray import indirect, integrator, media
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.camera import Camera
@@ -88,7 +88,7 @@ def walk(scene: Scene, o: Any, d: Any, levels: int) -> list[Step]:
     for level in range(levels):
         hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
         here = interact(s, ray, hit, integrator.single_sample_state(made.kernel, n).derived(a.U(level)))
-        interface = indirect.interface(s, here)
+        interface = media.interface_at(s, here)
         b = indirect.bounce(s, here, ray, interface, a.U(1), a.U(0))
         ratio, hidden = (a.D(1), None) if interface is None else (interface.ratio, interface.hidden)
         each = [array(v) for v in (here.surface.p, b.ray.d, b.weight)]

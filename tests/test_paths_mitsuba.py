@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from visray import indirect, integrator
+from visray import indirect, integrator, media
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.camera import Camera
@@ -75,7 +75,7 @@ def levels(ours: VisrayScene, o: np.ndarray, d: np.ndarray, count: int) -> Itera
         n = dr.width(ray.d)
         hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray)
         here = interact(s, ray, hit, integrator.single_sample_state(ours.kernel, n))
-        b = indirect.bounce(s, here, ray, indirect.interface(s, here), dr.full(a.U, count, n), dr.zeros(a.U, n))
+        b = indirect.bounce(s, here, ray, media.interface_at(s, here), dr.full(a.U, count, n), dr.zeros(a.U, n))
         dr.eval(hit, here.surface, b.ray, b.alive)
         index = np.where(np.array(hit.valid), np.array(hit.row).astype(np.int64), -1)
         alive = np.broadcast_to(np.array(b.alive), n)

@@ -16,12 +16,13 @@ import numpy as np
 from visray import integrator, modes
 from visray.accel.intersect import closest
 from visray.accel.policy import MAX_UNROLLED
+from visray.address_index import AddressIndex, Slot
 from visray.direct import LightSample, light_sample
 from visray.errors import UserError
 from visray.images import Atlas
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
-from visray.pack import AddressIndex, Packed, Slot
+from visray.pack import Packed
 from visray.passes import expose
 from visray.render import adjusted
 from visray.sampling import SamplePlan

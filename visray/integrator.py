@@ -5,7 +5,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray import indirect, sampling, warp
+from visray import indirect, media, sampling, warp
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
@@ -61,8 +61,8 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     si = interact(s, ray, hit, state)
     colour = shade(s, si)
     if effects["paths"]:
-        interface = indirect.interface(s, si)
-        own_weight = indirect.local_weight(s, si, interface)
+        interface = media.interface_at(s, si)
+        own_weight = media.local_weight(s, si, interface)
         colour = (colour if own_weight is None else colour * own_weight) + indirect.indirect(s, si, ray, interface)
     sky = s.a.V(0) if s.transparent else indirect.background(s, ray.d)
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
@@ -175,8 +175,8 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
-        own = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.first_row, 0))
-        index = dr.select(in_batch, own, index)
+        objects = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.first_row, 0))
+        index = dr.select(in_batch, objects, index)
     return index
 
 

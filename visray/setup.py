@@ -12,8 +12,9 @@ from visray import images, llvm
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
-from visray.pack import Packed, pack, repacked
+from visray.pack import Packed, pack
 from visray.quantities import BACKENDS, Arrays
+from visray.repack import repacked
 from visray.scene import address as addresses
 from visray.scene.scene import Scene
 

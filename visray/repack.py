@@ -1,0 +1,73 @@
+"""Packed numbers after an update of some addresses: only what changes is packed again."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.address_index import AddressIndex
+from visray.pack import Columns, Packed, batch_key, materials_of, object_columns, pack
+from visray.pytree import leaves, mapped
+from visray.quantities import Arrays
+from visray.scene.scene import Scene, SkyGradient
+
+
+def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
+    """The packed numbers of `new`, a scene that differs from `old` at the given addresses only. Unchanged arrays are
+    shared with `packed`.
+
+    Returns None where more than numbers change, so that everything must be packed again.
+    """
+    paths = [address.split(".") for address in addressed]
+    sections = {section for section, *_ in paths}
+    if sections & {"textures", "film"} or ["objects"] in paths or _structure(old) != _structure(new):
+        return None
+    changes: dict[str, Any] = {}
+    batches = _updated_batches(packed, old, new, {rest[0] for section, *rest in paths if section == "objects"}, a)
+    if batches is None:
+        return None
+    if sections - {"objects"}:
+        without_objects = pack(replace(new, objects={}), a)
+        fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
+        changes = {fields[s]: getattr(without_objects, fields[s]) for s in sections if s in fields}
+    return replace(packed, batches=batches, **changes)
+
+
+def _structure(scene: Scene) -> tuple:
+    """Names and kinds in a scene, without objects. Where they change, more than numbers changes."""
+    lights = [(name, type(light)) for name, light in scene.lights.items()]
+    return (
+        lights,
+        [(name, m.texture) for name, m in materials_of(scene).items()],
+        isinstance(scene.background, SkyGradient),
+    )
+
+
+def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
+    """The batches with new numbers for some objects; None where one of these objects belongs to another batch now."""
+    index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
+    for name in names:
+        before, after = old.objects[name], new.objects[name]
+        if batch_key(before) != batch_key(after):
+            return None
+        number, row = index.row_of(packed.batches, name)
+        rows.setdefault(number, {})[row] = name
+    for number, named in rows.items():
+        batch, indices = batches[number], a.put(a.U, np.array(list(named), np.uint32))
+        replacement = object_columns(new, a, batch.kind, list(enumerate(named.values())))
+        batches[number] = _scattered(batch, replace(replacement, object=dr.gather(a.U, batch.object, indices)), indices)
+    return tuple(batches)
+
+
+def _scattered(columns: Columns, replacement: Columns, indices: Any) -> Columns:
+    """The columns with the rows at `indices` replaced by `replacement`."""
+    source = iter(leaves(replacement))
+
+    def put(x: Any) -> Any:
+        new = type(x)(x)
+        dr.scatter(new, next(source), indices)
+        return new
+
+    return mapped(put, columns)

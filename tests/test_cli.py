@@ -13,6 +13,8 @@ from PIL import Image as Pillow
 
 import visray as vr
 from visray.cli import main
+from visray.modes import MODES
+from visray.output.layers import LAYERS
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SPHERE = str(SCENES / "sphere.json")
@@ -98,6 +100,14 @@ def test_schema_and_import(tmp_path, capsys):
     assert said(capsys, "import", str(tmp_path / "seed.json"), "-o", str(out))[0] == 0
     assert vr.load(out).objects["b"] == vr.load(tmp_path / "seed.json").objects["b"]
     assert vr.load(out).objects["b"].radius == 2
+
+
+def test_help_names_layers_and_modes(capsys):
+    """The help of render has a line for each layer and each shading mode."""
+    code, text, _ = said(capsys, "render", "--help")
+    assert code == 0
+    for record in (*LAYERS, *MODES):
+        assert f"{record.name}: " in text
 
 
 def test_doctor(capsys):

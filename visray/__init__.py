@@ -9,6 +9,8 @@ A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(ra
 """
 
 # ruff: noqa: E402, F401 - the order matters here
+import sys
+
 from visray import clock  # isort: skip
 from visray import llvm
 
@@ -103,7 +105,7 @@ __all__ = [
     "value",
 ]  # fmt: skip
 
-# Names of earlier versions, and what they are called now.
+# Names of earlier versions, with the names of today.
 _RENAMED = {"Gradient": "SkyGradient", "surfaces": "SURFACES"}
 
 
@@ -113,7 +115,10 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> object:
-    """Refuses a name that is not there; for one of an earlier version, says the new name."""
-    if name in _RENAMED:
-        raise AttributeError(f"visray.{name} is now visray.{_RENAMED[name]}; use the new name")
-    raise AttributeError(f"module 'visray' has no attribute {name!r}")
+    """Raises the error for a name that does not exist. For a name of an earlier version, it says the new name."""
+    if name not in _RENAMED:
+        raise AttributeError(f"module 'visray' has no attribute {name!r}")
+    text = f"visray.{name} is now visray.{_RENAMED[name]}; use the new name"
+    # `from visray import Gradient` would replace an AttributeError with a text of its own.
+    importing = sys._getframe(1).f_globals.get("__name__") == "importlib._bootstrap"
+    raise ImportError(text) if importing else AttributeError(text)

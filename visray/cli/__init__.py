@@ -1,4 +1,4 @@
-"""The command line, and the only door to its library."""
+"""The command line. Only this package imports cyclopts."""
 
 from visray.cli.commands import main
 

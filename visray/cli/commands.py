@@ -6,18 +6,18 @@ import warnings
 
 from cyclopts import CycloptsError
 
-from visray.cli import files, rendering, studies  # noqa: F401 - each adds its commands
+from visray.cli import files, rendering, studies  # noqa: F401 - each module adds its commands to app
 from visray.cli.options import INTERRUPTED, app
 from visray.errors import UserError
 
 
 def _note(message: Warning | str, *_: object, **__: object) -> None:
-    """A warning as one line."""
+    """Prints a warning as one line."""
     sys.stderr.write(f"visray: note: {message}\n")
 
 
 def main(tokens: list[str] | None = None) -> int:
-    """The exit code of a command: 0 done, 1 a check failed, 2 bad input, 130 stopped by Ctrl-C."""
+    """Runs a command and returns its exit code: 0 done, 1 a check failed, 2 bad input, 130 stopped by Ctrl-C."""
     warnings.showwarning = _note
     try:
         return app(tokens, exit_on_error=False, print_error=False, result_action="return_value") or 0
@@ -29,7 +29,7 @@ def main(tokens: list[str] | None = None) -> int:
         sys.stderr.write("visray: stopped before anything could be kept\n")
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read the output has gone; the interpreter would complain once more when it closes it.
+        # The reader of the output, such as `head`, has closed it. Without this, Python would complain when it exits.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     sys.stderr.write("".join(f"visray: {line}\n" for line in lines))

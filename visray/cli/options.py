@@ -1,4 +1,4 @@
-"""What all commands share: the application, options, scenes from the command line, reports."""
+"""Parts shared by all commands: the application, options, loading of scenes, printing of reports."""
 
 import json
 import sys
@@ -26,28 +26,45 @@ app = App(
 
 
 def parse_integer(_: type, tokens: Sequence[Token]) -> int:
-    """A whole number; cyclopts by itself would round 1.5."""
+    """The integer in a token. The converter of cyclopts would round 1.5."""
     return int(tokens[0].value)
 
 
+def flag(help: str, **more: Any) -> Any:
+    """The type of an option without a value. Its help does not repeat that the default is False."""
+    return Annotated[bool, Parameter(help=help, show_default=False, **more)]
+
+
 Integer = Annotated[int, Parameter(converter=parse_integer)]
+SceneFile = Annotated[Path, Parameter(help="A scene file (.json).")]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
-Compat = Annotated[bool, Parameter(help="Light, occlude and weight a scene of the original as the original did.")]
-Json = Annotated[bool, Parameter(name="--json", help="Print the report as JSON.")]
+Compat = flag("With a scene of the original VisRayTrace: use its rules for light, occlusion and weights.")
+Json = flag("Print the report as JSON.", name="--json")
+Threads = Annotated[Integer | None, Parameter(help="Number of threads. Default: one per core.")]
 Settings = Annotated[
-    list[str], Parameter(name="--set", help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0].")
+    list[str],
+    Parameter(
+        name="--set",
+        help="ADDRESS=VALUE, such as objects.ball.radius=2 or materials.red.kd=[1,0,0]. May be given more than once.",
+        show_default=False,
+    ),
 ]
 Outputs = Annotated[
-    list[Path], Parameter(name=("--output", "-o"), help="A .exr or .png file; may be given more than once.")
+    list[Path],
+    Parameter(
+        name=("--output", "-o"),
+        help="A .exr or .png file. May be given more than once. Default: the name of the scene, as both.",
+        show_default=False,
+    ),
 ]
-# The exit code of what Ctrl-C has stopped.
+# Exit code after Ctrl-C.
 INTERRUPTED = 130
 
 
 def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
-    """The scene of a file, with the values that the command line sets."""
-    made = adjusted(loading.load(scene, setup, compat), **settings)
-    return changed(made, dict(map(parse_assignment, assignments))) if assignments else made
+    """Loads a scene file and applies the settings and assignments of the command line."""
+    loaded = adjusted(loading.load(scene, setup, compat), **settings)
+    return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
 
 
 def parse_size(text: str | None) -> tuple[int, int] | None:
@@ -61,12 +78,12 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
 
 
 def parse_list(text: str) -> tuple[str, ...]:
-    """The words of a text that are separated by commas."""
+    """The words of a text, which are separated by commas."""
     return tuple(word for part in text.split(",") if (word := part.strip()))
 
 
 def write_or_print(text: str, path: Path | None) -> None:
-    """Puts text into a file, or onto the terminal."""
+    """Writes a text to a file, or prints it if there is no path."""
     if path is None:
         sys.stdout.write(text)
     else:

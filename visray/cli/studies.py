@@ -1,4 +1,4 @@
-"""The commands that report: explain, check, cost, tune, stability, surfaces, doctor."""
+"""The commands that study and report: explain, check, cost, tune, stability, surfaces, doctor."""
 
 import sys
 from dataclasses import asdict, replace
@@ -14,9 +14,12 @@ from visray.cli.options import (
     Compat,
     Integer,
     Json,
+    SceneFile,
     Settings,
     Setup,
+    Threads,
     app,
+    flag,
     load_scene,
     parse_list,
     print_json,
@@ -35,28 +38,31 @@ from visray.study import ablation
 
 @app.command
 def explain(
-    scene: Path,
+    scene: SceneFile,
     /,
     *,
     setup: Setup = None,
     compat: Compat = False,
     set: Settings = [],  # noqa: B006
-    cost: Annotated[bool, Parameter(help="Measure what each effect costs, on a small picture.")] = False,
-    spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of that picture.")] = None,
-    runs: Annotated[Integer, Parameter(help="With --cost: how often each picture is made.")] = ablation.RUNS,
+    cost: flag("Measure what each effect costs, on a small picture.") = False,
+    spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of the small picture.")] = None,
+    runs: Annotated[Integer, Parameter(help="With --cost: how often each picture is rendered.")] = ablation.RUNS,
     json: Json = False,
 ) -> int:
-    """List what is simulated for a scene, what is not, and why; and with --cost, at what cost."""
-    made = load_scene(scene, setup, compat, set)
-    # Before anything is printed: what is asked of it may be wrong.
-    measured = ablation.cost(made, spp, runs, progress=not json) if cost else None
+    """List the effects that are simulated for a scene and those that are not, each with the reason.
+
+    A second table says how rays find objects. With --cost: what each effect costs in time.
+    """
+    loaded = load_scene(scene, setup, compat, set)
+    # First of all, because its arguments may be wrong: then nothing else is printed.
+    measured = ablation.cost(loaded, spp, runs, progress=not json) if cost else None
     if measured and json:
         print_json(measured.as_json())
         return 0
-    on = explain_scene(made)
+    on = explain_scene(loaded)
     if json:
-        effects, rays = ([asdict(x) for x in listed] for listed in (on.listed, on.rays))
-        print_json({"scene_hash": made.hash(), "features": effects, "rays": rays})
+        effects, rays = [asdict(f) for f in on.listed], [asdict(family) for family in on.rays]
+        print_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays})
         return 0
     table = Table("effect", "", "why")
     for f in on.listed:
@@ -73,22 +79,25 @@ def explain(
 
 @app.command
 def check(
-    scene: Path,
+    scene: SceneFile,
     /,
     *,
     setup: Setup = None,
     compat: Compat = False,
     set: Settings = [],  # noqa: B006
     output: Annotated[
-        Path | None, Parameter(name=("--output", "-o"), help="Write the difference as an EXR file.")
+        Path | None, Parameter(name=("--output", "-o"), help="Write the difference of both pictures to this .exr file.")
     ] = None,
-    rays: Annotated[Integer, Parameter(help="Random rays through the scene's bounds.")] = 100_000,
-    seed: Annotated[Integer, Parameter(help="Of the random rays.")] = 0,
-    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    rays: Annotated[Integer, Parameter(help="Number of random rays through the scene.")] = 100_000,
+    seed: Annotated[Integer, Parameter(help="Seed of the random rays.")] = 0,
+    threads: Threads = None,
     json: Json = False,
 ) -> int:
-    """Compare a scene with its twin in Mitsuba: the same rays through both. Exit code 1 if they differ."""
-    from visray.study.mitsuba import crosscheck  # Mitsuba takes a while to load, and no other command needs it
+    """Compare a scene with the same scene in Mitsuba: hits, distances, normals, shadows, colours.
+
+    The same rays go through both. Exit code 1 if they differ.
+    """
+    from visray.study.mitsuba import crosscheck  # here, because Mitsuba takes a while to load
 
     if output is not None:
         check_destination(output)
@@ -103,7 +112,7 @@ def check(
 
 @app.command
 def cost(
-    scene: Path,
+    scene: SceneFile,
     /,
     *,
     setup: Setup = None,
@@ -115,7 +124,7 @@ def cost(
     ] = None,
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
     seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
-    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    threads: Threads = None,
     csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
     json: Json = False,
 ) -> int:
@@ -157,7 +166,7 @@ def _say_written(path: Path | None) -> None:
 
 @app.command
 def tune(
-    scene: Path,
+    scene: SceneFile,
     /,
     *,
     setup: Setup = None,
@@ -166,7 +175,7 @@ def tune(
     error: Annotated[float | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
     time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
     full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
-    threads: Annotated[Integer | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    threads: Threads = None,
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the scene with these knobs to a .json file.")
     ] = None,
@@ -200,48 +209,49 @@ def tune(
 @app.command
 def stability(
     *,
-    surfaces: Annotated[Path | None, Parameter(help="A JSON file of surfaces; else the known ones.")] = None,
-    rays: Annotated[Integer | None, Parameter(help="Of each set.")] = None,
-    sets: Annotated[str, Parameter(help="Separated by commas; else all.")] = "",
-    only: Annotated[str, Parameter(help="Names of surfaces, separated by commas.")] = "",
-    seed: Annotated[Integer, Parameter(help="Of the rays.")] = 0,
+    surfaces: Annotated[Path | None, Parameter(help="A .json file of surfaces. Default: the known ones.")] = None,
+    rays: Annotated[Integer | None, Parameter(help="Number of rays in each set.")] = None,
+    sets: Annotated[str, Parameter(help="Sets of rays, separated by commas. Default: all.", show_default=False)] = "",
+    only: Annotated[
+        str, Parameter(help="Names of surfaces, separated by commas. Default: all.", show_default=False)
+    ] = "",
+    seed: Annotated[Integer, Parameter(help="Seed of the rays.")] = 0,
     json: Json = False,
 ) -> int:
-    """Compare polynomial surfaces with exact arithmetic: lost, false and wrong roots. Exit code 1 if there are any.
+    """Compare polynomial surfaces with exact arithmetic: count lost, false and wrong roots.
 
-    It needs python-flint: pip install 'visray[test]'.
+    Exit code 1 if there are any. Needs python-flint: pip install 'visray[test]'.
     """
-    from visray.study.stability import study  # NumPy twins of the kernels, which no other command needs
+    from visray.study.stability import study  # here, because no other command needs its libraries
 
-    chosen = parse_list(sets) or study.SETS
-    report = study.run(
-        surfaces, study.RAYS if rays is None else rays, chosen, parse_list(only), seed, progress=not json
-    )
+    count, chosen = study.RAYS if rays is None else rays, parse_list(sets) or study.SETS
+    report = study.run(surfaces, count, chosen, parse_list(only), seed, progress=not json)
     print_json(report.as_json()) if json else Console().print(report.table())
     return INTERRUPTED if report.stopped else 0 if report.passed else 1
 
 
 @app.command
 def surfaces(*, json: Json = False) -> int:
-    """List the known polynomial surfaces, which a scene has by name: parameters, and the radius of the clip.
+    """List the known polynomial surfaces: names, parameters, and the radius of the clip.
 
-    With --json also how each is written, where that is from, and its singular points.
+    A scene uses one by its name: {"type": "polynomial", "surface": "heart"}. With --json also the expression of each,
+    its source, and its singular points.
     """
     if json:
         print_json({name: asdict(c) for name, c in SURFACES.items()})
         return 0
     table = Table("surface", "", "parameters", "clip")
     for name, c in SURFACES.items():
-        given = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
-        table.add_row(name, c.title, given, f"{c.radius:g}")
+        parameters = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
+        table.add_row(name, c.title, parameters, f"{c.radius:g}")
     Console().print(table)
     return 0
 
 
 @app.command
 def doctor(*, json: Json = False) -> int:
-    """Say what visray found on this machine, and whether a picture comes out."""
-    from visray.study import doctor as examination  # it loads Mitsuba
+    """Report what visray finds on this machine, and whether a picture comes out."""
+    from visray.study import doctor as examination  # here, because it loads Mitsuba
 
     report = examination.examine(_probe)
     print_json(report) if json else Console().print(examination.table(report))
@@ -249,7 +259,7 @@ def doctor(*, json: Json = False) -> int:
 
 
 def _probe() -> Any:
-    """A small picture of a small scene, as a NumPy array."""
+    """Renders a small picture of a small scene. Shapes: (32, 32, 3)."""
     from visray.lights import PointLight
     from visray.primitives import Sphere
 

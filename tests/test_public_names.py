@@ -1,0 +1,27 @@
+"""The public names of visray, and what old names say."""
+
+import pytest
+
+import visray as vr
+
+
+def test_dir_shows_the_public_names_and_all_of_them_exist() -> None:
+    assert dir(vr) == sorted(vr.__all__)
+    assert all(getattr(vr, name) is not None for name in vr.__all__)
+
+
+@pytest.mark.parametrize(("old", "new"), [("Gradient", "SkyGradient"), ("surfaces", "SURFACES")])
+def test_an_old_name_is_refused_with_the_new_one(old: str, new: str) -> None:
+    line = f"^visray.{old} is now visray.{new}; use the new name$"
+    with pytest.raises(AttributeError, match=line):
+        getattr(vr, old)
+    with pytest.raises(ImportError, match=line):
+        exec(f"from visray import {old}")
+    assert not hasattr(vr, old) and hasattr(vr, new)
+
+
+def test_a_name_that_never_was_gets_pythons_own_errors() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'Sphare'"):
+        _ = vr.Sphare
+    with pytest.raises(ImportError, match="cannot import name 'Sphare'"):
+        exec("from visray import Sphare")

@@ -796,7 +796,7 @@ class Asked:
     questions: int
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         self.questions -= 1
         return self.questions < 0
 

@@ -239,11 +239,11 @@ def test_the_pictures_used_longest_ago_are_forgotten_first(tmp_path, monkeypatch
         Pillow.fromarray(some(4, 4, 3)).save(tmp_path / f"{name}.png")
     a, b = read(tmp_path / "a.png"), read(tmp_path / "b.png")
     assert read(tmp_path / "a.png") is a
-    monkeypatch.setattr(reading, "KEPT", 2 * a.nbytes)
+    monkeypatch.setattr(reading, "CACHE_BYTES", 2 * a.nbytes)
     read(tmp_path / "c.png")
     assert read(tmp_path / "a.png") is a and read(tmp_path / "b.png") is not b
     # One is always kept, however large.
-    monkeypatch.setattr(reading, "KEPT", 1)
+    monkeypatch.setattr(reading, "CACHE_BYTES", 1)
     c = read(tmp_path / "c.png")
     assert read(tmp_path / "c.png") is c
 

@@ -1,4 +1,4 @@
-"""Pictures as textures: read from files, and packed for kernels."""
+"""Images of textures: read from files, packed for kernels, and looked up."""
 
 from visray.images.atlas import WRAPS, Atlas, Row, pack
 from visray.images.reading import read_image

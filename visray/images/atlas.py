@@ -1,4 +1,4 @@
-"""The textures of a scene as arrays, for texturing.colour to look up."""
+"""Texture atlas: all textures of a scene as arrays that a kernel looks colours up in (lookup.py)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,13 @@ WRAPS = ("repeat", "mirror", "clamp")
 
 @dataclass(frozen=True)
 class Row:
-    """What a kernel knows of each texture. Shapes: one entry a texture.
+    """Parameters of each texture. Shapes: one entry per texture.
 
-    width, height: pixels, in double as they are multiplied with places; start: the number of the first of them among
-    all texels; wrap: place in WRAPS; smooth: 1 where neighbours are blended, else 0. checker: 1 or 0; a, b: its
-    colours, or None where no texture is one.
+    scale_u, scale_v, offset_u, offset_v: from (u, v) of the surface to that of the texture.
+    width, height: size in pixels, in double, since coordinates are multiplied by them.
+    start: index of the texture's first pixel among all texels.
+    wrap: index into WRAPS. smooth: 1 if neighbouring pixels are blended, else 0.
+    checker: 1 for a checker texture, else 0. a, b: the checker's colours, or None where the scene has no checker.
     """
 
     scale_u: Any
@@ -40,30 +42,34 @@ class Row:
 
 @dataclass(frozen=True)
 class Atlas:
-    """All textures of a scene. texels: R, G, B and 0 of each pixel, image after image, each from its bottom row up; or
-    None where no texture is an image. rows: in the order of the scene."""
+    """All textures of a scene.
+
+    texels: R, G, B and 0 of each pixel, one image after the other, each with its bottom row first. None where no
+    texture is an image.
+    rows: parameters of the textures, in the order of the scene.
+    """
 
     texels: Any
     rows: Row
 
 
 def pack(a: Arrays, textures: dict[str, Texture]) -> Atlas | None:
-    """The textures as arrays, an entry each in their order, or None where there are none; reads their files.
+    """Atlas of the textures, or None where there are none. Reads their image files.
 
-    Raises UserError, a line for each file that cannot be read. An image that several textures show is held once.
+    An image of several textures is stored once. Raises UserError, with a line for each file that cannot be read.
     """
     if not textures:
         return None
     images = _images(textures)
     distinct = _distinct(images)
     starts = np.cumsum([0] + [image.shape[0] * image.shape[1] for image in distinct])
-    first = {id(image): start for image, start in zip(distinct, starts)}
+    start_of = {id(image): start for image, start in zip(distinct, starts)}
     texels = np.zeros((starts[-1], 4), np.float32)
     for image, start in zip(distinct, starts):
         texels[start : start + image.shape[0] * image.shape[1], :3] = image[::-1].reshape(-1, 3)
-    things = list(textures.values())
+    textures_in_order = list(textures.values())
     sizes = [(1, 1) if image is None else image.shape[:2] for image in images]
-    checkers = [x if isinstance(x, CheckerTexture) else None for x in things]
+    checkers = [x if isinstance(x, CheckerTexture) else None for x in textures_in_order]
 
     def put(kind: Any, values: Sequence, number: type = float) -> Any:
         return a.put(kind, np.array(values, number).T)
@@ -71,27 +77,27 @@ def pack(a: Arrays, textures: dict[str, Texture]) -> Atlas | None:
     atlas = Atlas(
         texels=a.put(a.F32, texels.ravel()) if distinct else None,
         rows=Row(
-            scale_u=put(a.D, [x.scale[0] for x in things]),
-            scale_v=put(a.D, [x.scale[1] for x in things]),
-            offset_u=put(a.D, [x.offset[0] for x in things]),
-            offset_v=put(a.D, [x.offset[1] for x in things]),
+            scale_u=put(a.D, [x.scale[0] for x in textures_in_order]),
+            scale_v=put(a.D, [x.scale[1] for x in textures_in_order]),
+            offset_u=put(a.D, [x.offset[0] for x in textures_in_order]),
+            offset_v=put(a.D, [x.offset[1] for x in textures_in_order]),
             width=put(a.D, [width for _, width in sizes]),
             height=put(a.D, [height for height, _ in sizes]),
-            start=put(a.U, [first.get(id(image), 0) for image in images], np.uint32),
-            wrap=put(a.U, [WRAPS.index(getattr(x, "wrap", "repeat")) for x in things], np.uint32),
-            smooth=put(a.D, [getattr(x, "filter", "nearest") == "bilinear" for x in things]),
+            start=put(a.U, [start_of.get(id(image), 0) for image in images], np.uint32),
+            wrap=put(a.U, [WRAPS.index(getattr(x, "wrap", "repeat")) for x in textures_in_order], np.uint32),
+            smooth=put(a.D, [getattr(x, "filter", "nearest") == "bilinear" for x in textures_in_order]),
             checker=put(a.U, [c is not None for c in checkers], np.uint32),
             a=put(a.V, [c.a if c else (0, 0, 0) for c in checkers]) if any(checkers) else None,
             b=put(a.V, [c.b if c else (0, 0, 0) for c in checkers]) if any(checkers) else None,
         ),
     )
-    # The copies are made now: NumPy's memory goes when this returns.
+    # Dr.Jit copies the arrays now, before NumPy's memory is freed on return.
     dr.eval(atlas)
     return atlas
 
 
 def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
-    """The picture of each texture, or None where it is no image. Shapes: (H, W, 3)."""
+    """Image of each texture, or None where it has none. Shapes: (H, W, 3)."""
     images: list[np.ndarray | None] = []
     flaws: list[str] = []
     for name, texture in textures.items():
@@ -110,5 +116,6 @@ def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
 
 
 def _distinct(images: list[np.ndarray | None]) -> list[np.ndarray]:
-    """Each image once, by identity: of a file that did not change, read_image gives the same array."""
+    """The different images. They are compared by identity, since read_image returns the same array for an unchanged
+    file."""
     return list({id(image): image for image in images if image is not None}.values())

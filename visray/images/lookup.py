@@ -1,4 +1,4 @@
-"""The colour of a texture at (u, v), in kernels."""
+"""Texture lookup in kernels: the colour of a texture at (u, v)."""
 
 from typing import Any
 
@@ -10,48 +10,51 @@ from visray.quantities import Arrays
 
 
 def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) -> Any:
-    """The colour of texture `index`, one a lane, at (u, v), as a V.
+    """Colour of texture `index` at (u, v), as a V. Each lane has its own index.
 
-    bilinear: whether any texture of the atlas blends neighbours; where not, the kernel has no code for it. u, v: single
-    or double, any number; not finite: the colour of some pixel. Blends have derivatives by u and v, and lack those of
-    their corners; nearest pixels and checkers have none.
+    bilinear: whether any texture of the atlas blends neighbouring pixels; else the kernel has no code for it.
 
-    Error: (u, v) itself is used as given; in the texture it is off by 2^-52 (|scale u| + |offset|). A blend adds three
-    roundings of the shading precision.
+    Domain: any u and v, in single or double precision. Where they are not finite, the colour is that of some pixel.
+    A bilinear blend has derivatives by u and v, except for the kinks between pixels; a nearest pixel and a checker
+    have none.
+
+    Error: (u, v) in the texture is off by at most 2^-52 (|scale u| + |offset|). A blend adds three roundings of the
+    shading precision.
     """
     row = rows(atlas.rows, index)
-    x = _inside(row.scale_u * a.D(u) + row.offset_u, row.wrap)
-    y = _inside(row.scale_v * a.D(v) + row.offset_v, row.wrap)
+    x = _wrapped(row.scale_u * a.D(u) + row.offset_u, row.wrap)
+    y = _wrapped(row.scale_v * a.D(v) + row.offset_v, row.wrap)
     if atlas.texels is None:
-        return _squares(row, x, y)
-    seen = _image(a, atlas.texels, row, x, y, bilinear)
-    return seen if row.a is None else dr.select(row.checker != 0, _squares(row, x, y), seen)
+        return _checker(row, x, y)
+    image_colour = _image(a, atlas.texels, row, x, y, bilinear)
+    return image_colour if row.a is None else dr.select(row.checker != 0, _checker(row, x, y), image_colour)
 
 
-def _inside(x: Any, wrap: Any) -> Any:
-    """The place in [0, 1] that x stands for beyond the edges; 0 where x is not finite.
+def _wrapped(x: Any, wrap: Any) -> Any:
+    """Texture coordinate in [0, 1] after wrapping x; 0 where x is not finite.
 
-    By floor and not by a remainder of whole numbers, which LLVM takes lane by lane. A step back to 0 of a tiny negative
-    x may round up to 1: which is why callers take the last pixel there.
+    It uses floor instead of an integer remainder, which LLVM does not vectorise. For a tiny negative x, 1 + x may round
+    to 1, so callers accept 1 and take the last pixel there.
     """
     x = dr.select(wrap == WRAPS.index("clamp"), dr.clip(x, 0, 1), x)
-    once = wrap == WRAPS.index("repeat")
-    x = x - dr.select(once, 1, 2) * dr.floor(x * dr.select(once, 1, 0.5))
-    # The way back of a mirror, and what fmax makes of NaN.
+    repeats = wrap == WRAPS.index("repeat")
+    x = x - dr.select(repeats, 1, 2) * dr.floor(x * dr.select(repeats, 1, 0.5))
+    # From 1 to 2 a mirrored image runs backwards. fmax turns NaN into 0.
     return dr.select(x <= 1, x, dr.fmax(2 - x, 0))
 
 
-def _squares(row: Row, x: Any, y: Any) -> Any:
+def _checker(row: Row, x: Any, y: Any) -> Any:
+    """Colour of a checker texture at (x, y) in [0, 1]^2."""
     return dr.select((x < 0.5) ^ (y < 0.5), row.b, row.a)
 
 
 def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> Any:
-    """The pixel at (x, y) in [0, 1]^2, or the blend of the four whose centres are around it."""
+    """Colour of an image at (x, y) in [0, 1]^2: that of one pixel, or the blend of the four pixels around it."""
     pitch = a.U(row.width)
 
     def texel(i: Any, j: Any) -> Any:
-        found = dr.gather(a.Q32, texels, row.start + j * pitch + i)
-        return a.V(found.x, found.y, found.z)
+        rgb0 = dr.gather(a.Q32, texels, row.start + j * pitch + i)
+        return a.V(rgb0.x, rgb0.y, rgb0.z)
 
     if not bilinear:
         return texel(_nearest(a, x, row.width), _nearest(a, y, row.height))
@@ -62,25 +65,26 @@ def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> 
 
 
 def _blend(p: Any, q: Any, weight: Any) -> Any:
-    """p where the weight is 0; exact where p = q."""
+    """Linear blend: p at weight 0, q at weight 1. Exact where p = q."""
     return p + weight * (q - p)
 
 
 def _nearest(a: Arrays, x: Any, size: Any) -> Any:
+    """Index of the pixel that contains x in [0, 1], along one axis of `size` pixels."""
     return a.U(dr.minimum(dr.floor(x * size), size - 1))
 
 
 def _around(a: Arrays, x: Any, size: Any, row: Row) -> tuple[Any, Any, Any]:
-    """The pixels of one axis whose centres are before and behind x in [0, 1], and the weight of the latter.
+    """The two pixels along one axis whose centres enclose x in [0, 1], and the weight of the second.
 
-    Where the texture is not smooth: the pixel at x, and a weight of 0.
+    For a texture that is not smooth: the pixel that contains x, with a weight of 0 for the second.
     """
-    place = x * size - 0.5 * row.smooth
-    low = dr.floor(place)
-    weight = a.F((place - low) * row.smooth)
+    position = x * size - 0.5 * row.smooth
+    low = dr.floor(position)
+    weight = a.F((position - low) * row.smooth)
     last = size - 1
-    # Of a picture that repeats, the pixel before the first is the last; at other edges, a pixel is its own neighbour.
-    beyond = dr.select(row.wrap == WRAPS.index("repeat"), last, 0)
-    before = dr.select(low < 0, beyond, dr.minimum(low, last))
-    behind = dr.select(low >= last, last - beyond, low + 1)
-    return a.U(before), a.U(behind), weight
+    # In a repeating image the pixel before the first is the last; at other edges a pixel is its own neighbour.
+    before_first = dr.select(row.wrap == WRAPS.index("repeat"), last, 0)
+    first_index = dr.select(low < 0, before_first, dr.minimum(low, last))
+    second_index = dr.select(low >= last, last - before_first, low + 1)
+    return a.U(first_index), a.U(second_index), weight

@@ -36,7 +36,8 @@ def prose(text: str) -> list[str]:
 def measured(report: dict, script: str, between: str = " ", more: str = "") -> str:
     """Date, machine and versions of a report, in a sentence, and what to run, in another."""
     tools = ", ".join(f"{name} {report[key]}" for name, key in VERSIONS if key in report)
-    where = f"Measured {report['date']} on {report['cpu']}, {report['threads']} threads; {tools}."
+    threads = f"{report['threads']} thread{'s' * (report['threads'] != 1)}"
+    where = f"Measured {report['date']} on {report['cpu']}, {threads}; {tools}."
     return f"{where}{between}Run `python reference/{script}.py`{more}."
 
 
@@ -127,24 +128,29 @@ def polynomials() -> list[str]:
     """Against POV-Ray and surf."""
     report = loaded("bench_povray")
     size, larger = report["size"], report["size_of_camera_rays"]
-    heads = ["surface", "POV-Ray, s", "visray, s (4 spp)", "times faster at 1, 4, 16 spp"]
-    heads += ["surf, M rays/s", "visray, M rays/s", "wrong pixels: POV-Ray, visray"]
-    rows = []
+    timed = ["surface (degree)", "POV-Ray, s", "visray, s (4 spp)", "times faster at 1, 4, 16 spp"]
+    timed += ["wrong pixels, POV-Ray", "wrong pixels, visray", "pixels judged"]
+    times, rates = [], []
     for r in report["surfaces"]:
-        s, rates, w = r["shaded"], r["camera_rays"]["Mrays_per_s"], r["wrong"]
-        theirs, mine = s["s"]["povray 2"]["median"], s["visray_s_per_sample"]["4"]
+        s, speeds, wrong = r["shaded"], r["camera_rays"]["Mrays_per_s"], r["wrong"]
+        name = f"{r['surface']} ({r['degree']})"
+        theirs, ours = s["s"]["povray 2"]["median"], s["visray_s_per_sample"]["4"]
         ratios = ", ".join(f"{s['ratio'][n]:.0f}" for n in ("1", "4", "16"))
-        wrong = f"{w['povray']['wrong']}, {w['visray']['wrong']} of {w['visray']['checked']:,}"
-        row = [f"{r['surface']} ({r['degree']})", f"{theirs:.2f}", f"{mine:.4f}", ratios]
-        rows.append([*row, f"{rates['surf']:.1f}", f"{rates['visray picture']:.1f}", wrong])
+        counts = wrong["povray"]["wrong"], wrong["visray"]["wrong"], f"{wrong['visray']['checked']:,}"
+        times.append([name, f"{theirs:.2f}", f"{ours:.4f}", ratios, *counts])
+        rates.append([name, f"{speeds['surf']:.1f}", f"{speeds['visray picture']:.1f}"])
     return [
         *prose(
-            "POV-Ray 3.7 (`poly` with `sturm`) and visray render the same surface, camera, light and shadows, on "
-            f"two threads each, {size} x {size} pixels. Times are for one sample per pixel. surf draws without "
-            f"shadows, so it is compared on camera rays alone, on one thread, {larger:,} x {larger:,}. *Wrong "
-            "pixels* are judged by exact arithmetic: all pixels where the programs differ, and 20,000 at random:"
+            "POV-Ray 3.7 (`poly` with `sturm`) and visray render the same surface, camera, light and shadows, on two "
+            f"threads each, {size} x {size} pixels. Times are for one sample per pixel. *Wrong pixels* are judged by "
+            "exact arithmetic: all pixels where the programs differ, and 20,000 at random."
         ),
-        *table(heads, rows),
+        *table(timed, times),
+        *prose(
+            "surf draws without shadows, so it is compared on camera rays alone, in millions of rays per second on one "
+            f"thread, {larger:,} x {larger:,} pixels:"
+        ),
+        *table(["surface (degree)", "surf", "visray"], rates),
         measured(report, "bench_povray"),
     ]
 
@@ -244,29 +250,35 @@ def adaptive() -> list[str]:
 def cost() -> list[str]:
     """What accuracy costs for three scenes."""
     report = loaded("cost_of_accuracy")
-    heads = ["scene", "error, ms as it is", "half of the error costs, times the time (95 %)"]
-    heads += ["k of error ~ samples^-k: independent, stratified, Sobol"]
-    rows = []
+    samplers = {"independent": "independent", "stratified": "stratified", "sobol": "Sobol"}
+    slopes, prices = [], []
     for r in report["scenes"].values():
-        halves = [
-            f"{h['knob']} {h['factor']:.2g}{'*' * (h['least'] > 0.5)} "
-            f"({h['low']:.2g} to {'?' if h['high'] is None else format(h['high'], '.2g')})"
-            for h in r["halvings"]
-            if h["factor"] is not None
-        ]
-        others = [h["knob"] for h in r["halvings"] if h["factor"] is None]
-        text = "; ".join([", ".join(halves)] * bool(halves) + [f"not reached: {', '.join(others)}"] * bool(others))
-        slopes = [r["by_count"][f"samples, {name}"] for name in ("independent", "stratified", "sobol")]
-        shown = ", ".join(f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in slopes)
-        rows.append([r["title"], f"{100 * r['error']:.2g} %, {1e3 * r['seconds']:.0f}", text, shown])
+        exponents = (r["by_count"][f"samples, {name}"] for name in samplers)
+        shown = (f"{k:.2f} ± {(high - low) / 2:.2f}" for k, low, high in exponents)
+        slopes.append([r["title"], f"{100 * r['error']:.2g} %", f"{1e3 * r['seconds']:.0f}", *shown])
+        for h in r["halvings"]:
+            knob, comma, sampler = h["knob"].partition(", ")
+            knob = f"{samplers[sampler]} {knob}" if comma else knob
+            prices.append([r["title"], knob, _factor(h)])
+    heads = ["scene", "error now", "time now, ms", *(f"k, {name}" for name in samplers.values())]
     return [
         "![Error against seconds for three scenes, both logarithmic: a curve for each knob, their frontier, "
         "the scene as it is](cost.png)",
-        *table(heads, rows),
+        *table(heads, slopes),
+        *table(["scene", "knob", "times longer for half the error (95 % interval)"], prices)[1:],
         "\\*: extrapolated beyond what was measured.",
         "",
         measured(report, "cost_of_accuracy"),
     ]
+
+
+def _factor(halving: dict) -> str:
+    """How many times longer half of the error takes, with its interval; a star where it is extrapolated."""
+    if halving["factor"] is None:
+        return "not reached"
+    high = "?" if halving["high"] is None else format(halving["high"], ".2g")
+    star = "\\*" if halving["least"] > 0.5 else ""
+    return f"{halving['factor']:.2g}{star} ({halving['low']:.2g} to {high})"
 
 
 def layer_records() -> list[str]:

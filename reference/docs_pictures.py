@@ -30,18 +30,22 @@ PICTURES = {
 }
 
 
-def readme_scenes() -> None:
-    """The pictures of README's JSON scene, rendered by its command, and of its Python script."""
-    text = (ROOT / "README.md").read_text()
-    block = r"^```{}\n(.*?)^```"
-    scene, script = (re.search(block.format(kind), text, re.DOTALL | re.MULTILINE)[1] for kind in ("json", "python"))
-    command = re.search(r"^(visray render first\.json .*)", text, re.MULTILINE)[1]
+def first_block(page: str, language: str) -> str:
+    """The first code block of a page in a language."""
+    return re.search(rf"^```{language}\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)[1]
+
+
+def scenes_of_pages() -> None:
+    """The pictures of README's JSON scene, rendered by its command, of its Python script, and of the materials."""
+    command = re.search(r"^(visray render first\.json .*)", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
+    materials = "visray render materials.json -o materials.png --size 480x320 --spp 64"
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "first.json").write_text(scene)
-        (Path(folder) / "spiral.py").write_text(script)
-        for words in (["-m", *command.split()], ["spiral.py"]):
+        (Path(folder) / "first.json").write_text(first_block("README.md", "json"))
+        (Path(folder) / "spiral.py").write_text(first_block("README.md", "python"))
+        (Path(folder) / "materials.json").write_text(first_block("docs/materials-and-lights.md", "json"))
+        for words in (["-m", *command.split()], ["spiral.py"], ["-m", *materials.split()]):
             subprocess.run([sys.executable, *words], cwd=folder, check=True)
-        for name in ("first", "spiral"):
+        for name in ("first", "spiral", "materials"):
             save_small(Path(folder) / f"{name}.png", DOCS / f"{name}.png")
 
 
@@ -62,6 +66,6 @@ def picture(name: str) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) == 1:
-        readme_scenes()
+        scenes_of_pages()
     for scene_name in sys.argv[1:] or GALLERY:
         picture(scene_name)

@@ -142,7 +142,9 @@ def test_a_scene_on_a_page_loads(page, block, folder):
     (folder / "scene.json").write_text(block)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LegacyWarning)
-        vr.load(folder / "scene.json")
+        scene = vr.load("scene.json")
+    for texture in scene.textures.values():
+        assert Path(getattr(texture, "file", ".")).exists()
 
 
 @pytest.mark.filterwarnings("error")

@@ -82,7 +82,7 @@ class AddressIndex:
         return Slot((getattr(table, field),), row, int(rest[0]) if rest else None)
 
     def _of_object(self, name: str, path: list[str]) -> Slot:
-        """The place of a number of an object. path: the address after the object's name, split at dots."""
+        """The place of one of an object's numbers. path: the address after the object's name, split at dots."""
         obj = self.scene.objects[name]
         number, row = self.row_of(self.packed.batches, name)
         batch = self.packed.batches[number]

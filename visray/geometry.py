@@ -1,7 +1,7 @@
 """Frames, affine maps and rounding bounds: the arithmetic under every primitive.
 
-All functions except those of plain numbers take Dr.Jit arrays of any backend and width: tables with one entry an
-object, single rows, or one row a lane.
+All functions except those of plain numbers take Dr.Jit arrays of any backend and width: tables with one entry for each
+object, single rows, or one row for each lane.
 """
 
 from dataclasses import dataclass
@@ -50,8 +50,8 @@ def triple(v: Any, x: Any, y: Any, z: Any) -> Any:
 def tangents(n: Any) -> tuple[Any, Any]:
     """Two unit vectors (s, t) with s x t = n, chosen so that a texture on the plane stands upright.
 
-    t is the direction in the plane nearest to world +y; where n is exactly +y or -y, s is +x. So on a floor seen from
-    above with -z upwards, u runs right and v runs north; on a wall, u runs right and v runs up.
+    t is the direction in the plane nearest to world +y; where n is exactly +y or -y, s is +x. So on a floor, u runs
+    along +x and v along -z; on a wall, seen from the side of n, u runs right and v runs up.
 
     Shapes: n (3, N).
     Domain: every unit n.

@@ -196,7 +196,7 @@ def derivative(
 
 
 def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
-    """The slow twin of `derivative`: central differences in double, with the same samples. Shapes: (H, W, 3).
+    """Central differences in double with the same samples, as a slow reference for `derivative`. Shapes: (H, W, 3).
 
     Error: step^2 times the third derivative, and 1e-16 / step of rounding. Unlike in `derivative`, the contribution of
         edges is included.

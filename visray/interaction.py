@@ -129,7 +129,7 @@ def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
 def _row_of(s: KernelScene, table: tuple, size: int, in_batch: Any, index: Any) -> tuple:
     """A row of a table for each lane, selected by branches, because a packet of lanes needs few of the rows.
 
-    Tables of many rows are gathered instead. So are all where derivatives are asked for: Dr.Jit 1.5 returns zero
+    Large tables are gathered instead, and all tables where derivatives are asked for: Dr.Jit 1.5 returns zero
     derivatives for values from outside a loop that pass through a branch inside it.
     """
     if s.attached or size > policy.MAX_INLINED:

@@ -91,7 +91,7 @@ class KernelScene:
     coverage: coverage of a sample that hits nothing
     transparent: whether the film is transparent
     attached: whether derivatives are asked for
-    brute_force: whether every row is tested, without guards or trees: the slow twin
+    brute_force: whether every row is tested, without guards or trees, as a reference for tests
     """
 
     a: Arrays

@@ -24,7 +24,8 @@ def index_in_block(index: Any) -> Any:
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over the samples of each lane. Shapes: (3, N), but (N) for coverage.
+    """Sums over the samples of each lane. A sample is covered if it hits an object. Shapes: (3, N), but (N) for
+    coverage.
 
     mean: mean colour of the samples in full blocks, in double
     squares: sum of their squared differences from the mean, in double

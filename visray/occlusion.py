@@ -19,7 +19,7 @@ SKY, NEAR, TURN = 2, 3, 6
 
 
 def sky(s: KernelScene, si: Interaction) -> Any:
-    """Share of the sky that is visible: of the rays that hit nothing."""
+    """Visible share of the sky: the share of rays that hit nothing."""
 
     def step(j: Any, visible: Any) -> tuple:
         ray = _ray(s, si, SKY, j)

@@ -22,7 +22,7 @@ NO_ROW = 0xFFFFFFFF
 class Ray:
     """A ray in world space, in double precision.
 
-    o: origin, one for all lanes or one a lane
+    o: origin, one for all lanes, or one for each lane
     d: direction, unit to 2^-52; or in single precision, until `exact` refines it
     row, part: surface that the ray leaves, or None
     inside: whether the ray runs into that row, for closed kinds

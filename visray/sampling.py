@@ -28,7 +28,7 @@ def hash32(x: Any) -> Any:
 
 @dataclass(frozen=True)
 class SamplePlan:
-    """The samples that one pass takes, as opaque numbers with one entry, or one a lane.
+    """The samples that one pass takes, as opaque numbers: one for all lanes, or one for each lane.
 
     Sample first + i of a pixel falls in stratum (start + i step) modulo strata, counted from the pixel's own first
     stratum. So where a sample falls depends on its index, and not on the pass that takes it.
@@ -146,8 +146,8 @@ def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class SampleSet:
-    """A number of points that are stratified together, such as light samples, or the rays of one surface point. Opaque;
-    one entry, or one a set.
+    """A number of points that are stratified together, such as light samples, or the rays of one surface point. Opaque:
+    one entry, or one for each set.
 
     count: number of points
     strata: number of strata, side * side

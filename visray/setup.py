@@ -81,8 +81,8 @@ def prepare(
 ) -> Prepared:
     """Prepares a scene for rendering.
 
-    everything: all effects are simulated, even where they are zero; the slow twin of `features`
-    brute_force: every row is tested, without guards or trees; the slow twin of the search
+    everything: all effects are simulated, even where they are zero; a reference that `features` is tested against
+    brute_force: every row is tested, without guards or trees; a reference that the search is tested against
     wrt: addresses that derivatives are taken by
     attach: enables derivatives in the packed numbers, before anything is computed from them
     without: names of effects that are left out

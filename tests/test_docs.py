@@ -155,6 +155,7 @@ def test_the_setup_file_on_the_page_of_visraytrace_belongs_to_its_scene(folder):
     assert set(vr.load(folder / "scene.json", folder / "setup.json").objects) == {"ball", "floor"}
 
 
+@pytest.mark.filterwarnings("ignore::visray.EdgeWarning")
 @pytest.mark.parametrize("page, block", blocks("python"))
 def test_a_script_on_a_page_runs(page, block, folder, monkeypatch):
     """With few samples, on small pictures: what it prints is not looked at."""

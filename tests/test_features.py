@@ -180,7 +180,7 @@ CASES = {
                          "called for by materials.gloss"),
     "two glasses": (GLASS, "nested media", True, "called for by objects.ball and 2 more"),
     "one glass": (both(GLASS, lambda s: replace(s, objects={k: s.objects[k] for k in ("floor", "ball")})),
-                  "nested media", False, "no transparent solid is beside another transparent thing"),
+                  "nested media", False, "no transparent solid is beside another transparent object"),
     "scatter": (settings(scatter=Scatter(rays=2, depth=2)), "scatter", True,
                 "called for by materials.gloss and 1 more"),
     "scatter of mirrors": (both(material(kr=(0.5, 0.6, 0.7)), settings(scatter=Scatter(rays=2, depth=2))), "scatter",

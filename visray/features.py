@@ -219,7 +219,7 @@ RULES = (
          ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
     Rule("reflection", _if_lit(lambda s: _with_share(s, "kr")), "no material has kr", ("kr",)),
     Rule("refraction", _if_lit(lambda s: _with_share(s, "kt")), "no material has kt", ("kt",)),
-    Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent thing", ("kt",),
+    Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent object", ("kt",),
          needs="refraction"),
     Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
          lambda s: s.settings.scatter.rays and s.settings.scatter.depth),

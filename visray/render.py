@@ -12,7 +12,7 @@ import numpy as np
 from visray import clock, integrator
 from visray import film as films
 from visray.adaptive.error_floor import Files
-from visray.adaptive.loop import NoNumber, render_adaptively
+from visray.adaptive.loop import NotANumber, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.errors import GoalWarning, UserError
@@ -96,7 +96,7 @@ def render(
             values = _first_hit_layers(prepared, layers)
             try:
                 adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
-            except NoNumber as none:
+            except NotANumber as none:
                 check_numbers(prepared, none.mean)
                 raise
             values, spp_taken, facts = adaptive.layers | values, 0, adaptive.facts

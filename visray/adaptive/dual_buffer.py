@@ -72,10 +72,10 @@ class Estimate:
         most of the error, the sum of x is uncertain, and so is the estimate of its spread: hence an interval by a
         factor, not by a difference.
 
-        `unseen` is added to the upper end. It is the error by light as bright as the picture that three samples of the
-        whole picture would meet on average, and that all samples miss with a probability of 5 %. Such a sample would
-        change one pixel by luminance / samples. Where no sample has met any light, nothing is known of the error, and
-        `high` is 1.
+        The upper end also contains `unseen`, the error by light that all samples may have missed. On average UNSEEN
+        samples of the whole picture would meet such light; all miss it with a probability of 5 %. Each of them would
+        change one pixel by luminance / samples, if the light is as bright as the picture. Where no sample has met any
+        light, nothing is known of the error, and `high` is 1.
         """
         square, light = squares / n, luminance / n
         # Pixels that are not numbers give an estimate that is not a number, which the caller reports.

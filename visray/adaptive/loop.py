@@ -37,7 +37,7 @@ from visray.setup import Prepared
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
 # After Ctrl-C the first samples are finished if that takes at most so many seconds; else there is no picture.
 FINISHING_SECONDS = 2.0
-# Share of the allowed error that a forecast may reach: the true error may be a little larger.
+# A round aims at this share of the allowed mean square error, so that the estimate after it is rarely above.
 MARGIN = 0.98
 
 
@@ -57,7 +57,7 @@ class Forecast:
         return f"forecast: error {self.error:.2g} with {self.spp:.0f} samples per pixel, after {self.seconds:.1f} s"
 
 
-class NoNumber(Exception):
+class NotANumber(Exception):
     """Raised where a pixel is not a number. `mean`: the pixels of the picture. Shape: (3, N)."""
 
     def __init__(self, mean: np.ndarray):
@@ -153,9 +153,9 @@ class AdaptiveRun:
                 return self._new_allocation()
 
     def _seconds_for_first_samples(self) -> float:
-        """Seconds for the first samples of each pixel, without which there is no picture: no limit.
+        """Seconds allowed for the first samples of each pixel: infinite, since without them there is no picture.
 
-        Raises UserError with the time that they take if it exceeds the goal's.
+        Raises UserError, with the time that they take, if the goal's time is too short for them.
         """
         buffer, goal = self.buffer, self.goal
         self.bar.update(int(buffer.counts.sum()))
@@ -189,10 +189,10 @@ class AdaptiveRun:
         return allocation
 
     def _checked_estimate(self) -> Estimate:
-        """Estimated error of the samples so far. Raises NoNumber if a pixel is not a number."""
+        """Estimated error of the samples so far. Raises NotANumber if a pixel is not a number."""
         estimate = self.buffer.estimate()
         if not np.isfinite(estimate.square):
-            raise NoNumber(self.buffer.mean())
+            raise NotANumber(self.buffer.mean())
         return estimate
 
     def _seconds_left(self) -> float:

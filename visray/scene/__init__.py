@@ -1,1 +1,1 @@
-"""Scenes: what they are, and how they are read and written."""
+"""Scenes: their records, their validation, and reading and writing of scene files."""

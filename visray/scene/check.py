@@ -125,7 +125,7 @@ def _joined(entries: dict, known: dict, new: dict) -> dict:
 
 
 def _has_own_flaws(scene: Scene) -> bool:
-    """Whether the camera, a light or an object is wrong by itself."""
+    """Whether the camera, a light or an object has a flaw that concerns no other part of the scene."""
     with np.errstate(all="ignore"):
         return bool(
             _camera_flaws(scene.camera)
@@ -162,8 +162,10 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
 
 
 def flaws(scene: Scene) -> list[str]:
-    """Errors that concern several fields together, one line each: `ADDRESS = VALUE: what is wrong; what would be
-    right`."""
+    """Flaws of a scene: errors that concern several fields together, or a condition that no single field shows.
+
+    One line each: `ADDRESS = VALUE: what is wrong; what would be right`.
+    """
     with np.errstate(all="ignore"):
         texts = _camera_flaws(scene.camera)
         for name, material in scene.materials.items():

@@ -1008,6 +1008,18 @@ def truth(thing: Any, o: np.ndarray, d: np.ndarray) -> Truth:
         return Truth(what, t, low, high, sure)
 
 
+def crossed(thing: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """The kind of the first crossing as in Truth, by the twin alone. Domain: objects without a transform."""
+    o, d, twin, exactly = real(o), real(d), SAMPLES[type(thing).__name__].twin, np.zeros(len(o), Real)
+    with np.errstate(all="ignore"):
+        if hasattr(twin, "first"):
+            return twin.first(thing, o, d, exactly)[0]
+        if hasattr(twin, "interval"):
+            return _first(*twin.interval(thing, o, d, exactly))[0]
+        t, outside = twin.crossing(thing, o, d, exactly)
+        return np.where((t > 0) & (outside <= 0), 1, 0)
+
+
 def _first(t0: np.ndarray, t1: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     what = np.where(~(t0 <= t1) | (t1 <= 0), 0, np.where(t0 > 0, 1, 2))
     return what, np.where(what == 1, t0, t1)

@@ -18,7 +18,19 @@ from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.setup import prepare
 from visray.study import ablation
-from visray.study.ablation import BRIEF, FEWEST, LONGEST, MOST, Cost, Picture, Spread, cost, fitting, left_out, reduced_size
+from visray.study.ablation import (
+    BRIEF,
+    FEWEST,
+    LONGEST,
+    MOST,
+    Cost,
+    Picture,
+    Spread,
+    cost,
+    fitting,
+    left_out,
+    reduced_size,
+)
 
 __all__ = ["folder"]  # the fixture
 

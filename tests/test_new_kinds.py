@@ -5,7 +5,6 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 
-import drjit as dr
 import flint
 import numpy as np
 import pytest
@@ -102,23 +101,6 @@ def extremes(name: str, rng: np.random.Generator) -> list:
     return found
 
 
-def touching(rng: np.random.Generator, thing, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rays past points of the silhouette, off it by 10^U(-16, -1) of the size."""
-    reach = SAMPLES[type(thing).__name__].hull(thing)[1]
-    off = reach * 10 ** rng.uniform(-16, -1, (count, 1)) * rng.choice([-1, 1], (count, 1))
-    far = reach * 10 ** rng.uniform(-0.5, 2, (count, 1))
-    q, n = points(rng, thing, count)
-    along = unit(np.cross(n, rng.normal(size=(count, 3)))).astype(float)
-    o = q + off * n - far * along
-    return o, unit(q + off * n - o).astype(float)
-
-
-def points(rng: np.random.Generator, thing, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points of an object without a transform, and the normals there."""
-    n = unit(rng.normal(size=(count, 3)))
-    return support(thing, n, spread=rng.uniform(size=count)).astype(float), n.astype(float)
-
-
 def support(thing, n: np.ndarray, spread: np.ndarray | None = None) -> np.ndarray:
     """The points of an object that have these unit normals: of a torus the outer ones, of a capsule's wall any. The
     object's own coordinates."""
@@ -139,25 +121,6 @@ def test_twin_in_80_bits_agrees_on_extreme_shapes(name: str) -> None:
 
     A narrower hole is next to a singular point: there a polynomial in double tells less than the error bound."""
     check(Run(extremes(name, np.random.default_rng(5)), 6), few=0.002)
-
-
-@EACH
-def test_grazing_rays_agree_with_the_twin(name: str) -> None:
-    """10,000 rays off the silhouette by 1e-16 to 0.1 of the size: no decision differs that rounding leaves no choice
-    of."""
-    r = Run(instances(name, 11, 100, False), 12, 100, touching)
-    unsure = 0
-    for i, thing in enumerate(r.things):
-        exact = truth(thing, r.o[i], r.d[i])
-        assert np.array_equal(r.hit[i][exact.sure], exact.what[exact.sure] > 0)
-        unsure += (~exact.sure).sum()
-        met = exact.sure & r.hit[i]
-        slack = gamma(2) * exact.high[met]
-        assert (r.t[i][met] >= exact.low[met] - slack).all() and (r.t[i][met] <= exact.high[met] + slack).all()
-        hit = r.hit[i]
-        assert (np.abs(gap(thing, r.p[i][hit])[0]) <= r.error[i][hit]).all()
-    # Of 15 decades those below 1e-12 are open: far / size is at most 1e2, the bound 26 u times that.
-    assert unsure < 0.4 * r.hit.size
 
 
 def check(r: Run, few: float = 0.1) -> None:
@@ -244,54 +207,6 @@ def test_box_is_tight_and_ball_holds_the_object(name: str, moved: bool) -> None:
             assert (away <= float(np.array(bounds.radius).item()) + rounded).all()
         if not moved:
             assert float(np.array(bounds.radius).item()) <= reach * (1 + gamma(12))
-
-
-@EACH
-def test_ray_that_leaves_a_point_neither_meets_it_again_nor_leaks(name: str) -> None:
-    """10,000 rays from points as kernels know them, inwards and outwards, half of them at less than 3 degrees."""
-    rng = np.random.default_rng(21)
-    for thing in instances(name, 22, 10, False):
-        o, d = aimed(rng, thing, 20_000, beyond=1.0)
-        line = Lineup([thing], len(o))
-        c = line.crossing(line.ray(o, d))
-        s, _, _ = line.surface(line.ray(o, d), c.t, c.part)
-        met = np.flatnonzero(np.isfinite(np.array(c.t)))[:1000]
-        p, n, error = array(s.p)[met], unit(array(s.n)[met]), np.array(s.error)[met]
-        count = len(met)
-        assert count == 1000
-        side = rng.choice([-1.0, 1.0], count)
-        cosine = rng.random(count) * np.where(rng.random(count) < 0.5, 0.05, 1.0)
-        across = unit(np.cross(n, rng.normal(size=(count, 3))))
-        d = unit((side * cosine)[:, None] * n + np.sqrt(1 - cosine**2)[:, None] * across).astype(float)
-        line, inside = Lineup([thing], count), side < 0
-        part = None if c.part is None else line.a.U(np.array(c.part)[met])
-        ray = line.ray(p, d, inside=line.a.B(inside), part=part)
-        leaving = dr.full(line.a.B, True, count)
-        t = np.array(line.first(ray, leaving))
-        # No leak: who goes in comes out.
-        assert np.isfinite(t[inside]).all() and (t[inside] > 0).all()
-        # It comes out where the twin says, which starts off the surface on the side where the ray is; and no sooner. No
-        # wonder where the ray is so flat that it comes out within that.
-        off = 64 * error
-        clear = cosine**2 * gap(thing, p)[2] > 100 * off
-        twin = truth(thing, p + (side * off)[:, None] * n, d)
-        sure = clear & twin.sure
-        assert sure.mean() > 0.9
-        assert np.array_equal(np.isfinite(t)[sure], twin.what[sure] > 0)
-        both = sure & np.isfinite(t)
-        assert np.array_equal(inside[both], twin.what[both] == 2)
-        if name != "Torus":
-            assert np.isinf(t[~inside]).all()
-        # The start was moved: the end by as much over its own slope, twice as where that changes on the way.
-        end = p[both] + t[both, None] * d[both]
-        slope = np.abs(np.sum(gap(thing, end)[1] * d[both], axis=1))
-        flat = slope**2 * gap(thing, end)[2] <= 100 * off[both]
-        moved = 2 * off[both] * (1 + 1 / np.maximum(slope, U))
-        assert (flat | (np.abs(t[both] - twin.t[both]) <= moved)).all()
-        # Shadow rays say the same.
-        known = {"on_start": leaving, "inside": ray.inside, "start_part": part}
-        occluded = np.array(line.occludes(line.piece(ray, line.a.D(1e30)).ray, line.a.D(1e30), **known))
-        assert np.array_equal(occluded, np.isfinite(t))
 
 
 # Exact algebra

@@ -31,7 +31,7 @@ from PIL import Image
 
 from visray.passes import expose
 from visray.setup import Prepared, prepare
-from visray.study.ablation import Picture
+from visray.study.ablation import UncachedPicture
 
 HERE = Path(__file__).resolve().parent
 SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 5
@@ -120,7 +120,7 @@ def changes(picture: str) -> dict[str, Change]:
 
 def kernel(prepared: Prepared) -> tuple[int, float]:
     """Operations and compile seconds."""
-    found = [Picture.of(prepared).compiled() for _ in range(COMPILED)]
+    found = [UncachedPicture.of(prepared).compiled() for _ in range(COMPILED)]
     return found[0][0], median(s for _, s in found)
 
 

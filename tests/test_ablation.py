@@ -19,16 +19,16 @@ from visray.scene.scene import Scene
 from visray.setup import prepare
 from visray.study import ablation
 from visray.study.ablation import (
-    BRIEF,
-    FEWEST,
-    LONGEST,
-    MOST,
+    FEWEST_RUNS,
+    LONGEST_SIDE,
+    MOST_SAMPLES,
+    RENDER_SECONDS,
     Cost,
-    Picture,
     Spread,
+    UncachedPicture,
     cost,
-    fitting,
-    left_out,
+    fitting_samples,
+    prepared_without,
     reduced_size,
 )
 
@@ -43,7 +43,7 @@ def small(scene: Scene) -> Scene:
 def test_what_is_left_out_leaves_the_kernel_of_the_scene_without_it(effect: str) -> None:
     """Instruction by instruction the kernel of the scene that does not call for the effect."""
     before, after = (change(MATTE) for change in STEPS[effect])
-    assert kernel(left_out(after, effect))["hash"] == kernel(prepare(before))["hash"]
+    assert kernel(prepared_without(after, effect))["hash"] == kernel(prepare(before))["hash"]
 
 
 def test_effects_are_left_out_with_those_that_refine_them() -> None:
@@ -56,14 +56,14 @@ def test_effects_are_left_out_with_those_that_refine_them() -> None:
         "textures": {"bilinear"},
     }
     for effect in features(full).names():
-        lost = set(features(full).names()) - set(left_out(full, effect).features.names())
+        lost = set(features(full).names()) - set(prepared_without(full, effect).features.names())
         assert lost == {effect} | expected.get(effect, set())
     assert {r.name for r in RULES if r.needs} == set().union(*expected.values())
 
 
 def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
     made = prepare(small(MATTE))
-    one, other = Picture.of(made), Picture.of(made)
+    one, other = UncachedPicture.of(made), UncachedPicture.of(made)
     assert one.mark != other.mark and one.mark >= 2**31 > made.scene.film.width
     assert all(p.compiled()[1] > 0 for p in (one, other))
     # The second time it is the same kernel: nothing is compiled.
@@ -77,7 +77,7 @@ def test_spreads() -> None:
     assert Spread.of([3.0, 1.0, 2.0, 8.0, 7.0, 6.0, 5.0, 4.0]) == Spread(4.5, 1.0, 8.0)
     assert Spread.of(list(range(100))) == Spread(49.5, 36, 63)
     with pytest.raises(ValueError):
-        Spread.of([1.0] * (FEWEST - 1))
+        Spread.of([1.0] * (FEWEST_RUNS - 1))
     rng = np.random.default_rng(0)
     caught = [s.low <= 1 <= s.high for s in (Spread.of(list(v)) for v in rng.normal(1, 3, (2000, 15)))]
     # 15 values: it misses with a chance of 0.0074, so up to 15 in 2000 are likely, and 35 are not once in 10^5 times.
@@ -97,7 +97,7 @@ def test_a_cost_says_where_it_is_noise() -> None:
 @pytest.mark.parametrize("effect", ["diffuse", "scatter"])
 def test_the_report_of_a_scene_with_one_effect(effect: str) -> None:
     scene = small(STEPS[effect][1](MATTE))
-    report = cost(scene, spp=2, runs=FEWEST)
+    report = cost(scene, spp=2, runs=FEWEST_RUNS)
     assert list(report.costs) == features(scene).names()
     assert report.costs[effect].operations == operations(scene) - operations(small(STEPS[effect][0](MATTE)))
     assert report.total.seconds.low > 0 and report.total.compile_seconds.low > 0
@@ -105,14 +105,14 @@ def test_the_report_of_a_scene_with_one_effect(effect: str) -> None:
 
 
 def test_the_report_of_a_scene_without_any_effect() -> None:
-    report = cost(replace(small(MATTE), objects={}), spp=2, runs=FEWEST)
+    report = cost(replace(small(MATTE), objects={}), spp=2, runs=FEWEST_RUNS)
     assert report.costs == {} and report.total.operations > 0
     assert not any(f["on"] for f in report.as_json()["features"])
 
 
 def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     # Two runs, where a user is asked for eight: tracing takes the time.
-    monkeypatch.setattr(ablation, "FEWEST", 2)
+    monkeypatch.setattr(ablation, "FEWEST_RUNS", 2)
     monkeypatch.setattr(ablation, "CHANCE", 0.5)
     scene = small(ALL(replace(FULL, objects={name: FULL.objects[name] for name in ("floor", "ball", "box")})))
     report = cost(scene, spp=2, runs=2)
@@ -132,8 +132,8 @@ def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("size", [(640, 480), (100, 5000), (256, 256), (3, 2), (5000, 1)])
 def test_reduced_size(size: tuple[int, int]) -> None:
     width, height = reduced_size(*size)
-    scale = min(1, LONGEST / max(size))
-    assert max(width, height) == min(LONGEST, max(size)) and min(width, height) >= 1
+    scale = min(1, LONGEST_SIDE / max(size))
+    assert max(width, height) == min(LONGEST_SIDE, max(size)) and min(width, height) >= 1
     assert abs(width - scale * size[0]) <= 1 and abs(height - scale * size[1]) <= 1
 
 
@@ -146,7 +146,7 @@ def file(tmp_path: Path) -> str:
 
 
 def test_on_the_command_line(file: str, capsys: pytest.CaptureFixture) -> None:
-    tokens = ["explain", file, "--cost", "--spp", "1", "--runs", str(FEWEST)]
+    tokens = ["explain", file, "--cost", "--spp", "1", "--runs", str(FEWEST_RUNS)]
     assert main(tokens) == 0
     text = capsys.readouterr().out
     for word in ("8 x 6 pixels, 1 samples", "operations", "run, ms", "compile, s", "all"):
@@ -162,7 +162,7 @@ def test_on_the_command_line(file: str, capsys: pytest.CaptureFixture) -> None:
 
 @pytest.mark.parametrize(
     ("extra", "hint"),
-    [(["--runs", "3"], f"at least {FEWEST}"), (["--spp", "0"], "settings.spp"), (["--runs", "many"], "many")],
+    [(["--runs", "3"], f"at least {FEWEST_RUNS}"), (["--spp", "0"], "settings.spp"), (["--runs", "many"], "many")],
 )
 def test_bad_input(file: str, extra: list[str], hint: str, capsys: pytest.CaptureFixture) -> None:
     assert main(["explain", file, "--cost", *extra]) == 2
@@ -171,9 +171,9 @@ def test_bad_input(file: str, extra: list[str], hint: str, capsys: pytest.Captur
 
 
 def test_a_picture_has_as_many_samples_as_run_in_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    for seconds, samples in ((1e-6, MOST), (BRIEF / 5.5, 5), (10 * BRIEF, 1)):
-        monkeypatch.setattr(Picture, "seconds", lambda _, s=seconds: s)
-        assert fitting(small(MATTE)) == samples
+    for seconds, samples in ((1e-6, MOST_SAMPLES), (RENDER_SECONDS / 5.5, 5), (10 * RENDER_SECONDS, 1)):
+        monkeypatch.setattr(UncachedPicture, "seconds", lambda _, s=seconds: s)
+        assert fitting_samples(small(MATTE)) == samples
         if samples == 5:
             assert cost(small(MATTE)).spp == 5 and cost(small(MATTE), spp=7).spp == 7
 
@@ -188,13 +188,13 @@ def test_ctrl_c_stops_between_two_pictures(
 ) -> None:
     made = []
 
-    def seconds(picture: Picture) -> float:
+    def seconds(picture: UncachedPicture) -> float:
         if made:
             signal.raise_signal(signal.SIGINT)
         made.append(picture.kernels())
-        return BRIEF
+        return RENDER_SECONDS
 
-    monkeypatch.setattr(Picture, "seconds", seconds)
+    monkeypatch.setattr(UncachedPicture, "seconds", seconds)
     assert main(["explain", file, "--cost"]) == 130
     out, err = capsys.readouterr()
     assert out == "" and "stopped" in err and len(made) == 2

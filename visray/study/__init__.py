@@ -1,1 +1,1 @@
-"""Studies: how right, how stable, how fast."""
+"""Studies of visray: correctness against Mitsuba, stability against exact arithmetic, cost, and this machine."""

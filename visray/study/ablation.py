@@ -1,17 +1,19 @@
-"""What each effect of a scene costs: its picture against the same one without that effect, in one process.
+"""The cost of each effect of a scene: its picture is compared with the same picture without that effect.
 
-An effect is left out with those that only refine it (`Rule.needs`); for area lights, points in their middles shine.
-The pictures are small (LONGEST, BRIEF), each made by one kernel in one pass. Of that kernel is measured:
+With an effect, those that only refine it are left out too (`Rule.needs`). Area lights are replaced by point lights in
+their middles. The pictures are small (LONGEST_SIDE, RENDER_SECONDS), and each is rendered by one kernel in one pass.
+Three numbers of that kernel are measured:
 
 Operations, as Dr.Jit counts them.
 
-Seconds: how long it runs once it is compiled. Tracing it in Python is not in them; each pass does that once, whatever
-its size. The picture with all effects is made before and after each other one, `runs` times over; the cost is the
-median of the differences from the mean of both.
+Seconds: the time that the compiled kernel runs. The time to trace it in Python is left out: each pass does that once,
+whatever its size. The picture with all effects is rendered before and after each other one, `runs` times; the cost is
+the median of the differences from the mean of both.
 
-Compile seconds: what Dr.Jit and LLVM take to make it. Dr.Jit keeps kernels in memory and on disk, and no switch in a
-process turns that off; so each kernel holds a number that no kernel has held before (new_mark). Each is compiled
-once, and that of all effects REPEATS times in between: what these differ by, no effect can be told from.
+Compile seconds: the time that Dr.Jit and LLVM take to make the kernel. Dr.Jit keeps kernels in memory and on disk, and
+a process cannot turn that off. So each kernel contains a number that no kernel has had before (new_mark). Each is
+compiled once, and the kernel with all effects FULL_COMPILATIONS times in between: smaller differences than between
+these count as noise.
 """
 
 import secrets
@@ -37,33 +39,41 @@ from visray.render import adjusted, explain
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
 
-LONGEST = 256  # pixels of the longer side
-MOST, BRIEF = 16, 0.1  # samples per pixel: this many, or as many as run in so many seconds
-RUNS, REPEATS = 8, 3
-# The chance that a spread misses the true median is at most this, for which so many values are needed.
-CHANCE, FEWEST = 0.01, 8
+LONGEST_SIDE = 256  # pixels of the longer side of the film
+# Samples per pixel: as many as take RENDER_SECONDS, but at most MOST_SAMPLES.
+MOST_SAMPLES, RENDER_SECONDS = 16, 0.1
+RUNS, FULL_COMPILATIONS = 8, 3
+# A spread misses the true median with a probability of at most CHANCE. That needs FEWEST_RUNS values.
+CHANCE, FEWEST_RUNS = 0.01, 8
 
 
 def sign_test_trims(n: int, chance: float) -> list[int]:
-    """How many of n values may be left out at each end, so that the true median lies within the others but for a
-    chance, by the sign test; none where they are too few for that."""
+    """How many of n sorted values may be dropped at each end while the true median still lies within the others.
+
+    It lies outside with a probability of at most `chance`, by the sign test. The list holds all possible numbers, and
+    is empty if n values are too few.
+    """
     beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
     return [k for k, missed in enumerate(beyond) if 2 * missed <= chance]
 
 
 def new_mark() -> int:
-    """A number that no kernel has held before: that of a column of pixels, far outside any film."""
+    """A random number that no kernel has contained before. As a column of pixels it is far outside any film."""
     return 2**31 + secrets.randbelow(2**31)
 
 
 def marked_columns(a: Arrays, x: Any, mark: int) -> Any:
-    """The columns of pixels, by a kernel that holds the mark: the column of that number would be moved to the first."""
+    """The columns x of pixels, unchanged, by code that contains the mark: a column of that number would become 0."""
     return dr.select(x == a.U(mark), 0, x)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A measured number, and between which two it lies."""
+    """A measured number, as a median.
+
+    middle: the median
+    low, high: bounds of the true median
+    """
 
     middle: float
     low: float
@@ -71,16 +81,17 @@ class Spread:
 
     @staticmethod
     def of(values: list[float]) -> "Spread":
-        """The median, and two of the values between which the true one lies, by the sign test."""
+        """The median of values, with two of them as bounds of the true median, by the sign test."""
         ordered, k = sorted(values), max(sign_test_trims(len(values), CHANCE))
         return Spread(median(values), ordered[k], ordered[-1 - k])
 
     @property
     def in_noise(self) -> bool:
-        """Whether it may as well be 0."""
+        """Whether the true median may be 0."""
         return self.low <= 0 <= self.high
 
     def text(self, scale: float = 1) -> str:
+        """The number for the terminal, multiplied by `scale`; an upper bound if it may be 0."""
         low, middle, high = (scale * x for x in (self.low, self.middle, self.high))
         if self.in_noise:
             return f"< {max(-low, high):.2f}"
@@ -89,7 +100,10 @@ class Spread:
 
 @dataclass(frozen=True)
 class Cost:
-    """What an effect adds, or what all of them take. along: the effects that were left out with it."""
+    """The cost of one effect, or of the picture with all effects.
+
+    along: the effects that were left out together with this one
+    """
 
     operations: int
     seconds: Spread
@@ -97,19 +111,25 @@ class Cost:
     along: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        found: dict[str, Any] = {"operations": self.operations}
+        report: dict[str, Any] = {"operations": self.operations}
         for name, s in (("seconds", self.seconds), ("compile_seconds", self.compile_seconds)):
-            found |= {name: s.middle, f"{name}_spread": [s.low, s.high], f"{name}_in_noise": s.in_noise}
-        return found | {"left_out_with": list(self.along)}
+            report |= {name: s.middle, f"{name}_spread": [s.low, s.high], f"{name}_in_noise": s.in_noise}
+        return report | {"left_out_with": list(self.along)}
 
     def texts(self) -> tuple[str, str, str]:
-        """Operations, milliseconds and compile seconds for the terminal."""
+        """Operations, milliseconds and compile seconds, for the terminal."""
         return f"{self.operations:,}", self.seconds.text(1e3), self.compile_seconds.text()
 
 
 @dataclass(frozen=True)
 class Report:
-    """The effects of a scene, what each that is on costs, and what the whole picture takes."""
+    """The costs of a scene's effects.
+
+    scene_hash, width, height, spp, runs: the picture that was measured
+    features: all effects, each with whether the scene has it and why
+    costs: of the effects that the scene has, by name
+    total: of the picture with all effects
+    """
 
     scene_hash: str
     width: int
@@ -131,86 +151,102 @@ class Report:
         }
 
     def table(self) -> Table:
-        """The report for the terminal: what the effects that are on cost."""
-        title = f"{self.width} x {self.height} pixels, {self.spp} samples each; medians of {self.runs} runs by turns"
+        """The report for the terminal: the costs of the effects that the scene has."""
+        title = f"{self.width} x {self.height} pixels, {self.spp} samples per pixel; medians of {self.runs} runs"
         table = Table("effect", title=title, caption=self._notes())
         for name in ("operations", "run, ms", "compile, s"):
             table.add_column(name, justify="right", no_wrap=True)
-        for name, found in self.costs.items():
-            table.add_row(name, *found.texts())
+        for name, cost_of_effect in self.costs.items():
+            table.add_row(name, *cost_of_effect.texts())
         table.add_section()
         table.add_row("all", *self.total.texts())
         return table
 
     def _notes(self) -> str:
-        """What a reader of the columns must know."""
-        lines = ["run: of the compiled kernel, without tracing it in Python", "compile: with no kernel in the cache"]
-        lines += [f"{name}: left out with {', '.join(c.along)}" for name, c in self.costs.items() if c.along]
+        """The legend of the columns."""
+        lines = [
+            "run: the compiled kernel, without the time to trace it in Python",
+            "compile: of a kernel that no cache holds",
+            "< x: the effect may cost nothing, and costs less than x",
+        ]
+        lines += [f"{name}: left out together with {', '.join(c.along)}" for name, c in self.costs.items() if c.along]
         return "\n".join(lines)
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A scene that is set up, and the mark of its kernel alone."""
+class UncachedPicture:
+    """A prepared scene whose kernel no cache holds.
+
+    mark: a number that only this kernel contains
+    """
 
     prepared: Prepared
     mark: int
 
     @staticmethod
-    def of(prepared: Prepared) -> "Picture":
-        return Picture(prepared, new_mark())
+    def of(prepared: Prepared) -> "UncachedPicture":
+        return UncachedPicture(prepared, new_mark())
 
     def kernels(self) -> list[dict[str, Any]]:
-        """Makes the picture in one pass; what Dr.Jit says of the kernels that did."""
+        """Renders the picture in one pass, and returns Dr.Jit's records of its kernels."""
         prepared = self.prepared
         film = empty_film(prepared)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
-            # Anew each time: were it kept, the next kernel would be traced in another order.
+            # The columns are marked anew each time: if they were kept, the next kernel would be traced in another
+            # order.
             x = marked_columns(prepared.a, prepared.x, self.mark)
             exposed_once(replace(prepared, x=x), film, prepared.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 
     def seconds(self) -> float:
-        """How long its kernels run."""
+        """The time that the kernels run."""
         return clock.kernel_seconds(self.kernels())
 
     def compiled(self) -> tuple[int, float]:
-        """Operations and compile seconds of its kernel, where it is made for the first time."""
+        """Operations and compile seconds of the kernel. Domain: its first rendering."""
         k = max(self.kernels(), key=lambda k: k["operation_count"])
         return k["operation_count"], (k["codegen_time"] + k["backend_time"]) / 1e3
 
 
 def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool = False) -> Report:
-    """What each effect that the scene calls for costs, and the whole picture. Ctrl-C raises KeyboardInterrupt, but not
-    in the middle of a kernel."""
-    if not isinstance(runs, int) or runs < FEWEST:
-        raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST}, for the spread of a median")
+    """Measures the cost of each effect that the scene has, and of the picture with all of them.
+
+    Ctrl-C raises KeyboardInterrupt after the kernel that runs.
+
+    spp: samples per pixel; None: as many as take RENDER_SECONDS, but at most MOST_SAMPLES
+    runs: how often each picture is rendered, at least FEWEST_RUNS
+    """
+    if not isinstance(runs, int) or runs < FEWEST_RUNS:
+        raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST_RUNS}, for the spread of a median")
     small = adjusted(scene, spp=spp, size=reduced_size(scene.film.width, scene.film.height))
-    found = explain(small)
+    explanation = explain(small)
     with Interrupts() as interrupts:
-        fitted = fitting(small)
-        small = adjusted(small, spp=spp or fitted)
-        costs, total = _measured(small, found.names(), runs, progress, interrupts)
+        fitting = fitting_samples(small)
+        small = adjusted(small, spp=spp or fitting)
+        costs, total = _measured(small, explanation.names(), runs, progress, interrupts)
     film = small.film
-    return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, found.listed, costs, total)
+    return Report(scene.hash(), film.width, film.height, small.settings.spp, runs, explanation.listed, costs, total)
 
 
-def reduced_size(width: int, height: int, longest: int = LONGEST) -> tuple[int, int]:
-    """The film's size with its longer side at most so many pixels."""
+def reduced_size(width: int, height: int, longest: int = LONGEST_SIDE) -> tuple[int, int]:
+    """The size of a film, scaled so that its longer side has at most `longest` pixels."""
     scale = longest / max(width, height, longest)
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
-def fitting(scene: Scene) -> int:
-    """How many samples of a pixel run in about BRIEF. With this kernel LLVM itself starts: it must be the first."""
-    one = Picture.of(prepare(adjusted(scene, spp=1)))
-    one.compiled()
-    return min(MOST, max(1, int(BRIEF / one.seconds())))
+def fitting_samples(scene: Scene) -> int:
+    """Number of samples per pixel that take about RENDER_SECONDS.
+
+    It must be measured before all else: LLVM itself starts with the first kernel.
+    """
+    picture = UncachedPicture.of(prepare(adjusted(scene, spp=1)))
+    picture.compiled()
+    return min(MOST_SAMPLES, max(1, int(RENDER_SECONDS / picture.seconds())))
 
 
-def left_out(scene: Scene, effect: str) -> Prepared:
-    """The scene set up without an effect."""
+def prepared_without(scene: Scene, effect: str) -> Prepared:
+    """The scene, prepared without an effect."""
     if effect != "area lights":
         return prepare(scene, without=(effect,))
     shared = [f.name for f in fields(Light)]
@@ -222,7 +258,7 @@ def left_out(scene: Scene, effect: str) -> Prepared:
 
 
 class _Steps:
-    """Does one piece of work after the other; after Ctrl-C stops between two of them."""
+    """Runs steps of work one by one and shows progress. After Ctrl-C it stops before the next step."""
 
     def __init__(self, interrupts: Interrupts, bar: Bar):
         self.interrupts, self.bar, self.done = interrupts, bar, 0
@@ -239,26 +275,37 @@ class _Steps:
 def _measured(
     scene: Scene, effects: list[str], runs: int, progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Cost], Cost]:
-    """The costs of the effects, and of all together."""
+    """The costs of the effects by name, and of the picture with all of them."""
     n, half = len(effects), len(effects) // 2
-    with Bar("measuring", (n + 1) + (n + REPEATS) + runs * (2 * n + 1), progress) as bar:
+    with Bar("measuring", (n + 1) + (n + FULL_COMPILATIONS) + runs * (2 * n + 1), progress) as bar:
         step = _Steps(interrupts, bar)
         everything = step(partial(prepare, scene))
-        lesser = {e: Picture.of(step(partial(left_out, scene, e))) for e in effects}
-        wholes = [Picture.of(everything) for _ in range(REPEATS)]
-        each = list(lesser.values())
-        queue = [wholes[0], *each[:half], *wholes[1:-1], *each[half:], wholes[-1]]
+        pictures_without = {e: UncachedPicture.of(step(partial(prepared_without, scene, e))) for e in effects}
+        full = [UncachedPicture.of(everything) for _ in range(FULL_COMPILATIONS)]
+        others = list(pictures_without.values())
+        queue = [full[0], *others[:half], *full[1:-1], *others[half:], full[-1]]
         compiled = {p.mark: step(p.compiled) for p in queue}
-        ran, differences = _by_turns(step, wholes[0], lesser, runs)
-    operations, times = zip(*(compiled[w.mark] for w in wholes))
-    total = Cost(operations[0], Spread.of(ran), Spread(median(times), min(times), max(times)))
-    return {e: _cost(e, p, *compiled[p.mark], differences[e], total, effects) for e, p in lesser.items()}, total
+        full_seconds, differences = _alternating_runs(step, full[0], pictures_without, runs)
+    operations, times = zip(*(compiled[p.mark] for p in full))
+    total = Cost(operations[0], Spread.of(full_seconds), Spread(median(times), min(times), max(times)))
+    return {
+        e: _cost(e, p, *compiled[p.mark], differences[e], total, effects) for e, p in pictures_without.items()
+    }, total
 
 
 def _cost(
-    effect: str, picture: Picture, operations: int, seconds: float, differences: list, total: Cost, effects: list[str]
+    effect: str,
+    picture: UncachedPicture,
+    operations: int,
+    seconds: float,
+    differences: list,
+    total: Cost,
+    effects: list[str],
 ) -> Cost:
-    """What an effect adds, by the operations and the compile seconds of the picture without it."""
+    """The cost of an effect, from the numbers of the picture without it.
+
+    seconds: compile seconds of that picture; differences: of the run times, the full picture less that one
+    """
     c, on = total.compile_seconds, picture.prepared.features
     noise, more = c.high - c.low, c.middle - seconds
     along = tuple(e for e in effects if e != effect and not on[e])
@@ -266,14 +313,19 @@ def _cost(
     return Cost(total.operations - operations, Spread.of(differences), spread, along)
 
 
-def _by_turns(step: _Steps, whole: Picture, lesser: dict[str, Picture], runs: int) -> tuple[list, dict[str, list]]:
-    """How long the whole picture runs, and how much longer than each lesser one that it is made before and after."""
-    ran: list[float] = []
-    differences: dict[str, list[float]] = {effect: [] for effect in lesser}
+def _alternating_runs(
+    step: _Steps, full: UncachedPicture, pictures_without: dict[str, UncachedPicture], runs: int
+) -> tuple[list[float], dict[str, list[float]]]:
+    """Times of the full picture, and how much longer it takes than each picture without an effect.
+
+    The full picture is rendered before and after each of the others; the difference is from the mean of both.
+    """
+    full_seconds: list[float] = []
+    differences: dict[str, list[float]] = {effect: [] for effect in pictures_without}
     for _ in range(runs):
-        ran.append(step(whole.seconds))
-        for effect, picture in lesser.items():
-            less = step(picture.seconds)
-            ran.append(step(whole.seconds))
-            differences[effect].append((ran[-2] + ran[-1]) / 2 - less)
-    return ran, differences
+        full_seconds.append(step(full.seconds))
+        for effect, picture in pictures_without.items():
+            seconds = step(picture.seconds)
+            full_seconds.append(step(full.seconds))
+            differences[effect].append((full_seconds[-2] + full_seconds[-1]) / 2 - seconds)
+    return full_seconds, differences

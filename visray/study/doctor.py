@@ -1,4 +1,4 @@
-"""What this computer offers to visray, and whether a picture comes out of it."""
+"""The report of `visray doctor`: what visray finds on this machine, and whether a test picture is right."""
 
 import os
 import platform
@@ -25,9 +25,9 @@ GOOD = "ready"
 
 
 def examine(render: Callable[[], np.ndarray]) -> dict[str, Any]:
-    """A report that json.dumps can write; `verdict` is `ready`, or what is wrong.
+    """The report, as json.dumps takes it; `verdict` is `ready`, or says what is wrong.
 
-    `render` makes a real picture and returns it as (32, 32, 3). It is not called where LLVM would end the process.
+    render: renders a test picture, (32, 32, 3); not called without a working LLVM, which would end the process
     """
     report: dict[str, Any] = {
         "platform": platform.platform(),
@@ -49,11 +49,11 @@ def examine(render: Callable[[], np.ndarray]) -> dict[str, Any]:
 
 
 def judge(render: Callable[[], np.ndarray]) -> str:
-    """`ready` if the picture has the right shape, only finite numbers, and not all the same one; else what is wrong."""
+    """`ready` if the test picture has the right shape and finite numbers that are not all equal; else what is wrong."""
     try:
         picture = np.asarray(render())
     except (UserError, RuntimeError) as error:
-        # Dr.Jit's own errors are RuntimeErrors; the first line says what happened.
+        # Errors of Dr.Jit are RuntimeErrors; their first line says what happened.
         return f"the test picture could not be rendered: {(str(error).strip() or repr(error)).splitlines()[0]}"
     if picture.shape != (SIZE, SIZE, 3):
         return f"the test picture has the shape {picture.shape}; right would be {(SIZE, SIZE, 3)}"
@@ -61,33 +61,33 @@ def judge(render: Callable[[], np.ndarray]) -> str:
     if bad:
         return f"the test picture has {bad} pixels that are not finite; right would be none"
     if (picture == picture.flat[0]).all():
-        return f"the test picture is {picture.flat[0]:g} everywhere; right would be objects before a background"
+        return f"the test picture is {picture.flat[0]:g} everywhere; right would be a sphere before a background"
     return GOOD
 
 
 def table(report: dict[str, Any]) -> Table:
-    """The report as two columns for the terminal."""
+    """The report for the terminal, in two columns."""
     rows = Table(show_header=False, box=None, pad_edge=False)
     rows.add_column(style="bold", no_wrap=True)
     rows.add_column(overflow="fold")
     for name, value in report.items():
         if isinstance(value, dict):
-            for key, part in value.items():
-                rows.add_row(f"{name}: {key}", _text(part))
+            for key, entry in value.items():
+                rows.add_row(f"{name}: {key}", _text(entry))
         else:
             rows.add_row(name, _text(value))
     return rows
 
 
 def kernel_cache() -> dict[str, Any]:
-    """Where Dr.Jit keeps compiled kernels, how many and how large they are (MiB), and how large they may become."""
+    """Dr.Jit's cache of compiled kernels: its folder, number of files, size (MiB), and largest size allowed."""
     folder = _cache_folder()
     sizes = []
     for path in folder.glob("*.bin") if folder else ():
         try:
             sizes.append(path.stat().st_size)
         except FileNotFoundError:
-            # Another process has tidied up in the meantime.
+            # Another process removed the file in the meantime.
             continue
     limit = os.environ.get("DRJIT_CACHE_MAXSIZE") or "1G"
     return {
@@ -99,7 +99,7 @@ def kernel_cache() -> dict[str, Any]:
 
 
 def _cache_folder() -> Path | None:
-    """The folder that Dr.Jit uses, or None where it has none and keeps no kernels."""
+    """The folder of Dr.Jit's kernel cache, or None if it keeps no kernels."""
     if "DRJIT_CACHE_DIR" in os.environ:
         return Path(os.environ["DRJIT_CACHE_DIR"])
     if sys.platform == "win32":
@@ -108,6 +108,7 @@ def _cache_folder() -> Path | None:
 
 
 def _llvm(library: llvm.LLVM | None) -> dict[str, Any]:
+    """The LLVM that is loaded: path, version, how it was chosen, vector width and processor."""
     if library is None:
         return {"path": None, "version": None, "source": None}
     width, processor = _code_generation()
@@ -121,7 +122,7 @@ def _llvm(library: llvm.LLVM | None) -> dict[str, Any]:
 
 
 def _code_generation() -> tuple[int | None, str | None]:
-    """How many single-precision numbers a vector holds, and for which processor, as the code of a kernel says."""
+    """Vector width in single-precision numbers, and processor, as they stand in the code of a kernel."""
     from drjit.llvm import Float
 
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):

@@ -1,4 +1,4 @@
-"""Where figures come from: date, processor, versions."""
+"""The origin of measured figures: date, processor, versions."""
 
 import platform
 from datetime import date
@@ -11,14 +11,14 @@ from visray.version import __version__
 
 
 def machine() -> dict[str, Any]:
-    """Date, processor, threads and versions."""
-    name, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
+    """Date, processor, number of threads, and versions of packages and of LLVM."""
+    cpu, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
     if info.exists():
         lines = info.read_text().splitlines()
-        name = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), name)
+        cpu = next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), cpu)
     return {
         "date": date.today().isoformat(),
-        "cpu": name,
+        "cpu": cpu,
         "threads": dr.thread_count(),
         "python": platform.python_version(),
         "visray": __version__,

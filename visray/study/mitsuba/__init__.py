@@ -1,1 +1,1 @@
-"""Checks of scenes against Mitsuba 3."""
+"""The check of a scene against Mitsuba 3."""

@@ -12,7 +12,8 @@ from test_features import ALL, FULL, MATTE, STEPS, folder, kernel, operations
 
 from visray.cli import main
 from visray.errors import UserError
-from visray.features import RULES, features
+from visray.feature_rules import RULES
+from visray.features import features
 from visray.passes import expose
 from visray.scene.load import dump
 from visray.scene.scene import Scene

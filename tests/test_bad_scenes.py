@@ -16,7 +16,8 @@ import visray as vr
 from visray import passes
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.cli import main
-from visray.features import RULES, features
+from visray.feature_rules import RULES
+from visray.features import features
 from visray.passes import expose
 from visray.render import check_numbers
 from visray.setup import prepare

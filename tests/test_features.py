@@ -13,7 +13,8 @@ from PIL import Image as Pillow
 
 from visray import direct, indirect, integrator, media, occlusion, shading, warp
 from visray.camera import Camera
-from visray.features import RULES, features
+from visray.feature_rules import RULES
+from visray.features import features
 from visray.gradients import gradient
 from visray.images import lookup as texturing
 from visray.lights import DiskLight, PointLight, RectangleLight, SphereLight
@@ -131,7 +132,7 @@ ALL = both(
 
 # Changes of the full scene: which effect they take away (or add), and the reason that is given.
 CASES = {
-    "ambient 0": (whole(ambient=BLACK), "ambient", True, "called for by materials.gloss and 1 more"),
+    "ambient 0": (whole(ambient=BLACK), "ambient", True, "needed by materials.gloss and 1 more"),
     "no Ia": (lambda s: light(Ia=BLACK)(whole(ambient=BLACK)(s)), "ambient", False,
               "no ambient light falls on a material with ka"),
     "no ka": (material(ka=BLACK), "ambient", False, "no ambient light falls on a material with ka"),
@@ -142,59 +143,59 @@ CASES = {
     "whole shininess": (material(shininess=301.0), "fractional shininess", False, "every shininess is a whole number"),
     "no attenuation": (light(a=0.0, b=0.0, c=0.0), "attenuation", False, "no light has a, b or c"),
     "one flat thing": (lone(Rectangle(width=(3, 0, 0), height=(0, 3, 0))), "shadows", False,
-                       "nothing can stand between a light and a surface"),
-    "one solid thing": (lone(Sphere()), "shadows", True, "called for by lights.key and 1 more"),
+                       "no object can occlude a light"),
+    "one solid thing": (lone(Sphere()), "shadows", True, "needed by lights.key and 1 more"),
     "shadows off": (settings(shadows=False), "shadows", False, "settings.shadows is false"),
-    "no objects": (whole(objects={}), "shadows", False, "nothing can stand between a light and a surface"),
-    "no lights": (whole(lights={}), "shadows", False, "nothing can stand between a light and a surface"),
+    "no objects": (whole(objects={}), "shadows", False, "no object can occlude a light"),
+    "no lights": (whole(lights={}), "shadows", False, "no object can occlude a light"),
     "lights off": (light(intensity=0.0), "diffuse", False, "no light with Id falls on a material with kd"),
     "black sky": (whole(background=BLACK), "background", False, "the background is black"),
-    "plain sky": (whole(background=(0.0, 0.0, 0.1)), "background", True, "called for by background"),
+    "plain sky": (whole(background=(0.0, 0.0, 0.1)), "background", True, "needed by background"),
     "transparent": (film(transparent=True), "background", False, "film.transparent is true"),
-    "opaque": (film(transparent=False), "coverage", False, "the film is opaque: A is 1"),
-    "covering": (film(transparent=True), "coverage", True, "called for by film.transparent"),
-    "tinted shadows": (both(GLASS, settings(depth=0)), "coloured shadows", True, "called for by materials.gloss"),
+    "opaque": (film(transparent=False), "coverage", False, "film.transparent is false: A is 1"),
+    "covering": (film(transparent=True), "coverage", True, "needed by film.transparent"),
+    "tinted shadows": (both(GLASS, settings(depth=0)), "coloured shadows", True, "needed by materials.gloss"),
     "glass in the dark": (both(GLASS, whole(lights={})), "coloured shadows", False,
-                          "nothing that throws a shadow lets light through"),
+                          "no object that casts a shadow is transparent"),
     "glass without shadows": (both(GLASS, settings(shadows=False)), "coloured shadows", False,
                               "settings.shadows is false"),
-    "panel": (lit_by(key=PANEL), "area lights", True, "called for by lights.key"),
-    "disk and globe": (lit_by(a=DISK, b=GLOBE), "area lights", True, "called for by lights.a and 1 more"),
+    "panel": (lit_by(key=PANEL), "area lights", True, "needed by lights.key"),
+    "disk and globe": (lit_by(a=DISK, b=GLOBE), "area lights", True, "needed by lights.a and 1 more"),
     "panel without shadows": (both(lit_by(key=PANEL), settings(shadows=False)), "shadows", False,
                               "settings.shadows is false"),
-    "panel off": (lit_by(key=replace(PANEL, intensity=0.0)), "area lights", False, "every light is a point or far"),
-    "sky": (settings(occlusion=Occlusion(sky=5)), "sky occlusion", True, "called for by settings.occlusion.sky"),
+    "panel off": (lit_by(key=replace(PANEL, intensity=0.0)), "area lights", False, "no light has an area"),
+    "sky": (settings(occlusion=Occlusion(sky=5)), "sky occlusion", True, "needed by settings.occlusion.sky"),
     "sky above black": (both(material(ka=BLACK), settings(occlusion=Occlusion(sky=5))), "sky occlusion", False,
                         "settings.occlusion.sky is 0, or no ambient light falls on a material with ka"),
     "near": (settings(occlusion=Occlusion(near=5, distance=2.0)), "near occlusion", True,
-             "called for by settings.occlusion.near"),
+             "needed by settings.occlusion.near"),
     "near without Ia": (both(light(Ia=BLACK), settings(occlusion=Occlusion(near=5))), "near occlusion", False,
                         "settings.occlusion.near is 0, or no Ia falls on a material with ka"),
-    "mirror": (material("gloss", kr=(0.5, 0.6, 0.7)), "reflection", True, "called for by materials.gloss"),
+    "mirror": (material("gloss", kr=(0.5, 0.6, 0.7)), "reflection", True, "needed by materials.gloss"),
     "no mirror": (settings(scatter=Scatter(rays=2)), "reflection", False, "no material has kr"),
     "mirror at depth 0": (both(material(kr=(0.5, 0.6, 0.7)), settings(depth=0)), "reflection", False,
                           "settings.depth is 0"),
-    "glass": (both(GLASS, settings(shadows=False)), "refraction", True, "called for by materials.gloss"),
+    "glass": (both(GLASS, settings(shadows=False)), "refraction", True, "needed by materials.gloss"),
     "no glass": (material(kr=(0.1, 0.2, 0.3)), "refraction", False, "no material has kt"),
     "glass and mirror": (both(GLASS, material(kr=(0.2, 0.1, 0.3))), "refraction", True,
-                         "called for by materials.gloss"),
-    "two glasses": (GLASS, "nested media", True, "called for by objects.ball and 2 more"),
+                         "needed by materials.gloss"),
+    "two glasses": (GLASS, "nested media", True, "needed by objects.ball and 2 more"),
     "one glass": (both(GLASS, lambda s: replace(s, objects={k: s.objects[k] for k in ("floor", "ball")})),
                   "nested media", False, "no transparent solid is beside another transparent object"),
     "scatter": (settings(scatter=Scatter(rays=2, depth=2)), "scatter", True,
-                "called for by materials.gloss and 1 more"),
+                "needed by materials.gloss and 1 more"),
     "scatter of mirrors": (both(material(kr=(0.5, 0.6, 0.7)), settings(scatter=Scatter(rays=2, depth=2))), "scatter",
                            False, "settings.scatter has no rays, or no material is matte"),
-    "squares": (painted("wall", CheckerTexture()), "textures", True, "called for by materials.wall"),
+    "squares": (painted("wall", CheckerTexture()), "textures", True, "needed by materials.wall"),
     "no textures": (lens(0.2), "textures", False, "the scene has no textures"),
     "textures that nothing has": (whole(textures={"t": CheckerTexture()}), "textures", False,
                                   "no material has a texture"),
-    "blend": (painted("wall", ImageTexture(file=DOTS)), "bilinear", True, "called for by textures.t"),
+    "blend": (painted("wall", ImageTexture(file=DOTS)), "bilinear", True, "needed by textures.t"),
     "nearest": (painted("wall", ImageTexture(file=DOTS, filter="nearest")), "bilinear", False,
                 "no texture blends its pixels"),
-    "lens": (lens(0.3), "defocus", True, "called for by camera.aperture"),
+    "lens": (lens(0.3), "defocus", True, "needed by camera.aperture"),
     "pinhole": (whole(), "defocus", False, "camera.aperture is 0"),
-    "all": (ALL, "refraction", True, "called for by materials.gloss"),
+    "all": (ALL, "refraction", True, "needed by materials.gloss"),
     "normals": (both(ALL, settings(shading="normal")), "diffuse", False, "settings.shading is normal"),
 }  # fmt: skip
 # Of these cases, the scene itself rules the effect out: it is not forced.
@@ -232,7 +233,7 @@ def test_reason(case: str) -> None:
     assert (found[name].on, found[name].reason) == (on, reason)
     forced = {f.name: f for f in features(change(FULL), everything=True).listed}
     assert forced[name].on != (case in FORBIDDEN)
-    # What only lacks the effect that it refines is called for by the scene itself.
+    # An effect that lacks only the effect that it refines is needed by the scene.
     if not reason.startswith("without"):
         assert forced[name].reason == (reason if on or case in FORBIDDEN else "forced")
 
@@ -241,7 +242,7 @@ def test_what_only_refines_an_effect_is_off_with_it() -> None:
     scene = both(GLASS, light(intensity=0.0))(FULL)
     for everything, on, reason in (
         (False, False, "without shadows it changes nothing"),
-        (True, True, "called for by materials.gloss"),
+        (True, True, "needed by materials.gloss"),
     ):
         found = next(f for f in features(scene, everything=everything).listed if f.name == "coloured shadows")
         assert (found.on, found.reason) == (on, reason)

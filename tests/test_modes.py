@@ -9,7 +9,8 @@ from test_features import operations
 from test_shading import BLACK, DARK, PRECISIONS, pixels, seen
 
 from visray.camera import Camera
-from visray.features import RULES, features
+from visray.feature_rules import RULES
+from visray.features import features
 from visray.geometry import gamma
 from visray.lights import DirectionalLight, PointLight, RectangleLight, SphereLight
 from visray.materials import Material

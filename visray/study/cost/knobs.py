@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from visray.adaptive.error_floor import DEEPEST
-from visray.features import used_materials
+from visray.feature_rules import used_materials
 from visray.primitives import Polynomial
 from visray.render import explain
 from visray.scene.address import changed, value

@@ -1,0 +1,177 @@
+"""Rules that decide which effects a scene needs, one for each effect.
+
+To add an effect: one rule in RULES, and code in the kernel for `features["name"]`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from visray import modes
+from visray.materials import Material
+from visray.primitives.flat import Flat
+from visray.scene.scene import Scene, SkyGradient
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Rule that decides whether a scene needs an effect. The scene must hold only materials that are in use
+    (used_materials).
+
+    name: the effect.
+    calls: addresses in a scene that need the effect; empty if there are none.
+    absent: reason that is given where there are none.
+    fields: fields that the effect depends on. A derivative by one of them needs the effect too: a term that is 0 may
+    have a derivative that is not.
+    possible: whether such a derivative can be other than 0 in a scene.
+    needs: the effect that this one only refines, if any.
+    """
+
+    name: str
+    calls: Callable[[Scene], list[str]]
+    absent: str
+    fields: tuple[str, ...]
+    possible: Callable[[Scene], object] = lambda scene: True
+    needs: str | None = None
+
+
+def used_materials(scene: Scene) -> dict[str, Material]:
+    """Materials that at least one object has, by name."""
+    used = {o.material for o in scene.objects.values()}
+    return {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
+
+
+def _materials(scene: Scene, test: Callable[[Material], object]) -> list[str]:
+    """Addresses of the materials that pass a test."""
+    return [f"materials.{n}" for n, m in scene.materials.items() if test(m)]
+
+
+def _lights(scene: Scene, test: Callable) -> list[str]:
+    """Addresses of the lights that pass a test."""
+    return [f"lights.{n}" for n, l in scene.lights.items() if test(l)]
+
+
+# Functions `calls` of the rules: the addresses that need an effect.
+def _ambient(scene: Scene) -> list[str]:
+    """Materials with ka, where there is ambient light."""
+    has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
+    return _materials(scene, lambda m: any(m.ka)) if has_ambient else []
+
+
+def _diffuse(scene: Scene) -> list[str]:
+    """Materials with kd or a texture, where a light has Id."""
+    lit = _lights(scene, lambda l: l.intensity and any(l.Id))
+    return _materials(scene, lambda m: any(m.kd) or m.texture) if lit else []
+
+
+def _specular(scene: Scene) -> list[str]:
+    """Materials with ks, where a light has Is."""
+    lit = _lights(scene, lambda l: l.intensity and any(l.Is))
+    return _materials(scene, lambda m: any(m.ks)) if lit else []
+
+
+def _background(scene: Scene) -> list[str]:
+    """The background, unless it is black."""
+    sky = scene.background
+    colours = (*sky.top, *sky.bottom) if isinstance(sky, SkyGradient) else sky
+    return ["background"] if any(colours) else []
+
+
+def _shadows(scene: Scene) -> list[str]:
+    """Lights, where an object can cast a shadow."""
+    return _lights(scene, lambda l: l.intensity) if _can_occlude(scene) else []
+
+
+def _can_occlude(scene: Scene) -> bool:
+    """Whether an object can occlude a light from a surface. A single flat object cannot."""
+    single_flat = len(scene.objects) == 1 and isinstance(next(iter(scene.objects.values())), Flat)
+    return bool(scene.objects) and not single_flat
+
+
+def _coloured(scene: Scene) -> list[str]:
+    """Transparent materials, where they can cast a shadow.
+
+    The lights' intensity does not matter: also with intensity 0, the derivative by it depends on the shadow's colour.
+    """
+    return _materials(scene, lambda m: any(m.kt)) if scene.lights and _can_occlude(scene) else []
+
+
+def _nested(scene: Scene) -> list[str]:
+    """Transparent objects, where there are at least two and one of them is closed."""
+    transparent = {n for n, m in scene.materials.items() if any(m.kt)}
+    objects = {n: o for n, o in scene.objects.items() if o.material in transparent} if transparent else {}
+    can_nest = len(objects) > 1 and any(o.closed for o in objects.values())
+    return [f"objects.{n}" for n in objects] if can_nest else []
+
+
+def _scatter(scene: Scene) -> list[str]:
+    """Matte materials, where settings.scatter is on."""
+    scatter = scene.settings.scatter
+    return _materials(scene, _matte) if scatter.rays and scatter.depth else []
+
+
+def _matte(m: Material) -> bool:
+    """Whether a material reflects diffusely, and neither mirrors nor transmits."""
+    return not any((*m.kr, *m.kt)) and (any(m.kd) or m.texture is not None)
+
+
+def _sky(scene: Scene) -> list[str]:
+    """The setting of sky occlusion, where it can weaken the scene's ambient light."""
+    occludes = any(scene.ambient) and scene.settings.occlusion.sky
+    return ["settings.occlusion.sky"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
+
+
+def _near(scene: Scene) -> list[str]:
+    """The setting of near occlusion, where it can weaken a light's Ia."""
+    occludes = scene.settings.occlusion.near and _lights(scene, lambda l: l.intensity and any(l.Ia))
+    return ["settings.occlusion.near"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
+
+
+def _bilinear(scene: Scene) -> list[str]:
+    """Textures in use that blend pixels."""
+    named = {m.texture for m in scene.materials.values()}
+    return [f"textures.{n}" for n, t in scene.textures.items() if n in named and getattr(t, "filter", "") == "bilinear"]
+
+
+def _with_share(scene: Scene, field: str) -> list[str]:
+    """Materials whose kr, or whose kt, is not 0."""
+    return _materials(scene, lambda m: any(getattr(m, field)))
+
+
+def _if_lit(calls: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]:
+    """`calls` of an effect that only shading modes with light can show."""
+    return lambda scene: calls(scene) if modes.BY_NAME[scene.settings.shading].lit else []
+
+
+RULES = (
+    Rule("ambient", _if_lit(_ambient), "no ambient light falls on a material with ka",
+         ("ambient", "ka", "Ia", "intensity")),
+    Rule("diffuse", _if_lit(_diffuse), "no light with Id falls on a material with kd", ("kd", "Id", "intensity")),
+    Rule("specular", _if_lit(_specular), "no light with Is falls on a material with ks",
+         ("ks", "Is", "intensity", "shininess")),
+    Rule("fractional shininess", _if_lit(lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1)),
+         "every shininess is a whole number", ("ks", "shininess"), needs="specular"),
+    Rule("attenuation", _if_lit(lambda s: _lights(s, lambda l: l.a or l.b or l.c)), "no light has a, b or c",
+         ("a", "b", "c")),
+    Rule("shadows", _if_lit(_shadows), "no object can occlude a light", ("intensity",)),
+    Rule("coloured shadows", _if_lit(_coloured), "no object that casts a shadow is transparent", ("kt", "dmax"),
+         needs="shadows"),
+    Rule("area lights", _if_lit(lambda s: _lights(s, lambda l: l.has_area and l.intensity)),
+         "no light has an area", ()),
+    Rule("sky occlusion", _if_lit(_sky), "settings.occlusion.sky is 0, or no ambient light falls on a material with ka",
+         ("ambient", "ka"), lambda s: s.settings.occlusion.sky, "ambient"),
+    Rule("near occlusion", _if_lit(_near), "settings.occlusion.near is 0, or no Ia falls on a material with ka",
+         ("Ia", "ka", "intensity"), lambda s: s.settings.occlusion.near, "ambient"),
+    Rule("reflection", _if_lit(lambda s: _with_share(s, "kr")), "no material has kr", ("kr",)),
+    Rule("refraction", _if_lit(lambda s: _with_share(s, "kt")), "no material has kt", ("kt",)),
+    Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent object", ("kt",),
+         needs="refraction"),
+    Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
+         lambda s: s.settings.scatter.rays and s.settings.scatter.depth),
+    Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
+    Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),
+    Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",
+         ("aperture", "focus")),
+    Rule("background", _background, "the background is black", ("background",)),
+    Rule("coverage", lambda s: ["film.transparent"] if s.film.transparent else [], "film.transparent is false: A is 1",
+         ()),
+)  # fmt: skip

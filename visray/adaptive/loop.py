@@ -10,9 +10,9 @@ picture has no bias except by the budget, of order 1 / pixels.
 Sample counts are powers of two of Owen-scrambled Sobol points: the first 2^k points of the sequence are stratified for
 each k.
 
-A picture to an error has the same bits in each run, with any number of threads: decisions depend on samples, and the
-clock only on the seconds of the forecast. In a given time, or until Ctrl-C, the number of samples depends on the
-machine, so pictures differ from run to run. Still, a lane with equally many samples has equal bits.
+A picture rendered to a given error has the same bits in each run, with any number of threads: all decisions depend on
+the samples, and only the seconds of the forecast on the clock. In a given time, or until Ctrl-C, the number of samples
+depends on the machine, so pictures differ from run to run. Still, a lane with equally many samples has equal bits.
 Error: none (tests/test_same_bits.py).
 """
 

@@ -162,7 +162,7 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
 
 
 def flaws(scene: Scene) -> list[str]:
-    """Flaws of a scene: errors that concern several fields together, or a condition that no single field shows.
+    """Flaws of a scene: errors that the validation of each single field does not find.
 
     One line each: `ADDRESS = VALUE: what is wrong; what would be right`.
     """

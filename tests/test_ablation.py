@@ -111,6 +111,7 @@ def test_the_report_of_a_scene_without_any_effect() -> None:
     assert not any(f["on"] for f in report.as_json()["features"])
 
 
+@pytest.mark.slow
 def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     # Two runs, where a user is asked for eight: tracing takes the time.
     monkeypatch.setattr(ablation, "FEWEST_RUNS", 2)

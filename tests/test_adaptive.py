@@ -142,6 +142,7 @@ def test_ratios_of_mean_squares(d: float) -> None:
 
 
 @pytest.mark.parametrize("pixels", [1, 2, 3, 8])
+@pytest.mark.slow
 def test_the_interval_holds_the_truth_with_few_pixels(pixels: int) -> None:
     """Grey ones, whose channels tell one number: 95 % at least, over 20,000 pictures."""
     rng, inside, n = np.random.default_rng(1), 0, 20_000
@@ -274,6 +275,7 @@ def test_targets_are_powers_of_two_that_never_fall(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.slow
 def test_the_least_number_is_the_least(seed: int) -> None:
     """And what it is told of samples and error is the mean over lanes."""
     variances, counts = lanes(seed)
@@ -515,6 +517,7 @@ def naive(made: Prepared, tolerance: float) -> DualBuffer:
     return h
 
 
+@pytest.mark.slow
 def test_no_pixel_has_a_bias() -> None:
     """The mean of many pictures whose pixels have from 4 to 64 samples in a half is the converged one; by a rule that
     lets each pixel stop when its own samples agree it is not, and fewer pictures show that."""
@@ -684,6 +687,7 @@ def test_small_things_alone_are_found() -> None:
     assert facts["spp_least"] >= facts["spp"] / 8
 
 
+@pytest.mark.slow
 def test_the_error_is_within_its_interval_and_as_asked() -> None:
     """Over 60 pictures of other samples: with 95 % each, fewer than 48 within has a chance of 1e-6."""
     scene = replace(EDGES, film=Film(width=32, height=24))
@@ -710,6 +714,7 @@ def test_any_error_can_be_asked_for() -> None:
 
 @pytest.mark.parametrize("spread", [0, 0.3, 0.6], ids=lambda x: f"spread {x}")
 @pytest.mark.parametrize("seconds", [0.05, 0.3, 1.5, 6])
+@pytest.mark.slow
 def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, seconds: float, spread: float) -> None:
     """Also where passes take times as much as those before, up to several: two of them in a thousand are 6.4 times as
     slow as they should be, if they spread by 0.6."""
@@ -889,6 +894,7 @@ def test_without_a_depth_that_is_known_to_do_a_higher_one_is_asked_for() -> None
         render_adaptively(hall(1), error=0.005)
 
 
+@pytest.mark.slow
 def test_what_depth_leaves_out_is_in_the_error(machine: Machine) -> None:
     """Too little to be refused, but seen: in the error and both its ends."""
     facts = render_adaptively(hall(6), error=0.2).metadata
@@ -899,6 +905,7 @@ def test_what_depth_leaves_out_is_in_the_error(machine: Machine) -> None:
     assert facts["depth_error"] > 0.02 and facts["error_low"] > 0.02
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
     """Of equal seeds, so that nearly all of their noise is the same; the interval is made as wide as 1e-6."""
     size = 192, 128
@@ -920,6 +927,7 @@ def test_what_is_left_out_is_the_difference_of_converged_pictures() -> None:
         assert abs(found.square - true) <= slack < true
 
 
+@pytest.mark.slow
 def test_what_few_pixels_leave_out_is_found(machine: Machine) -> None:
     """Two balls, in which a path goes on in a few pixels of the picture: what is left out there is in the error,
     whatever the seed."""

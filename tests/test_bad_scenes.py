@@ -203,6 +203,7 @@ def many_lights(scene: vr.Scene) -> vr.Scene:
 
 
 @pytest.mark.parametrize("crowd", [forest, many_lights])
+@pytest.mark.slow
 def test_crowds(crowd: Callable[[vr.Scene], vr.Scene], full: vr.Scene) -> None:
     scene = crowd(full)
     kernel = prepare(scene).kernel

@@ -52,6 +52,9 @@ FLAT = replace(
     objects={"floor": Plane(), "unseen": Sphere(center=(0, 9, 0))},
 )
 
+# One worker makes what its tests share.
+pytestmark = pytest.mark.xdist_group("cost")
+
 
 @pytest.fixture(autouse=True)
 def hurry(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,6 +288,7 @@ def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report)
         assert found == rows and ("even: an error" in text) == (len(rows) > 1)
 
 
+@pytest.mark.slow
 def test_a_scene_without_noise_says_so() -> None:
     report = cost(FLAT, quick=True, progress=False)
     assert report.noiseless and any("all seeds" in n for n in report.notes)
@@ -299,6 +303,7 @@ def test_a_scene_without_noise_says_so() -> None:
     table(report)
 
 
+@pytest.mark.slow
 def test_a_black_picture_is_told() -> None:
     dark = replace(FLAT, background=(0.0, 0.0, 0.0), objects={})
     report = cost(dark, quick=True, progress=False)
@@ -323,6 +328,7 @@ class Impatience(Interrupts):
         pass
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
     # All are compiled, and three turns of two seeds measured, and a part of a fourth.

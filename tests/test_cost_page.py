@@ -16,6 +16,9 @@ from visray.study.cost.records import Band, Curve, Error, Geometry, Halving, Poi
 from visray.study.cost.standing import standing
 from visray.study.cost.wording import STOPPED, duration, hundredths, number
 
+# One worker makes what its tests share.
+pytestmark = pytest.mark.xdist_group("pages")
+
 H, W = 24, 32
 RNG = np.random.default_rng(1)
 LIGHT = RNG.uniform(0.1, 0.9, (H, W, 3))
@@ -389,7 +392,12 @@ def test_what_is_wider_than_the_page_scrolls_and_shows_it(pages: dict[str, str])
 
 
 def told(r: Report) -> str:
-    return " ".join(Outline(page(r)).text)
+    """The words of a page, without those in its figures, which take most of the time to draw."""
+    with pytest.MonkeyPatch.context() as patch:
+        for figure in ("costs", "pictures", "counts", "parts"):
+            patch.setattr(charts, figure, lambda report: None)
+        patch.setattr(charts, "svg", lambda figure, caption: "")
+        return " ".join(Outline(page(r)).text)
 
 
 def test_without_noise_it_says_so(pages: dict[str, str]) -> None:

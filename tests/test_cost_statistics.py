@@ -354,6 +354,7 @@ def test_in_a_rank_what_gets_there_comes_first() -> None:
     assert [(h.knob, h.rank) for h in ranked(found)] == [("b", 1), ("d", 1), ("a", 1), ("c", 1)]
 
 
+@pytest.mark.slow
 def test_what_is_reached_does_not_depend_on_how_fast_the_machine_was() -> None:
     """Of a knob that levels off, as rays of an effect do beside other noise (heart), and of samples, which do not: with
     seconds that differ by 5 % from study to study the one is never reached, the other always."""

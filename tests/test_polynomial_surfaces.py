@@ -111,6 +111,7 @@ def test_a_plane_is_the_plane() -> None:
     [(TORUS, 1.5), (HEART, SURFACES["heart"].radius), (BARTH, SURFACES["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
     ids=["torus", "heart", "barth-sextic", "hyperboloid"],
 )
+@pytest.mark.slow
 def test_all_crossings_are_the_exact_roots_there_and_back(expression: str, radius: float) -> None:
     """800 rays: each crossing from the one before, and the same from the far end."""
     rng, rig = np.random.default_rng(3), Rig(surface(expression, radius))
@@ -414,6 +415,7 @@ def test_a_capped_surface_is_a_solid(clip: str, expression: str) -> None:
     [(HEART, SURFACES["heart"].radius), (TORUS, 1.6), (BARTH, SURFACES["barth-sextic"].radius), (HYPERBOLOID, 3.0)],
     ids=["heart", "torus", "barth-sextic", "hyperboloid"],
 )
+@pytest.mark.slow
 def test_rays_that_leave_the_surface_never_meet_their_own_point(expression: str, radius: float) -> None:
     """20 000 rays a surface. Truth: the exact roots on the surface through the point as it is, that of f = f(p), less
     the one at 0; where those of f = f(p) +- rounding say otherwise, the answer is open."""
@@ -641,6 +643,7 @@ def test_without_a_tolerance_there_is_no_code_for_it() -> None:
 
 
 @pytest.mark.parametrize("ends", ["open", "capped"])
+@pytest.mark.slow
 def test_loose_crossings_of_glass_end(ends: str) -> None:
     """As loose as can be, through reflections, refractions, shadows in colour: all numbers are finite."""
     glass = vr.Material(kd=(0.1, 0.1, 0.1), kr=(0.3, 0.3, 0.3), kt=(0.7, 0.8, 0.9), ior=1.3, dmax=3.0)

@@ -336,6 +336,7 @@ def each_once(numbers: np.ndarray, axis: int) -> bool:
 
 
 @EACH
+@pytest.mark.slow
 def test_streams_and_levels_are_unrelated_from_pixel_to_pixel(sampler: str) -> None:
     """Any two purposes, over 100 000 pixels: the first sample of 16, and the sixth."""
     n = 100_000

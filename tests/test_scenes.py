@@ -28,7 +28,9 @@ def small(scene):
     return vr.replaced(vr.replaced(scene, "film.width", 96), "film.height", height)
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(p, marks=[] if i % 10 == 9 else pytest.mark.slow, id=p.stem) for i, p in enumerate(SCENES)]
+)
 def test_scene_renders_and_agrees_with_mitsuba(path):
     scene = small(vr.load(path))
     image = vr.render(scene, spp=4)

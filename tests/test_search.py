@@ -196,6 +196,7 @@ def test_shared_origin_is_one_origin_a_ray_bit_for_bit(make: Callable) -> None:
 
 @WORLDS
 @pytest.mark.parametrize("shared", [True, False], ids=["one origin", "an origin a ray"])
+@pytest.mark.slow
 def test_looped_search_is_the_written_out_one_bit_for_bit(
     make: Callable, shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -210,6 +211,7 @@ def test_looped_search_is_the_written_out_one_bit_for_bit(
 
 
 @WORLDS
+@pytest.mark.slow
 def test_gathered_objects_are_the_written_out_ones_bit_for_bit(make: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three and more of each family, those that pass the guards gathered as bits: from one origin and from many."""
     w = World.of(make, 0)
@@ -247,6 +249,7 @@ def test_rays_along_the_axes_find_the_same_in_trees_and_loops() -> None:
 
 
 @WORLDS
+@pytest.mark.slow
 def test_the_object_found_is_the_first_by_the_twins(make: Callable) -> None:
     """Each object's own twin in 80 bits; lanes where rounding leaves open which comes first are few."""
     w = World.of(make, 9, 4000)
@@ -354,6 +357,7 @@ def first_points(rng: np.random.Generator, things: list) -> tuple[np.ndarray, np
 
 
 @pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.slow
 def test_no_ray_that_leaves_a_convex_object_meets_it_again(name: str) -> None:
     """pbrt's test: 1000 random shapes of random size and transform, 1000 rays from a hit point of each."""
     leave = Departure.of(name, 1000, 1000, inside=False)
@@ -369,6 +373,7 @@ def test_departing_rays_would_meet_a_sphere_that_they_do_not_know_to_leave() -> 
 
 
 @pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.slow
 def test_rays_that_run_inside_leave_once_at_the_far_side(name: str) -> None:
     """t is finite and positive and at the exit, by the twin; but for rays that graze: those that leave the object
     shrunk by the rounding bound behind their origin."""

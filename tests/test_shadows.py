@@ -316,6 +316,7 @@ def several(rng: np.random.Generator, room: Room) -> dict:
     [(True, "single"), (True, "double"), (False, "single")],
     ids=["written out, single", "written out, double", "in trees"],
 )
+@pytest.mark.slow
 def test_things_that_overlap_multiply(how: str, written: bool, precision: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """16 things of one material, so that none can be told from another by it: each counts for itself, the product of
     all; and in any order, written out or in trees."""
@@ -392,6 +393,7 @@ ALL_LIGHTS = {
 
 
 @PRECISIONS
+@pytest.mark.slow
 def test_opaque_things_are_as_dark_as_without_colour(precision: str) -> None:
     """With something transparent in the scene, shadows are colours; where it is not in the way they are the same, bit
     for bit, whatever the light."""
@@ -410,6 +412,7 @@ def test_opaque_things_are_as_dark_as_without_colour(precision: str) -> None:
     assert (grey == 0).any() and len(np.unique(grey[:, 0])) > 1000
 
 
+@pytest.mark.slow
 def test_what_is_clear_throws_no_shadow() -> None:
     """kt = 1 and a dmax of 1e9: nothing is lost but 1e-9 of the thickness."""
     rng = np.random.default_rng(9)
@@ -520,6 +523,7 @@ def agree(first: list, second: list, things: dict, o: np.ndarray, d: np.ndarray,
 
 
 @PRECISIONS
+@pytest.mark.slow
 def test_rays_from_a_light_and_rays_to_it_agree(precision: str) -> None:
     """A point light, whose rays start at the light, and a tiny area light, whose rays start at the points: over scenes
     of things of all kinds and 6 decades of size, the same points are lit, but for those that a move of the light within
@@ -539,6 +543,7 @@ def test_rays_from_a_light_and_rays_to_it_agree(precision: str) -> None:
 
 
 @PRECISIONS
+@pytest.mark.slow
 def test_a_light_far_away_agrees_with_one_infinitely_far(precision: str) -> None:
     """A directional light and a point light 1e6 sizes away: seen from each other's points, they differ by 1e-5 of an
     angle, within which edges are left out."""
@@ -556,6 +561,7 @@ def test_a_light_far_away_agrees_with_one_infinitely_far(precision: str) -> None
 
 
 @pytest.mark.parametrize("kt", [0.0, 0.5], ids=["opaque", "transparent"])
+@pytest.mark.slow
 def test_guards_leave_no_shadow_out(kt: float) -> None:
     """Lights as wide as the scene and in the midst of it, so that some points are nearer to their middle than their
     edge: the picture is that of the plain search, bit for bit where shadows are grey."""
@@ -620,6 +626,7 @@ def alone(rng: np.random.Generator, name: str) -> tuple[Any, np.ndarray, float]:
 
 @PRECISIONS
 @pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.slow
 def test_no_convex_thing_shades_itself(name: str, precision: str) -> None:
     """pbrt's test, end to end: random shapes, points on them that eyes see, lights of all kinds all around. The picture
     is the same bit for bit as without shadows."""

@@ -381,6 +381,7 @@ def test_a_solver_that_is_off_is_caught():
     assert slight.errors == 0 and 1e6 < slight.ulps[0] < 1e8
 
 
+@pytest.mark.slow
 def test_a_solver_that_takes_the_second_root_is_caught():
     shell = Surface("(x^2 + y^2 + z^2 - 1)^2 - 1/10000000000", 1.01)
     good = twin(shell)
@@ -394,6 +395,7 @@ def test_a_solver_that_has_nan_is_caught():
     assert row.nan == 400 and row.false_misses == 0
 
 
+@pytest.mark.slow
 def test_a_solver_that_shadows_itself_is_caught():
     """Without anything against it, every second ray meets the point that it leaves; with an offset, light leaks."""
     good = twin(TORUS)
@@ -438,6 +440,7 @@ def test_without_flint(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["torus", "cayley-cubic", "heart"])
+@pytest.mark.slow
 def test_the_kernel(name):
     """visray's own search makes no error, but for rays so close to an edge that a shift of f by 64 tau mends it."""
     rows = stability.run(None, 400, only=(name,)).scores

@@ -52,6 +52,9 @@ FLAT = replace(
     objects={"floor": Plane()},
     settings=Settings(spp=4, shading="albedo"),
 )
+
+# One worker makes what its tests share.
+pytestmark = pytest.mark.xdist_group("tuning")
 HURRY = (6.0, 2.0, 2.0)
 # Between two mirrors, of which each bounce takes half.
 MIRRORS = replace(
@@ -165,6 +168,7 @@ def test_what_cannot_be_asked_for(asked: dict[str, Any], text: str, monkeypatch:
 
 
 @pytest.mark.parametrize("error", [0.05, 0.01])
+@pytest.mark.slow
 def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: float) -> None:
     found = tune(SOFT, error=error, progress=False)
     assert found.met and found.error.high <= error
@@ -174,11 +178,13 @@ def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: f
     assert found.error.low / 1.1 <= true <= 1.1 * found.error.high
 
 
+@pytest.mark.slow
 def test_before_is_the_scene_as_it_is(known: None, truth: np.ndarray) -> None:
     found = tune(SOFT, error=0.02, progress=False)
     assert found.before.error.middle == pytest.approx(off(SOFT, truth), rel=0.25)
 
 
+@pytest.mark.slow
 def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path: Path) -> None:
     found = tune(SOFT, error=0.004, progress=False)
     assert found.changed and set(found.changed) <= {"settings.spp", "settings.sampler", "lights.window.samples"}
@@ -204,6 +210,7 @@ def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path:
     assert changed(again, {a: found.before.settings[a] for a in found.changed}) == SOFT
 
 
+@pytest.mark.slow
 def test_it_can_be_told(known: None) -> None:
     found = tune(SOFT, error=0.004, progress=False)
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))
@@ -220,6 +227,7 @@ def test_it_can_be_told(known: None) -> None:
 
 
 @pytest.mark.parametrize("stopped", [False, True])
+@pytest.mark.slow
 def test_ctrl_c_while_a_scene_is_written_loses_nothing(
     known: None, stopped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
@@ -254,11 +262,13 @@ def test_ctrl_c_while_a_scene_is_written_loses_nothing(
         ({"time": 1e-7}, "time = 1e-07: the fastest of the settings measured takes"),
     ],
 )
+@pytest.mark.slow
 def test_what_is_out_of_reach(known: None, asked: dict[str, float], text: str) -> None:
     with pytest.raises(UserError, match=f"^{text}"):
         tune(SOFT, progress=False, **asked)
 
 
+@pytest.mark.slow
 def test_more_time_is_less_error(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     choose = made_up(smooth, monkeypatch)
     before = choose(time=1e9).before.seconds.middle
@@ -269,6 +279,7 @@ def test_more_time_is_less_error(smooth: Report, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 2])
+@pytest.mark.slow
 def test_the_choice_is_the_best_of_the_model(smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     choose = made_up(smooth, monkeypatch)
     before = choose(error=1.0).before
@@ -288,6 +299,7 @@ def test_the_choice_is_the_best_of_the_model(smooth: Report, monkeypatch: pytest
         assert found.met and price(found.seconds.middle, found.error.middle) <= near * best
 
 
+@pytest.mark.slow
 def test_where_time_tells_nothing_no_more_samples_are_taken_than_needed(
     smooth: Report, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -305,6 +317,7 @@ def test_where_time_tells_nothing_no_more_samples_are_taken_than_needed(
     assert found.met and sqrt(PART) * scaled.model.error(fewer) > found.target.error
 
 
+@pytest.mark.slow
 def test_where_the_model_is_wrong_what_is_measured_counts(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     own = smooth.default.settings["lights.window.samples"]
     choose = made_up(smooth, monkeypatch, wrong=lambda s: 5.0 if s["lights.window.samples"] < own else 1.0)
@@ -315,6 +328,7 @@ def test_where_the_model_is_wrong_what_is_measured_counts(smooth: Report, monkey
     assert slow.met and slow.seconds.middle <= LATE * before.seconds.middle / 4
 
 
+@pytest.mark.slow
 def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     choose = made_up(smooth, monkeypatch, wrong=lambda s: 1.0 if s == smooth.default.settings else 1e3)
     found = choose(error=0.02)
@@ -323,6 +337,7 @@ def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: py
 
 
 @pytest.mark.parametrize("sampler", ["sobol", "stratified", "independent"])
+@pytest.mark.slow
 def test_of_the_latest_that_was_measured_the_model_says_just_that(smooth: Report, sampler: str) -> None:
     """With all its other settings too: variance and seconds, whatever samplers that came before it did."""
     scaled, own = Scaled(SOFT, smooth), smooth.default.settings
@@ -339,6 +354,7 @@ def test_of_the_latest_that_was_measured_the_model_says_just_that(smooth: Report
 
 
 @pytest.mark.parametrize(("sampler", "spp"), [("sobol", 147), ("independent", 147), ("stratified", 169)])
+@pytest.mark.slow
 def test_where_all_predictions_fail_more_samples_do(smooth: Report, sampler: str, spp: int) -> None:
     """What came nearest, with as many more as independent ones would need: 1.21^2 times 100 here."""
     scaled, own = Scaled(SOFT, smooth), smooth.default.settings
@@ -356,6 +372,7 @@ def test_where_all_predictions_fail_more_samples_do(smooth: Report, sampler: str
     assert tuning._Tuning(rough, Target(0.005, None), Interrupts(), False, tried)._more() is None
 
 
+@pytest.mark.slow
 def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     # Whatever is measured, the next has twice the variance.
     more = (2.0**k for k in count())
@@ -368,6 +385,7 @@ def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.parametrize(("share", "met"), [(0.5, False), (2, True)])
 @pytest.mark.parametrize("measured", [1, 2])
+@pytest.mark.slow
 def test_stopped_it_keeps_the_best_that_was_tried(
     smooth: Report, monkeypatch: pytest.MonkeyPatch, measured: int, share: float, met: bool
 ) -> None:
@@ -390,6 +408,7 @@ def test_stopped_it_keeps_the_best_that_was_tried(
     assert not choose(error=share * before.error.middle).stopped
 
 
+@pytest.mark.slow
 def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     rough = replace(smooth, floors={"single precision": 0.008})
     choose = made_up(rough, monkeypatch)
@@ -402,6 +421,7 @@ def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypa
         choose(error=1e-7)
 
 
+@pytest.mark.slow
 def test_what_a_depth_leaves_out_is_part_of_the_error(report: Report) -> None:
     points = tuple(replace(report.default, value=depth) for depth in (1, 2, 4, 8))
     mirrored = replace(report, curves=(*report.curves, Curve("depth", "bias", points)))
@@ -419,6 +439,7 @@ def test_what_a_depth_leaves_out_is_part_of_the_error(report: Report) -> None:
         assert 0.9 * left < middle < 1.1 * left and 0.97 * left <= high < 1.3 * left
 
 
+@pytest.mark.slow
 def test_the_error_is_told_with_the_estimate_of_what_is_left_and_its_bound(report: Report) -> None:
     """Its middle is noise and the estimate, its ends are both ends; what is asked for is met by the upper one."""
     points = tuple(replace(report.default, value=depth) for depth in (1, 2, 4, 8))
@@ -439,6 +460,7 @@ def test_the_error_is_told_with_the_estimate_of_what_is_left_and_its_bound(repor
     assert remains(Band(0.0032**2, 0.0031**2, 0.0032001**2)) == "0.0032"
 
 
+@pytest.mark.slow
 def test_how_badly_noise_is_known_is_not_how_badly_a_depth_is(smooth: Report) -> None:
     """The model counts all that may be left: where the noise is known exactly, it is asked for no less than the error
     itself, however far the estimate is below the bound."""
@@ -456,6 +478,7 @@ def test_how_badly_noise_is_known_is_not_how_badly_a_depth_is(smooth: Report) ->
     assert tuner._told(own).predicted_error == pytest.approx(own.error.middle)
 
 
+@pytest.mark.slow
 def test_reasons_and_refusals_say_what_is_left_and_how_much_it_may_be(report: Report) -> None:
     def at(depth: int, seconds: float) -> Point:
         d = report.default
@@ -545,6 +568,7 @@ def test_without_noise_more_samples_are_never_called_best(monkeypatch: pytest.Mo
     assert found.reasons[0] == "the picture has no noise: one sample does" and len(found.reasons) == 2
 
 
+@pytest.mark.slow
 def test_noise_that_only_the_whole_picture_shows_is_noise(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     choose = made_up(replace(smooth, noiseless=True), monkeypatch)
     found = choose(error=0.02)

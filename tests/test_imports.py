@@ -13,7 +13,8 @@ llvm
 quantities pytree
 ray geometry transforms
 warp
-polynomials.error polynomials.expression polynomials.grammar polynomials.monomials polynomials.modular
+polynomials.error polynomials.expression polynomials.simplify polynomials.literals polynomials.grammar
+polynomials.monomials polynomials.modular
 polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.factorization polynomials.program
 polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots

@@ -154,8 +154,8 @@ class Walk:
         # A ray meets no row before it enters the ball around the box of all rows.
         skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
         p = q + skipped * d
-        # The test of a kind has an error of gamma(32) times the size of its numbers (culling.point_rounding), and p has a
-        # smaller one.
+        # The test of a kind has an error of gamma(32) times the size of its numbers (culling.point_rounding). That of p
+        # is smaller.
         precision = "single" if a.D is a.F32 else "double"
         error = gamma(128, precision) * (l1_norm(o) + tree.size + skipped + ball)
         # A component of d below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no farther than

@@ -1,4 +1,7 @@
-"""Polynomial surfaces f(x, y, z) = 0: from text to what kernels evaluate."""
+"""Polynomials f(x, y, z): from text to programs that kernels evaluate.
+
+Text is parsed into an expression, factorized into square-free factors, and compiled into one program per factor.
+"""
 
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import evaluate

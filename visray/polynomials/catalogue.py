@@ -1,7 +1,7 @@
-"""Known polynomial surfaces: pure data.
+"""The catalogue of known polynomial surfaces. It holds data only.
 
-Expressions are written with + - * / ^, x y z, numbers, pi, phi, sqrt(number) and parameters, and in products and
-powers as in the literature: multiplied out they would be many times less accurate.
+Expressions consist of + - * / ^, x y z, numbers, pi, phi, sqrt(number) and parameters. They are products and powers as
+in the literature; expanded they would be many times less accurate.
 """
 
 from collections.abc import Iterable
@@ -13,10 +13,15 @@ Point = tuple[float | str, float | str, float | str]
 
 @dataclass(frozen=True)
 class KnownSurface:
-    """A surface f = 0 within a sphere of `radius` about `centre`.
+    """A surface f = 0 inside a sphere.
 
-    singular: some of its real singular points in that sphere, as numbers or expressions without x, y, z. compact: the
-    sphere holds all of it; else it is cut there, and open.
+    title: name of the surface.
+    expression: f.
+    radius, centre: the sphere.
+    source: where the surface is from.
+    compact: the sphere contains the whole surface. Otherwise the sphere cuts it, and the cut is open.
+    parameters: default values of the parameters in f.
+    singular: some of the real singular points in the sphere, as numbers or expressions without x, y, z.
     """
 
     title: str
@@ -30,21 +35,21 @@ class KnownSurface:
 
 
 def _signed(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points with all choices of signs."""
-    found = {}
+    """The points with all combinations of signs of their coordinates."""
+    signed = {}
     for p in points:
         for signs in product(*(("",) if c == "0" else ("", "-") for c in p)):
-            found[tuple(s + c for s, c in zip(signs, p))] = None
-    return tuple(found)
+            signed[tuple(s + c for s, c in zip(signs, p))] = None
+    return tuple(signed)
 
 
-def _turned(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points and those with their coordinates in turn."""
+def _permuted(*points: tuple[str, str, str]) -> tuple[Point, ...]:
+    """The points with all cyclic permutations of their coordinates."""
     return tuple(dict.fromkeys(q for a, b, c in points for q in ((a, b, c), (b, c, a), (c, a, b))))
 
 
 def _chebyshev(n: int, values: dict[int, str], odd: Iterable[int]) -> tuple[Point, ...]:
-    """The nodes of T_n(x) + T_n(y) + T_n(z) + 1: cos(i pi / n), of which two i are odd and one is even."""
+    """The nodes of T_n(x) + T_n(y) + T_n(z) + 1: coordinates cos(i pi / n), where two i are odd and one is even."""
     return tuple(
         tuple(values[i] for i in indices)
         for indices in product(range(1, n), repeat=3)
@@ -63,6 +68,7 @@ _COS8 |= {8 - i: "-" + v for i, v in _COS8.items() if i < 4}
 
 
 def _sum(form: str, last: str) -> str:
+    """The sum of a form in x, y and z, and a last term."""
     return " + ".join(form.format(v) for v in "xyz") + last
 
 
@@ -83,8 +89,8 @@ _DECIC = (
     "*(x^4 + y^4 + z^4 - 2*x^2*y^2 - 2*x^2*z^2 - 2*y^2*z^2)"
     " + (3 + 5*phi)*(x^2 + y^2 + z^2 - 1)^2*(x^2 + y^2 + z^2 - (2 - phi))^2"
 )
-# The root alpha of 7 a^3 + 7 a + 1, of which the grammar has no exact form: a double is off by at most 2^-56. That
-# moves f by no more than the rounding of double does: so the nodes are nodes to within rounding only.
+# alpha is the root of 7 a^3 + 7 a + 1. The grammar cannot express it exactly; as a double it has an error of at most
+# 2^-56. That changes f by no more than the rounding of double, so the nodes are nodes only to within rounding.
 _LABS = (
     "x*(x^6 - 21*x^4*y^2 + 35*x^2*y^4 - 7*y^6) + 7*z*((x^2 + y^2)^3 - 8*z^2*(x^2 + y^2)^2 + 16*z^4*(x^2 + y^2))"
     " - 64*z^7 - (z + 49*alpha^2 - 7*alpha + 50)*((z + 1)*(x^2 + y^2) - (12/7*alpha^2 + 384/49*alpha + 8/7)*z^3"
@@ -102,9 +108,9 @@ _CLEBSCH = (
 )
 _KLEIN = "(x^2 + y^2 + z^2 + 2*y - 1)*((x^2 + y^2 + z^2 - 2*y - 1)^2 - 8*z^2) + 16*x*z*(x^2 + y^2 + z^2 - 2*y - 1)"
 _SEXTIC_NODES = _signed(("1", "1", "1")) + _signed(
-    *_turned(("0", "(phi - 1)", "phi"), ("1", "0", "0"), ("1/2", "phi/2", "(phi - 1)/2"))
+    *_permuted(("0", "(phi - 1)", "phi"), ("1", "0", "0"), ("1/2", "phi/2", "(phi - 1)/2"))
 )
-# On the curve along which f vanishes three times: x^2 + 9/4 y^2 = 1, z = 0.
+# Points on the curve where f has a zero of multiplicity 3: x^2 + 9/4 y^2 = 1, z = 0.
 _HEART_EQUATOR = _signed(("1", "0", "0"), ("0", "2/3", "0"), ("3/5", "8/15", "0"), ("4/5", "2/5", "0"))
 _HUNT_EDGE = _signed(
     ("sqrt(64/7)", "0", "sqrt(27/7)"), ("2", "6/sqrt(5)", "3/sqrt(5)"), ("0", "sqrt(64/5)", "sqrt(1/5)")
@@ -134,7 +140,7 @@ SURFACES: dict[str, KnownSurface] = {
                              "MathWorld, Cyclide: a = 1, b^2 = 3/4, c = 1/2, d = 3/4", True),
     "roman": KnownSurface("Roman surface of Steiner", "x^2*y^2 + x^2*z^2 + y^2*z^2 - 2*x*y*z", 1.2, "Steiner 1844",
                           False,
-                     singular=((0, 0, 0),) + _signed(*_turned(("1", "0", "0"), ("1/2", "0", "0")))),
+                     singular=((0, 0, 0),) + _signed(*_permuted(("1", "0", "0"), ("1/2", "0", "0")))),
     "boy": KnownSurface("Boy surface of Apéry", _BOY, 2.5, "Apéry 1986", True, singular=(("0", "0", "0"),)),
     "klein-bottle": KnownSurface("Klein bottle", _KLEIN, 4.5, "MathWorld, Klein Bottle (Stewart 1991)", True,
                             singular=(("0", "1 + sqrt(2)", "0"), ("0", "1 - sqrt(2)", "0"), ("sqrt(2)", "1", "0"),
@@ -182,7 +188,7 @@ SURFACES: dict[str, KnownSurface] = {
                                                      ("1", "(sqrt(2) - 1)", "1/2"), ("sqrt(2)", "0", "1/2"),
                                                      ("(1 + sqrt(2))/2", "1/2", "0"), ("sqrt(2)", "0", "3/2"))),
     "barth-decic": KnownSurface("Barth decic", _DECIC, 2.6, "Barth 1996: 345 nodes, 45 of them at infinity", False,
-                           singular=_signed(*_turned(("1", "0", "0"),
+                           singular=_signed(*_permuted(("1", "0", "0"),
                                                      ("0.5720614028176843", "0.21850801222441055",
                                                       "0.08346263385554731")))),
 }  # fmt: skip

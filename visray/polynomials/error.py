@@ -1,8 +1,11 @@
-"""What is wrong with a polynomial."""
+"""The error for a polynomial that cannot be used."""
 
 
 class PolynomialError(ValueError):
-    """One line: `what is wrong; what would be right`. `part` is the index of the monomial that it is about, if any."""
+    """An error in a polynomial. Its text is one line: `what is wrong; what would be right`.
+
+    part: index of the monomial with the error, or None.
+    """
 
     def __init__(self, text: str, part: int | None = None):
         super().__init__(text)

@@ -1,4 +1,4 @@
-"""Expanded polynomials: what the factoring works on, and Horner's scheme for what is written expanded."""
+"""Expansion of polynomials into terms, for factorization, and Horner's scheme for polynomials written as terms."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -15,22 +15,24 @@ from visray.polynomials.expression import (
     Product,
     Sum,
     is_zero,
-    negate,
     rational,
 )
+from visray.polynomials.simplify import negate
 
 Exponents = tuple[int, ...]
 Terms = dict[Exponents, Any]
 
 
 class TooLong(Exception):
-    """An expansion over its budget."""
+    """An expansion exceeds its budget."""
 
 
-def expand(tree: Expression, constant: Callable[[Expression], Terms], size: int, budget: int) -> Terms:
-    """The terms of a tree over `size` variables, x, y and z first, with at most `budget` products of two terms.
+def expand(expression: Expression, constant: Callable[[Expression], Terms], size: int, budget: int) -> Terms:
+    """The terms of an expression: a dict from exponents to coefficients.
 
-    `constant` gives the terms of each largest part without x, y and z.
+    constant: gives the terms of a subexpression without x, y and z.
+    size: number of variables; x, y and z come first.
+    budget: most products of two terms. Raises TooLong beyond it.
     """
     spent = 0
 
@@ -39,12 +41,12 @@ def expand(tree: Expression, constant: Callable[[Expression], Terms], size: int,
         spent += len(a) * len(b)
         if spent > budget:
             raise TooLong
-        found: Terms = {}
+        product: Terms = {}
         for i, c in a.items():
             for j, d in b.items():
                 e = tuple(map(int.__add__, i, j))
-                found[e] = found[e] + c * d if e in found else c * d
-        return found
+                product[e] = product[e] + c * d if e in product else c * d
+        return product
 
     def terms(node: Expression) -> Terms:
         if not node.degree:
@@ -58,43 +60,48 @@ def expand(tree: Expression, constant: Callable[[Expression], Terms], size: int,
                 base = terms(of)
                 if len(base) == 1:
                     return {tuple(n * i for i in e): c**n for e, c in base.items()}
-                found = base
+                power = base
                 for _ in range(n - 1):
-                    found = times(found, base)
-                return found
+                    power = times(power, base)
+                return power
             case Sum(parts):
-                found = {}
+                total = {}
                 for p in parts:
                     for e, c in terms(p).items():
-                        found[e] = found[e] + c if e in found else c
-                return found
-        found = terms(node.parts[0])
+                        total[e] = total[e] + c if e in total else c
+                return total
+        product = terms(node.parts[0])
         for p in node.parts[1:]:
-            found = times(found, terms(p))
-        return found
+            product = times(product, terms(p))
+        return product
 
-    return {e: c for e, c in terms(tree).items() if c}
+    return {e: c for e, c in terms(expression).items() if c}
 
 
 Coefficients = dict[tuple[int, int, int], Expression]
 
 
-def monomial_terms(tree: Expression) -> Coefficients | None:
-    """The monomials of a simplify tree that is written as a plain sum of them, or None; like ones are added."""
-    found: dict[tuple[int, int, int], list[Expression]] = {}
-    for term in tree.parts if isinstance(tree, Sum) else [tree]:
-        one = _monomial(term)
-        if one is None:
+def monomial_terms(expression: Expression) -> Coefficients | None:
+    """The terms of a simplified expression that is written as a sum of monomials; None if it is not.
+
+    Equal monomials are added.
+    """
+    coefficients: dict[tuple[int, int, int], list[Expression]] = {}
+    for term in expression.parts if isinstance(expression, Sum) else [expression]:
+        monomial = _monomial(term)
+        if monomial is None:
             return None
-        found.setdefault(one[0], []).append(one[1])
-    return _without_zeros({e: c[0] if len(c) == 1 else Sum(tuple(c)) for e, c in found.items()})
+        coefficients.setdefault(monomial[0], []).append(monomial[1])
+    return _without_zeros({e: c[0] if len(c) == 1 else Sum(tuple(c)) for e, c in coefficients.items()})
 
 
 def _without_zeros(terms: Coefficients) -> Coefficients:
+    """The terms whose coefficient is not 0."""
     return {e: c for e, c in terms.items() if not is_zero(c)}
 
 
 def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | None:
+    """(exponents, coefficient) of a monomial; None if the term is no monomial."""
     if isinstance(term, Negative) and term.degree:
         inner = _monomial(term.of)
         return inner and (inner[0], negate(inner[1]))
@@ -113,26 +120,27 @@ def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | Non
 
 
 def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> Coefficients:
-    """The terms in p - centre: each x^n becomes (x + centre's x)^n, multiplied out where that is not 0."""
+    """The terms in coordinates q = p - centre: x^n becomes (x + centre's x)^n, expanded."""
     for axis, c in enumerate(centre):
         if not c:
             continue
-        found: dict[tuple[int, int, int], list[Expression]] = {}
+        coefficients: dict[tuple[int, int, int], list[Expression]] = {}
         for e, coefficient in terms.items():
             n = e[axis]
-            # Rational coefficients are numbers at once: trees of sums of sums would be evaluated again and again.
+            # Rational coefficients become numbers at once, because nested sums would be evaluated again and again.
             plain = not coefficient.parametric and not coefficient.irrational
             value = rational(coefficient, {}) if plain and n else Fraction(0)
             for k in range(n):
                 factor = comb(n, k) * c ** (n - k)
                 part = Number(factor * value) if plain else Product((Number(factor), coefficient))
-                found.setdefault((*e[:axis], k, *e[axis + 1 :]), []).append(part)
-            found.setdefault(e, []).append(coefficient)
-        terms = _without_zeros({e: parts[0] if len(parts) == 1 else _added(parts) for e, parts in found.items()})
+                coefficients.setdefault((*e[:axis], k, *e[axis + 1 :]), []).append(part)
+            coefficients.setdefault(e, []).append(coefficient)
+        terms = _without_zeros({e: parts[0] if len(parts) == 1 else _added(parts) for e, parts in coefficients.items()})
     return terms
 
 
 def _added(parts: list[Expression]) -> Expression:
+    """The sum of constants, with all rational ones as one number."""
     plain = [p for p in parts if not p.parametric and not p.irrational]
     others = [p for p in parts if p.parametric or p.irrational]
     if plain:
@@ -141,7 +149,10 @@ def _added(parts: list[Expression]) -> Expression:
 
 
 def horner(terms: Coefficients) -> Expression:
-    """The variable in most terms is taken out of them, by its least power there; and so on in what is left."""
+    """The terms as an expression in Horner's scheme.
+
+    The variable that occurs in most terms is factored out, by its least power there; and so on for the rest.
+    """
     often, axis = max((sum(e[k] > 0 for e in terms), -k) for k in range(3))
     axis = -axis
     if often < 2:
@@ -150,16 +161,18 @@ def horner(terms: Coefficients) -> Expression:
     inside = {e: c for e, c in terms.items() if e[axis]}
     least = min(e[axis] for e in inside)
     inner = horner({(*e[:axis], e[axis] - least, *e[axis + 1 :]): c for e, c in inside.items()})
-    whole = Product((_power(axis, least), inner))
+    factored = Product((_power(axis, least), inner))
     rest = {e: c for e, c in terms.items() if not e[axis]}
-    return Sum((whole, horner(rest))) if rest else whole
+    return Sum((factored, horner(rest))) if rest else factored
 
 
 def _power(axis: int, n: int) -> Expression:
+    """x^n, y^n or z^n."""
     return Power(Axis(axis), n) if n > 1 else Axis(axis)
 
 
 def _term(exponents: tuple[int, int, int], coefficient: Expression) -> Expression:
+    """A monomial as an expression."""
     powers = tuple(_power(k, n) for k, n in enumerate(exponents) if n)
     if coefficient == negate(ONE):
         return Negative(Product(powers)) if powers else coefficient

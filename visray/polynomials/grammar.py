@@ -1,11 +1,10 @@
-"""Text such as "(x^2 + 9/4*y^2 + z^2 - 1)^3 - x^2*z^3" as a tree. Nothing in it is ever executed."""
+"""The grammar of polynomials: parses text such as "(x^2 + 9/4*y^2 + z^2 - 1)^3 - x^2*z^3". Nothing is ever executed."""
 
 import ast
 import re
 from difflib import get_close_matches
 from fractions import Fraction
 from itertools import pairwise
-from keyword import iskeyword
 
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import (
@@ -24,21 +23,27 @@ from visray.polynomials.expression import (
     rational,
     square_root,
 )
+from visray.polynomials.literals import (
+    AXES,
+    CONSTANTS,
+    LITERAL,
+    MAX_DEGREE,
+    RESERVED,
+    exact_parameters,
+    is_allowed_size,
+    literal,
+    shortened,
+    too_high,
+)
 
-MAX_DEGREE = 32
 MAX_LENGTH = 20_000
 MAX_DEPTH = 100
-# Constants between 2^-1000 and 2^1000 (about 1e-301 and 1e301) are doubles with all their digits.
-MAX_EXPONENT = 1000
-# A constant is computed exactly while it has at most so many bits, and all constants of a text together.
+# Most bits of one exact constant, and of all constants of one text together.
 MAX_BITS, MAX_ALL_BITS = 1 << 15, 1 << 18
 IRRATIONAL_BITS = 600
-AXES, CONSTANTS = ("x", "y", "z"), ("phi", "pi")
-RESERVED = (*AXES, *CONSTANTS, "sqrt")
 EXAMPLE = "write for example x^2 + y^2 + z^2 - 1"
-_LITERAL = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 _STRANGE = re.compile(r"[^A-Za-z0-9_+\-*/^(). \t\r\n]")
-_TOKEN = re.compile(rf"[A-Za-z_][A-Za-z0-9_]*|(?P<number>{_LITERAL.pattern})|\S", re.IGNORECASE)
+_TOKEN = re.compile(rf"[A-Za-z_][A-Za-z0-9_]*|(?P<number>{LITERAL.pattern})|\S", re.IGNORECASE)
 _HINTS = {
     "=": "write f = g as f - g",
     "<": "a surface is f = 0, without a comparison",
@@ -56,8 +61,8 @@ _HINTS = {
 
 
 def parse(text: str, parameters: dict[str, float]) -> Expression:
-    """The tree of a polynomial in x, y, z and the parameters; PolynomialError says what it cannot be."""
-    exact = known(parameters)
+    """Parses a polynomial in x, y, z and the parameters. Raises PolynomialError with the place and the remedy."""
+    exact = exact_parameters(parameters)
     if len(text) > MAX_LENGTH:
         raise PolynomialError(f"it is {len(text)} characters long; at most {MAX_LENGTH}")
     if not text.strip():
@@ -67,11 +72,11 @@ def parse(text: str, parameters: dict[str, float]) -> Expression:
         hint = _HINTS.get(c, "only numbers, names and + - * / ^ ( ) have a meaning")
         raise PolynomialError(f"unexpected {c!r} at column {strange.start() + 1}; {hint}")
     tokens = list(_TOKEN.finditer(text))
-    _refuse_stuck(tokens)
-    _refuse_open(tokens)
+    _check_missing_signs(tokens)
+    _check_brackets(tokens)
     text = re.sub(r"\s", " ", text)
     lead = len(text) - len(text.lstrip())
-    # Where each character of the text for Python stood in the text.
+    # For each character of the text that Python parses, its place in the original text.
     place = [k for k, c in enumerate(text) for _ in range(2 if c == "^" else 1)][lead:]
     python = text.replace("^", "**").strip()
     try:
@@ -83,76 +88,39 @@ def parse(text: str, parameters: dict[str, float]) -> Expression:
         raise PolynomialError(f"not understood at column {at + 1}, near {_near(text, at)}; {EXAMPLE}") from None
     except (RecursionError, MemoryError):
         raise _deep() from None
-    whole = _Reader(python, exact).tree(body, 0)
-    if whole.degree > MAX_DEGREE:
-        raise too_high(whole.degree)
-    return whole
-
-
-def known(parameters: dict[str, float]) -> dict[str, Fraction]:
-    """The parameters, exactly."""
-    for name, value in parameters.items():
-        if name in RESERVED:
-            raise PolynomialError(
-                f"a parameter cannot be called {name}, which has a meaning already; take another name"
-            )
-        if not name.isidentifier() or not name.isascii() or iskeyword(name):
-            raise PolynomialError(f"{name!r} is no name of a parameter; it has letters, digits and _, as in r or r_1")
-        if value and not 2.0**-MAX_EXPONENT <= abs(value) <= 2.0**MAX_EXPONENT:
-            raise PolynomialError(f"the parameter {name} is {value:g}; it is 0 or between 1e-301 and 1e301 in size")
-    return {name: Fraction(value) for name, value in parameters.items()}
-
-
-def too_high(degree: int) -> PolynomialError:
-    """The line for a degree over the limit."""
-    shown = degree if degree < 10**6 else "over a million"
-    return PolynomialError(f"its degree, as written, is {shown}; at most {MAX_DEGREE}")
-
-
-def literal(text: str) -> Number | None:
-    """The exact value of a decimal literal, or None where it is none."""
-    found = _LITERAL.fullmatch(text)
-    if not found:
-        return None
-    # Sizes are bounded before the number is made: 1e999999999 would not fit in memory.
-    if len(found[1]) > MAX_EXPONENT or len(found[2] or "") > 5 or abs(int((found[2] or "e0")[1:])) > MAX_EXPONENT:
-        raise PolynomialError(f"the number {_cut(text)} has too many digits; it is 0 or between 1e-301 and 1e301")
-    value = Fraction(text)
-    if value and not _fits(value):
-        raise PolynomialError(f"the number {_cut(text)} is too large or too small; it is 0 or between 1e-301 and 1e301")
-    return Number(value)
-
-
-def _fits(value: Fraction) -> bool:
-    return abs(abs(value.numerator).bit_length() - value.denominator.bit_length()) <= MAX_EXPONENT
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= 20 else text[:17] + "..."
+    expression = _Reader(python, exact).expression(body, 0)
+    if expression.degree > MAX_DEGREE:
+        raise too_high(expression.degree)
+    return expression
 
 
 def _near(text: str, at: int) -> str:
+    """The text around a place, for a message."""
     return repr(text[max(0, at - 5) : at + 6].strip())
 
 
 def _deep() -> PolynomialError:
+    """The error for nesting above the limit."""
     return PolynomialError(f"it is nested too deeply; at most {MAX_DEPTH} levels")
 
 
-def _refuse_stuck(tokens: list[re.Match]):
-    """2x and 2(x + 1), which Python would read as something else or not at all."""
+def _check_missing_signs(tokens: list[re.Match]):
+    """Raises PolynomialError for 2x and 2(x + 1), which Python would read as something else or not at all."""
     for token, after in pairwise(tokens):
         if not token["number"] or not re.match(r"[A-Za-z_(]", after[0]):
             continue
         number, name = token[0], after[0]
         if token.end() < after.start() or name in AXES or name == "(" or not re.match(r"[exbo_]", name, re.IGNORECASE):
             wanted = f"{number}*{name}" + ("...)" if name == "(" else "")
-            raise PolynomialError(f"a sign is missing at column {after.start() + 1}; write {_cut(wanted)}")
-        raise PolynomialError(f"{_cut(number + name)} is no number; write numbers as in 1000.5 or 1e3")
+            raise PolynomialError(f"a sign is missing at column {after.start() + 1}; write {shortened(wanted)}")
+        raise PolynomialError(f"{shortened(number + name)} is no number; write numbers as in 1000.5 or 1e3")
 
 
-def _refuse_open(tokens: list[re.Match]):
-    """Brackets without their partners, and an end that is none: Python does not say where."""
+def _check_brackets(tokens: list[re.Match]):
+    """Raises PolynomialError for a bracket without its partner, and for a text that breaks off.
+
+    Python does not say where.
+    """
     opened = []
     for token in tokens:
         if token[0] == "(":
@@ -168,7 +136,10 @@ def _refuse_open(tokens: list[re.Match]):
 
 
 class _Reader:
-    """Reads Python's syntax tree of one text."""
+    """Converts the syntax tree that Python makes of a text.
+
+    bits: number of bits of all constants so far.
+    """
 
     def __init__(self, text: str, parameters: dict[str, Fraction]):
         self.text = text
@@ -176,12 +147,15 @@ class _Reader:
         self.bits = 0
 
     def source(self, node: ast.expr) -> str:
+        """The text of a node, as Python parsed it."""
         return self.text[node.col_offset : node.end_col_offset]
 
     def shown(self, node: ast.expr) -> str:
-        return _cut(self.source(node).replace("**", "^"))
+        """The text of a node, for a message."""
+        return shortened(self.source(node).replace("**", "^"))
 
-    def tree(self, node: ast.expr, depth: int) -> Expression:
+    def expression(self, node: ast.expr, depth: int) -> Expression:
+        """A node as an expression. depth: its nesting."""
         if depth > MAX_DEPTH:
             raise _deep()
         match node:
@@ -192,9 +166,9 @@ class _Reader:
             case ast.BinOp(op=ast.Pow()):
                 return self.power(node, depth)
             case ast.UnaryOp(op=ast.UAdd()):
-                return self.tree(node.operand, depth + 1)
+                return self.expression(node.operand, depth + 1)
             case ast.UnaryOp(op=ast.USub()):
-                return Negative(self.tree(node.operand, depth + 1))
+                return Negative(self.expression(node.operand, depth + 1))
             case ast.Constant():
                 if number := literal(self.source(node)):
                     return number
@@ -207,25 +181,27 @@ class _Reader:
         )
 
     def terms(self, node: ast.expr, depth: int) -> list[Expression]:
-        # Python nests a sum to the left, once for each term: it is walked in a loop, not by recursion.
-        found = []
+        """The terms of a sum. Python nests a sum to the left, once per term, so a loop walks it and no recursion."""
+        terms = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
-            term = self.tree(node.right, depth + 1)
-            found.append(Negative(term) if isinstance(node.op, ast.Sub) else term)
+            term = self.expression(node.right, depth + 1)
+            terms.append(Negative(term) if isinstance(node.op, ast.Sub) else term)
             node = node.left
-        found.append(self.tree(node, depth + 1))
-        return found[::-1]
+        terms.append(self.expression(node, depth + 1))
+        return terms[::-1]
 
     def factors(self, node: ast.expr, depth: int) -> list[Expression]:
-        found = []
+        """The factors of a product; divisors become reciprocals."""
+        factors = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Mult, ast.Div)):
-            factor = self.tree(node.right, depth + 1)
-            found.append(self.divisor(factor, node.right) if isinstance(node.op, ast.Div) else factor)
+            factor = self.expression(node.right, depth + 1)
+            factors.append(self.divisor(factor, node.right) if isinstance(node.op, ast.Div) else factor)
             node = node.left
-        found.append(self.tree(node, depth + 1))
-        return found[::-1]
+        factors.append(self.expression(node, depth + 1))
+        return factors[::-1]
 
     def divisor(self, of: Expression, node: ast.expr) -> Expression:
+        """The reciprocal of a divisor, which must be a constant other than 0."""
         if of.degree:
             raise PolynomialError(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
         if not rational(of, self.parameters) or is_zero(of):
@@ -233,7 +209,8 @@ class _Reader:
         return Reciprocal(of)
 
     def power(self, node: ast.BinOp, depth: int) -> Expression:
-        of, exponent = self.tree(node.left, depth + 1), node.right
+        """A power; its exponent must be a whole number."""
+        of, exponent = self.expression(node.left, depth + 1), node.right
         written = self.source(exponent)
         if not (isinstance(exponent, ast.Constant) and written.isdecimal()):
             raise PolynomialError(f"the exponent {self.shown(exponent)} is not allowed; it is a whole number as in x^2")
@@ -242,30 +219,32 @@ class _Reader:
             if of.degree * n > MAX_DEGREE:
                 raise too_high(of.degree * n)
             return Power(of, n) if n else Number(Fraction(1))
-        # log2 of the result, before it is computed.
+        # The bits of the result are checked before it is computed.
         if n * _bits(of) > MAX_BITS:
             raise self.unwieldy(node)
         return self.checked(Power(of, n), node)
 
-    def checked(self, made: Expression, node: ast.expr) -> Expression:
-        """The tree, where it is a constant that can be computed."""
-        if made.degree:
-            return made
-        bits = _bits(made)
+    def checked(self, expression: Expression, node: ast.expr) -> Expression:
+        """The expression. Raises PolynomialError if it is a constant that is too long, too large or too small."""
+        if expression.degree:
+            return expression
+        bits = _bits(expression)
         self.bits += bits
         if bits > MAX_BITS or self.bits > MAX_ALL_BITS:
             raise self.unwieldy(node)
-        value = rational(made, self.parameters)
-        if value and not is_zero(made) and not _fits(value):
+        value = rational(expression, self.parameters)
+        if value and not is_zero(expression) and not is_allowed_size(value):
             raise PolynomialError(
                 f"{self.shown(node)} is too large or too small; a constant is 0 or between 1e-301 and 1e301"
             )
-        return made
+        return expression
 
     def unwieldy(self, node: ast.expr) -> PolynomialError:
+        """The error for a constant with too many bits."""
         return PolynomialError(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
 
     def named(self, name: str) -> Expression:
+        """A coordinate, a constant or a parameter, by its name."""
         if name in AXES:
             return Axis(AXES.index(name))
         if name in CONSTANTS:
@@ -280,15 +259,17 @@ class _Reader:
             hint = f"write {'*'.join(name)}"
         else:
             hint = self.hint(name)
-        raise PolynomialError(f"unknown name {_cut(name)}; {hint}")
+        raise PolynomialError(f"unknown name {shortened(name)}; {hint}")
 
     def hint(self, name: str) -> str:
+        """The nearest known name, and all known names."""
         choices = [*RESERVED, *self.parameters]
         near = [c for c in choices if c.casefold() == name.casefold()] or get_close_matches(name, choices, 1)
         listed = f"one of {', '.join(choices)}"
         return f"did you mean {near[0]}? ({listed})" if near else listed
 
     def root(self, node: ast.Call, depth: int) -> Expression:
+        """A square root; its argument must be a constant that is not negative."""
         function = node.func
         if not isinstance(function, ast.Name):
             raise PolynomialError(f"a sign is missing before a bracket in {self.shown(node)}; write * for a product")
@@ -296,10 +277,10 @@ class _Reader:
         if name in AXES or name in CONSTANTS or name in self.parameters:
             raise PolynomialError(f"a sign is missing in {self.shown(node)}; write {name}*(...)")
         if name != "sqrt":
-            raise PolynomialError(f"unknown function {_cut(name)}; the only one is sqrt, of a constant")
+            raise PolynomialError(f"unknown function {shortened(name)}; the only one is sqrt, of a constant")
         if len(node.args) != 1 or node.keywords:
             raise PolynomialError("sqrt takes one number; write sqrt(2)")
-        of = self.tree(node.args[0], depth + 1)
+        of = self.expression(node.args[0], depth + 1)
         if of.degree:
             raise PolynomialError(
                 f"sqrt of {self.shown(node.args[0])} is no polynomial; only constants have a sqrt here"
@@ -315,7 +296,7 @@ class _Reader:
 
 
 def _bits(node: Expression) -> int:
-    """About how many bits a constant has when it is computed."""
+    """About the number of bits of a constant when it is computed exactly."""
     match node:
         case Number(value):
             return value.numerator.bit_length() + value.denominator.bit_length()

@@ -1,4 +1,4 @@
-"""Trees along random lines over prime fields: exact arithmetic at the price of a product of two numbers each."""
+"""Polynomials along random lines modulo a prime: exact arithmetic on numbers of a fixed size."""
 
 from collections.abc import Iterator
 from fractions import Fraction
@@ -8,20 +8,21 @@ from random import Random
 
 from visray.polynomials.expression import Axis, Expression, NamedConstant, Number, Parameter, Root, fold
 
-# Modulo a prime p = -1 mod 8 * 3 * 5 * ... * 23 each of these primes is a square, and the root (p + 1) / 4 takes is
-# itself a square: roots multiply as positive reals do, sqrt(12) is 2 sqrt(3).
+# Modulo a prime p = -1 mod 8 * 3 * 5 * ... * 23 each of the primes 2, 3, ..., 23 is a square. The square root by the
+# power (p + 1) / 4 is itself a square, so roots multiply as positive real numbers do: sqrt(12) is 2 sqrt(3).
 _STEP = 8 * 3 * 5 * 7 * 11 * 13 * 17 * 19 * 23
 _MERSENNE = (1 << 61) - 1
-# Other primes are squares modulo every second prime, independently: 8 of them take some 2^8 primes.
+# Every other prime is a square modulo half of all primes, independently of the rest. So square roots of 8 more primes
+# need about 2^8 tries.
 MAX_TRIES = 1000
 
 
 class UndefinedModulo(Exception):
-    """A number of the tree does not exist in this field; it may in another."""
+    """A constant of the expression is not defined modulo this prime; it may be modulo another."""
 
 
 class Residues:
-    """Numbers modulo a prime, one for each point of a line."""
+    """Numbers modulo a prime p, one for each point of a line."""
 
     __slots__ = ("p", "values")
 
@@ -47,24 +48,25 @@ class Residues:
 
 
 def inverse(value: int, p: int) -> int:
-    """1 / value modulo p."""
+    """1 / value modulo p. Raises UndefinedModulo if p divides the value."""
     if value % p == 0:
         raise UndefinedModulo
     return pow(value, -1, p)
 
 
 def restrict_to_line(
-    tree: Expression, parameters: dict[str, Fraction], p: int, seed: int, free: bool = False
+    expression: Expression, parameters: dict[str, Fraction], p: int, seed: int, free: bool = False
 ) -> list[int]:
-    """The coefficients modulo p, low to high, along a random line; the same seed is the same line and the same pi.
+    """Coefficients modulo p of the expression along a random line, from low to high.
 
-    Where `free`, phi and square roots are random like pi, not roots.
+    seed: chooses the line and the number that stands for pi.
+    free: phi and square roots are random numbers too, as if they were variables.
     """
     random = Random(seed)
     starts = [random.randrange(p) for _ in range(3)]
     steps = [random.randrange(1, p) for _ in range(3)]
     pi = random.randrange(1, p)
-    points = range(tree.degree + 1)
+    points = range(expression.degree + 1)
     chosen: dict[Expression, int] = {}
 
     def number(value: Fraction) -> Residues:
@@ -89,23 +91,24 @@ def restrict_to_line(
             chosen[node] = irrational(node)
         return Residues([chosen[node]] * len(points), p)
 
-    return _interpolate(fold(tree, number, leaf).values, p)
+    return _interpolate(fold(expression, number, leaf).values, p)
 
 
 def _root(value: int, p: int) -> int:
-    found = pow(value, (p + 1) // 4, p)
-    if found * found % p != value % p:
+    """The square root of a value modulo p. Raises UndefinedModulo if there is none."""
+    root = pow(value, (p + 1) // 4, p)
+    if root * root % p != value % p:
         raise UndefinedModulo
-    return found
+    return root
 
 
-def suitable_prime(tree: Expression, parameters: dict[str, Fraction]) -> int:
-    """A prime about 2^61 modulo which all numbers of the tree exist."""
+def suitable_prime(expression: Expression, parameters: dict[str, Fraction]) -> int:
+    """A prime near 2^61 modulo which all constants of the expression are defined."""
     candidates = (_STEP * k - 1 for k in count((1 << 61) // _STEP))
-    primes = chain([] if tree.irrational else [_MERSENNE], filter(is_prime, candidates))
+    primes = chain([] if expression.irrational else [_MERSENNE], filter(is_prime, candidates))
     for p in islice(primes, MAX_TRIES):
         try:
-            for node in _constants(tree):
+            for node in _constants(expression):
                 if not (isinstance(node, Number) and node.value.denominator % p):
                     restrict_to_line(node, parameters, p, 1)
         except UndefinedModulo:
@@ -114,18 +117,18 @@ def suitable_prime(tree: Expression, parameters: dict[str, Fraction]) -> int:
     raise UndefinedModulo
 
 
-def _constants(tree: Expression) -> Iterator[Expression]:
-    """The largest parts without x, y and z."""
-    if not tree.degree:
-        yield tree
+def _constants(expression: Expression) -> Iterator[Expression]:
+    """The largest subexpressions without x, y and z."""
+    if not expression.degree:
+        yield expression
         return
-    for part in getattr(tree, "parts", None) or ((tree.of,) if hasattr(tree, "of") else ()):
+    for part in getattr(expression, "parts", None) or ((expression.of,) if hasattr(expression, "of") else ()):
         yield from _constants(part)
 
 
 @cache
 def is_prime(n: int) -> bool:
-    """Whether n < 2^64 is prime (Miller and Rabin; these bases leave no doubt)."""
+    """Whether n is prime, by the Miller-Rabin test with bases that decide it with certainty. Domain: n < 2^64."""
     bases = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
     if n < 2 or any(n % b == 0 for b in bases):
         return n in bases
@@ -138,28 +141,29 @@ def is_prime(n: int) -> bool:
 
 
 def _interpolate(values: list[int], p: int) -> list[int]:
-    """The polynomial modulo p with these values at 0, 1, 2, ...: Newton's differences, then Horner."""
+    """Coefficients of the polynomial modulo p with these values at 0, 1, 2, ..., by Newton's divided differences and
+    Horner's scheme."""
     differences = list(values)
     for k in range(1, len(values)):
         by = inverse(k, p)
         for j in range(len(values) - 1, k - 1, -1):
             differences[j] = (differences[j] - differences[j - 1]) * by % p
-    found: list[int] = []
+    coefficients: list[int] = []
     for k in range(len(values) - 1, -1, -1):
-        found = [(a - k * b) % p for a, b in zip([0, *found], [*found, 0])]
-        found[0] = (found[0] + differences[k]) % p
-    return without_leading_zeros(found)
+        coefficients = [(a - k * b) % p for a, b in zip([0, *coefficients], [*coefficients, 0])]
+        coefficients[0] = (coefficients[0] + differences[k]) % p
+    return without_leading_zeros(coefficients)
 
 
 def without_leading_zeros(a: list[int]) -> list[int]:
-    """Without leading zeros; the polynomial 0 is empty."""
+    """Removes the leading zeros from a list of coefficients; the polynomial 0 becomes empty."""
     while a and not a[-1]:
         a.pop()
     return a
 
 
 def divide(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
-    """Quotient and remainder."""
+    """Quotient and remainder of two polynomials modulo p."""
     a, quotient, by = list(a), [0] * max(0, len(a) - len(b) + 1), inverse(b[-1], p)
     for k in range(len(quotient) - 1, -1, -1):
         factor = quotient[k] = a[k + len(b) - 1] * by % p
@@ -170,7 +174,7 @@ def divide(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
 
 
 def gcd(a: list[int], b: list[int], p: int) -> list[int]:
-    """The greatest common divisor, with leading coefficient 1."""
+    """The greatest common divisor of two polynomials modulo p, with leading coefficient 1."""
     while b:
         a, b = b, divide(a, b, p)[1]
     by = inverse(a[-1], p)
@@ -178,27 +182,27 @@ def gcd(a: list[int], b: list[int], p: int) -> list[int]:
 
 
 def is_square_free(a: list[int], p: int) -> bool:
-    """Whether a polynomial of a degree below p has no repeated factor."""
+    """Whether a polynomial modulo p has no repeated factor. Domain: degree below p."""
     return len(gcd(a, [k * c % p for k, c in enumerate(a)][1:], p)) == 1
 
 
 def factor_degrees(a: list[int], p: int) -> list[int]:
-    """The degrees of the irreducible factors of a squarefree polynomial modulo p."""
-    found, power = [], [0, 1]
+    """Degrees of the irreducible factors of a square-free polynomial modulo p, by distinct-degree factorization."""
+    degrees, power = [], [0, 1]
     for k in count(1):
         if 2 * k > len(a) - 1:
-            return found + [len(a) - 1] * (len(a) > 1)
+            return degrees + [len(a) - 1] * (len(a) > 1)
         power = _power_modulo(divide(power, a, p)[1], p, a)
-        # The factors of degree k divide t^(p^k) - t.
+        # All factors whose degree divides k divide t^(p^k) - t; those of lower degree were removed before.
         rest = power + [0] * (2 - len(power))
         part = gcd(a, without_leading_zeros([rest[0], (rest[1] - 1) % p, *rest[2:]]), p)
         if len(part) > 1:
-            found += [k] * ((len(part) - 1) // k)
+            degrees += [k] * ((len(part) - 1) // k)
             a = divide(a, part, p)[0]
 
 
 def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
-    """a^n modulo n and a polynomial."""
+    """a^n modulo the number n and the polynomial `modulus`."""
     result = [1]
     for bit in bin(n)[2:]:
         result = _multiply_modulo(result, result, modulus, n)
@@ -208,6 +212,7 @@ def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
 
 
 def _multiply_modulo(a: list[int], b: list[int], modulus: list[int], p: int) -> list[int]:
+    """a b modulo the number p and the polynomial `modulus`."""
     product = [0] * (len(a) + len(b) - 1) if a and b else []
     for i, x in enumerate(a):
         for j, y in enumerate(b):

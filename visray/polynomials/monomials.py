@@ -1,10 +1,10 @@
-"""Monomials such as "0.9x2", "-3y2" and "-1", whose sum is the polynomial."""
+"""Reads lists of monomials such as "0.9x2", "-3y2" and "-1". Their sum is the polynomial."""
 
 import re
 
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import Axis, Expression, Negative, Power, Product, Sum
-from visray.polynomials.grammar import AXES, MAX_DEGREE, literal, too_high
+from visray.polynomials.literals import AXES, MAX_DEGREE, literal, too_high
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
 _FACTOR = r"([xyz])(?:\s*(?:\^|\*\*)\s*(\d+)|(\d+))?"
@@ -14,7 +14,7 @@ MAX_ENTRIES = 10_000
 
 
 def parse(entries: list[str]) -> Expression:
-    """The sum of the monomials; PolynomialError has the index of the entry it is about."""
+    """The sum of the monomials. A PolynomialError holds the index of the entry with the error."""
     if not entries:
         raise PolynomialError('there is no monomial; write for example ["x2", "y2", "z2", "-1"]')
     if len(entries) > MAX_ENTRIES:
@@ -23,19 +23,20 @@ def parse(entries: list[str]) -> Expression:
 
 
 def _monomial(entry: str, part: int) -> Expression:
-    found = _MONOMIAL.fullmatch(entry)
-    # An exponent is what follows its letter at once or after ^: "x 2" could also be a product.
-    if not found or not (found[2] or found[3]) or (not found[2] and found[3].lstrip().startswith("*")):
+    """One monomial. part: its index, for errors."""
+    match = _MONOMIAL.fullmatch(entry)
+    # An exponent follows its letter at once or after ^, because "x 2" could also be a product.
+    if not match or not (match[2] or match[3]) or (not match[2] and match[3].lstrip().startswith("*")):
         raise PolynomialError(
             'is not a monomial; write a number and then powers of x, y and z, as in "-0.5x2y"; '
             "a sum has one entry for each of its terms",
             part,
         )
     try:
-        parts: list[Expression] = [literal(found[2])] if found[2] else []
+        parts: list[Expression] = [literal(match[2])] if match[2] else []
     except PolynomialError as e:
         raise PolynomialError(str(e), part) from None
-    for letter, *exponents in _FACTORS.findall(found[3]):
+    for letter, *exponents in _FACTORS.findall(match[3]):
         written = exponents[0] or exponents[1] or "1"
         n = int(written) if len(written) < 10 else 10**9
         if n > MAX_DEGREE:
@@ -46,4 +47,4 @@ def _monomial(entry: str, part: int) -> Expression:
     product = Product(tuple(parts))
     if product.degree > MAX_DEGREE:
         raise PolynomialError(str(too_high(product.degree)), part)
-    return Negative(product) if found[1] == "-" else product
+    return Negative(product) if match[1] == "-" else product

@@ -1,4 +1,4 @@
-"""What kernels evaluate: the operations of each factor as they are compiled, and apart from them all numbers."""
+"""Programs: the operations by which kernels evaluate a polynomial, with all its numbers kept apart from them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,31 +9,25 @@ from typing import Any
 from visray.polynomials import grammar, monomials
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong, expand, horner, monomial_terms, recentre
-from visray.polynomials.expression import (
-    BITS,
-    Axis,
-    Expression,
-    Negative,
-    Power,
-    Product,
-    rational,
-    simplify,
-    translate,
-)
+from visray.polynomials.expression import BITS, Axis, Expression, Negative, Power, Product, rational
 from visray.polynomials.factorization import factorize
+from visray.polynomials.literals import exact_parameters
+from visray.polynomials.simplify import simplify, translate
 
 Source = str | tuple[str, ...] | list[str]
-# A bound on |f| outside of these leaves no room for the sums and differences of it that are computed in doubles.
+# The bound on |f| must lie in this range, so that sums and products of values of f do not overflow or underflow.
 LARGEST, SMALLEST = 1e140, 1e-140
 MAX_PRODUCTS = 3_000_000
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A polynomial without repeated parts, its degree along a generic line, and whether its multiplicity is even.
+    """A square-free factor of a polynomial.
 
-    Each operation of `code` names earlier ones by their index: ("slot", j), ("axis", k), ("add", i, j), ("sub", i, j),
-    ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one is the result.
+    degree: its degree along a generic line.
+    code: operations that refer to earlier ones by index: ("slot", j), ("axis", k), ("add", i, j), ("sub", i, j),
+        ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one gives the value.
+    even: whether its multiplicity in the polynomial is even.
     """
 
     degree: int
@@ -43,9 +37,11 @@ class Factor:
 
 @dataclass(frozen=True)
 class Program:
-    """All that is compiled; forms are equal where polynomials differ only in the values of their numbers.
+    """The structure of a polynomial f. Polynomials that differ only in the values of their numbers have equal programs.
 
-    sign * the product of the factors that are not even has the sign of f everywhere.
+    factors: the square-free factors of f.
+    sign: sign times the product of all factors that are not even has the sign of f everywhere.
+    slots: number of constants. A slot holds the value of one constant.
     """
 
     factors: tuple[Factor, ...]
@@ -55,7 +51,12 @@ class Program:
 
 @dataclass(frozen=True)
 class Compiled:
-    """A form and the numbers in its slots: as doubles, as trees of constants, and as rationals before rounding."""
+    """A program and the constants in its slots.
+
+    values: the constants as doubles.
+    constants: the constants as expressions.
+    exact_values: the constants as rationals, before rounding.
+    """
 
     program: Program
     values: tuple[float, ...]
@@ -64,54 +65,60 @@ class Compiled:
 
 
 def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Compiled:
-    """The form of a polynomial, written as text or as a list of monomials, in q = p - centre."""
+    """Compiles a polynomial, given as text or as a list of monomials, in coordinates q = p - centre."""
     source = source if isinstance(source, str) else tuple(source)
-    return _built(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
+    return _build(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
 
 
 @lru_cache(maxsize=256)
-def _built(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Compiled:
-    parts, sign = _split(source, parameters)
+def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Compiled:
+    """As `build`, with arguments that can be cached."""
+    square_free, sign = _factorize(source, parameters)
     values = {name: Fraction(value) for name, value in parameters}
     middle = tuple(map(Fraction, centre))
     slots = _Slots()
-    factors = tuple(Factor(p.degree, _code(_about(p.tree, middle), slots), p.even) for p in parts)
-    wide = tuple(rational(c, values) for c in slots.constants)
-    return Compiled(Program(factors, sign, len(wide)), tuple(map(_double, wide)), tuple(slots.constants), wide)
+    factors = tuple(Factor(f.degree, _code(_recentred(f.expression, middle), slots), f.even) for f in square_free)
+    exact = tuple(rational(c, values) for c in slots.constants)
+    return Compiled(Program(factors, sign, len(exact)), tuple(map(_double, exact)), tuple(slots.constants), exact)
 
 
 @lru_cache(maxsize=256)
-def _split(source: str | tuple, parameters: tuple) -> tuple:
-    """The part that is the same about every centre."""
-    return factorize(read(source, dict(parameters)), grammar.known(dict(parameters)))
+def _factorize(source: str | tuple, parameters: tuple) -> tuple:
+    """The factorization, which is the same for every centre."""
+    return factorize(read(source, dict(parameters)), exact_parameters(dict(parameters)))
 
 
 def read(source: Source, parameters: dict[str, float]) -> Expression:
-    """The tree of a polynomial, written as text or as a list of monomials."""
+    """Parses a polynomial that is given as text or as a list of monomials."""
     return grammar.parse(source, parameters) if isinstance(source, str) else monomials.parse(list(source))
 
 
 def _double(value: Fraction) -> float:
-    # Merged constants may be beyond doubles, or among those that have lost digits, although none of them was.
+    """A constant rounded to double."""
+    # A product of constants may overflow or become subnormal although none of the constants does.
     if value and not -1022 < abs(value.numerator).bit_length() - value.denominator.bit_length() < 1023:
         raise PolynomialError("its constants multiply to a number beyond the doubles; write it in another unit")
     return float(value)
 
 
-def _about(tree: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
-    """A simplify tree about a centre: what is written expanded in Horner's scheme, all else as it is written."""
-    terms = monomial_terms(tree)
-    return simplify(translate(tree, centre) if terms is None else horner(recentre(terms, centre)))
+def _recentred(expression: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
+    """A simplified expression in coordinates about a centre.
+
+    A sum of monomials becomes Horner's scheme. Any other expression keeps its form.
+    """
+    terms = monomial_terms(expression)
+    return simplify(translate(expression, centre) if terms is None else horner(recentre(terms, centre)))
 
 
 class _Slots:
-    """The constants of a form. Only those with a name in them, or a root, share a slot where they are equal."""
+    """Assigns constants to slots. Equal constants share a slot only if they contain a parameter, pi, phi or a root."""
 
     def __init__(self):
         self.constants: list[Expression] = []
         self.shared: dict[Expression, int] = {}
 
     def of(self, constant: Expression) -> int:
+        """The slot of a constant."""
         if constant in self.shared:
             return self.shared[constant]
         self.constants.append(constant)
@@ -120,12 +127,13 @@ class _Slots:
         return len(self.constants) - 1
 
 
-def _code(tree: Expression, slots: _Slots) -> tuple[tuple, ...]:
-    found: dict[tuple, int] = {}
+def _code(expression: Expression, slots: _Slots) -> tuple[tuple, ...]:
+    """The operations that evaluate an expression. Equal operations are emitted once."""
+    indices: dict[tuple, int] = {}
     sums: dict[Expression, int] = {}
 
     def put(*operation) -> int:
-        return found.setdefault(operation, len(found))
+        return indices.setdefault(operation, len(indices))
 
     def emit(node: Expression) -> int:
         match node:
@@ -139,7 +147,7 @@ def _code(tree: Expression, slots: _Slots) -> tuple[tuple, ...]:
                 return put("pow", emit(of), n)
             case Product(parts):
                 return product(parts)
-        # Equal sums are one, with their numbers: (x^2 + y^2 - 1) in two places is computed once.
+        # Equal sums are computed once, such as (x^2 + y^2 - 1) in two places. They then also share their slots.
         if node not in sums:
             sums[node] = total(node.parts)
         return sums[node]
@@ -150,31 +158,35 @@ def _code(tree: Expression, slots: _Slots) -> tuple[tuple, ...]:
             of, n = (part.of, part.exponent) if isinstance(part, Power) and part.degree else (part, 1)
             k = emit(of)
             exponents[k] = exponents.get(k, 0) + n
-        whole = None
+        value = None
         for k, n in exponents.items():
             power = put("pow", k, n) if n > 1 else k
-            whole = power if whole is None else put("mul", whole, power)
-        return whole
+            value = power if value is None else put("mul", value, power)
+        return value
 
     def total(parts: tuple[Expression, ...]) -> int:
         minus = [isinstance(p, Negative) and p.degree > 0 for p in parts]
         terms = [emit(p.of if m else p) for p, m in zip(parts, minus)]
-        # A sum starts with a term that is added, so that none has to be negate first.
+        # A sum starts with a positive term if it has one, so that no term has to be negated first.
         first = minus.index(False) if False in minus else 0
-        whole = terms[first]
+        value = terms[first]
         for k, (term, m) in enumerate(zip(terms, minus)):
             if k != first:
-                whole = put("sub" if m != minus[first] else "add", whole, term)
-        return put("neg", whole) if minus[first] else whole
+                value = put("sub" if m != minus[first] else "add", value, term)
+        return put("neg", value) if minus[first] else value
 
-    emit(tree)
-    return tuple(found)
+    emit(expression)
+    return tuple(indices)
 
 
 def interpret(code: tuple[tuple, ...], slots: Any, axes: Any, power: Callable[[Any, int], Any] | None = None) -> Any:
-    """The value of a factor in any arithmetic with + - *."""
-    power = power or repeated
-    done: list[Any] = []
+    """The value of a factor, by running its code in any arithmetic with + - *.
+
+    slots, axes: values of the constants, and of x, y and z.
+    power: function of a value and an exponent; squaring by default.
+    """
+    power = power or power_by_squaring
+    results: list[Any] = []
     for name, *at in code:
         match name:
             case "slot":
@@ -182,21 +194,21 @@ def interpret(code: tuple[tuple, ...], slots: Any, axes: Any, power: Callable[[A
             case "axis":
                 value = axes[at[0]]
             case "add":
-                value = done[at[0]] + done[at[1]]
+                value = results[at[0]] + results[at[1]]
             case "sub":
-                value = done[at[0]] - done[at[1]]
+                value = results[at[0]] - results[at[1]]
             case "mul":
-                value = done[at[0]] * done[at[1]]
+                value = results[at[0]] * results[at[1]]
             case "neg":
-                value = -done[at[0]]
+                value = -results[at[0]]
             case _:
-                value = power(done[at[0]], at[1])
-        done.append(value)
-    return done[-1]
+                value = power(results[at[0]], at[1])
+        results.append(value)
+    return results[-1]
 
 
-def repeated(value: Any, n: int) -> Any:
-    """A power by squaring."""
+def power_by_squaring(value: Any, n: int) -> Any:
+    """value^n by repeated squaring. Domain: n >= 1."""
     result = None
     while True:
         if n % 2:
@@ -207,21 +219,21 @@ def repeated(value: Any, n: int) -> Any:
         value = value * value
 
 
-def magnitude_bounds(built: Compiled, reach: float) -> tuple[float, ...]:
-    """For each factor a bound on its size where no coordinate of q is above `reach` in size."""
-    sizes = [abs(v) for v in built.values]
-    # The bound of a difference is that of the sum, and that of -a is that of a.
-    bounds = {"sub": lambda i, j: ("add", i, j), "neg": lambda i: ("pow", i, 1)}
-    found = []
-    for factor in built.program.factors:
-        code = tuple(bounds[name](*at) if name in bounds else (name, *at) for name, *at in factor.code)
-        found.append(interpret(code, sizes, (abs(reach),) * 3))
-    return tuple(found)
+def magnitude_bounds(compiled: Compiled, reach: float) -> tuple[float, ...]:
+    """A bound on |factor| for each factor, where no coordinate of q is above `reach` in size."""
+    sizes = [abs(v) for v in compiled.values]
+    # A difference has the bound of the sum, and -a has that of a.
+    bounding = {"sub": lambda i, j: ("add", i, j), "neg": lambda i: ("pow", i, 1)}
+    bounds = []
+    for factor in compiled.program.factors:
+        code = tuple(bounding[name](*at) if name in bounding else (name, *at) for name, *at in factor.code)
+        bounds.append(interpret(code, sizes, (abs(reach),) * 3))
+    return tuple(bounds)
 
 
-def check_sizes(built: Compiled, reach: float):
-    """PolynomialError where a factor would overflow or vanish in doubles."""
-    for size in magnitude_bounds(built, reach):
+def check_sizes(compiled: Compiled, reach: float):
+    """Raises PolynomialError if a factor could overflow or underflow in double. reach: as in magnitude_bounds."""
+    for size in magnitude_bounds(compiled, reach):
         if not size <= LARGEST:
             raise PolynomialError(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
         if size < SMALLEST:
@@ -231,15 +243,15 @@ def check_sizes(built: Compiled, reach: float):
 
 
 def exact_terms(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
-    """The polynomial expanded, with irrational constants as rationals of 77 digits; for tests and studies."""
-    values = grammar.known(parameters or {})
-    tree = simplify(read(source, parameters or {}))
+    """The terms of the expanded polynomial, for tests and studies. Irrational constants are rationals of 77 digits."""
+    values = exact_parameters(parameters or {})
+    expression = simplify(read(source, parameters or {}))
     try:
-        found = expand(tree, lambda node: {(0, 0, 0): rational(node, values)}, 3, MAX_PRODUCTS)
+        terms = expand(expression, lambda node: {(0, 0, 0): rational(node, values)}, 3, MAX_PRODUCTS)
     except TooLong:
         raise PolynomialError("it is too long to be expanded") from None
-    if not tree.irrational:
-        return found
-    # Terms that cancel but for the rounding of irrational constants are none.
-    largest = max(map(abs, found.values()), default=Fraction(0))
-    return {e: c for e, c in found.items() if abs(c) > largest / (1 << BITS // 2)}
+    if not expression.irrational:
+        return terms
+    # A term that cancels up to the rounding of irrational constants does not count.
+    largest = max(map(abs, terms.values()), default=Fraction(0))
+    return {e: c for e, c in terms.items() if abs(c) > largest / (1 << BITS // 2)}

@@ -1,4 +1,4 @@
-"""A polynomial as terms over x, y, z and its irrational constants and parameters, as if these were variables."""
+"""Expansion into terms over x, y, z and the constants that are not rational, as if these were variables too."""
 
 from fractions import Fraction
 
@@ -16,23 +16,22 @@ from visray.polynomials.expression import (
     Reciprocal,
     Root,
     Sum,
-    negate,
     rational,
-    simplify,
 )
+from visray.polynomials.simplify import negate, simplify
 
-# What an expansion may take, and the terms that it may have: about a second.
+# Most products that an expansion may take, and most terms that it may have. Together they limit it to about a second.
 MAX_PRODUCTS = 200_000
 MOST_TERMS = 600
 
 
-def _atoms(tree: Expression) -> list[Expression]:
-    """The constants in a tree that are not rational numbers, and what is divided by them."""
-    match tree:
+def _atoms(expression: Expression) -> list[Expression]:
+    """The constants of an expression that are not rational numbers, or that divide by such a number."""
+    match expression:
         case NamedConstant() | Parameter() | Root():
-            return [tree]
+            return [expression]
         case Reciprocal(of) if of.irrational or of.parametric:
-            return [tree]
+            return [expression]
         case Negative(of) | Reciprocal(of) | Power(of):
             return _atoms(of)
         case Sum(parts) | Product(parts):
@@ -40,9 +39,12 @@ def _atoms(tree: Expression) -> list[Expression]:
     return []
 
 
-def symbolic_terms(tree: Expression, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Expression]]:
-    """The terms of a tree over x, y, z and its irrational constants and parameters, as if these were variables."""
-    atoms = _atoms(tree)
+def symbolic_terms(expression: Expression, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Expression]]:
+    """(terms, atoms): the terms of an expression over x, y, z and its atoms, the irrational constants and parameters.
+
+    budget: most products of two terms. Raises TooLong beyond it.
+    """
+    atoms = _atoms(expression)
     size = 3 + len(atoms)
     zero = (0,) * size
 
@@ -57,61 +59,63 @@ def symbolic_terms(tree: Expression, budget: int = MAX_PRODUCTS) -> tuple[Terms,
             case Negative(of):
                 return {e: -c for e, c in constant(of).items()}
             case Sum(parts):
-                found: Terms = {}
+                total: Terms = {}
                 for p in parts:
                     for e, c in constant(p).items():
-                        found[e] = found.get(e, 0) + c
-                return found
+                        total[e] = total.get(e, 0) + c
+                return total
             case Power(of, exponent=n):
                 parts = (of,) * n
             case Product(parts):
                 pass
-        found = {zero: Fraction(1)}
+        product = {zero: Fraction(1)}
         for p in parts:
             terms = constant(p)
-            product: Terms = {}
-            for i, c in found.items():
+            longer: Terms = {}
+            for i, c in product.items():
                 for j, d in terms.items():
                     e = tuple(map(int.__add__, i, j))
-                    product[e] = product.get(e, 0) + c * d
-            found = product
-            if len(found) > MOST_TERMS:
+                    longer[e] = longer.get(e, 0) + c * d
+            product = longer
+            if len(product) > MOST_TERMS:
                 raise TooLong
-        return found
+        return product
 
-    return expand(tree, constant, size, budget), atoms
+    return expand(expression, constant, size, budget), atoms
 
 
 def _coefficients(terms: Terms, atoms: list[Expression]) -> Coefficients:
-    """The terms over x, y and z, their coefficients as trees; 1 and -1 are not written."""
-    found: dict[tuple[int, int, int], list[Expression]] = {}
+    """Terms over x, y and z with expressions of the atoms as coefficients. A factor of 1 or -1 is left out."""
+    summands: dict[tuple[int, int, int], list[Expression]] = {}
     for e, c in terms.items():
         powers = tuple(Power(a, n) if n > 1 else a for a, n in zip(atoms, e[3:]) if n)
         if abs(c) == 1:
             part = Product(powers) if c > 0 else Negative(Product(powers))
         else:
             part = Product((Number(c), *powers)) if powers else Number(c)
-        found.setdefault(e[:3], []).append(part)
-    return {e: _coefficient(parts) for e, parts in found.items()}
+        summands.setdefault(e[:3], []).append(part)
+    return {e: _coefficient(parts) for e, parts in summands.items()}
 
 
 def _coefficient(parts: list[Expression]) -> Expression:
+    """The sum of the parts, as one simplified expression."""
     if len(parts) > 1:
         return Sum(tuple(parts))
     return parts[0] if parts[0] in (ONE, negate(ONE)) else simplify(parts[0])
 
 
-def drop_cancelled_terms(tree: Expression, parameters: dict[str, Fraction], degree: int) -> Expression:
-    """A tree whose highest terms cancel, without them."""
+def drop_cancelled_terms(expression: Expression, parameters: dict[str, Fraction], degree: int) -> Expression:
+    """The expression without its highest terms, which cancel. degree: what remains."""
     try:
-        terms, atoms = symbolic_terms(tree)
+        terms, atoms = symbolic_terms(expression)
     except TooLong:
         raise PolynomialError(
-            f"its degree is {degree}, not {tree.degree} as written, and it is too long to be written anew; "
+            f"its degree is {degree}, not {expression.degree} as written, and it is too long to be written anew; "
             "leave out what cancels"
         ) from None
     return from_terms({e: c for e, c in terms.items() if sum(e[:3]) <= degree}, atoms)
 
 
 def from_terms(terms: Terms, atoms: list[Expression]) -> Expression:
+    """The terms over x, y, z and the atoms as an expression, by Horner's scheme."""
     return simplify(horner(_coefficients(terms, atoms)))

@@ -1,4 +1,4 @@
-"""Factors and multiplicities of polynomials, by sympy, which is loaded only where it is needed: it takes 0.4 s."""
+"""Factors of polynomials and their multiplicities, by sympy. It is imported only when needed, as it takes 0.4 s."""
 
 from collections import Counter
 from fractions import Fraction
@@ -19,18 +19,24 @@ from visray.polynomials.expression import (
 )
 from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
 
-# Where a factoring must be, and where it only makes rendering faster.
+# Most terms of a polynomial that is factored because it must be (True), or only to make rendering faster (False).
 MAX_TERMS = {True: MOST_TERMS, False: 300}
 MAX_ALGEBRAIC_TERMS = 60
 
 
 def repeated_factor_error() -> PolynomialError:
+    """The error for a repeated factor that is too expensive to find."""
     return PolynomialError("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
 
 
-def rational_factors(tree: Expression, parameters: dict[str, Fraction], needed: bool) -> list[tuple[Expression, int]]:
-    """The factors over the rationals, whatever the values of parameters and irrational constants."""
-    terms, atoms = symbolic_terms(tree)
+def rational_factors(
+    expression: Expression, parameters: dict[str, Fraction], needed: bool
+) -> list[tuple[Expression, int]]:
+    """Factors over the rationals with multiplicities, with parameters and irrational constants as variables.
+
+    needed: the polynomial has repeated factors; see MAX_TERMS. Raises TooLong if it has too many terms.
+    """
+    terms, atoms = symbolic_terms(expression)
     if len(terms) > MAX_TERMS[needed]:
         raise TooLong
     from sympy import QQ, Poly, symbols
@@ -42,7 +48,7 @@ def rational_factors(tree: Expression, parameters: dict[str, Fraction], needed: 
         *(names[k] for k in used),
         domain=QQ,
     )
-    found = []
+    factors = []
     for factor, n in poly.factor_list()[1]:
         inner = {}
         for e, c in factor.terms():
@@ -51,17 +57,20 @@ def rational_factors(tree: Expression, parameters: dict[str, Fraction], needed: 
                 full[k] = i
             inner[tuple(full)] = Fraction(int(c.p), int(c.q))
         if any(any(e[:3]) for e in inner):
-            # The number that is there most often becomes a 1, which costs nothing.
+            # The most frequent coefficient becomes 1, which costs no operation.
             often = Counter(map(abs, inner.values())).most_common(1)[0][0]
-            found.append(({e: c / often for e, c in inner.items()}, n))
-    found.sort(key=lambda f: (max(sum(e[:3]) for e in f[0]), len(f[0]), sorted(f[0].items())))
-    return [(from_terms(inner, atoms), n) for inner, n in found]
+            factors.append(({e: c / often for e, c in inner.items()}, n))
+    factors.sort(key=lambda f: (max(sum(e[:3]) for e in f[0]), len(f[0]), sorted(f[0].items())))
+    return [(from_terms(inner, atoms), n) for inner, n in factors]
 
 
-def multiplicity_parts(tree: Expression, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
-    """The parts of each multiplicity at the values of the constants: roots are roots here, parameters are numbers."""
+def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
+    """The square-free parts of each multiplicity, at the actual values of the constants.
+
+    Square roots are algebraic numbers here, parameters are numbers, and pi is a variable.
+    """
     try:
-        terms, atoms = symbolic_terms(tree)
+        terms, atoms = symbolic_terms(expression)
     except TooLong:
         raise repeated_factor_error() from None
     if len(terms) > MAX_ALGEBRAIC_TERMS:
@@ -92,7 +101,7 @@ def multiplicity_parts(tree: Expression, parameters: dict[str, Fraction]) -> lis
 
     axes, pi = sympy.symbols("x y z"), sympy.Symbol("pi")
     values = [value(a) for a in atoms]
-    whole = sympy.Add(
+    polynomial = sympy.Add(
         *(
             sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(b**n for b, n in zip((*axes, *values), e)))
             for e, c in terms.items()
@@ -102,21 +111,21 @@ def multiplicity_parts(tree: Expression, parameters: dict[str, Fraction]) -> lis
     symbols = (*axes, *([pi] if any(v.has(pi) for v in values) else []))
     options = {"extension": roots} if roots else {"domain": sympy.QQ}
     try:
-        parts = sympy.Poly(whole, *symbols, **options).sqf_list()[1]
+        parts = sympy.Poly(polynomial, *symbols, **options).sqf_list()[1]
     except (sympy.PolynomialError, NotImplementedError):
         raise repeated_factor_error() from None
-    found = []
+    square_free = []
     for part, n in parts:
         inner: Terms = {}
         for e, c in part.terms():
             inner[(*e, 0)[:4]] = _number(c)
         if any(any(e[:3]) for e in inner):
-            found.append((from_terms(inner, [NamedConstant("pi")]), n))
-    return found
+            square_free.append((from_terms(inner, [NamedConstant("pi")]), n))
+    return square_free
 
 
 def _number(c) -> Fraction:
-    """A real number of sympy as a rational, good to BITS where it is irrational."""
+    """A real number of sympy as a rational, correct to BITS if it is irrational."""
     if c.is_Rational:
         return Fraction(int(c.p), int(c.q))
     return Fraction(str(c.evalf(BITS * 3 // 10)))

@@ -70,7 +70,7 @@ class LightBatch:
 
 @dataclass(frozen=True)
 class KernelScene:
-    """Everything of a scene that kernels read.
+    """Everything of a scene that kernels read. Parameters named `s` hold one.
 
     a: array types
     features: effects that are simulated

@@ -80,11 +80,11 @@ class Frame:
         return Frame(outer.vector(self.x), outer.vector(self.y), outer.vector(self.z), outer.point(self.o))
 
     def vector(self, v: Any) -> Any:
-        """World vector of a local one: without the translation."""
+        """World vector of a local vector; the translation does not apply."""
         return self.x * v.x + self.y * v.y + self.z * v.z
 
     def point(self, p: Any) -> Any:
-        """World point of a local one."""
+        """World point of a local point."""
         return self.o + self.vector(p)
 
     def inverse(self) -> "Inverse":
@@ -142,15 +142,15 @@ class Inverse:
     o: Any
 
     def vector(self, v: Any) -> Any:
-        """Local vector of a world one: without the translation."""
+        """Local vector of a world vector; the translation does not apply."""
         return triple(v, dr.dot(self.x, v), dr.dot(self.y, v), dr.dot(self.z, v))
 
     def point(self, p: Any) -> Any:
-        """Local point of a world one."""
+        """Local point of a world point."""
         return self.vector(p - self.o)
 
     def normal(self, n: Any) -> Any:
-        """World gradient of a local one: multiplied by the transposed inverse."""
+        """World gradient of a local gradient: multiplied by the transposed inverse."""
         return self.x * n.x + self.y * n.y + self.z * n.z
 
     def squared_length(self, v: Any) -> Any:
@@ -166,15 +166,15 @@ class SimilarityInverse:
     o: Any
 
     def vector(self, v: Any) -> Any:
-        """Local vector of a world one: without the translation."""
+        """Local vector of a world vector; the translation does not apply."""
         return self.scale * v
 
     def point(self, p: Any) -> Any:
-        """Local point of a world one."""
+        """Local point of a world point."""
         return self.scale * (p - self.o)
 
     def normal(self, n: Any) -> Any:
-        """World gradient of a local one."""
+        """World gradient of a local gradient."""
         return self.scale * n
 
     def squared_length(self, v: Any) -> Any:

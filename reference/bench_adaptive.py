@@ -1,12 +1,12 @@
-"""What `--error` saves: samples where there is noise, against equally many everywhere, at equal error.
+"""The time that `--error` saves: adaptive sampling against the same number of samples in each pixel, at equal error.
 
     python reference/bench_adaptive.py -o reference/bench_adaptive.json
 
-Of each scene, render(error=E) is made; its true error is found against a converged picture of other seeds (whose own
-error is taken out). Then the time that a uniform render takes for the same true error: by turns with the other, at
-powers of two of samples, in between on a straight line of logarithms. Uniform renders are made with the scene's own
-sampler, as `--spp` does, and with Sobol points, which `--error` takes in place of stratified ones. All kernels are
-compiled before, only the colour is made; medians of `--runs`, seconds of the clock and of the processor.
+Each scene is rendered by render(error=E). Its true error is computed from a converged picture with other seeds, whose
+own error is subtracted. Then the time is measured that a uniform render takes for the same true error: at powers of
+two of samples, interpolated linearly in logarithms. The two kinds of render alternate. Uniform renders use the scene's
+own sampler, as `--spp` does, and Sobol points, which `--error` uses in place of stratified ones. All kernels are
+compiled before, and only the colour is rendered. Times are medians over `--runs`, in seconds of wall clock and CPU.
 """
 
 import argparse
@@ -25,30 +25,31 @@ from visray.render import adjusted
 from visray.scene.scene import Scene
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-# Width of the film, samples of each half of the converged picture, and the errors asked for.
+# By scene: width of the film, samples of each half of the converged picture, and the errors asked for.
 CASES = {
     "penumbra": (480, 2048, (0.003, 0.001)),
     "defocus-blur": (400, 2048, (0.015, 0.005)),
     "heart": (240, 1024, (0.02, 0.008)),
 }
 SAMPLES = [2**k for k in range(1, 14)]
-# Seeds of the converged picture.
+# Seeds of the two halves of the converged picture.
 SEEDS = 1001, 1002
 
 
 def resized(scene: Scene, width: int) -> Scene:
+    """The scene with a film of this width and the same shape."""
     return adjusted(scene, size=(width, round(width * scene.film.height / scene.film.width)))
 
 
 def picture(scene: Scene, **how: Any) -> tuple[np.ndarray, float, float, dict]:
-    """The colour of a picture, the seconds of the clock and of the processor that it took, what it says of itself."""
-    begun, spent = perf_counter(), process_time()
+    """A picture's colour, its wall-clock and CPU seconds, and its metadata. `how`: options of vr.render."""
+    wall_start, cpu_start = perf_counter(), process_time()
     image = vr.render(scene, layers=("RGB",), progress=False, **how)
-    return image["RGB"].astype(float), perf_counter() - begun, process_time() - spent, image.metadata
+    return image["RGB"].astype(float), perf_counter() - wall_start, process_time() - cpu_start, image.metadata
 
 
 class Truth:
-    """A converged picture: the mean of two halves, and the variance of it."""
+    """A converged picture: the mean of two halves, its variance, and its mean luminance."""
 
     def __init__(self, scene: Scene, spp: int):
         a, b = (picture(adjusted(scene, sampler="sobol", seed=seed), spp=spp)[0] for seed in SEEDS)
@@ -57,35 +58,37 @@ class Truth:
 
     @property
     def error(self) -> float:
+        """The relative error of the converged picture itself."""
         return float(np.sqrt(self.variance)) / self.luminance
 
     def error_of(self, rgb: np.ndarray) -> float:
-        """The relative error of a picture, without that of the truth."""
+        """The relative error of a picture; the error of the converged picture is subtracted."""
         square = np.square(rgb - self.mean).mean() - self.variance
         return float(np.sqrt(max(square, 0))) / self.luminance
 
 
 def uniform(scene: Scene, truth: Truth, error: float) -> list[int]:
-    """The samples between which a uniform render has this error."""
+    """Two numbers of samples per pixel between which a uniform render has this error."""
     for n in SAMPLES:
         if truth.error_of(picture(scene, spp=n)[0]) <= error:
             return [n // 2, n]
-    raise SystemExit(f"{SAMPLES[-1]} samples do not do for an error of {error:.2g}")
+    raise SystemExit(f"{SAMPLES[-1]} samples are too few for an error of {error:.2g}")
 
 
-def between(points: list[tuple[float, float]], error: float) -> float:
-    """The seconds for an error, on a line of logarithms through two points (error, seconds)."""
-    (e0, t0), (e1, t1) = points
+def interpolated(points: list[tuple[float, float]], error: float) -> float:
+    """The value for an error, by linear interpolation in logarithms between two points (error, value)."""
+    (e0, v0), (e1, v1) = points
     share = np.log(e0 / error) / np.log(e0 / e1)
-    return float(np.exp(np.log(t0) + share * np.log(t1 / t0)))
+    return float(np.exp(np.log(v0) + share * np.log(v1 / v0)))
 
 
 def compared(scene: Scene, truth: Truth, error: float, runs: int) -> dict:
-    """One target: what both ways take."""
-    found = [picture(scene, error=error) for _ in range(2)]
-    reached = truth.error_of(found[0][0])
-    ways = {scene.settings.sampler: scene, "sobol": adjusted(scene, sampler="sobol")}
-    counts = {name: uniform(s, truth, reached) for name, s in ways.items()}
+    """The times of adaptive and uniform renders for one error."""
+    # The second picture is rendered so that kernels are compiled before times are measured.
+    pictures = [picture(scene, error=error) for _ in range(2)]
+    reached = truth.error_of(pictures[0][0])
+    scenes = {scene.settings.sampler: scene, "sobol": adjusted(scene, sampler="sobol")}
+    counts = {name: uniform(s, truth, reached) for name, s in scenes.items()}
     adaptive: list[tuple[float, float]] = []
     times: dict[str, dict[int, list]] = {name: {n: [] for n in ns} for name, ns in counts.items()}
     errors: dict[str, dict[int, float]] = {name: {} for name in counts}
@@ -93,33 +96,33 @@ def compared(scene: Scene, truth: Truth, error: float, runs: int) -> dict:
         adaptive.append(picture(scene, error=error)[1:3])
         for name, ns in counts.items():
             for n in ns:
-                rgb, *taken, _ = picture(ways[name], spp=n)
-                times[name][n].append(taken)
+                rgb, *seconds, _ = picture(scenes[name], spp=n)
+                times[name][n].append(seconds)
                 errors[name][n] = truth.error_of(rgb)
     wall, cpu = (median(t[i] for t in adaptive) for i in (0, 1))
-    facts = found[0][3]
+    metadata = pictures[0][3]
     report = {
         "error_asked": error,
-        "error_estimated": facts["error"],
+        "error_estimated": metadata["error"],
         "error_true": reached,
-        "spp": facts["spp"],
-        "spp_least": facts["spp_least"],
-        "spp_most": facts["spp_most"],
+        "spp": metadata["spp"],
+        "spp_least": metadata["spp_least"],
+        "spp_most": metadata["spp_most"],
         "seconds": wall,
         "cpu_seconds": cpu,
         "uniform": {},
     }
     for name, ns in counts.items():
-        taken = [
-            between([(errors[name][n], median(t[i] for t in times[name][n])) for n in ns], reached) for i in (0, 1)
+        seconds = [
+            interpolated([(errors[name][n], median(t[i] for t in times[name][n])) for n in ns], reached) for i in (0, 1)
         ]
-        spp = between([(errors[name][n], float(n)) for n in ns], reached)
+        spp = interpolated([(errors[name][n], float(n)) for n in ns], reached)
         report["uniform"][name] = {
             "spp": spp,
-            "seconds": taken[0],
-            "cpu_seconds": taken[1],
-            "ratio": taken[0] / wall,
-            "cpu_ratio": taken[1] / cpu,
+            "seconds": seconds[0],
+            "cpu_seconds": seconds[1],
+            "ratio": seconds[0] / wall,
+            "cpu_ratio": seconds[1] / cpu,
         }
     return report
 

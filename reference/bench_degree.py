@@ -1,16 +1,16 @@
-"""How the cost of a polynomial surface grows with its degree, and what precision costs.
+"""The cost of polynomial surfaces: how it grows with the degree, and what double precision costs.
 
     DRJIT_CACHE_DIR=$(mktemp -d) python reference/bench_degree.py -o reference/bench_degree.json --plot docs/degree.png
 
-An empty cache, so that compilations are seen.
+The cache of kernels must be empty, so that compilation can be measured.
 
-Degree: the Banchoff-Chmutov surfaces T_n(x) + T_n(y) + T_n(z) = 0, 512 x 512 camera rays, one thread, processor time of
-one ray, least of several; kernels compiled before, the compilation told apart. All of them have about as many rays
-that hit.
+Degree: the Banchoff-Chmutov surfaces T_n(x) + T_n(y) + T_n(z) = 0, 512 x 512 camera rays, one thread. The time is the
+CPU time of one ray, the least of several runs, with kernels compiled before; the compile time is reported apart. About
+the same number of rays hits each of the surfaces.
 
-Precision: what is around the surface (camera, normals, light) in single and the surface in double, against all in
-double, for camera rays and for samples of pictures with light and shadow; and the surface itself in single, which
-visray does not offer: its kernel is asked in single for the same rays.
+Precision: the surface in double with the rest (camera, normals, light) in single, against all in double, for camera
+rays and for samples of pictures with light and shadow. And the surface itself in single, which visray does not offer:
+its kernel runs in single for the same rays.
 """
 
 import argparse
@@ -23,9 +23,9 @@ import visray  # noqa: F401  # isort: skip - before Dr.Jit, because it chooses t
 import drjit as dr
 import numpy as np
 from machine import machine
-from visray.search import closest
 
 from visray import roots
+from visray.accel.intersect import closest
 from visray.camera import Camera
 from visray.integrator import camera_ray
 from visray.lights import PointLight
@@ -37,13 +37,13 @@ from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 
 SIZE, RUNS, DEGREES = 512, 9, range(2, 21, 2)
-# From here the clip is seen whole, along no symmetry of the surfaces.
+# Positions in units of the clip's radius. The eye sees all of the clip, and looks along no symmetry of the surfaces.
 EYE, LAMP = (2.5, 1.4, 1.8), (3.0, -2.0, 4.0)
 SAMPLES = 4
 
 
 def chebyshev(n: int, variable: str) -> str:
-    """T_n by Horner's rule in the variable's square, for even n."""
+    """The Chebyshev polynomial T_n as an expression, by Horner's rule in the variable's square. Domain: even n."""
     c = np.polynomial.chebyshev.cheb2poly([0] * n + [1])[::2].astype(int).tolist()
     text = str(c[-1])
     for number in c[-2::-1]:
@@ -52,30 +52,30 @@ def chebyshev(n: int, variable: str) -> str:
 
 
 def banchoff_chmutov(n: int) -> Polynomial:
-    """The surface of degree n, which lies within 1.75 of its middle."""
+    """The Banchoff-Chmutov surface of degree n, within a ball of radius 1.75."""
     return Polynomial(expression=" + ".join(chebyshev(n, v) for v in "xyz"), clip=Ball(radius=1.75))
 
 
 def scene(surface: Polynomial, **settings: Any) -> Scene:
+    """The surface with a camera and a point light."""
     radius = surface.clip_volume().radius
     camera = Camera(origin=tuple(radius * x for x in EYE), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     lights = {"key": PointLight(position=tuple(radius * x for x in LAMP))}
-    made = Scene(camera=camera, film=Film(width=SIZE, height=SIZE), lights=lights, objects={"surface": surface})
-    return adjusted(made, **settings) if settings else made
+    lit = Scene(camera=camera, film=Film(width=SIZE, height=SIZE), lights=lights, objects={"surface": surface})
+    return adjusted(lit, **settings) if settings else lit
 
 
-def spent(work: Any) -> tuple[float, float, int]:
-    """The least processor time of some runs, the seconds of the compilation (NaN if there was none), the operations of
-    the kernels."""
+def measured(work: Any) -> tuple[float, float, int]:
+    """The least CPU time of several runs, the compile time (NaN if kernels came from the disk), and the operations."""
     dr.flush_kernel_cache()
     least, compiled, operations = np.inf, 0.0, 0
     for run in range(RUNS):
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.sync_thread()
-            begun = time.process_time()
+            start = time.process_time()
             dr.eval(work())
             dr.sync_thread()
-            seconds = time.process_time() - begun
+            seconds = time.process_time() - start
             kernels = dr.kernel_history([dr.KernelType.JIT])
         if run:
             least = min(least, seconds)
@@ -87,24 +87,24 @@ def spent(work: Any) -> tuple[float, float, int]:
 
 
 def of_degree(n: int) -> dict:
-    """What one surface costs."""
+    """The cost of the surface of degree n."""
     surface = banchoff_chmutov(n)
-    begun = time.perf_counter()
+    start = time.perf_counter()
     surface.compiled()
-    built = time.perf_counter() - begun
+    build_seconds = time.perf_counter() - start
     prepared = prepare(scene(surface))
-    stage, a = prepared.kernel, prepared.a
+    kernel, a = prepared.kernel, prepared.a
 
-    def look() -> Any:
-        return closest(stage.origin, camera_ray(stage, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5))
+    def first_hits() -> Any:
+        return closest(kernel.origin, camera_ray(kernel, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5))
 
-    seconds, compiled, operations = spent(look)
+    seconds, compiled, operations = measured(first_hits)
     if np.isnan(compiled):
         raise SystemExit("kernels came from the disk; set DRJIT_CACHE_DIR to an empty folder")
-    hits = float(np.mean(np.array(look().index) == 0))
+    hits = float(np.mean(np.array(first_hits().row) == 0))
     return {
         "degree": n,
-        "build_s": built,
+        "build_s": build_seconds,
         "compile_s": compiled,
         "operations": operations,
         "ns_per_ray": 1e9 * seconds / SIZE**2,
@@ -113,43 +113,43 @@ def of_degree(n: int) -> dict:
 
 
 def exponent(rows: list[dict]) -> float:
-    """The slope of log time over log degree, from degree 4: below, the roots come by formula."""
+    """The slope of log time over log degree, from degree 4 on; below it, roots are computed by formula."""
     rows = [r for r in rows if r["degree"] >= 4]
     return float(np.polyfit(np.log([r["degree"] for r in rows]), np.log([r["ns_per_ray"] for r in rows]), 1)[0])
 
 
 def precision(name: str) -> dict:
-    """Time and error of the three choices for a known surface."""
+    """Times and errors of the three choices of precision, for a known surface."""
     surface = Polynomial(surface=name)
-    made = {p: prepare(scene(surface, precision=p, spp=SAMPLES)) for p in ("single", "double")}
-    found: dict = {"surface": name}
+    prepared = {p: prepare(scene(surface, precision=p, spp=SAMPLES)) for p in ("single", "double")}
+    report: dict = {"surface": name}
 
-    def look(p: str) -> Any:
-        m = made[p]
+    def first_hits(p: str) -> Any:
+        m = prepared[p]
         return closest(m.kernel.origin, camera_ray(m.kernel, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5))
 
-    m = made["single"]
+    m = prepared["single"]
     ray = camera_ray(m.kernel, m.a.F(m.x) + 0.5, m.a.F(m.y) + 0.5)
     o, d = np.array(m.kernel.origin.o, float).ravel(), np.array(ray.d, float)
     t = {"double": np.array(closest(m.kernel.origin, ray).t), "single": _in_single(m, surface, o, d)[1]}
-    for p in made:
-        found[f"{p}_ns"] = 1e9 * spent(lambda p=p: look(p))[0] / SIZE**2
-        found[f"{p}_picture_ns"] = 1e9 * spent(lambda p=p: expose(made[p])[0])[0] / SIZE**2 / SAMPLES
-    found["inside_single_ns"] = 1e9 * spent(lambda: _in_single(m, surface, o, d)[0])[0] / SIZE**2
-    hit, found_in_single = np.isfinite(t["double"]), np.isfinite(t["single"])
-    both = hit & found_in_single
-    off = np.abs(t["single"][both] / t["double"][both] - 1)
-    found["inside_single_wrong_hits_per_million"] = 1e6 * float(np.mean(hit != found_in_single))
-    found["inside_single_wrong_roots_per_million"] = 1e6 * float(np.mean(off > 1e-3) * both.mean())
-    found["inside_single_error_p999"] = float(np.quantile(off[off <= 1e-3], 0.999))
-    return found
+    for p in prepared:
+        report[f"{p}_ns"] = 1e9 * measured(lambda p=p: first_hits(p))[0] / SIZE**2
+        report[f"{p}_picture_ns"] = 1e9 * measured(lambda p=p: expose(prepared[p])[0])[0] / SIZE**2 / SAMPLES
+    report["inside_single_ns"] = 1e9 * measured(lambda: _in_single(m, surface, o, d)[0])[0] / SIZE**2
+    hit_in_double, hit_in_single = np.isfinite(t["double"]), np.isfinite(t["single"])
+    both = hit_in_double & hit_in_single
+    error = np.abs(t["single"][both] / t["double"][both] - 1)
+    report["inside_single_wrong_hits_per_million"] = 1e6 * float(np.mean(hit_in_double != hit_in_single))
+    report["inside_single_wrong_roots_per_million"] = 1e6 * float(np.mean(error > 1e-3) * both.mean())
+    report["inside_single_error_p999"] = float(np.quantile(error[error <= 1e-3], 0.999))
+    return report
 
 
-def _in_single(made: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> tuple[Any, np.ndarray]:
-    """Distances by the same kernel, all of it in single."""
-    a, built = made.a, surface.compiled()
-    real, many = a.F32, a.V32
-    direction = many(np.ascontiguousarray(d.astype(np.float32)))
+def _in_single(prepared: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> tuple[Any, np.ndarray]:
+    """First hits by the same kernel, all of it in single: a Dr.Jit array of distances, and a NumPy copy."""
+    a, compiled = prepared.a, surface.compiled()
+    real, vector = a.F32, a.V32
+    direction = vector(np.ascontiguousarray(d.astype(np.float32)))
     origin = [real(float(x)) for x in o]
     radius = surface.clip_volume().radius
     middle = -(origin[0] * direction.x + origin[1] * direction.y + origin[2] * direction.z)
@@ -157,13 +157,13 @@ def _in_single(made: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> 
     rest = radius**2 - sum(x * x for x in nearest)
     half = dr.sqrt(dr.maximum(rest, 0))
     ends = middle - half, middle + half
-    way = roots.ChordSegment.of(origin, tuple(direction), ends, *ends)
-    c = roots.first_crossing(built.program, tuple(map(real, built.values)), way, rest > 0)
+    segment = roots.ChordSegment.of(origin, tuple(direction), ends, *ends)
+    c = roots.first_crossing(compiled.program, tuple(map(real, compiled.values)), segment, rest > 0)
     return c.t, np.array(c.t)
 
 
 def plot(report: dict, path: Path) -> None:
-    """The growth as a picture."""
+    """Plots the time of a ray over the degree."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,12 +1,13 @@
-"""visray against Mitsuba's `direct` integrator, in one process: a plane, eight spheres, a point light with shadows.
+"""The speed of visray and of Mitsuba's `direct` integrator: a plane, eight spheres, a point light with shadows.
 
     python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
 
-Median of 7 warm renders each, alternating, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory.
-Then with a rectangle light, 16 samples of it at each point (Mitsuba: 16 emitter samples).
-Then the point light at 16 samples for 100, 1,000 and 10,000 random spheres in the same space, median of 5.
-Then the time from the start of a process to the picture on disk, with an empty kernel cache and with a warm one,
-against a Mitsuba script that does the same.
+1. Medians of 7 renders each, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory. Both run in
+   one process and alternate; kernels are compiled before.
+2. The same with a rectangle light that is sampled 16 times at each point (Mitsuba: 16 emitter samples).
+3. The point light at 16 samples per pixel, with 100, 1,000 and 10,000 random spheres in the same space: medians of 5.
+4. The time from the start of a process to the picture on disk, with an empty kernel cache and with compiled kernels in
+   the cache, against a Mitsuba script that does the same.
 """
 
 import argparse
@@ -34,21 +35,22 @@ EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
 
 
 PANEL = vr.RectangleLight(position=LAMP, width=(2.0, 0.0, 0.0), height=(0.0, 0.0, 2.0), samples=16)
+# Centre, radius and colour of spheres.
 Balls = list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]
 
 
 def ring() -> Balls:
-    """Centre, radius and colour of eight spheres in a ring."""
-    found = []
+    """Eight spheres in a ring."""
+    balls = []
     for i in range(8):
         angle = 2 * np.pi * i / 8
         centre = (float(2.2 * np.cos(angle)), 0.6 + 0.1 * i, float(2.2 * np.sin(angle)))
-        found.append((centre, 0.6 + 0.05 * i, (0.2 + 0.1 * i, 0.8 - 0.08 * i, 0.5)))
-    return found
+        balls.append((centre, 0.6 + 0.05 * i, (0.2 + 0.1 * i, 0.8 - 0.08 * i, 0.5)))
+    return balls
 
 
 def cloud(n: int) -> Balls:
-    """Centre, radius and colour of n random spheres that fill the same part of the space whatever n is."""
+    """n random spheres, which fill the same fraction of the same space for every n."""
     rng = np.random.default_rng(n)
     centres = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)).tolist()
     radii = (rng.uniform(0.3, 0.9, n) * 2.2 / n ** (1 / 3)).tolist()
@@ -56,7 +58,7 @@ def cloud(n: int) -> Balls:
 
 
 def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
-    """The scene for visray: matte, as Mitsuba's is. `panel`: lit by a rectangle with 16 samples, not by a point."""
+    """The scene for visray, all matte. panel: whether PANEL lights it instead of a point light."""
     objects = {"floor": vr.Plane(material="grey")}
     materials = {"grey": vr.Material(kd=(0.5, 0.5, 0.5))}
     for i, (centre, radius, colour) in enumerate(balls):
@@ -73,7 +75,7 @@ def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
 
 
 def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
-    """The same geometry for Mitsuba; the floor is a large rectangle."""
+    """The same scene for Mitsuba; the floor is a large rectangle."""
     to_world = mi.ScalarTransform4f
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
     scene = {
@@ -102,17 +104,18 @@ def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
 
 
 def seconds(work) -> float:
-    begun = time.perf_counter()
+    """The wall-clock time of a call."""
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - begun
+    return time.perf_counter() - start
 
 
 def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
-    """Median seconds of both, measured by turns, with a new seed each time."""
+    """Median seconds of both programs with compiled kernels. They alternate, and each render has a new seed."""
     prepared, scene, seed = prepare(ours(balls, spp, panel)), theirs(balls, panel), iter(range(1000))
 
     def visray() -> None:
-        expose(vary(prepared, next(seed)))
+        expose(with_seed(prepared, next(seed)))
 
     def mitsuba() -> None:
         dr.eval(mi.render(scene, spp=spp, seed=next(seed)))
@@ -135,14 +138,15 @@ def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
     }
 
 
-def vary(prepared, seed: int):
-    """The same set-up with another seed."""
+def with_seed(prepared, seed: int):
+    """The same prepared scene with another seed."""
     scene = prepared.scene
     return replace(prepared, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
 
 
 def from_start(out: Path) -> dict:
-    """Seconds from process start to an EXR on disk at 16 samples, three cold and five warm, medians, by turns."""
+    """Seconds from the start of a process to an EXR file, at 16 samples per pixel: medians of three runs with an empty
+    kernel cache (cold), and of five with compiled kernels in it (warm). Both programs alternate."""
     (out / "scene.json").write_text(vr.dump(ours(ring(), 16)))
     commands = {
         "visray": [sys.executable, "-m", "visray", "render", str(out / "scene.json"), "-o", str(out / "a.exr"),

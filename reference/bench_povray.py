@@ -1,19 +1,26 @@
-"""visray's polynomial surfaces against POV-Ray 3.7 (`poly`) and surf: the same surface, camera, light and shadows.
+"""Polynomial surfaces in visray, POV-Ray 3.7 (`poly`) and surf: speed and wrong pixels.
 
     python reference/bench_povray.py -o reference/bench_povray.json
 
-Against POV-Ray, 2 threads each: 512 x 512, one point light with shadows; POV-Ray at one sample per pixel by its own
-trace time, which has milliseconds, without parsing and writing; visray warm, to the sums in memory, at 1, 4 and 16
-samples; what is compared is the time of one sample. Against surf, one thread each: 2048 x 2048, camera rays only, no
-shadows, one sample; surf less its start, which is the time of a picture of 64 x 64. Medians, measured by turns, and
-beside each the processor's seconds, which leave out the waiting where other programs run.
+All programs render the same surface with the same camera, light and shadows.
 
-Wrong pixels: whether the ray through a pixel's centre hits the surface at all, by exact arithmetic, for random pixels,
-for those at the edges of what a program found, for those where two programs differ, and for all around a wrong one. A
-ray whose answer changes when it moves by 1e-9 of a pixel is on an edge and is counted apart. For it visray takes the
-rays' directions in double, as the others do; by default they are single, off by 1e-4 of a pixel.
+Against POV-Ray, 2 threads each: 512 x 512, one point light with shadows. The time of one sample is compared. POV-Ray
+takes one sample per pixel; its own trace time is used, without parsing and writing. visray takes 1, 4 and 16 samples,
+with compiled kernels, to the sums in memory.
 
-What is not installed is left out, and --peers leaves visray out.
+Against surf, one thread each: 2048 x 2048, camera rays only, no shadows, one sample. From surf's time its start is
+subtracted, which is the time of a picture of 64 x 64.
+
+The programs alternate, and medians are reported. CPU seconds are reported as well; they leave out the time that other
+programs take.
+
+Wrong pixels: exact arithmetic decides whether the ray through a pixel's centre hits the surface. It is applied to
+random pixels, to pixels at the edges of each program's silhouette, to pixels where two programs differ, and to the
+neighbours of wrong pixels. If the result changes when the ray moves by 1e-9 of a pixel, the pixel is on an edge and is
+counted apart. For this test visray computes ray directions in double, as the other programs do; by default they are
+single, off by 1e-4 of a pixel.
+
+Programs that are not installed are left out; --peers leaves visray out.
 """
 
 import argparse
@@ -37,37 +44,37 @@ import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.
 import drjit as dr
 import flint
 import numpy as np
-from bench_mitsuba import vary
+from bench_mitsuba import with_seed
 from machine import machine
 from PIL import Image
-from visray.search import closest
 
+from visray.accel.intersect import closest
 from visray.integrator import camera_ray
 from visray.passes import expose
 from visray.setup import prepare
 
 SIZE, LARGE, SMALL, RUNS, THREADS, SAMPLES = 512, 2048, 64, 5, 2, (1, 4, 16)
-# Directions to the eye and the lamp in units of the clip sphere's radius: along no symmetry of a surface.
+# Positions of the eye and the lamp in units of the clip's radius. They lie on no symmetry axis of a surface.
 EYE, LAMP, UP, FOV = (1.87, -2.06, 1.11), (-1.0, -2.5, 3.0), (0.0, 0.0, 1.0), 40.0
 AMBIENT, DIFFUSE, BACKGROUND = 0.1, 0.7, (0.05, 0.08, 0.2)
 POVRAY, SURF = "povray", "surf-alggeo-nox"
 SAMPLED, EDGE = 20_000, 1e-9
-# surf draws what is within 10 units of its origin, seen from the z axis.
+# surf draws the part of a surface within 10 units of the origin, seen from the z axis.
 SURF_HALF = 10.0
-# Golden ratio and root of two, as all programs and the exact answer take them.
+# The golden ratio and the square root of two, the same for all programs and for the exact test.
 CONSTANTS = {
     "phi": "1.618033988749894848204586834365638117720309",
     "root": "1.414213562373095048801688724209698078569672",
 }
 
 Monomial = tuple[int, int, int]
-Taken = tuple[float, float]  # seconds of the clock, and of the processor
-Work = Callable[[], Taken]
+Seconds = tuple[float, float]  # of the wall clock, and of the CPU
+TimedCall = Callable[[], Seconds]
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface f = 0 within a sphere about the origin."""
+    """A surface f = 0 within a sphere about the origin, the clip; its radius is a decimal number as text."""
 
     expression: str
     clip: str
@@ -78,13 +85,13 @@ class Surface:
 
     @property
     def constants(self) -> dict[str, str]:
-        """The constants that the expression names."""
+        """The constants that occur in the expression."""
         return {k: v for k, v in CONSTANTS.items() if re.search(rf"\b{k}\b", self.expression)}
 
     def terms(self) -> dict[Monomial, Fraction]:
-        """The exact coefficient of x^i y^j z^k by (i, j, k)."""
-        whole = ast.parse(self.expression.replace("^", "**"), mode="eval").body
-        return {e: c for e, c in _expanded(whole).items() if c}
+        """The exact coefficients of the monomials x^i y^j z^k, by (i, j, k)."""
+        expression = ast.parse(self.expression.replace("^", "**"), mode="eval").body
+        return {e: c for e, c in _expanded(expression).items() if c}
 
     @property
     def degree(self) -> int:
@@ -112,7 +119,7 @@ DEFAULT = [name for name in SURFACES if name != "sphere"]
 
 
 def _expanded(node: ast.expr) -> dict[Monomial, Fraction]:
-    """An expression multiplied out, without rounding."""
+    """The coefficients of an expression that is multiplied out, without rounding."""
     match node:
         case ast.Constant(value):
             return {(0, 0, 0): Fraction(value)}
@@ -135,10 +142,11 @@ def _expanded(node: ast.expr) -> dict[Monomial, Fraction]:
             a, b = _expanded(left), _expanded(right)
             join = operator.add if isinstance(sign, ast.Add) else operator.sub
             return {e: join(a.get(e, 0), b.get(e, 0)) for e in a | b}
-    raise ValueError(f"{ast.unparse(node)}: is no part of a polynomial")
+    raise ValueError(f"{ast.unparse(node)}: is not part of a polynomial")
 
 
 def _product(a: dict[Monomial, Fraction], b: dict[Monomial, Fraction]) -> dict[Monomial, Fraction]:
+    """The coefficients of a product of two polynomials."""
     total: dict[Monomial, Fraction] = {}
     for (i, j, k), c in a.items():
         for (l, m, n), d in b.items():
@@ -149,7 +157,12 @@ def _product(a: dict[Monomial, Fraction], b: dict[Monomial, Fraction]) -> dict[M
 
 @dataclass(frozen=True)
 class View:
-    """The camera as vectors, as visray derives them: `right` and `up` are unit, `half` is the tangent of fov / 2."""
+    """The camera as vectors, computed as in visray.
+
+    eye: position
+    forward, right, up: unit vectors
+    half: tangent of half the field of view
+    """
 
     eye: np.ndarray
     forward: np.ndarray
@@ -165,17 +178,17 @@ class View:
         return View(eye, forward, right, np.cross(right, forward), float(np.tan(np.radians(FOV) / 2)))
 
     def direction(self, x: float, y: float, size: int) -> np.ndarray:
-        """Where the point (x, y) of the picture is, in pixels from its top left corner."""
+        """The direction to the point (x, y) of the picture, in pixels from its top left corner; not of unit length."""
         across, down = (2 * x / size - 1) * self.half, (2 * y / size - 1) * self.half
         return self.forward + across * self.right - down * self.up
 
 
-def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Taken:
-    """How long something takes that this process does, or its children."""
-    before, begun = resource.getrusage(who), time.perf_counter()
+def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Seconds:
+    """The wall-clock and CPU seconds of a call. who: whether CPU seconds are of this process or of its children."""
+    before, start = resource.getrusage(who), time.perf_counter()
     work()
-    taken, after = time.perf_counter() - begun, resource.getrusage(who)
-    return taken, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    wall, after = time.perf_counter() - start, resource.getrusage(who)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 # --- visray
@@ -183,34 +196,34 @@ def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Taken:
 
 def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
     """The scene for visray."""
-    written = re.sub(r"\broot\b", "sqrt(2)", surface.expression)  # phi it knows
-    f = vr.Polynomial(expression=written, clip=vr.Ball(radius=surface.radius), material="matte")
-    at = {name: tuple(surface.radius * x for x in place) for name, place in {"eye": EYE, "lamp": LAMP}.items()}
+    expression = re.sub(r"\broot\b", "sqrt(2)", surface.expression)  # visray knows phi, but not root
+    f = vr.Polynomial(expression=expression, clip=vr.Ball(radius=surface.radius), material="matte")
+    position = {name: tuple(surface.radius * x for x in p) for name, p in {"eye": EYE, "lamp": LAMP}.items()}
     return vr.Scene(
-        camera=vr.Camera(origin=at["eye"], target=(0.0, 0.0, 0.0), up=UP, fov=FOV),
+        camera=vr.Camera(origin=position["eye"], target=(0.0, 0.0, 0.0), up=UP, fov=FOV),
         film=vr.Film(width=size, height=size),
         background=BACKGROUND,
         materials={"matte": vr.Material(ka=(AMBIENT,) * 3, kd=(DIFFUSE,) * 3)},
         objects={"f": f},
-        lights={"lamp": vr.PointLight(position=at["lamp"])},
+        lights={"lamp": vr.PointLight(position=position["lamp"])},
         settings=vr.Settings(spp=spp, **settings),
     )
 
 
-def rendering(surface: Surface, size: int, spp: int, **settings) -> Work:
-    """How long a warm picture of visray takes, each with another seed."""
+def rendering(surface: Surface, size: int, spp: int, **settings) -> TimedCall:
+    """A timed call that renders a picture by visray with compiled kernels, each time with another seed."""
     prepared, seeds = prepare(ours(surface, size, spp, **settings)), iter(range(1000))
-    return lambda: timed(lambda: expose(vary(prepared, next(seeds))))
+    return lambda: timed(lambda: expose(with_seed(prepared, next(seeds))))
 
 
-def intersecting(surface: Surface, size: int) -> Work:
-    """How long visray takes to find what the rays through all pixels' centres hit, and nothing else."""
+def intersecting(surface: Surface, size: int) -> TimedCall:
+    """A timed call that computes only the first hits of the rays through all pixels' centres, by visray."""
     prepared = prepare(ours(surface, size, 1, shadows=False))
     a = prepared.a
 
     def work() -> None:
         dr.eval(
-            closest(prepared.kernel.watch, camera_ray(prepared.kernel, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5)).t
+            closest(prepared.kernel.origin, camera_ray(prepared.kernel, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5)).t
         )
         dr.sync_thread()
 
@@ -218,7 +231,7 @@ def intersecting(surface: Surface, size: int) -> Work:
 
 
 def our_mask(surface: Surface) -> np.ndarray:
-    """Where visray's rays through the pixels' centres hit: in double, as the exact answer takes them."""
+    """Whether visray's rays through the pixels' centres hit. Directions are double, as in the exact test."""
     scene = ours(surface, SIZE, 1, precision="double")
     return vr.render(scene, layers=("id",), progress=False)["id"] > 0
 
@@ -227,9 +240,11 @@ def our_mask(surface: Surface) -> np.ndarray:
 
 
 def coefficients(surface: Surface) -> list[float]:
-    """For `poly`: of x^i y^j z^k with i falling, for each i with j falling, for each j with k falling.
+    """The coefficients of x^i y^j z^k in the order of POV-Ray's `poly`: by falling i, then j, then k.
 
-    So for order 2: x^2, xy, xz, x, y^2, yz, y, z^2, z, 1, as the table in POV-Ray's reference has it.
+    For degree 2 that is x^2, xy, xz, x, y^2, yz, y, z^2, z, 1.
+
+    Source: the table of `poly` in POV-Ray's reference.
     """
     n, terms = surface.degree, surface.terms()
     order = [(i, j, k) for i in range(n, -1, -1) for j in range(n - i, -1, -1) for k in range(n - i - j, -1, -1)]
@@ -237,14 +252,16 @@ def coefficients(surface: Surface) -> list[float]:
 
 
 def vector(v: Iterable[float]) -> str:
+    """A vector in POV-Ray's syntax."""
     return "<" + ", ".join(repr(float(x)) for x in v) + ">"
 
 
 def for_povray(surface: Surface, lit: bool) -> str:
-    """The scene for POV-Ray; not `lit`: white where a ray hits, black elsewhere.
+    """The scene for POV-Ray. If not `lit`, it is white where a ray hits and black elsewhere.
 
-    The camera's vectors are given as they are, without look_at, so POV-Ray's left-handed convention does not enter.
-    Its side lengths are those of the picture at distance 1. clipped_by leaves no cap where the sphere cuts the surface.
+    The camera's vectors are given directly, without look_at, so POV-Ray's left-handed convention does not matter. The
+    lengths of right and up are the sides of the picture at distance 1. clipped_by makes no cap where the sphere cuts
+    the surface.
     """
     view = View.of(surface)
     paint = f"finish {{ ambient {AMBIENT} diffuse {DIFFUSE} }}" if lit else "finish { ambient 1 diffuse 0 }"
@@ -264,20 +281,20 @@ poly {{
 """
 
 
-def povray(folder: Path, text: str, threads: int, picture: str | None = None) -> Taken:
-    """How long POV-Ray says that tracing took, and the picture on disk if it has a name."""
+def povray(folder: Path, text: str, threads: int, picture: str | None = None) -> Seconds:
+    """The trace time that POV-Ray reports. picture: name of the file to write; None: no picture is written."""
     (folder / "scene.pov").write_text(text)
     command = [POVRAY, "+Iscene.pov", f"+W{SIZE}", f"+H{SIZE}", f"+WT{threads}", "-A", "-J", "-D", "-V", "-UA", "+Q9"]
     command += [f"+O{picture}", "+FN8"] if picture else ["-F"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    found = re.search(r"Trace Time:.*\(([\d.]+) seconds\)\s+using .* with ([\d.]+) CPU-seconds", done.stderr)
-    if done.returncode or not found:
-        raise SystemExit(f"povray failed:\n{done.stderr[-2000:]}")
-    return float(found[1]), float(found[2])
+    process = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    seconds = re.search(r"Trace Time:.*\(([\d.]+) seconds\)\s+using .* with ([\d.]+) CPU-seconds", process.stderr)
+    if process.returncode or not seconds:
+        raise SystemExit(f"povray failed:\n{process.stderr[-2000:]}")
+    return float(seconds[1]), float(seconds[2])
 
 
 def povray_mask(folder: Path, surface: Surface) -> np.ndarray:
-    """Where POV-Ray's rays through the pixels' centres hit."""
+    """Whether POV-Ray's rays through the pixels' centres hit."""
     povray(folder, for_povray(surface, lit=False), THREADS, "mask.png")
     return np.asarray(Image.open(folder / "mask.png").convert("L")) > 127
 
@@ -286,10 +303,10 @@ def povray_mask(folder: Path, surface: Surface) -> np.ndarray:
 
 
 def for_surf(surface: Surface, size: int, picture: str | None = None) -> str:
-    """The script for surf: the surface in the camera's axes, scaled so that its rays are those of pixels' centres.
+    """The script for surf. The surface is in the camera's axes, scaled so that rays run through the pixels' centres.
 
-    surf's first and last pixel lie on the borders of what it draws, so that is a pixel less than the picture. surf
-    divides whole numbers as C does, so fractions are written as decimals.
+    The centres of surf's first and last pixel lie on the borders of its view, so the view is one pixel smaller than the
+    picture. surf divides integers as C does, so fractions are written as decimals.
     """
     view = View.of(surface)
     distance = float(np.linalg.norm(view.eye))
@@ -300,27 +317,27 @@ def for_surf(surface: Surface, size: int, picture: str | None = None) -> str:
     for name, axis in zip("uvw", range(3)):
         row = (scale * float(v[axis]) for v in (view.right, view.up, -view.forward))
         lines.append(f"poly {name}=" + "+".join(f"({c:.17f})*{v}" for c, v in zip(row, "xyz")) + ";")
-    written = re.sub(r"(\d+)/(\d+)", lambda m: repr(int(m[1]) / int(m[2])), surface.expression)
+    expression = re.sub(r"(\d+)/(\d+)", lambda m: repr(int(m[1]) / int(m[2])), surface.expression)
     for name, axis in zip("uvw", "xyz"):
-        written = re.sub(rf"\b{axis}\b", name, written)
-    if picture:  # all that is hit is bright
+        expression = re.sub(rf"\b{axis}\b", name, expression)
+    if picture:  # the surface is bright all over
         lines += ["illumination=ambient_light; ambient=100;"]
         lines += [f"{side}_{c}=255;" for side in ("surface", "inside") for c in ("red", "green", "blue")]
-    lines += [f"surface={written};", "clear_screen; draw_surface;"]
+    lines += [f"surface={expression};", "clear_screen; draw_surface;"]
     if picture:
         lines += [f'filename="{picture}"; color_file_format=ppm; save_color_image;']
     return "\n".join(lines) + "\n"
 
 
-def surf(folder: Path, text: str) -> Taken:
-    """How long surf takes from its start to its end. It says nothing of a script that it cannot read: see surf_mask."""
+def surf(folder: Path, text: str) -> Seconds:
+    """The time of a run of surf. surf does not report errors in a script; surf_mask detects them."""
     (folder / "scene.pic").write_text(text)
-    run = [SURF, "-q", "scene.pic"]
-    return timed(lambda: subprocess.run(run, cwd=folder, capture_output=True, check=True), resource.RUSAGE_CHILDREN)
+    command = [SURF, "-q", "scene.pic"]
+    return timed(lambda: subprocess.run(command, cwd=folder, capture_output=True, check=True), resource.RUSAGE_CHILDREN)
 
 
 def surf_mask(folder: Path, surface: Surface) -> np.ndarray:
-    """Where surf's rays hit: it darkens what is far, but not to black."""
+    """Whether surf's rays hit. surf darkens distant points, but not to black."""
     (folder / "mask.ppm").unlink(missing_ok=True)
     surf(folder, for_surf(surface, SIZE, "mask.ppm"))
     if not (folder / "mask.ppm").exists():
@@ -328,35 +345,35 @@ def surf_mask(folder: Path, surface: Surface) -> np.ndarray:
     return np.asarray(Image.open(folder / "mask.ppm").convert("L")) > 0
 
 
-# --- what is true
+# --- the exact test
 
 
 class Truth:
-    """Whether rays hit a surface, from exact polynomials and certified roots."""
+    """The exact test whether rays hit a surface: exact polynomials and certified roots."""
 
     def __init__(self, surface: Surface):
-        self.view, self.known = View.of(surface), {}
+        self.view, self.cache = View.of(surface), {}
         terms, self.degree, self.clip = surface.terms(), surface.degree, Fraction(surface.clip)
-        whole = lcm(*(c.denominator for c in terms.values()))
-        self.terms = {e: int(c * whole) for e, c in terms.items()}
+        denominator = lcm(*(c.denominator for c in terms.values()))
+        self.terms = {e: int(c * denominator) for e, c in terms.items()}
 
     def hit(self, x: int, y: int) -> bool | None:
-        """For a pixel; None where the first root cannot be told from the rim of the clip sphere."""
-        if (x, y) not in self.known:
-            self.known[x, y] = self._hit(x + 0.5, y + 0.5)
-        return self.known[x, y]
+        """Whether the ray through a pixel's centre hits; None if a root cannot be separated from the clip sphere."""
+        if (x, y) not in self.cache:
+            self.cache[x, y] = self._hit(x + 0.5, y + 0.5)
+        return self.cache[x, y]
 
     def on_edge(self, x: int, y: int) -> bool:
-        """Whether the answer changes when the ray moves by 1e-9 of a pixel."""
-        moved = {
+        """Whether the result changes when the ray moves by EDGE pixels."""
+        results = {
             self._hit(x + 0.5 + dx * EDGE, y + 0.5 + dy * EDGE) for dx, dy in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
         }
-        return len(moved) > 1 or None in moved
+        return len(results) > 1 or None in results
 
     def _hit(self, x: float, y: float) -> bool | None:
-        # All coordinates as whole numbers over 2^s: the polynomials then need no fractions.
-        both = zip(self.view.eye.tolist(), self.view.direction(x, y, SIZE).tolist())
-        rays = [(Fraction(o), Fraction(d)) for o, d in both]
+        # Coordinates become integers with the common denominator s, so the polynomials need no fractions.
+        coordinates = zip(self.view.eye.tolist(), self.view.direction(x, y, SIZE).tolist())
+        rays = [(Fraction(o), Fraction(d)) for o, d in coordinates]
         s = max(v.denominator for ray in rays for v in ray)
         lines = [flint.fmpz_poly([int(o * s), int(d * s)]) for o, d in rays]
         powers = [[flint.fmpz_poly([1])] for _ in lines]
@@ -373,52 +390,56 @@ class Truth:
         outside = sum((row[2] * square for row in powers), flint.fmpz_poly([-(radius.numerator**2)]))
         for root, _ in f.complex_roots():
             if root.imag == 0:
-                far = flint.arb_poly(outside)(root.real)
-                if far <= 0 and root.real > 0:
+                level = flint.arb_poly(outside)(root.real)
+                if level <= 0 and root.real > 0:
                     return True
-                unsure |= not far > 0 and root.real > 0
+                unsure |= not level > 0 and root.real > 0
         return None if unsure else False
 
 
 def edges(mask: np.ndarray) -> set[tuple[int, int]]:
     """Pixels (x, y) with a neighbour that differs."""
-    found = np.zeros_like(mask)
+    at_edge = np.zeros_like(mask)
     for axis in (0, 1):
         differs = np.diff(mask.astype(np.int8), axis=axis) != 0
         pad = [(0, 0), (0, 0)]
         for pad[axis] in ((0, 1), (1, 0)):
-            found |= np.pad(differs, pad)
-    return pixels(found)
+            at_edge |= np.pad(differs, pad)
+    return pixels(at_edge)
 
 
 def pixels(mask: np.ndarray) -> set[tuple[int, int]]:
+    """Coordinates (x, y) of the pixels in a mask."""
     return {(int(x), int(y)) for y, x in np.argwhere(mask)}
 
 
 def wrong(truth: Truth, mask: np.ndarray, suspects: set[tuple[int, int]]) -> dict:
-    """How many of the suspects, and of the pixels around wrong ones, are wrong."""
+    """Counts of wrong pixels among the suspects, random pixels, and the neighbours of wrong ones.
+
+    missed: the ray hits, but not by the program; invented: the opposite
+    """
     rng = np.random.default_rng(0)
     chosen = {(int(i) % SIZE, int(i) // SIZE) for i in rng.choice(SIZE * SIZE, SAMPLED, replace=False)}
-    waiting, seen = list(chosen | suspects), set(chosen | suspects)
-    found = {"missed": [], "invented": [], "edge": []}
+    waiting, queued = list(chosen | suspects), set(chosen | suspects)
+    by_kind = {"missed": [], "invented": [], "edge": []}
     while waiting:
         x, y = waiting.pop()
         true = truth.hit(x, y)
         if true == bool(mask[y, x]):
             continue
         kind = "edge" if truth.on_edge(x, y) else "missed" if true else "invented"
-        found[kind].append((x, y))
-        around = {(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)}
-        new = {(x, y) for x, y in around - seen if 0 <= x < SIZE and 0 <= y < SIZE}
-        seen |= new
+        by_kind[kind].append((x, y))
+        neighbours = {(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)}
+        new = {(x, y) for x, y in neighbours - queued if 0 <= x < SIZE and 0 <= y < SIZE}
+        queued |= new
         waiting += new
-    bad = found["missed"] + found["invented"]
+    bad = by_kind["missed"] + by_kind["invented"]
     return {
-        "checked": len(seen),
+        "checked": len(queued),
         "wrong": len(bad),
-        "missed": len(found["missed"]),
-        "invented": len(found["invented"]),
-        "on_an_edge": len(found["edge"]),
+        "missed": len(by_kind["missed"]),
+        "invented": len(by_kind["invented"]),
+        "on_an_edge": len(by_kind["edge"]),
         "of_random": len(chosen),
         "wrong_of_random": len(chosen & set(bad)),
         "first_wrong": sorted(bad)[:5],
@@ -428,40 +449,41 @@ def wrong(truth: Truth, mask: np.ndarray, suspects: set[tuple[int, int]]) -> dic
 # --- the comparison
 
 
-def by_turns(works: dict[str, Work], runs: int) -> dict[str, np.ndarray]:
-    """Seconds of each, in every turn, after one that does not count. Shape: (2, runs), as in Taken."""
-    for work in works.values():
-        work()
-    taken: dict[str, list[Taken]] = {name: [] for name in works}
+def alternating(calls: dict[str, TimedCall], runs: int) -> dict[str, np.ndarray]:
+    """Wall-clock and CPU seconds of calls that alternate, after one run that is not counted. Shapes: (2, runs)."""
+    for call in calls.values():
+        call()
+    seconds: dict[str, list[Seconds]] = {name: [] for name in calls}
     for _ in range(runs):
-        for name, work in works.items():
-            taken[name].append(work())
-    return {name: np.array(t).T for name, t in taken.items()}
+        for name, call in calls.items():
+            seconds[name].append(call())
+    return {name: np.array(s).T for name, s in seconds.items()}
 
 
-def summary(taken: np.ndarray) -> dict:
-    clock, processor = taken
-    found = {"median": np.median(clock), "range": [clock.min(), clock.max()], "cpu_median": np.median(processor)}
-    return {k: v if isinstance(v, list) else float(v) for k, v in found.items()}
+def summary(seconds: np.ndarray) -> dict:
+    """Median and range of wall-clock seconds, and median of CPU seconds."""
+    wall, cpu = seconds
+    figures = {"median": np.median(wall), "range": [wall.min(), wall.max()], "cpu_median": np.median(cpu)}
+    return {k: v if isinstance(v, list) else float(v) for k, v in figures.items()}
 
 
 def shaded(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
-    """With shadows, on two threads."""
-    works: dict[str, Work] = {}
+    """Times of pictures with shadows, on two threads. have: the programs that are installed."""
+    calls: dict[str, TimedCall] = {}
     if "povray" in have:
         text = for_povray(surface, lit=True)
-        works |= {f"povray {n}": lambda n=n: povray(folder, text, n) for n in (THREADS, 1)}
+        calls |= {f"povray {n}": lambda n=n: povray(folder, text, n) for n in (THREADS, 1)}
     if "visray" in have:
         dr.set_thread_count(THREADS)
-        works |= {f"visray {spp}": rendering(surface, SIZE, spp) for spp in SAMPLES}
-    taken = by_turns(works, runs)
-    report: dict = {"s": {name: summary(t) for name, t in taken.items()}}
+        calls |= {f"visray {spp}": rendering(surface, SIZE, spp) for spp in SAMPLES}
+    seconds = alternating(calls, runs)
+    report: dict = {"s": {name: summary(t) for name, t in seconds.items()}}
     if "visray" in have:
-        report["visray_s_per_sample"] = {n: float(np.median(taken[f"visray {n}"][0])) / n for n in SAMPLES}
+        report["visray_s_per_sample"] = {n: float(np.median(seconds[f"visray {n}"][0])) / n for n in SAMPLES}
     if {"povray", "visray"} <= have:
-        theirs = taken[f"povray {THREADS}"]
-        pairs = {n: theirs / (taken[f"visray {n}"] / n) for n in SAMPLES}
-        both = {n: np.median(theirs, 1) / np.median(taken[f"visray {n}"] / n, 1) for n in SAMPLES}
+        theirs = seconds[f"povray {THREADS}"]
+        pairs = {n: theirs / (seconds[f"visray {n}"] / n) for n in SAMPLES}
+        both = {n: np.median(theirs, 1) / np.median(seconds[f"visray {n}"] / n, 1) for n in SAMPLES}
         report["ratio"] = {n: float(r[0]) for n, r in both.items()}
         report["ratio_range"] = {n: [float(p[0].min()), float(p[0].max())] for n, p in pairs.items()}
         report["ratio_cpu"] = {n: float(r[1]) for n, r in both.items()}
@@ -469,20 +491,20 @@ def shaded(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
 
 
 def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
-    """Camera rays only, on one thread, in millions a second."""
-    works: dict[str, Work] = {}
+    """Rates of camera rays without shadows, on one thread, in millions a second."""
+    calls: dict[str, TimedCall] = {}
     if "surf" in have:
-        works |= {f"surf {n}": lambda n=n: surf(folder, for_surf(surface, n)) for n in (LARGE, SMALL)}
+        calls |= {f"surf {n}": lambda n=n: surf(folder, for_surf(surface, n)) for n in (LARGE, SMALL)}
     if "visray" in have:
         dr.set_thread_count(1)
-        works["visray picture"] = rendering(surface, LARGE, 1, shadows=False)
-        works["visray intersecting"] = intersecting(surface, LARGE)
-    taken = by_turns(works, runs)
-    rates = {name: LARGE**2 / 1e6 / np.median(t, 1) for name, t in taken.items() if name.startswith("visray")}
+        calls["visray picture"] = rendering(surface, LARGE, 1, shadows=False)
+        calls["visray intersecting"] = intersecting(surface, LARGE)
+    seconds = alternating(calls, runs)
+    rates = {name: LARGE**2 / 1e6 / np.median(t, 1) for name, t in seconds.items() if name.startswith("visray")}
     if "surf" in have:
-        drawing = taken[f"surf {LARGE}"] - taken[f"surf {SMALL}"]
+        drawing = seconds[f"surf {LARGE}"] - seconds[f"surf {SMALL}"]
         rates["surf"] = (LARGE**2 - SMALL**2) / 1e6 / np.median(drawing, 1)
-    report: dict = {"s": {name: summary(t) for name, t in taken.items()}}
+    report: dict = {"s": {name: summary(t) for name, t in seconds.items()}}
     report["Mrays_per_s"] = {name: float(r[0]) for name, r in rates.items()}
     report["Mrays_per_cpu_s"] = {name: float(r[1]) for name, r in rates.items()}
     if {"surf", "visray"} <= have:
@@ -491,8 +513,8 @@ def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
     return report
 
 
-def judged(surface: Surface, folder: Path, have: set[str]) -> dict:
-    """PolynomialError pixels of each program."""
+def wrong_pixels(surface: Surface, folder: Path, have: set[str]) -> dict:
+    """The wrong pixels of each program."""
     masks = {}
     if "povray" in have:
         masks["povray"] = povray_mask(folder, surface)
@@ -507,35 +529,35 @@ def judged(surface: Surface, folder: Path, have: set[str]) -> dict:
 
 
 def side_by_side(surface: Surface, folder: Path, have: set[str], out: Path) -> None:
-    """The pictures of all programs in a row: POV-Ray, visray, surf."""
-    shown = []
+    """Writes the pictures of all programs in a row: POV-Ray, visray, surf."""
+    pictures = []
     if "povray" in have:
         povray(folder, for_povray(surface, lit=True), THREADS, "picture.png")
-        shown.append(Image.open(folder / "picture.png").convert("RGB"))
+        pictures.append(Image.open(folder / "picture.png").convert("RGB"))
     if "visray" in have:
         vr.render(ours(surface, SIZE, 4), progress=False).write(folder / "ours.png")
-        shown.append(Image.open(folder / "ours.png").convert("RGB"))
+        pictures.append(Image.open(folder / "ours.png").convert("RGB"))
     if "surf" in have:
-        shown.append(Image.fromarray(surf_mask(folder, surface)).convert("RGB"))
-    if shown:
+        pictures.append(Image.fromarray(surf_mask(folder, surface)).convert("RGB"))
+    if pictures:
         out.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(np.hstack([np.asarray(s) for s in shown])).save(out)
+        Image.fromarray(np.hstack([np.asarray(s) for s in pictures])).save(out)
 
 
 def versions(have: set[str]) -> dict[str, str]:
-    """Of the programs compared with."""
-    found = {}
+    """The versions of the other programs."""
+    texts = {}
     if "povray" in have:
-        told = subprocess.run([POVRAY, "--version"], capture_output=True, text=True)
-        found["povray"] = next(iter(re.findall(r"POV-Ray (\S+)", told.stdout + told.stderr)), "")
+        process = subprocess.run([POVRAY, "--version"], capture_output=True, text=True)
+        texts["povray"] = next(iter(re.findall(r"POV-Ray (\S+)", process.stdout + process.stderr)), "")
     if "surf" in have:
-        told = subprocess.run([SURF, "--version"], capture_output=True, text=True)
-        found["surf"] = (told.stdout + told.stderr).strip()
-    return found
+        process = subprocess.run([SURF, "--version"], capture_output=True, text=True)
+        texts["surf"] = (process.stdout + process.stderr).strip()
+    return texts
 
 
 def table(rows: list[dict], have: set[str]) -> str:
-    """The report in lines: seconds a sample with shadows, millions of camera rays a second, wrong pixels."""
+    """The report as text: seconds a sample with shadows, millions of camera rays a second, wrong pixels."""
     head = ["surface", "deg"]
     if "povray" in have:
         head += ["POV 2t s", "POV 1t s"]
@@ -547,8 +569,8 @@ def table(rows: list[dict], have: set[str]) -> str:
         head += ["surf M/s"]
     if "visray" in have:
         head += ["ours M/s", "isect M/s"]
-    judges = [n for n in ("povray", "visray", "surf") if n in have]
-    head += [f"wrong {n}" for n in judges]
+    tested = [n for n in ("povray", "visray", "surf") if n in have]
+    head += [f"wrong {n}" for n in tested]
     lines = [head]
     for row in rows:
         line = [row["surface"], str(row["degree"])]
@@ -563,10 +585,10 @@ def table(rows: list[dict], have: set[str]) -> str:
             line += [f"{row['camera_rays']['Mrays_per_s']['surf']:.2f}"]
         if "visray" in have:
             line += [f"{row['camera_rays']['Mrays_per_s'][f'visray {n}']:.2f}" for n in ("picture", "intersecting")]
-        line += [f"{row['wrong'][n]['wrong']} of {row['wrong'][n]['checked']}" for n in judges]
+        line += [f"{row['wrong'][n]['wrong']} of {row['wrong'][n]['checked']}" for n in tested]
         lines.append(line)
-    wide = [max(map(len, column)) for column in zip(*lines)]
-    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(line, wide)) for line in lines)
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    return "\n".join("  ".join(cell.rjust(w) for cell, w in zip(line, widths)) for line in lines)
 
 
 def main() -> None:
@@ -597,7 +619,7 @@ def main() -> None:
                 "degree": surface.degree,
                 "shaded": shaded(surface, folder, chosen.runs, have),
                 "camera_rays": bare(surface, folder, chosen.runs, have),
-                "wrong": judged(surface, folder, have),
+                "wrong": wrong_pixels(surface, folder, have),
             })  # fmt: skip
             print(f"{name} is done", file=sys.stderr)
             if chosen.pictures:

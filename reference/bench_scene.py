@@ -1,14 +1,14 @@
-"""What the host does before a picture of very many objects: reading, checking, packing, preparing.
+"""The time before a picture of very many objects is traced: reading, checking, packing, preparing the scene.
 
     python reference/bench_scene.py --before PATH -o reference/bench_scene.json
 
-30,000 spheres, 96 x 64 pixels, 1 sample. Each figure is the least of several processes; with `--before`, an older
-checkout and this one take turns. Kernels come from Dr.Jit's cache on disk, which a first process of each fills; imports
-do not count. `cpu` is the time of the process's own threads, which tells more on a busy machine.
+30,000 spheres, 96 x 64 pixels, 1 sample. Each figure is the least of several processes. With `--before`, an older
+checkout and this one alternate. Kernels come from Dr.Jit's cache on disk, which a first process of each fills; imports
+are not counted. `cpu` is the CPU time of the process, which is more reliable on a busy machine.
 
-Stages: load (a file), check (what load has given), check_new and check_again (a scene of Python objects), features,
-hash, pack, prepare. Frames: from_file and from_objects are the first picture of a process, in a process of their own;
-second and moved follow from_objects: the same scene, and one with another radius of one sphere.
+Stages: load (a file), check (the loaded scene), check_new and check_again (a scene of Python objects), features, hash,
+pack, prepare. Frames: from_file and from_objects are the first picture of a process, each in its own process; second
+and moved follow from_objects: the same scene again, and with another radius of one sphere.
 """
 
 import argparse
@@ -29,7 +29,7 @@ PARTS = ("stages", "file", "objects")
 
 
 def content(count: int) -> dict:
-    """A cloud of small spheres, as in a scene file."""
+    """The content of a scene file: a cloud of small spheres."""
     draw = random.Random(1)
     spheres = {
         f"s{i}": {
@@ -50,92 +50,95 @@ def content(count: int) -> dict:
     }
 
 
-def written(raw: dict) -> Any:
-    """The same scene of Python objects, which nothing has checked yet."""
+def scene_of(raw: dict) -> Any:
+    """The same scene as Python objects that are not checked yet."""
     import visray as vr
 
-    def given(entry: dict) -> dict:
+    def fields(entry: dict) -> dict:
         return {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items() if k != "type"}
 
     return vr.Scene(
-        camera=vr.Camera(**given(raw["camera"])),
+        camera=vr.Camera(**fields(raw["camera"])),
         film=vr.Film(**raw["film"]),
         settings=vr.Settings(**raw["settings"]),
         materials={"paint": vr.Material()},
-        lights={"key": vr.PointLight(**given(raw["lights"]["key"]))},
-        objects={name: vr.Sphere(**given(entry)) for name, entry in raw["objects"].items()},
+        lights={"key": vr.PointLight(**fields(raw["lights"]["key"]))},
+        objects={name: vr.Sphere(**fields(entry)) for name, entry in raw["objects"].items()},
     )
 
 
-class Watch:
-    """Seconds on the clock and of the processor, by name."""
+class Stopwatch:
+    """Wall-clock and CPU seconds of calls, by name."""
 
     def __init__(self) -> None:
-        self.found: dict[str, dict[str, float]] = {}
+        self.times: dict[str, dict[str, float]] = {}
 
     def time(self, name: str, work: Callable[[], Any]) -> Any:
-        begun = time.perf_counter(), time.process_time()
+        start = time.perf_counter(), time.process_time()
         result = work()
-        ended = time.perf_counter(), time.process_time()
-        self.found[name] = {"seconds": ended[0] - begun[0], "cpu": ended[1] - begun[1]}
+        end = time.perf_counter(), time.process_time()
+        self.times[name] = {"seconds": end[0] - start[0], "cpu": end[1] - start[1]}
         return result
 
 
 def stages(path: Path) -> dict:
-    """What each stage takes, one after the other."""
+    """The times of the stages."""
     from visray.features import features
     from visray.pack import pack
     from visray.quantities import Arrays
     from visray.scene.load import checked, load
     from visray.setup import prepare
 
-    watch, a = Watch(), Arrays.of()
+    watch, a = Stopwatch(), Arrays.of()
     scene = watch.time("load", lambda: load(path))
     watch.time("check", lambda: checked(scene))
-    own = written(json.loads(path.read_text()))
-    watch.time("check_new", lambda: checked(own))
-    watch.time("check_again", lambda: checked(own))
+    unchecked = scene_of(json.loads(path.read_text()))
+    watch.time("check_new", lambda: checked(unchecked))
+    watch.time("check_again", lambda: checked(unchecked))
     watch.time("features", lambda: features(scene))
     watch.time("hash", scene.hash)
     watch.time("pack", lambda: pack(scene, a))
     watch.time("prepare", lambda: prepare(scene))
-    return watch.found
+    return watch.times
 
 
 def frame(scene: Any) -> Any:
+    """Renders a picture."""
     import visray as vr
 
     return vr.render(scene, layers=["RGB"], progress=False)
 
 
 def first_of_file(path: Path) -> dict:
-    watch = Watch()
+    """The time of the first picture of a process, from a file."""
+    watch = Stopwatch()
     watch.time("from_file", lambda: frame(path))
-    return watch.found
+    return watch.times
 
 
 def frames_of_objects(path: Path) -> dict:
+    """The times of three pictures of Python objects: first, second, and with one sphere changed."""
     from dataclasses import replace
 
-    scene, watch = written(json.loads(path.read_text())), Watch()
+    scene, watch = scene_of(json.loads(path.read_text())), Stopwatch()
     watch.time("from_objects", lambda: frame(scene))
     watch.time("second", lambda: frame(scene))
     scene.objects["s0"] = replace(scene.objects["s0"], radius=0.05)
     watch.time("moved", lambda: frame(scene))
-    return watch.found
+    return watch.times
 
 
 def measured(checkout: Path, path: Path, part: str) -> dict:
-    """One part, in a process of its own with the package of a checkout."""
+    """The times of one part, measured in its own process with the visray of a checkout."""
     command = [sys.executable, __file__, "--part", part, "--scene", str(path)]
-    done = subprocess.run(
+    process = subprocess.run(
         command, env=os.environ | {"PYTHONPATH": str(checkout)}, cwd=checkout, check=True, capture_output=True
     )
-    return json.loads(done.stdout.splitlines()[-1])
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 def least(runs: list[dict]) -> dict:
-    """The least of each figure."""
+    """The least of each time over several runs."""
     return {name: {unit: min(run[name][unit] for run in runs) for unit in ("seconds", "cpu")} for name in runs[0]}
 
 
@@ -149,7 +152,7 @@ def main() -> None:
     parser.add_argument("--scene", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.part:
-        import visray  # noqa: F401 - imports do not count
+        import visray  # noqa: F401 - imports are not counted
 
         work = {"stages": stages, "file": first_of_file, "objects": frames_of_objects}[options.part]
         print(json.dumps(work(options.scene)))
@@ -162,9 +165,9 @@ def main() -> None:
         for turn in range(options.runs + 1):
             for part in PARTS:
                 for name, checkout in checkouts.items():
-                    found = measured(checkout, path, part)
-                    if turn:  # the first one fills Dr.Jit's cache
-                        runs[name][part].append(found)
+                    times = measured(checkout, path, part)
+                    if turn:  # the first run fills Dr.Jit's cache
+                        runs[name][part].append(times)
     figures = {name: {k: v for part in PARTS for k, v in least(parts[part]).items()} for name, parts in runs.items()}
     for stage in figures["now"]:
         print(f"{stage:13s}" + "".join(f"  {n} {f[stage]['seconds']:.3f} s (cpu {f[stage]['cpu']:.3f})"

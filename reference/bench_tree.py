@@ -1,14 +1,15 @@
-"""The tree over boxes against the tree it replaced, both with the same tests of rows: time, boxes and rows looked at.
+"""The tree over bounding boxes against the tree that it replaced: time, and number of boxes and rows tested.
 
     python reference/bench_tree.py --before PATH -o reference/bench_tree.json
 
-PATH: a checkout of visray whose trees are those of `visray.bvh` (over spheres, one a batch), such as 45a7471. Both run
-by turns, each turn a process of its own with one thread; of the turns the least processor time counts.
+PATH: a checkout of visray with the trees of `visray.bvh` (over bounding spheres, one tree a batch), such as 45a7471.
+Both trees use the same tests of rows. They alternate, each time in a new process with one thread; the least CPU time
+counts.
 
-Scenes: random spheres, boxes, slivers (triangles of aspect 1,000) and all three in turn, 1,000 and more of each. Rays:
-of a camera (neighbours are alike), from a light to what the camera sees (anything between), random ones from within.
-Rows are asked as a search does: a sphere around each in single, then the exact test in double in a branch. Then how
-long trees take to build, and kernels to compile, by the number of batches.
+Scenes: random spheres, boxes, slivers (triangles of aspect 1,000), and a mix of all three, 1,000 and more of each.
+Rays: coherent camera rays, shadow rays from a light to the points that the camera sees, and random rays from inside.
+A row is tested as in a search: its bounding sphere in single, then the exact test in double in a branch. Also measured:
+the time to build a tree, and the time to compile a kernel by the number of batches.
 """
 
 import argparse
@@ -32,50 +33,51 @@ from visray.quantities import Arrays
 COUNTS, TURNS, RUNS = (1000, 10_000, 100_000), 3, 3
 
 
-def measured(ask: Callable) -> dict:
-    """Seconds to compile; the least seconds of a run; boxes and rows looked at a ray; the answers, summed up."""
+def measured(search: Callable) -> dict:
+    """Compile seconds, the least CPU seconds of a run, and the sum of the finite results, for comparison."""
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
-        answers = ask()[0]
-        dr.eval(answers)
+        results = search()[0]
+        dr.eval(results)
         dr.sync_thread()
         compiled = sum(k["codegen_time"] + k["backend_time"] for k in dr.kernel_history([dr.KernelType.JIT])) / 1e3
     seconds = []
     for _ in range(RUNS):
-        begun = time.process_time()
-        dr.eval(ask()[0])
+        start = time.process_time()
+        dr.eval(search()[0])
         dr.sync_thread()
-        seconds.append(time.process_time() - begun)
-    finite = np.array(answers[0]).astype(float)
+        seconds.append(time.process_time() - start)
+    finite = np.array(results[0]).astype(float)
     return {"compile_s": compiled, "s": min(seconds), "answers": float(finite[np.isfinite(finite)].sum())}
 
 
 def one(shape: str, n: int) -> dict:
-    """All about one scene, with the tree of the visray that is imported."""
+    """The figures of one scene, with the tree of the visray that is imported."""
     a = Arrays.of("llvm", "single")
     search, report = Search(a, world(shape, n)), {}
     report["build_s"] = search.build
-    eye, to = rays("camera")
-    seen = np.array(search.closest(a.put(a.W, eye), a.put(a.W, to))[0][0])
-    points = eye + to * np.where(np.isfinite(seen), seen, 9.0)
+    eye, direction = rays("camera")
+    t = np.array(search.closest(a.put(a.W, eye), a.put(a.W, direction))[0][0])
+    points = eye + direction * np.where(np.isfinite(t), t, 9.0)
     lamp = np.array(LAMP)[:, None]
-    far = np.linalg.norm(points - lamp, axis=0)
-    between = (lamp, (points - lamp) / far, far * (1 - 2.0**-32))  # short of what is seen, by more than its rounding
-    sets = {"camera": (eye, to), "shadow": between, "random": rays("random")}
+    distance = np.linalg.norm(points - lamp, axis=0)
+    # Shadow rays end short of the visible points, by more than their rounding.
+    shadow = (lamp, (points - lamp) / distance, distance * (1 - 2.0**-32))
+    sets = {"camera": (eye, direction), "shadow": shadow, "random": rays("random")}
     for name, (o, d, *length) in sets.items():
         o, d, length = a.put(a.W, o), a.put(a.W, d), [a.put(a.D, x) for x in length]
 
-        def ask(search: Search = search, o: Any = o, d: Any = d, length: list = length) -> tuple:
+        def run(search: Search = search, o: Any = o, d: Any = d, length: list = length) -> tuple:
             return search.any(o, d, *length) if length else search.closest(o, d)
 
-        report[name] = measured(ask)
+        report[name] = measured(run)
         counting = Search(a, world(shape, n), counted=True)
-        _, boxes, rows = ask(counting)
+        _, boxes, rows = run(counting)
         report[name] |= {"boxes": float(np.mean(np.array(boxes))), "rows": float(np.mean(np.array(rows)))}
     return report
 
 
 def batches(k: int) -> float:
-    """Seconds to compile a search of k batches, spheres, boxes and slivers in turn."""
+    """Compile seconds of a search through k batches, which alternate between spheres, boxes and slivers."""
     a, kinds = Arrays.of("llvm", "single"), ("spheres", "boxes", "slivers")
     search = Search(a, [world(kinds[i % 3], 100)[0] for i in range(k)])
     o, d = (a.put(a.W, x) for x in rays("random"))
@@ -83,14 +85,14 @@ def batches(k: int) -> float:
 
 
 def builds() -> dict[str, float]:
-    """Seconds to build trees over spheres."""
+    """Build seconds of trees over spheres, by the number of spheres."""
     a = Arrays.of("llvm", "single")
     Search(a, world("spheres", 1000))
     return {str(n): Search(a, world("spheres", n)).build for n in (1000, 10_000, 100_000, 1_000_000)}
 
 
 def turn(root: Path, *work: str) -> Any:
-    """What a process that imports the visray at `root` reports; its kernel cache is empty."""
+    """The report of a process that imports the visray at `root`, with an empty kernel cache."""
     with tempfile.TemporaryDirectory() as cache:
         environment = os.environ | {"PYTHONPATH": str(root), "DRJIT_CACHE_DIR": cache}
         command = [sys.executable, str(Path(__file__).resolve()), "--work", *work]
@@ -98,7 +100,7 @@ def turn(root: Path, *work: str) -> Any:
 
 
 def compared(shape: str, n: int, roots: dict[str, Path], turns: int) -> dict:
-    """Both trees on one scene, by turns: times the least of all turns."""
+    """The figures of both trees on one scene: the least times over all turns."""
     reports: dict[str, list] = {name: [] for name in roots}
     for _ in range(turns):
         for name, root in roots.items():
@@ -106,20 +108,22 @@ def compared(shape: str, n: int, roots: dict[str, Path], turns: int) -> dict:
     result: dict[str, Any] = {"shape": shape, "rows": n}
     for kind in ("camera", "shadow", "random"):
         result[kind] = {}
-        for name, of in reports.items():
-            result[kind][name] = of[0][kind] | {k: min(r[kind][k] for r in of) for k in ("s", "compile_s")}
+        for name, turns_of_tree in reports.items():
+            result[kind][name] = turns_of_tree[0][kind] | {
+                k: min(r[kind][k] for r in turns_of_tree) for k in ("s", "compile_s")
+            }
             result[kind][name]["Mrays_per_s"] = SIDE * SIDE / 1e6 / result[kind][name]["s"]
         if len(roots) == 2:
             old, new = result[kind]["before"], result[kind]["after"]
             if old["answers"] != new["answers"]:
-                raise SystemExit(f"{shape} {n} {kind}: the answers differ")
+                raise SystemExit(f"{shape} {n} {kind}: the results differ")
             result[kind]["speedup"] = old["s"] / new["s"]
     return result
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--before", type=Path, help="a checkout with the trees over spheres")
+    parser.add_argument("--before", type=Path, help="a checkout with the trees over bounding spheres")
     parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=SHAPES)
     parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
     parser.add_argument("--turns", type=int, default=TURNS)
@@ -128,9 +132,9 @@ def main() -> None:
     chosen = parser.parse_args()
     if chosen.work:
         dr.set_thread_count(1)
-        name, *of = chosen.work
+        name, *arguments = chosen.work
         work = {"one": lambda shape, n: one(shape, int(n)), "batches": lambda k: batches(int(k)), "builds": builds}
-        print(json.dumps(work[name](*of)))
+        print(json.dumps(work[name](*arguments)))
         return
     from machine import machine
 

@@ -22,19 +22,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path)
     chosen = parser.parse_args()
-    found = {}
+    reports = {}
     for path in sorted(SCENES.glob("*.json")):
         if path.name == "schema.json":
             continue
         report = crosscheck.check(vr.load(path))
-        found[path.stem] = report.as_json()
+        reports[path.stem] = report.as_json()
         sys.stdout.write(f"{path.stem}: {'passed' if report.passed else 'FAILED'}\n")
-    text = json.dumps(machine() | {"scenes": found}, indent=2) + "\n"
+    text = json.dumps(machine() | {"scenes": reports}, indent=2) + "\n"
     if chosen.output:
         chosen.output.write_text(text)
     else:
         sys.stdout.write(text)
-    return 0 if all(r["passed"] for r in found.values()) else 1
+    return 0 if all(r["passed"] for r in reports.values()) else 1
 
 
 if __name__ == "__main__":

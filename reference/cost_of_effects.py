@@ -1,14 +1,15 @@
-"""What each effect costs: the matte scene of reference/bench_mitsuba.py, and the same with one effect more or less.
+"""The cost of each effect: the matte scene of reference/bench_mitsuba.py, and the same with one effect more or less.
 
     python reference/cost_of_effects.py -o reference/cost_of_effects.json --before ../visray-before
 
-Operations of the kernel; seconds to compile it, median of 3 kernels that no cache holds; and seconds of a warm picture
-of 512 x 512 pixels, 16 samples each, 2 threads: 9 pairs of the matte scene and the other one by turns, median and range
-of the ratio.
+Measured: the operations of the kernel; the time to compile it, as the median of 3 kernels that no cache holds; and the
+time of a picture with compiled kernels, 512 x 512 pixels, 16 samples per pixel, 2 threads. The matte scene and the
+other one alternate in 9 pairs; median and range of the ratio are reported.
 
 --before: a checkout of an earlier visray (git worktree add --detach ../visray-before 45a7471). The matte scene and some
-of scenes/ by turns in 5 pairs of processes, one of each visray: operations and compile seconds of the kernel, and the
-median of 6 warm pictures. Processor time beside it, the least of 6, hardly feels what else the machine does.
+of scenes/ are rendered in 5 pairs of processes that alternate, one of each visray: operations and compile time of the
+kernel, and the median of 6 pictures with compiled kernels. The CPU time, the least of 6, is reported as well, as it
+depends little on other programs.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from statistics import median
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import drjit as dr
 import numpy as np
-from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, vary
+from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, with_seed
 from machine import machine
 from PIL import Image
 
@@ -37,14 +38,16 @@ HERE = Path(__file__).resolve().parent
 SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 5
 BLACK = (0.0, 0.0, 0.0)
 HALF = (0.5, 0.5, 0.5)
-# The scenes that are compared with an earlier visray, beside the matte one; width of their pictures.
+# The scenes that are compared with an earlier visray, in addition to the matte one; width of their pictures.
 COMPARED, WIDTH = ("heart", "everything", "many", "penumbra", "transparencies"), 360
-# What each process of a pair does, with whichever visray it finds: prints seconds, processor seconds, operations and
-# compile seconds of a scene, in that order.
+# The program of each process of a pair. It uses the visray that it can import, and prints seconds, CPU seconds,
+# operations and compile seconds of a scene, in that order.
 CHILD = """
 import json, statistics, sys, time, visray
 import drjit as dr
-from bench_mitsuba import THREADS, ours, ring, seconds, vary
+import bench_mitsuba
+from bench_mitsuba import THREADS, ours, ring, seconds
+with_seed = getattr(bench_mitsuba, "with_seed", None) or bench_mitsuba.vary
 try:
     from visray.passes import expose
     from visray.setup import prepare
@@ -63,36 +66,39 @@ with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
     expose(prepared)
     kernel = max(dr.kernel_history([dr.KernelType.JIT]), key=lambda k: k["operation_count"])
 def measured(i):
-    begun = time.process_time()
-    return seconds(lambda: expose(vary(prepared, i))), time.process_time() - begun
-times, busy = zip(*[measured(i) for i in range(8)][2:])
-spent = (kernel["codegen_time"] + kernel["backend_time"]) / 1e3
-print(json.dumps([statistics.median(times), min(busy), kernel["operation_count"], spent]))
+    start = time.process_time()
+    return seconds(lambda: expose(with_seed(prepared, i))), time.process_time() - start
+times, cpu = zip(*[measured(i) for i in range(8)][2:])
+compile_seconds = (kernel["codegen_time"] + kernel["backend_time"]) / 1e3
+print(json.dumps([statistics.median(times), min(cpu), kernel["operation_count"], compile_seconds]))
 """
 Change = Callable[[vr.Scene], vr.Scene]
 
 
 def balls(only: str = "", **fields: object) -> Change:
-    """The balls' materials with other fields; or of one of them."""
+    """A change of the materials of all balls, or of the material `only`."""
     names = [only] if only else [f"paint {i}" for i in range(8)]
     return lambda s: replace(s, materials=s.materials | {n: replace(s.materials[n], **fields) for n in names})
 
 
 def settings(**fields: object) -> Change:
+    """A change of the settings."""
     return lambda s: replace(s, settings=replace(s.settings, **fields))
 
 
 def floor(texture: object) -> Change:
+    """A change that puts a texture on the floor."""
     grey = vr.Material(texture="t")
     return lambda s: replace(s, textures={"t": texture}, materials=s.materials | {"grey": grey})
 
 
 def both(first: Change, second: Change) -> Change:
+    """Two changes, one after the other."""
     return lambda s: second(first(s))
 
 
 def changes(picture: str) -> dict[str, Change]:
-    """How the matte scene is changed, and what that is called. `picture`: a file for a texture."""
+    """The changes of the matte scene, by the names that the tables show. picture: an image file for a texture."""
     lamp = ours(ring(), SPP).lights["key"]
     lit = lambda **f: lambda s: replace(s, lights={"key": replace(lamp, **f)})  # noqa: E731 - a change like the others
     return {
@@ -119,18 +125,18 @@ def changes(picture: str) -> dict[str, Change]:
 
 
 def kernel(prepared: Prepared) -> tuple[int, float]:
-    """Operations and compile seconds."""
-    found = [UncachedPicture.of(prepared).compiled() for _ in range(COMPILED)]
-    return found[0][0], median(s for _, s in found)
+    """Operations and compile seconds of the kernel of a prepared scene."""
+    measurements = [UncachedPicture.of(prepared).compiled() for _ in range(COMPILED)]
+    return measurements[0][0], median(s for _, s in measurements)
 
 
 def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
-    """A scene beside the matte one."""
+    """The row of the table for one scene, compared with the matte one."""
     operations, compiled = kernel(prepared)
     times = []
     for seed in range(-1, PAIRS):
         order = (matte, prepared) if seed % 2 else (prepared, matte)
-        pair = {id(m): seconds(lambda m=m, s=seed: expose(vary(m, s + 1))) for m in order}
+        pair = {id(m): seconds(lambda m=m, s=seed: expose(with_seed(m, s + 1))) for m in order}
         times.append((pair[id(matte)], pair[id(prepared)]))
     ratios = [b / a for a, b in times[1:]]
     before, after = (set(m.features.names()) for m in (matte, prepared))
@@ -147,9 +153,9 @@ def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
 
 
 def table() -> list[dict]:
-    """The matte scene, and those with an effect more or less."""
+    """The rows for the matte scene, and for those with one effect more or less."""
     matte = prepare(ours(ring(), SPP))
-    kernel(matte)  # with the first kernel, LLVM itself starts
+    kernel(matte)  # LLVM itself starts with the first kernel
     rows = [row("matte", matte, prepare(ours(ring(), SPP)))]
     with tempfile.TemporaryDirectory() as folder:
         picture = str(Path(folder, "noise.png"))
@@ -161,25 +167,26 @@ def table() -> list[dict]:
 
 
 def against(before: Path) -> dict:
-    """The matte scene and some others with this visray and an earlier one."""
+    """The matte scene and some others, compared with an earlier visray."""
     commit = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
-    known = subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip()
-    return {"commit": known, "pairs": PROCESSES} | {name: compared(before, name) for name in ("matte", *COMPARED)}
+    commit_hash = subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip()
+    return {"commit": commit_hash, "pairs": PROCESSES} | {name: compared(before, name) for name in ("matte", *COMPARED)}
 
 
 def compared(before: Path, name: str) -> dict:
-    """One scene with this visray and an earlier one, by turns. Caches of kernels are empty in the first pair."""
+    """One scene with this visray and an earlier one, in processes that alternate. The first pair starts with empty
+    kernel caches."""
     paths = before, HERE.parent
     runs: dict[Path, list] = {path: [] for path in paths}
     with tempfile.TemporaryDirectory() as cache:
         for i in range(PROCESSES):
             for path in paths if i % 2 else paths[::-1]:
                 runs[path].append(run_of(path, name, cache))
-    (old, old_busy, old_operations, old_compiled), (new, busy, operations, compiled) = (
+    (old, old_cpu, old_operations, old_compiled), (new, cpu, operations, compiled) = (
         tuple(zip(*runs[path])) for path in paths
     )
     ratios = sorted(b / a for a, b in zip(old, new))
-    sys.stderr.write(f"{name}: {median(ratios):.2f} of the time before\n")
+    sys.stderr.write(f"{name}: {median(ratios):.2f} of the earlier time\n")
     return {
         "operations_before": old_operations[0],
         "operations": operations[0],
@@ -190,19 +197,19 @@ def compared(before: Path, name: str) -> dict:
         "ratio": median(ratios),
         "ratio_quartiles": [ratios[len(ratios) // 4], ratios[-1 - len(ratios) // 4]],
         "ratio_range": [ratios[0], ratios[-1]],
-        "cpu_ratio": median(b / a for a, b in zip(old_busy, busy)),
+        "cpu_ratio": median(b / a for a, b in zip(old_cpu, cpu)),
     }
 
 
 def run_of(path: Path, name: str, cache: str) -> tuple[float, float, int, float]:
-    """What CHILD prints of a scene in a process with the visray of a checkout."""
+    """The numbers that CHILD prints for a scene, in a process with the visray of a checkout."""
     environment = os.environ | {
         "PYTHONPATH": f"{path}{os.pathsep}{path / 'reference'}",
         "DRJIT_CACHE_DIR": str(Path(cache, path.name)),
     }
     command = [sys.executable, "-c", CHILD, name, str(HERE.parent / "scenes" / f"{name}.json"), str(WIDTH)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=path, env=environment)
-    return tuple(json.loads(done.stdout))
+    process = subprocess.run(command, check=True, capture_output=True, text=True, cwd=path, env=environment)
+    return tuple(json.loads(process.stdout))
 
 
 def main() -> None:

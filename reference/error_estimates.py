@@ -1,14 +1,15 @@
-"""Whether pictures have the errors that they say, and end when they should: render(error=...) and render(time=...).
+"""Tests of render(error=...) and render(time=...): whether pictures have the reported errors, and end in time.
 
     python reference/error_estimates.py -o reference/error_estimates.json
 
-Each scene is rendered to two errors with three seeds each. The truth is the mean of two pictures by render(spp=...),
-which knows no halves, no pilot and no allocation, of other seeds, Sobol points and the deepest reflections that matter;
-together at least 100 times the mean samples of the pictures that are judged. What the truth itself is off, known from
-the difference of its two pictures, is taken out of the mean square. Films are small, so that this can be paid.
+Errors: each scene is rendered to two errors with three seeds each. The reference picture is the mean of two pictures by
+render(spp=...), which uses no dual buffer, no pilot and no allocation of samples. They have other seeds, Sobol points,
+and reflections as deep as matters; together they have at least 100 times the mean samples of the tested pictures. The
+error of the reference itself is known from the difference of its two pictures, and is subtracted from the mean square.
+Films are small, to save time.
 
-Then four scenes in two times each, from the call to the file on disk, layers and all, with kernels that are compiled:
-how far beyond the time, and the longest pass, which is what an end may be late by.
+Times: four scenes are rendered in two times each, from the call to the file on disk, with all layers and with compiled
+kernels. Reported are the time beyond the limit, and the longest pass, which bounds it.
 """
 
 import argparse
@@ -33,10 +34,10 @@ from visray.output.layers import NAMES
 from visray.render import adjusted
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-SEEDS, TRUE_SEEDS = (0, 1, 2), (1001, 1002)
-# Samples of the truth over those of what is judged.
+SEEDS, REFERENCE_SEEDS = (0, 1, 2), (1001, 1002)
+# Samples of the reference picture, as a multiple of the mean samples of the tested pictures.
 TIMES = 100
-# Width of the film, and the errors that are asked for.
+# By scene: width of the film, and the errors that are asked for.
 CASES = {
     "penumbra": (240, (0.01, 0.005)),
     "area-lights": (240, (0.03, 0.01)),
@@ -57,8 +58,8 @@ TIMED = {"penumbra": (2.0, 6.0), "everything": (3.0, 9.0), "heart": (3.0, 9.0), 
 TIMED_WIDTH = 480
 
 
-def opened(name: str, width: int) -> vr.Scene:
-    """A scene of that width."""
+def loaded(name: str, width: int) -> vr.Scene:
+    """A scene of scenes/, with a film of this width."""
     scene = vr.load(SCENES / f"{name}.json")
     return adjusted(scene, size=(width, round(width * scene.film.height / scene.film.width)))
 
@@ -68,8 +69,14 @@ def rendered(scene: vr.Scene, **more: object) -> vr.Image:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """Pixels, the mean square that they are off by, samples, and the mean luminance."""
+class Reference:
+    """A reference picture.
+
+    rgb: pixels, (H, W, 3)
+    square: mean square error of these pixels
+    spp: samples per pixel
+    luminance: mean luminance
+    """
 
     rgb: np.ndarray
     square: float
@@ -77,44 +84,49 @@ class Truth:
     luminance: float
 
     @staticmethod
-    def of(scene: vr.Scene, spp: float) -> "Truth":
-        """From at least so many samples, with reflections as deep as visray looks for what depth leaves out."""
-        deep = min(8 * scene.settings.depth + 8, 1000)
-        each = 2 ** int(np.ceil(np.log2(spp / 2)))
-        scene = adjusted(scene, sampler="sobol", spp=each, depth=deep)
-        a, b = (rendered(scene, seed=s, layers=("RGB",))["RGB"].astype(float) for s in TRUE_SEEDS)
+    def of(scene: vr.Scene, spp: float) -> "Reference":
+        """A reference picture with at least `spp` samples, and paths as deep as in visray's estimate of depth bias."""
+        depth = min(8 * scene.settings.depth + 8, 1000)
+        half_spp = 2 ** int(np.ceil(np.log2(spp / 2)))
+        scene = adjusted(scene, sampler="sobol", spp=half_spp, depth=depth)
+        a, b = (rendered(scene, seed=s, layers=("RGB",))["RGB"].astype(float) for s in REFERENCE_SEEDS)
         rgb = (a + b) / 2
-        return Truth(rgb, float(np.square(a - b).mean() / 4), 2 * each, float((rgb @ LUMINANCE).mean()))
+        return Reference(rgb, float(np.square(a - b).mean() / 4), 2 * half_spp, float((rgb @ LUMINANCE).mean()))
 
     def error(self, rgb: np.ndarray) -> float:
-        """The error of a picture, without that of the truth."""
+        """The relative error of a picture; the error of the reference is subtracted."""
         square = float(np.square(rgb - self.rgb).mean()) - self.square
         return float(np.sqrt(max(square, 0.0))) / self.luminance
 
 
 def estimates(name: str) -> list[dict]:
-    """A scene's pictures beside the truth."""
+    """The reported and true errors of a scene's pictures, one row each."""
     width, errors = CASES[name]
-    scene = opened(name, width)
-    made = [(e, s, rendered(scene, error=e, seed=s)) for e in errors for s in SEEDS]
-    begun = time.perf_counter()
-    truth = Truth.of(scene, TIMES * max(image.metadata["spp"] for *_, image in made))
-    sys.stderr.write(f"{name}: truth of {truth.spp} samples in {time.perf_counter() - begun:.0f} s\n")
+    scene = loaded(name, width)
+    images = [(e, s, rendered(scene, error=e, seed=s)) for e in errors for s in SEEDS]
+    start = time.perf_counter()
+    reference = Reference.of(scene, TIMES * max(image.metadata["spp"] for *_, image in images))
+    sys.stderr.write(f"{name}: reference of {reference.spp} samples in {time.perf_counter() - start:.0f} s\n")
     rows = []
-    for asked, seed, image in made:
-        facts, true = image.metadata, truth.error(image["RGB"])
-        kept = {k: facts[k] for k in ("error", "error_low", "error_high", "depth_error")}
+    for asked, seed, image in images:
+        metadata, true = image.metadata, reference.error(image["RGB"])
+        estimate = {k: metadata[k] for k in ("error", "error_low", "error_high", "depth_error")}
         rows.append(
-            {"scene": name, "width": width, "seed": seed, "asked": asked, **kept, "true": true}
-            | {"within": bool(facts["error_low"] <= true <= facts["error_high"]), "ratio": true / facts["error"]}
-            | {k: facts[k] for k in ("spp", "spp_least", "spp_most", "forecast_error", "forecast_spp")}
-            | {"true_spp": truth.spp, "true_off": float(np.sqrt(truth.square)) / truth.luminance}
+            {"scene": name, "width": width, "seed": seed, "asked": asked, **estimate, "true": true}
+            | {"within": bool(metadata["error_low"] <= true <= metadata["error_high"])}
+            | {"ratio": true / metadata["error"]}
+            | {k: metadata[k] for k in ("spp", "spp_least", "spp_most", "forecast_error", "forecast_spp")}
+            | {"true_spp": reference.spp, "true_off": float(np.sqrt(reference.square)) / reference.luminance}
         )
     return rows
 
 
 def summary(rows: list[dict]) -> dict:
-    """All pictures together. ratio_rms: of the mean square of all ratios, 1 where estimates of squares have no bias."""
+    """Figures over all pictures.
+
+    within: share of the true errors in the reported interval; met: share that is at most the error asked for
+    ratio: true over reported error; ratio_rms: root mean square of the ratios, 1 if squares are estimated without bias
+    """
     ratios = np.array([r["ratio"] for r in rows])
     return {
         "pictures": len(rows),
@@ -131,56 +143,56 @@ def summary(rows: list[dict]) -> dict:
 
 
 class Stopwatch:
-    """Seconds of the passes of a picture while it is entered."""
+    """A context that records the seconds of each pass of an adaptive render."""
 
     def __enter__(self) -> list[float]:
-        self.kept, found = DualBuffer.run_pass, []
+        self.run_pass, seconds = DualBuffer.run_pass, []
 
-        def timed(halves: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
-            begun = time.perf_counter()
-            self.kept(halves, lanes, targets)
-            found.append(time.perf_counter() - begun)
+        def timed(buffers: DualBuffer, lanes: np.ndarray, targets: np.ndarray) -> None:
+            start = time.perf_counter()
+            self.run_pass(buffers, lanes, targets)
+            seconds.append(time.perf_counter() - start)
 
         DualBuffer.run_pass = timed
-        return found
+        return seconds
 
     def __exit__(self, *_: object) -> None:
-        DualBuffer.run_pass = self.kept
+        DualBuffer.run_pass = self.run_pass
 
 
 def times(name: str) -> list[dict]:
-    """A scene in so many seconds."""
-    scene, rows = opened(name, TIMED_WIDTH), []
+    """Times of a scene that is rendered with a time limit, one row for each limit."""
+    scene, rows = loaded(name, TIMED_WIDTH), []
     rendered(scene, error=1.0, layers=NAMES)
     for asked in TIMED[name]:
         with tempfile.TemporaryDirectory() as folder, Stopwatch() as passes:
-            path, begun = Path(folder, "a.exr"), time.perf_counter()
+            path, start = Path(folder, "a.exr"), time.perf_counter()
             image = rendered(scene, time=asked, files=Files([path]), layers=NAMES)
             image.write(path)
-            took = time.perf_counter() - begun
-        facts = image.metadata
+            seconds = time.perf_counter() - start
+        metadata = image.metadata
         rows.append(
-            {"scene": name, "width": TIMED_WIDTH, "asked": asked, "seconds": took, "over": took - asked}
-            | {"share": (took - asked) / asked, "longest_pass": max(passes), "passes": len(passes)}
-            | {k: facts[k] for k in ("error", "spp", "forecast_error", "forecast_spp", "forecast_seconds")}
+            {"scene": name, "width": TIMED_WIDTH, "asked": asked, "seconds": seconds, "over": seconds - asked}
+            | {"share": (seconds - asked) / asked, "longest_pass": max(passes), "passes": len(passes)}
+            | {k: metadata[k] for k in ("error", "spp", "forecast_error", "forecast_spp", "forecast_seconds")}
         )
     return rows
 
 
-def tables(found: dict) -> None:
-    """Prints what was found."""
+def print_tables(report: dict) -> None:
+    """Prints the report."""
     console = Console(width=120)
-    table = Table("scene", "seed", "asked", "estimate", "interval", "true", "true/est.", "", "spp", "of truth")
-    for r in found["estimates"]:
+    table = Table("scene", "seed", "asked", "estimate", "interval", "true", "true/est.", "", "spp", "of reference")
+    for r in report["estimates"]:
         interval = f"{r['error_low']:.5f} to {r['error_high']:.5f}"
-        mark = "" if r["within"] else "out"
+        mark = "" if r["within"] else "outside"
         numbers = (f"{r['error']:.5f}", interval, f"{r['true']:.5f}", f"{r['ratio']:.3f}", mark, f"{r['spp']:.1f}")
         table.add_row(r["scene"], str(r["seed"]), f"{r['asked']:g}", *numbers, str(r["true_spp"]))
     console.print(table)
     table = Table(
         "scene", "asked s", "took s", "over s", "over %", "longest pass", "passes", "error", "forecast", "spp"
     )
-    for r in found["times"]:
+    for r in report["times"]:
         seconds = (f"{r['asked']:g}", *(f"{r[k]:.3f}" for k in ("seconds", "over")), f"{100 * r['share']:.1f}")
         errors = (f"{r[k]:.2g}" for k in ("error", "forecast_error"))
         table.add_row(r["scene"], *seconds, f"{r['longest_pass']:.3f}", str(r["passes"]), *errors, f"{r['spp']:.0f}")
@@ -195,12 +207,12 @@ def main() -> None:
     names = [n for n in chosen.only.split(",") if n]
     rows = [row for name in CASES if not names or name in names for row in estimates(name)]
     timed = [row for name in TIMED if not names or name in names for row in times(name)]
-    found = machine() | {"load": os.getloadavg()[0]} | ({"summary": summary(rows)} if rows else {})
-    found |= {"estimates": rows, "times": timed}
-    tables(found)
-    print(json.dumps(found.get("summary"), indent=2))
+    report = machine() | {"load": os.getloadavg()[0]} | ({"summary": summary(rows)} if rows else {})
+    report |= {"estimates": rows, "times": timed}
+    print_tables(report)
+    print(json.dumps(report.get("summary"), indent=2))
     if chosen.output:
-        chosen.output.write_text(json.dumps(found, indent=2) + "\n")
+        chosen.output.write_text(json.dumps(report, indent=2) + "\n")
 
 
 if __name__ == "__main__":

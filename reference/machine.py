@@ -1,4 +1,4 @@
-"""Where figures come from: date, processor, versions."""
+"""The origin of measured figures: date, processor, versions."""
 
 import visray  # noqa: F401  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import mitsuba as mi
@@ -7,5 +7,5 @@ from visray.study.machine import machine as facts
 
 
 def machine() -> dict:
-    """Date, processor, threads and versions, Mitsuba's among them."""
+    """Date, processor, number of threads, and versions, with Mitsuba's."""
     return facts() | {"mitsuba": mi.__version__}

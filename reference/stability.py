@@ -1,4 +1,4 @@
-"""The known polynomial surfaces against exact arithmetic, as `visray stability` does it, with the sums of each set.
+"""`visray stability` on all known polynomial surfaces, with sums over the surfaces for each set of rays.
 
 python reference/stability.py -o reference/stability.json [--surfaces FILE] [--rays N]
 """
@@ -17,17 +17,17 @@ COUNTS = ("judged", "near_edge", "open", "false_misses", "false_hits", "wrong_ro
 
 
 def sums(report: stability.Report) -> list[dict]:
-    """All surfaces together, a set of rays each."""
-    found = []
-    for name in dict.fromkeys(r.rays for r in report.scores):
-        rows = [r for r in report.scores if r.rays == name]
-        total = {k: sum(getattr(r, k) or 0 for r in rows) for k in COUNTS}
-        within = max(r.errors_within for r in rows)
-        degrees = [r.degrees[0] for r in rows if r.degrees]
-        ulps = [r.ulps[0] for r in rows if r.ulps]
+    """The sums over all surfaces, one entry for each set of rays."""
+    entries = []
+    for name in dict.fromkeys(s.rays for s in report.scores):
+        scores = [s for s in report.scores if s.rays == name]
+        total = {k: sum(getattr(s, k) or 0 for s in scores) for k in COUNTS}
+        within = max(s.errors_within for s in scores)
+        degrees = [s.degrees[0] for s in scores if s.degrees]
+        ulps = [s.ulps[0] for s in scores if s.ulps]
         worst = {"median_ulps_worst": max(ulps, default=None), "normal_p999_worst": max(degrees, default=None)}
-        found.append({"rays": name, "surfaces": len(rows), **total, "errors_within": within, **worst})
-    return found
+        entries.append({"rays": name, "surfaces": len(scores), **total, "errors_within": within, **worst})
+    return entries
 
 
 def main() -> None:
@@ -38,10 +38,10 @@ def main() -> None:
     args = parser.parse_args()
     report = stability.run(args.surfaces, args.rays, progress=True)
     Console(width=120).print(report.table())
-    found = machine() | {"visray": vr.__version__, "sums": sums(report)} | report.as_json()
-    print(json.dumps(found["sums"], indent=2))
+    result = machine() | {"visray": vr.__version__, "sums": sums(report)} | report.as_json()
+    print(json.dumps(result["sums"], indent=2))
     if args.output:
-        args.output.write_text(json.dumps(found, indent=2) + "\n")
+        args.output.write_text(json.dumps(result, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""A search through whichever tree an imported visray has: scenes, rays, and tests of rows that need no more of it."""
+"""A search through the tree of the visray that is imported, of two versions: scenes, rays, and tests of rows.
+
+Nothing but the tree is taken from visray, so that both versions are compared with the same tests of rows.
+"""
 
 import time
 from collections.abc import Callable
@@ -12,24 +15,27 @@ import numpy as np
 from visray.quantities import Arrays
 
 SHAPES = ("spheres", "boxes", "slivers", "mixed")
-SIDE = 256  # rays a side of the camera's picture
+SIDE = 256  # rays along a side of the camera's picture
 EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 1.0, 0.0), (4.0, 8.0, 5.0), 40.0
 NO_ROW = 0xFFFFFFFF
 
 
 def world(shape: str, n: int) -> list[tuple[str, np.ndarray]]:
-    """Batches: a kind and its rows. Shapes: (9, rows): middle and half sides of a box, or three corners."""
+    """The batches of a scene: pairs of a kind and its rows.
+
+    A row is the centre and half sides of a sphere or a box, or the three corners of a sliver. Shapes: (9, rows).
+    """
     rng = np.random.default_rng(n)
     middle = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3))
     size = (rng.uniform(0.3, 0.9, n) * 2.2 / n ** (1 / 3))[:, None]
-    along, aside = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, n, 3)))
-    aside = np.cross(along, aside)
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
-    nothing = np.zeros((n, 3))
+    along, across = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, n, 3)))
+    across = np.cross(along, across)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    unused = np.zeros((n, 3))
     rows = {
-        "spheres": np.hstack([middle, size * np.ones(3), nothing]),
-        "boxes": np.hstack([middle, size * rng.uniform(0.4, 1, (n, 3)), nothing]),
-        "slivers": middle[:, [0, 1, 2] * 3] + 4 * size * np.hstack([-along, along, along + 2e-3 * aside]),
+        "spheres": np.hstack([middle, size * np.ones(3), unused]),
+        "boxes": np.hstack([middle, size * rng.uniform(0.4, 1, (n, 3)), unused]),
+        "slivers": middle[:, [0, 1, 2] * 3] + 4 * size * np.hstack([-along, along, along + 2e-3 * across]),
     }
     if shape != "mixed":
         return [(shape, rows[shape].T)]
@@ -37,7 +43,7 @@ def world(shape: str, n: int) -> list[tuple[str, np.ndarray]]:
 
 
 def bounds(kind: str, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Corners of a box around each row, middle and radius of a sphere. Shapes: (n, 3) and (n)."""
+    """Bounding box and bounding sphere of each row: low, high, centre (n, 3), radius (n)."""
     a, b, c = rows.T.reshape(-1, 3, 3).transpose(1, 0, 2)
     if kind == "slivers":
         corners, middle = np.array([a, b, c]), (a + b + c) / 3
@@ -46,7 +52,7 @@ def bounds(kind: str, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def rays(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Origins, one or one a ray, and unit directions. Camera rays come in tiles of 4 x 4."""
+    """Origins, shared or one a ray, and unit directions. Camera rays are ordered in tiles of 4 x 4. Shapes: (3, N)."""
     n, rng = SIDE * SIDE, np.random.default_rng(3)
     if kind == "random":
         o, d = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)).T, rng.normal(size=(3, n))
@@ -62,7 +68,7 @@ def rays(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Search:
-    """Batches and what a ray meets of them, through whichever tree this visray has."""
+    """A scene and searches through its tree. counted: whether tests of boxes and rows are counted."""
 
     def __init__(self, a: Arrays, batches: list[tuple[str, np.ndarray]], counted: bool = False):
         self.a, self.counted, self.kinds = a, counted, [kind for kind, _ in batches]
@@ -72,27 +78,31 @@ class Search:
         self.spheres = [(a.put(a.W, middle.T), a.put(a.D, radius)) for _, _, middle, radius in limits]
         dr.eval(self.tables, self.spheres)
         dr.sync_thread()
-        begun = time.process_time()
-        self.walk = after(self, limits) if has_boxes() else before(self, limits)
-        self.build = time.process_time() - begun
+        start = time.process_time()
+        self.walk = new_walk(self, limits) if has_tree_over_boxes() else old_walk(self, limits)
+        self.build = time.process_time() - start
 
-    def asked(self, batch: int, state: tuple, row: Any, present: Any, o: Any, d: Any, change: Callable) -> tuple:
-        """change(state, t, row) where a row's sphere is met; row: its number in the batch."""
+    def test_row(self, batch: int, state: tuple, row: Any, present: Any, o: Any, d: Any, change: Callable) -> tuple:
+        """The new state: change(state, t, row) where the ray hits the row's bounding sphere.
+
+        row: number in the batch; present: lanes that have a row to test
+        """
         a = self.a
         middle, radius = (dr.gather(type(x), x, row, present) for x in self.spheres[batch])
-        toward = middle - o
-        squared = dr.squared_norm(toward)
+        to_centre = middle - o
+        squared = dr.squared_norm(to_centre)
         margin = a.F32(squared - dr.square(radius) - 2.0**-20 * squared)
-        along = dr.dot(a.V32(toward), a.V32(d))
-        maybe = present & (along * along >= margin) & ((along > 0) | (margin < 0))
+        along = dr.dot(a.V32(to_centre), a.V32(d))
+        may_hit = present & (along * along >= margin) & ((along > 0) | (margin < 0))
 
         def exact(*state: Any) -> tuple:
             table = [dr.gather(a.W, x, row) for x in self.tables[batch]]
             return change(state, TESTS[self.kinds[batch]](table, o, d), row + int(self.base[batch]))
 
-        return dr.if_stmt(state, maybe, exact, lambda *state: state, label="exact")
+        return dr.if_stmt(state, may_hit, exact, lambda *state: state, label="exact")
 
     def closest(self, o: Any, d: Any) -> tuple:
+        """The first hits (t, row), and the numbers of tests."""
         a, n = self.a, dr.width(d)
 
         def change(state: tuple, t: Any, row: Any) -> tuple:
@@ -103,6 +113,8 @@ class Search:
         return self.walk(o, d, start, change, lambda state: state[0], lambda _: a.B(False))
 
     def any(self, o: Any, d: Any, length: Any) -> tuple:
+        """Whether rays of this length are occluded, and the numbers of tests."""
+
         def change(state: tuple, t: Any, row: Any) -> tuple:
             return (state[0] | (t < length),)
 
@@ -110,13 +122,16 @@ class Search:
         return self.walk(o, d, start, change, lambda _: length, lambda state: state[0])
 
 
-def has_boxes() -> bool:
-    """Whether the visray that is imported has this tree. An import could find that of an installed one."""
-    return (Path(visray.__file__).parent / "accel" / "tree.py").exists()
+def has_tree_over_boxes() -> bool:
+    """Whether the visray that is imported has the tree over bounding boxes.
+
+    The file is looked for, because an import could find another visray that is installed.
+    """
+    return (Path(visray.__file__).parent / "accel" / "bvh.py").exists()
 
 
-def after(search: Search, limits: list) -> Callable:
-    """The way through the tree over boxes. The walk's result: state, box tests and rows a lane."""
+def new_walk(search: Search, limits: list) -> Callable:
+    """The traversal of the tree over boxes: a function that returns state, box tests and row tests of each lane."""
     from visray.accel.bvh import WIDTH, Walk, build
 
     low, high = (np.concatenate([x[k] for x in limits]) for k in range(2))
@@ -127,19 +142,19 @@ def after(search: Search, limits: list) -> Callable:
 
     def walk(o: Any, d: Any, state: tuple, change: Callable, reach: Callable, done: Callable) -> tuple:
         def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
-            return search.asked(batch, state, row - int(search.base[batch]), present, o, d, change)
+            return search.test_row(batch, state, row - int(search.base[batch]), present, o, d, change)
 
-        way = Walk.along(search.a, tree, o, d)
+        walk_of_rays = Walk.along(search.a, tree, o, d)
         if not search.counted:
-            return way.traverse(state, visit, reach, done), None, None
-        *state, nodes, rows = way.traverse(state, visit, reach, done, counted=True)
+            return walk_of_rays.traverse(state, visit, reach, done), None, None
+        *state, nodes, rows = walk_of_rays.traverse(state, visit, reach, done, counted=True)
         return tuple(state), WIDTH * nodes, rows
 
     return walk
 
 
-def before(search: Search, limits: list) -> Callable:
-    """The way through the trees over spheres, one batch after the other."""
+def old_walk(search: Search, limits: list) -> Callable:
+    """The traversal of the trees over spheres, one batch after the other; it returns the same as new_walk."""
     from visray import bvh
 
     a, trees = search.a, [bvh.build(search.a, middle, radius) for _, _, middle, radius in limits]
@@ -147,36 +162,36 @@ def before(search: Search, limits: list) -> Callable:
     dr.sync_thread()
     rounds: list[Any] = []
     if search.counted:
-        bvh.dr = Rounds(a, rounds)
+        bvh.dr = CountingDrJit(a, rounds)
 
     def walk(o: Any, d: Any, state: tuple, change: Callable, reach: Callable, done: Callable) -> tuple:
         d32, n = a.V32(d), dr.width(d)
-        boxes, asked = dr.zeros(a.U, n), dr.zeros(a.U, n)
+        boxes, tested = dr.zeros(a.U, n), dr.zeros(a.U, n)
         for batch, tree in enumerate(trees):
 
             def visit(state: tuple, row: Any, present: Any, batch: int = batch) -> tuple:
                 state, counts = (state[:-1], state[-1:]) if search.counted else (state, ())
                 counts = tuple(c + dr.select(present, a.U(1), a.U(0)) for c in counts)
-                return *search.asked(batch, state, row, present, o, d, change), *counts
+                return *search.test_row(batch, state, row, present, o, d, change), *counts
 
             packets = bvh.packets(a, tree, o) if dr.width(o) == 1 else None
             dr.eval(packets)
-            way = bvh.Walk.along(a, tree, packets, o, d32)
+            walk_of_rays = bvh.Walk.along(a, tree, packets, o, d32)
             counts = (dr.zeros(a.U, n),) if search.counted else ()
-            result = way.through((*state, *counts), visit, lambda s: a.F32(reach(s)), done)
+            result = walk_of_rays.through((*state, *counts), visit, lambda s: a.F32(reach(s)), done)
             state = tuple(result[: len(state)])
             if search.counted:
-                asked += result[-1]
-                # Each round is at a fork, with two boxes, or at a leaf, all but full.
+                tested += result[-1]
+                # Each iteration visits a fork, with two boxes, or a leaf, and most leaves are full.
                 leaves = a.U(dr.ceil(a.F32(result[-1]) / bvh.LEAF))
                 boxes += 2 * (rounds.pop() - leaves)
-        return state, boxes, asked
+        return state, boxes, tested
 
     return walk
 
 
-class Rounds:
-    """Dr.Jit, with loops that count their rounds."""
+class CountingDrJit:
+    """The module Dr.Jit, with loops that count their iterations."""
 
     def __init__(self, a: Arrays, rounds: list):
         self.a, self.rounds = a, rounds
@@ -194,6 +209,7 @@ class Rounds:
 
 
 def sphere(table: list, o: Any, d: Any) -> Any:
+    """Distance of the first hit with a sphere, inf for none."""
     to, radius = table[0] - o, table[1].x
     along = dr.dot(to, d)
     square = dr.square(radius) - dr.squared_norm(to - along * d)
@@ -203,6 +219,7 @@ def sphere(table: list, o: Any, d: Any) -> Any:
 
 
 def box(table: list, o: Any, d: Any) -> Any:
+    """Distance of the first hit with a box, inf for none."""
     begin, end = type(o.x)(-dr.inf), type(o.x)(dr.inf)
     for axis in range(3):
         inverse, to = dr.rcp(d[axis]), table[0][axis] - o[axis]
@@ -214,6 +231,7 @@ def box(table: list, o: Any, d: Any) -> Any:
 
 
 def sliver(table: list, o: Any, d: Any) -> Any:
+    """Distance of the hit with a triangle, inf for none."""
     a, b, c = (v - o for v in table)
     u, v, w = dr.dot(d, dr.cross(b, c)), dr.dot(d, dr.cross(c, a)), dr.dot(d, dr.cross(a, b))
     inside = ((u >= 0) & (v >= 0) & (w >= 0)) | ((u <= 0) & (v <= 0) & (w <= 0))

@@ -28,7 +28,8 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
-feature_rules features progress output.files output.curves output.layers output.exr output.rounding output.png output.image output
+feature_rules features progress
+output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack address_index repack batches sampling moments film
 accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.traversal accel.intersect accel

@@ -132,7 +132,9 @@ def has_tree_over_boxes() -> bool:
 
 def new_walk(search: Search, limits: list) -> Callable:
     """The traversal of the tree over boxes: a function that returns state, box tests and row tests of each lane."""
-    from visray.accel.bvh import WIDTH, Walk, build
+    from visray.accel.bvh import build
+    from visray.accel.bvh_walk import Walk
+    from visray.accel.sah import WIDTH
 
     low, high = (np.concatenate([x[k] for x in limits]) for k in range(2))
     batch = np.repeat(np.arange(len(limits)), np.diff(search.base))

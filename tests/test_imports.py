@@ -32,7 +32,8 @@ feature_rules features progress
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack address_index repack batches sampling moments film
-accel.policy accel.sah accel.bvh accel.culling accel.ray_segment accel.origin accel.traversal accel.intersect accel
+accel.policy accel.sah accel.bvh accel.bvh_walk accel.culling accel.ray_segment accel.origin accel.traversal
+accel.intersect accel
 kernel_scene
 interaction
 direct occlusion

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from visray.accel import sah
-from visray.accel.bvh import NOTHING, ROW, STACK, STRIDE, Walk, build
+from visray.accel.bvh import NOTHING, ROW, STRIDE, build
+from visray.accel.bvh_walk import STACK, Walk
 from visray.accel.sah import DEPTH, NONE, WIDTH, build_binary, widen
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, unit

@@ -15,7 +15,7 @@ from visray.quantities import Arrays
 
 @dataclass(frozen=True)
 class DirectionCone:
-    """A cone of directions from an origin, such as those to a light, or a hemisphere. Single.
+    """A cone of directions from an origin, such as those to a light, or a hemisphere. In single precision.
 
     axis: unit vector.
     sine, cosine: of the half angle, which is at most a right angle; 0 and -1 for all directions.
@@ -44,7 +44,10 @@ class DirectionCone:
 
 @dataclass(frozen=True)
 class BallGuard:
-    """The guard of a bounded object, by its bounding ball. Single. Shapes: an entry per object or per lane.
+    """The guard of a bounded object, by its bounding ball. In single precision.
+
+    Shapes: an entry per object or per lane.
+
 
     to_centre: vector from the ray origin to the centre of the ball.
     least: a ray that meets the ball has to_centre . d >= least. It is the length of a tangent from the origin, less its
@@ -95,7 +98,10 @@ def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
 
 @dataclass(frozen=True)
 class PlaneGuard:
-    """The guard of an unbounded flat object: it rejects rays that run away from the plane or end before it. Single.
+    """The guard of an unbounded flat object: it rejects rays that run away from the plane or end before it.
+
+    In single precision.
+
 
     normal: the plane's normal, turned to the side of the ray origin and divided by the origin's height above the plane.
         A ray d reaches the plane at t = 1 / (-normal . d). Zero for an origin on the plane.

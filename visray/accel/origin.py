@@ -38,7 +38,7 @@ class Geometry:
 
     @staticmethod
     def of(a: Arrays, batches: tuple[Batch, ...], accelerator: policy.Accelerator = "auto") -> "Geometry":
-        """The batches with the tree that the policy asks for."""
+        """The geometry of batches, with the tree that the policy asks for."""
         geometry = Geometry(a, batches, None, accelerator)
         # A batch that is in the tree for rays with a shared origin is also in it for all other rays.
         in_tree = geometry.plan(shared=False).tree

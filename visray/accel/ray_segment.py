@@ -62,7 +62,7 @@ def occludes(segment: RaySegment) -> Any:
 
 
 def length_inside(segment: RaySegment) -> tuple[Any, Any]:
-    """(whether the segment both enters and leaves the row, its length inside the row).
+    """The passage of a segment through a row: (whether it both enters and leaves, its length inside).
 
     An end that lies on the row's surface counts as entering or leaving there. Kinds that are not closed have no inside:
     (False, 0).
@@ -73,7 +73,10 @@ def length_inside(segment: RaySegment) -> tuple[Any, Any]:
         return none, zero
 
     def next_crossing(begin: Any, at: Any, length: Any, known: KnownEnds) -> tuple:
-        """The first crossing after `begin`: (crossing, its distance, met, inside after it, length inside)."""
+        """The first crossing after `begin`: (crossing, its distance, met, inside after it, length inside so far).
+
+        at: distance up to which `length` was counted.
+        """
         c = replace(segment, begin=begin, known=known).crossing()
         to = dr.select(c.met, c.t, end)
         return c, to, c.met, ~(c.enters ^ c.met), length + dr.select(c.enters, 0, to - at)
@@ -110,6 +113,6 @@ def length_inside(segment: RaySegment) -> tuple[Any, Any]:
         at, length = (x + dr.zeros(type(x), n) for x in (at, length))
         inside, crossed = (x | dr.full(type(x), False, n) for x in (inside, crossed))
         state = (at, inside, length, part, dr.zeros(u, n), crossed)
-        _, inside, length, _, _, _ = dr.while_loop(state, lambda *state: state[-1], step, label="way inside")
+        _, inside, length, _, _, _ = dr.while_loop(state, lambda *state: state[-1], step, label="length inside")
     left = ~inside if known.on_end is None else ~inside | known.on_end
     return entered & left, length

@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 
 from visray.accel import policy
-from visray.accel.bvh import Walk
+from visray.accel.bvh_walk import Walk
 from visray.accel.origin import Candidate, RayOrigin
 from visray.batches import Batch
 from visray.ray import Ray

@@ -142,10 +142,10 @@ def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -
 def _added(parts: list[Expression]) -> Expression:
     """The sum of constants, with all rational ones as one number."""
     plain = [p for p in parts if not p.parametric and not p.irrational]
-    others = [p for p in parts if p.parametric or p.irrational]
+    summands = [p for p in parts if p.parametric or p.irrational]
     if plain:
-        others.append(Number(sum((rational(p, {}) for p in plain), Fraction(0))))
-    return others[0] if len(others) == 1 else Sum(tuple(others))
+        summands.append(Number(sum((rational(p, {}) for p in plain), Fraction(0))))
+    return summands[0] if len(summands) == 1 else Sum(tuple(summands))
 
 
 def horner(terms: Coefficients) -> Expression:

@@ -219,7 +219,7 @@ def is_zero(node: Expression) -> bool:
 
 
 def is_negligible(value: Fraction, node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
-    """Whether a value of an expression is 0, or at most the rounding of its irrational constants."""
+    """Whether a value of an expression is 0, up to the rounding of its irrational constants."""
     if not value or not node.irrational:
         return not value
     # Irrational constants are correct to BITS. Where they cancel in a sum, the rest is below half as many bits.

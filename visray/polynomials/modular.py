@@ -202,7 +202,7 @@ def factor_degrees(a: list[int], p: int) -> list[int]:
 
 
 def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
-    """a^n modulo the number n and the polynomial `modulus`."""
+    """The power a^n modulo the number n and the polynomial `modulus`."""
     result = [1]
     for bit in bin(n)[2:]:
         result = _multiply_modulo(result, result, modulus, n)
@@ -212,7 +212,7 @@ def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
 
 
 def _multiply_modulo(a: list[int], b: list[int], modulus: list[int], p: int) -> list[int]:
-    """a b modulo the number p and the polynomial `modulus`."""
+    """The product of a and b modulo the number p and the polynomial `modulus`."""
     product = [0] * (len(a) + len(b) - 1) if a and b else []
     for i, x in enumerate(a):
         for j, y in enumerate(b):

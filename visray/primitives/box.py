@@ -14,7 +14,7 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Box(ConvexSolid):
-    """A box between the corners `min` and `max`, along the axes; a transform rotates it.
+    """An axis-aligned box between the corners `min` and `max`; a transform rotates it.
 
     uv: from 0 to 1 on each face, upright and not mirrored when seen from outside. Up is -z on the top face and +z on
     the bottom face.
@@ -41,7 +41,7 @@ class Box(ConvexSolid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The intersection of three slabs."""
+        """The interval in the cube: the intersection of three slabs."""
         x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))
         return x.intersection(y.intersection(z))
 

@@ -37,7 +37,7 @@ class Capsule(ConvexSolid):
         return [("b", "must be another point than a; where they are one, write a sphere")] if same else []
 
     def frame(self) -> Frame:
-        """The canonical capsule has radius 1 and the axis z. `shape` holds the half length of its segment."""
+        """The frame of the canonical capsule, of radius 1 about z. `shape` holds the half length of its segment."""
         n = dr.normalize(self.b - self.a)
         s, t = tangents(n)
         return Frame(self.radius * s, self.radius * t, self.radius * n, 0.5 * (self.a + self.b))

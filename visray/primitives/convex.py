@@ -113,7 +113,7 @@ class ConvexSolid(Primitive):
 
     @classmethod
     def runs_inside(cls, seen: Seen, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
-        """Decided by the depth of the middle of the interval, because an edge has no unique normal."""
+        """As Primitive.runs_inside, but decided by the depth of the segment's middle: an edge has no unique normal."""
         line = cls.intervals(seen, ray.d)
         first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
         middle = 0.5 * (first + last)

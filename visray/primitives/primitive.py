@@ -218,7 +218,7 @@ class Primitive:
 
 
 def scalars(record: Any) -> Any:
-    """The record with scalar Dr.Jit values in its fields, so that methods written for kernels also run on the host."""
+    """A copy of the record with scalar Dr.Jit values, so that methods written for kernels also run on the host."""
     sizes = quantities(type(record))
     return replace(record, **{k: Array3f64(*getattr(record, k)) for k, q in sizes.items() if q.size == 3})
 
@@ -254,7 +254,7 @@ def half_extents(frame: Frame | Similarity, straight: str, round: str = "") -> A
 
 
 def corner_distance(frame: Frame) -> Any:
-    """Greatest distance of the cube corners (+-1, +-1, +-1) in a frame from the frame's origin."""
+    """Greatest distance of the eight points (+-1, +-1, +-1), given in a frame, from the frame's origin."""
     squared = [dr.squared_norm(frame.x + sy * frame.y + sz * frame.z) for sy in (1, -1) for sz in (1, -1)]
     return dr.sqrt(dr.maximum(dr.maximum(squared[0], squared[1]), dr.maximum(squared[2], squared[3])))
 

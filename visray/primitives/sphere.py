@@ -36,7 +36,9 @@ class UnitSphere(ConvexSolid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The origin is moved to the point of the line nearest to the centre, where no digits cancel.
+        """The interval in the unit sphere.
+
+        The origin is moved to the point of the line nearest to the centre, where no digits cancel.
 
         Source: Hearn and Baker; Haines.
         """

@@ -65,7 +65,7 @@ class Torus(PolynomialSolid):
 
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
-        """The torus is the Minkowski sum of a circle and a ball, so its extents are the sum of theirs."""
+        """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so their extents are added."""
         major, minor = shape
         flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
         radius = major * flat.max_stretch() + minor * to_world.max_stretch()

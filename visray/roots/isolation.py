@@ -156,7 +156,10 @@ def _range(b: Sequence) -> tuple[Any, Any]:
 
 
 def isolate_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[IsolatedRoot, Any]:
-    """As `isolate` for degrees 1 and 2, and the root itself. On each side of the extremum there is at most one root."""
+    """The first root by formula, for degrees 1 and 2: (isolating interval, s). Otherwise as `isolate`.
+
+    On each side of the extremum there is at most one root.
+    """
     zero = 0 * c[0]
     square = zero if len(c) < 3 else c[2]
     extremum = -0.5 * c[1] / square

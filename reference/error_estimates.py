@@ -4,9 +4,9 @@
 
 Errors: each scene is rendered to two errors with three seeds each. The reference picture is the mean of two pictures by
 render(spp=...), which uses no dual buffer, no pilot and no allocation of samples. They have other seeds, Sobol points,
-and reflections as deep as matters; together they have at least 100 times the mean samples of the tested pictures. The
-error of the reference itself is known from the difference of its two pictures, and is subtracted from the mean square.
-Films are small, to save time.
+and paths so deep that deeper ones do not matter. Together they have at least 100 times the mean samples of the tested
+pictures. The error of the reference itself is known from the difference of its two pictures, and is subtracted from the
+mean square. Films are small, to save time.
 
 Times: four scenes are rendered in two times each, from the call to the file on disk, with all layers and with compiled
 kernels. Reported are the time beyond the limit, and the longest pass, which bounds it.

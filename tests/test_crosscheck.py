@@ -575,7 +575,7 @@ def test_glass_from_within_passes(ground: Scene) -> None:
 
 
 def test_lights_that_lie_on_glass_pass(ground: Scene) -> None:
-    """ShadowRays that begin on glass and run through it are in it from there on."""
+    """Shadow rays that start on glass and run through it are inside it from the start."""
     lamp = PointLight(position=(0.1, 1.0, 0))
     s = painted(replace(ground, lights={"lamp": lamp}), {"glass": GLASS}, ball="glass", crate="glass")
     report = checked(s, rays=1000)

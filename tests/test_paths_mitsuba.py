@@ -466,9 +466,9 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     dimension, yours, near = here.sample.derived(0).dimension(DIMENSION + light.number), 0, False
     for j in range(samples):
         away = to_numpy(light.light.point_offset(a.W, *map(a.D, dimension.set_point(dr.opaque(a.U, j), light.points))))
-        ways = ShadowRays.between(seen.points(), to_numpy(light.light.position) + away - ours.centre)
-        cosine = np.where(seen.our_hits.hit, np.abs((ways.l * seen.our_hits.n).sum(1)), 1)
-        reached, edge = _reached(seen, ways, seen.ray_error.start(ways.p) / cosine)
+        shadow_rays = ShadowRays.between(seen.points(), to_numpy(light.light.position) + away - ours.centre)
+        cosine = np.where(seen.our_hits.hit, np.abs((shadow_rays.l * seen.our_hits.n).sum(1)), 1)
+        reached, edge = _reached(seen, shadow_rays, seen.ray_error.start(shadow_rays.p) / cosine)
         yours, near = yours + reached.astype(int), near | edge
     compared = seen.our_hits.hit & ~near & ~seen.beyond
     assert (mine == np.round(mine))[seen.our_hits.hit].all()
@@ -477,10 +477,10 @@ def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     assert compared.sum() > 0.98 * seen.our_hits.hit.sum()
 
 
-def _reached(seen: RayComparison, ways: ShadowRays, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether ways are clear by Mitsuba, and whether rounding decides it."""
-    straight = visray_lighting.unoccluded(seen.ours, seen.traced, ways, seen.our_hits.hit)
+def _reached(seen: RayComparison, shadow_rays: ShadowRays, margin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether shadow rays are unoccluded by Mitsuba, and whether rounding decides it. Shapes: (N), (N)."""
+    straight = visray_lighting.unoccluded(seen.ours, seen.traced, shadow_rays, seen.our_hits.hit)
     edge = np.zeros(len(straight), bool)
-    for beside in moved_shadow_rays(ways, seen.ray_error):
+    for beside in moved_shadow_rays(shadow_rays, seen.ray_error):
         edge |= visray_lighting.unoccluded(seen.ours, seen.traced, beside, seen.our_hits.hit) != straight
-    return seen.theirs.unoccluded(ways, margin), edge
+    return seen.theirs.unoccluded(shadow_rays, margin), edge

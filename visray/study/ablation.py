@@ -12,8 +12,8 @@ the median of the differences from the mean of both.
 
 Compile seconds: the time that Dr.Jit and LLVM take to make the kernel. Dr.Jit keeps kernels in memory and on disk, and
 a process cannot turn that off. So each kernel contains a number that no kernel has had before (new_mark). Each is
-compiled once, and the kernel with all effects FULL_COMPILATIONS times in between: smaller differences than between
-these count as noise.
+compiled once. The kernel with all effects is compiled FULL_COMPILATIONS times in between; differences smaller than
+those between these compilations count as noise.
 """
 
 import secrets
@@ -204,7 +204,7 @@ class UncachedPicture:
         return clock.kernel_seconds(self.kernels())
 
     def compiled(self) -> tuple[int, float]:
-        """Operations and compile seconds of the kernel. Domain: its first rendering."""
+        """Operations and compile seconds of the kernel. Domain: the first rendering, when no cache holds the kernel."""
         k = max(self.kernels(), key=lambda k: k["operation_count"])
         return k["operation_count"], (k["codegen_time"] + k["backend_time"]) / 1e3
 

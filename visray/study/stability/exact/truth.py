@@ -3,7 +3,7 @@
 Rays are doubles, hence rationals, and f is taken as written, with square roots of numbers to 2^-140. So the polynomial
 along a ray is exact, and python-flint certifies its real roots (certified_roots.py). That takes a millisecond a ray. So
 most rays are settled in NumPy where it is certain: the first sign change is isolated by Bernstein coefficients that
-exceed their rounding and tau (root_isolation.py), and is confirmed in double-double. No kernel takes part.
+exceed their rounding and tau (root_isolation.py), and is confirmed in double-double. visray's kernels take no part.
 
 A ray is judged only where its hit is defined to the noise of double precision. It is near an edge if the hit changes
 when f is shifted by tau = 4 2^-53 sum |c_k|, with c_k the coefficients of the polynomial on the chord of the clip, s
@@ -71,8 +71,8 @@ def first_hits(
 ) -> Truth:
     """The exact first hits of rays.
 
-    sample: how many rays that NumPy settles python-flint repeats, as a check
-    most: how many of the other rays python-flint settles at most
+    sample: number of rays that python-flint repeats as a check, of those that NumPy settles
+    most: largest number of other rays that python-flint settles
     starts: starts(i) is the exact origin of ray i, for rays that leave the surface
     """
     n, chord = len(rays), ChordPolynomial.of(surface, rays)

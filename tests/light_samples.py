@@ -34,6 +34,7 @@ class LightSample:
     """A kind of light.
 
     above: the light at a place, up to `size` wide, shining straight down.
+    posed: the light above a scene of size 1 about the origin, in no special position.
     random: a light at a place, up to `size` wide, that looks roughly downwards: its own fields, as a dict.
     surface: of area lights.
     all_around: fields with which it shines in all directions, if it does not do so anyway.
@@ -41,6 +42,7 @@ class LightSample:
 
     kind: type
     above: Callable[[tuple, float], Any]
+    posed: Any
     random: Callable[[np.random.Generator, float], dict[str, Any]]
     surface: LightSurface | None = None
     all_around: dict[str, Any] = field(default_factory=dict)
@@ -105,21 +107,29 @@ def _sphere_away(l: SphereLight, p: np.ndarray) -> np.ndarray:
 LIGHT_SAMPLES = {
     s.kind.__name__: s
     for s in (
-        LightSample(PointLight, lambda p, size: PointLight(position=p), lambda rng, size: {}),
+        LightSample(
+            PointLight,
+            lambda p, size: PointLight(position=p),
+            PointLight(position=(3, 4, 5), Ia=(0.1, 0.1, 0.1), a=0.5, b=0.1, c=0.01),
+            lambda rng, size: {},
+        ),
         LightSample(
             DirectionalLight,
             lambda p, size: DirectionalLight(direction=(0.0, -1.0, 0.0)),
+            DirectionalLight(direction=(-0.6, -1, -0.4), a=2.0),
             lambda rng, size: {"direction": downwards(rng)},
         ),
         LightSample(
             SpotLight,
             lambda p, size: SpotLight(position=p, direction=(0.0, -1.0, 0.0), angle=85.0),
+            SpotLight(position=(2, 4, 3), direction=(-0.5, -1, -0.7), angle=24.0, exponent=0.0),
             _spot,
             all_around={"angle": 180.0},
         ),
         LightSample(
             RectangleLight,
             lambda p, size: RectangleLight(position=p, width=(size, 0.0, 0.0), height=(0.0, 0.0, size)),
+            RectangleLight(position=(0.5, 3, 1), width=(1, 0, 0.2), height=(0, 0.3, 1)),
             _rectangle,
             LightSurface(
                 lambda l: float(np.linalg.norm(np.cross(l.width, l.height))), _rectangle_away, _rectangle_square
@@ -128,12 +138,14 @@ LIGHT_SAMPLES = {
         LightSample(
             DiskLight,
             lambda p, size: DiskLight(position=p, radius=size / 2),
+            DiskLight(position=(-0.5, 3, 1), normal=(0.2, -1, 0), radius=0.8),
             lambda rng, size: {"radius": size * float(rng.uniform(0.2, 1)), "normal": direction(rng)},
             LightSurface(lambda l: pi * l.radius**2, _disk_away, _disk_square),
         ),
         LightSample(
             SphereLight,
             lambda p, size: SphereLight(position=p, radius=size / 2),
+            SphereLight(position=(-2, 2, 2), radius=0.5),
             lambda rng, size: {"radius": size * float(rng.uniform(0.2, 1))},
             LightSurface(lambda l: 4 * pi * l.radius**2, _sphere_away, _sphere_square),
         ),

@@ -504,6 +504,7 @@ class Sample:
     hull: the middle and the reach of an instance, for aiming at it.
     exact: its surface as polynomials over the rational numbers (exact_surfaces.py).
     plain: instances whose numbers are round, about the origin and at most 2 wide, for degenerate rays.
+    posed: an instance near the origin, of size 1, in no special position.
     uv: instances, points of theirs and the texture coordinates there, by hand.
     loose: the radius of the sphere that is known to hold an instance, over its reach.
     """
@@ -514,6 +515,7 @@ class Sample:
     hull: Callable[[Any], tuple[np.ndarray, float]]
     exact: Callable[[Any], list[Piece]]
     plain: tuple
+    posed: Any
     uv: tuple[tuple[Any, tuple, tuple], ...]
     loose: float = 1.0
 
@@ -636,6 +638,7 @@ SAMPLES = {
             lambda s: (np.array(s.center), s.radius),
             exact.sphere,
             (Sphere(radius=0.5),),
+            Sphere(center=(0.1, 0.2, 0), radius=0.8),
             # Globe: +x is the middle of the map, east is to the left of it seen from +x with y up, i.e. towards -z.
             (
                 (Sphere(radius=2), (2, 0, 0), (0.5, 0.5)),
@@ -653,6 +656,7 @@ SAMPLES = {
             lambda s: (np.array(s.point), float(np.linalg.norm(s.point))),
             exact.plane,
             (Plane(),),
+            Plane(point=(0, -0.5, 0), normal=(0.1, 1, 0.2)),
             # A floor: u east, v north (-z). A wall that looks at +z: u right, v up.
             (
                 (Plane(point=(1, 0, 1)), (3, 0, 1), (2, 0)),
@@ -667,6 +671,7 @@ SAMPLES = {
             lambda s: (np.array(s.center), s.radius),
             exact.disk,
             (Disk(radius=0.5),),
+            Disk(normal=(0.3, 0.4, 1), radius=0.9),
             (
                 (Disk(radius=2, normal=(0, 0, 1)), (2, 0, 0), (1, 0.5)),
                 (Disk(radius=2, normal=(0, 0, 1)), (0, 2, 0), (0.5, 1)),
@@ -679,6 +684,7 @@ SAMPLES = {
             _rectangle_hull,
             exact.rectangle,
             (Rectangle(),),
+            Rectangle(width=(1.5, 0.1, 0), height=(0.2, 1, 0.4)),
             (
                 (Rectangle(width=(4, 0, 0), height=(0, 2, 0)), (-2, -1, 0), (0, 0)),
                 (Rectangle(width=(4, 0, 0), height=(0, 2, 0)), (2, 1, 0), (1, 1)),
@@ -692,6 +698,7 @@ SAMPLES = {
             _corners_hull,
             exact.triangle,
             (Triangle(a=(-0.5, -0.5, 0), b=(0.5, -0.5, 0), c=(-0.5, 0.5, 0)),),
+            Triangle(a=(-0.8, -0.5, 0), b=(0.9, -0.4, 0.2), c=(0.1, 0.9, -0.3)),
             (
                 (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (1, 0, 0), (0, 0)),
                 (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (3, 0, 0), (1, 0)),
@@ -705,6 +712,7 @@ SAMPLES = {
             _box_hull,
             exact.box,
             (Box(),),
+            Box(min=(-0.7, -0.5, -0.4), max=(0.5, 0.6, 0.7)),
             # Face by face: the point a quarter in from the lower left corner, seen from outside.
             (
                 (Box(), (-0.25, -0.25, 0.5), (0.25, 0.25)),
@@ -722,6 +730,7 @@ SAMPLES = {
             _cylinder_hull,
             exact.cylinder,
             (Cylinder(),),
+            Cylinder(axis=(0.3, 1, 0.2), radius=0.5, height=1.2),
             # About y: the frame's first axis is +x, and east is towards -z, as on the globe. Caps like floors and
             # ceilings.
             (
@@ -740,6 +749,7 @@ SAMPLES = {
             exact.cone,
             # Along the wall of the second one run diagonal rays, or parallel to it.
             (Cone(base=(0, -0.5, 0)), Cone(base=(0, -0.25, 0), height=0.5)),
+            Cone(base=(0, -0.5, 0), axis=(0.2, 1, 0.3), radius=0.7, height=1.3),
             (
                 (Cone(radius=1, height=2), (0.5, 1, 0), (0.5, 0.5)),
                 (Cone(radius=1, height=2), (0, 1, -0.5), (0.75, 0.5)),
@@ -753,6 +763,7 @@ SAMPLES = {
             lambda s: (np.array(s.center), max(s.radii)),
             exact.ellipsoid,
             (Ellipsoid(radii=(0.5, 0.25, 0.5)), Ellipsoid(radii=(0.5, 0.25, 1))),
+            Ellipsoid(center=(0.1, 0.1, 0), radii=(0.9, 0.5, 0.7)),
             # As on the ball that it is stretched from.
             (
                 (Ellipsoid(radii=(2, 1, 3)), (2, 0, 0), (0.5, 0.5)),
@@ -767,6 +778,7 @@ SAMPLES = {
             _capsule_hull,
             exact.capsule,
             (Capsule(a=(0, -0.25, 0), b=(0, 0.25, 0), radius=0.25), Capsule()),
+            Capsule(a=(-0.4, -0.3, 0.1), b=(0.3, 0.4, -0.2), radius=0.4),
             # v is the arc from pole to pole: here pi/2, pi and pi/2 of 2 pi long.
             (
                 (Capsule(a=(0, 0, 0), b=(0, float(PI), 0), radius=1), (1, 0, 0), (0.5, 0.25)),
@@ -781,6 +793,7 @@ SAMPLES = {
             lambda s: (np.array(s.center), s.major + s.minor),
             exact.torus,
             (Torus(major=0.5, minor=0.25),),
+            Torus(axis=(0.2, 1, 0.3), major=0.6, minor=0.25),
             # u around the axis, as on the globe; v around the tube, from the inside over the lower side.
             (
                 (Torus(major=2, minor=1), (3, 0, 0), (0.5, 0.5)),
@@ -796,6 +809,7 @@ SAMPLES = {
             lambda s: (np.array(s.clip.center), s.parameters["r"]),
             lambda s: exact.sphere(round_of(s)),
             (polynomial_sphere((0.0, 0.0, 0.0), 0.5),),
+            polynomial_sphere((0.1, 0.2, 0.0), 0.8),
             (
                 (polynomial_sphere((1.0, 0.0, 0.0), 2.0), (1, 0, -2), (0.75, 0.5)),
                 (polynomial_sphere((1.0, 0.0, 0.0), 2.0), (1, -2, 0), (0.5, 0)),

@@ -8,28 +8,24 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from light_samples import LIGHT_NAMES, light_sample
 from rich.console import Console
+from samples import SAMPLES
 
 from visray import modes
 from visray.camera import Camera
 from visray.errors import UserError
-from visray.lights import KINDS as LIGHT_KINDS
-from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
+from visray.lights import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.materials import Material
 from visray.primitives import (
     KINDS,
     Box,
-    Capsule,
     Cone,
-    Cylinder,
     Disk,
-    Ellipsoid,
     Plane,
     Polynomial,
     Rectangle,
     Sphere,
-    Torus,
-    Triangle,
 )
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
@@ -50,20 +46,8 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 
 LEAN = Matrix(matrix=((1, 0.4, 0, 0.1), (0, 0.8, 0.2, 0), (0.1, 0, 1.2, 0)))
 MIRROR = Scale(scale=(-1.3, 0.7, 1.0))
-# One of each kind, near the origin and of size 1.
-ONE = {
-    "sphere": Sphere(center=(0.1, 0.2, 0), radius=0.8),
-    "plane": Plane(point=(0, -0.5, 0), normal=(0.1, 1, 0.2)),
-    "rectangle": Rectangle(width=(1.5, 0.1, 0), height=(0.2, 1, 0.4)),
-    "disk": Disk(normal=(0.3, 0.4, 1), radius=0.9),
-    "triangle": Triangle(a=(-0.8, -0.5, 0), b=(0.9, -0.4, 0.2), c=(0.1, 0.9, -0.3)),
-    "box": Box(min=(-0.7, -0.5, -0.4), max=(0.5, 0.6, 0.7)),
-    "cylinder": Cylinder(axis=(0.3, 1, 0.2), radius=0.5, height=1.2),
-    "cone": Cone(base=(0, -0.5, 0), axis=(0.2, 1, 0.3), radius=0.7, height=1.3),
-    "ellipsoid": Ellipsoid(center=(0.1, 0.1, 0), radii=(0.9, 0.5, 0.7)),
-    "capsule": Capsule(a=(-0.4, -0.3, 0.1), b=(0.3, 0.4, -0.2), radius=0.4),
-    "torus": Torus(axis=(0.2, 1, 0.3), major=0.6, minor=0.25),
-}
+# One of each kind that Mitsuba has, by its type.
+ONE = {s.posed.type: s.posed for s in SAMPLES.values() if not isinstance(s.posed.mitsuba(), str)}
 TRANSFORMS = {
     "alone": (),
     "leaning": (LEAN, Rotate(rotate=30.0, axis=(1, 2, 3))),
@@ -123,8 +107,8 @@ def test_every_kind_under_any_transform_passes(kind: str, steps: str) -> None:
     assert report.picture.rms < 1e-4
 
 
-def test_no_kind_is_forgotten() -> None:
-    assert {kind.__dataclass_fields__["type"].default for kind in KINDS} == {*ONE, "polynomial"}
+def test_only_polynomials_have_no_twin_in_mitsuba() -> None:
+    assert {kind for kind in KINDS if SAMPLES[kind.__name__].posed.type not in ONE} == {Polynomial}
 
 
 def test_a_polynomial_surface_is_left_out_and_said_to_be() -> None:
@@ -386,14 +370,7 @@ def test_the_bsdf_is_blinn_phong_and_samples_what_it_evaluates() -> None:
 
 
 # One of each kind of light, above the same four objects.
-LAMPS = {
-    "point": PointLight(position=(3, 4, 5), Ia=(0.1, 0.1, 0.1), a=0.5, b=0.1, c=0.01),
-    "directional": DirectionalLight(direction=(-0.6, -1, -0.4), a=2.0),
-    "spot": SpotLight(position=(2, 4, 3), direction=(-0.5, -1, -0.7), angle=24.0, exponent=0.0),
-    "rectangle": RectangleLight(position=(0.5, 3, 1), width=(1, 0, 0.2), height=(0, 0.3, 1)),
-    "disk": DiskLight(position=(-0.5, 3, 1), normal=(0.2, -1, 0), radius=0.8),
-    "sphere": SphereLight(position=(-2, 2, 2), radius=0.5),
-}
+LAMPS = {light_sample(name).posed.type: light_sample(name).posed for name in LIGHT_NAMES}
 SOFT = replace(LAMPS["spot"], angle=35.0, exponent=1.7, b=0.1)
 GROUND = {
     "ball": Sphere(center=(0.1, 0.2, 0), radius=0.8),
@@ -413,10 +390,6 @@ def painted(s: Scene, materials: dict[str, Material], **of: str) -> Scene:
 @pytest.fixture(scope="module")
 def ground() -> Scene:
     return scene(GROUND, lights=LAMPS)
-
-
-def test_no_kind_of_light_is_forgotten() -> None:
-    assert {kind.__dataclass_fields__["type"].default for kind in LIGHT_KINDS} == set(LAMPS)
 
 
 @pytest.mark.parametrize("name", [*LAMPS, "soft"])

@@ -11,7 +11,6 @@ import visray as vr
 from visray.accel import policy
 from visray.accel.policy import BatchSize, plan
 from visray.cli import main
-from visray.primitives import KINDS
 
 SIZES = st.lists(st.builds(BatchSize, st.integers(1, 200), st.booleans()), max_size=8)
 WAYS = ("auto", "none", "tree")
@@ -43,7 +42,7 @@ def test_rays_that_share_an_origin_look_in_the_tree_that_all_others_have(sizes: 
 def crowd(count: int) -> vr.Scene:
     """Objects of several kinds over a floor, one of them of glass, two lights."""
     rng = np.random.default_rng(count)
-    makers = [k for k in KINDS if k in (vr.Sphere, vr.Box, vr.Cylinder, vr.Ellipsoid, vr.Capsule)]
+    makers = (vr.Sphere, vr.Box, vr.Cylinder, vr.Ellipsoid, vr.Capsule)
     things = {
         f"o{i}": makers[i % len(makers)](
             transform=(vr.Scale(scale=0.3), vr.Translate(translate=tuple(map(float, rng.uniform(-2, 2, 3))))),

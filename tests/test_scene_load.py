@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from light_samples import LIGHT_NAMES, light_sample
+from samples import NAMES
+from samples import SAMPLES as KIND_SAMPLES
 
 from visray import lights, modes, primitives, textures
 from visray.camera import Camera
@@ -26,9 +29,10 @@ from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = "sphere, plane, rectangle, disk, triangle, box, cylinder, cone, ellipsoid, capsule, torus, polynomial"
 FILES = sorted(p for p in (ROOT / "scenes").glob("*.json") if p.name != "schema.json")
-LIGHTS = "point, directional, spot, rectangle, disk, sphere"
+KINDS, LIGHTS = (
+    ", ".join(kind.__dataclass_fields__["type"].default for kind in kinds) for kinds in (primitives.KINDS, lights.KINDS)
+)
 TEXTURES = "image, checker"
 MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
 
@@ -58,9 +62,8 @@ def wrong(folder: Path, **ball: object) -> list[str]:
 
 def everything() -> Scene:
     """A scene with every kind of everything."""
-    corners = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (0.0, 1.0, 0.25)}
-    own = {Triangle: corners, Polynomial: {"surface": "heart"}}
-    things = {kind.__name__: kind(**own.get(kind, {})) for kind in primitives.KINDS}
+    things = {name: KIND_SAMPLES[name].posed for name in NAMES}
+    things["named"] = Polynomial(surface="heart")
     things["written"] = Polynomial(
         expression="x^2 + y^2 - k*z", parameters={"k": 0.5}, clip=Block(max=(1.0, 2.0, 3.0)), ends="capped"
     )
@@ -88,6 +91,7 @@ def everything() -> Scene:
             "plain": Material(),
         },
         lights={
+            **{name: light_sample(name).posed for name in LIGHT_NAMES},
             "lamp": PointLight(position=(2.0, 4.0, 6.0), c=0.01),
             "sun": DirectionalLight(direction=(0.0, -1.0, 0.5), intensity=2.0, a=2.0),
             "beam": SpotLight(position=(0.0, 5.0, 0.0), direction=(0.0, -1.0, 0.0), angle=12.5, exponent=3.0),

@@ -95,7 +95,9 @@ def all_kinds() -> Scene:
     return scene(things, camera=camera, film=Film(width=160, height=100))
 
 
-@pytest.mark.parametrize("steps", TRANSFORMS)
+@pytest.mark.parametrize(
+    "steps", ["alone", *(pytest.param(x, marks=pytest.mark.slow) for x in TRANSFORMS if x != "alone")]
+)
 @pytest.mark.parametrize("kind", ONE)
 def test_every_kind_under_any_transform_passes(kind: str, steps: str) -> None:
     report = checked(scene({"it": replace(ONE[kind], transform=TRANSFORMS[steps])}))
@@ -118,6 +120,7 @@ def test_a_polynomial_surface_is_left_out_and_said_to_be() -> None:
     assert report.left_out == {"heart": heart.mitsuba()} and "no polynomial" in heart.mitsuba()
 
 
+@pytest.mark.slow
 def test_a_scene_of_every_kind_passes(all_kinds: Scene) -> None:
     report = checked(all_kinds, rays=100_000)
     assert report.passed, failures(report)
@@ -465,6 +468,7 @@ CEILINGS = {
 
 
 @pytest.mark.parametrize("ceiling", CEILINGS)
+@pytest.mark.slow
 def test_lights_that_lie_on_a_surface_are_decided(ceiling: str) -> None:
     place = (0.1, 2.3, 0.3)
     lamps = {
@@ -491,6 +495,7 @@ def test_a_light_along_a_plane_is_decided() -> None:
     assert 500 < report.shadows.reached < report.shadows.rays - 100
 
 
+@pytest.mark.slow
 def test_many_lights_in_a_loop_pass() -> None:
     turns = np.linspace(0, 2 * np.pi, 26, endpoint=False)
     ring = [(3 * np.cos(t), 3.0, 3 * np.sin(t)) for t in turns]
@@ -518,6 +523,7 @@ GLASSES = {
 
 
 @pytest.mark.parametrize(("case", "precision"), [*((case, "single") for case in GLASSES), ("everything", "double")])
+@pytest.mark.slow
 def test_coloured_shadows_pass(ground: Scene, case: str, precision: str) -> None:
     red = Material(kt=(0.8, 0.2, 0.2), kr=(0.1, 0.1, 0.1), ks=(0.3, 0.3, 0.3))
     lamps = {name: LAMPS[name] for name in ("point", "directional", "spot", "disk")}

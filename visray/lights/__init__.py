@@ -1,4 +1,4 @@
-"""Lights. A new kind is one file here and its name in KINDS."""
+"""Lights. A new kind is one file here, its name in KINDS and one sample in tests/light_samples.py."""
 
 from visray.lights.directional import DirectionalLight
 from visray.lights.disk import DiskLight

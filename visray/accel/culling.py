@@ -48,7 +48,6 @@ class BallGuard:
 
     Shapes: an entry per object or per lane.
 
-
     to_centre: vector from the ray origin to the centre of the ball.
     least: a ray that meets the ball has to_centre . d >= least. It is the length of a tangent from the origin, less its
         error; -inf where the origin may be inside the ball.
@@ -101,7 +100,6 @@ class PlaneGuard:
     """The guard of an unbounded flat object: it rejects rays that run away from the plane or end before it.
 
     In single precision.
-
 
     normal: the plane's normal, turned to the side of the ray origin and divided by the origin's height above the plane.
         A ray d reaches the plane at t = 1 / (-normal . d). Zero for an origin on the plane.

@@ -89,7 +89,7 @@ def isolate(
     c: coefficients of the powers of s.
     noise(r): error bound of the values for |s| <= r.
     accurate_bernstein(middle, half): Bernstein coefficients on an interval and their error bound, computed with more
-        care. Called where coefficients could be negative but for the noise.
+        care. Called where coefficients are negative by no more than the noise.
 
     The march divides the chord into intervals. Where the signs of the Bernstein coefficients change more than once, the
     first part of the interval, on which the convex hull of the coefficients is positive, is passed over, and the rest

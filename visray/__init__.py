@@ -8,7 +8,7 @@
 A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
 """
 
-# ruff: noqa: E402, F401 - the order matters here
+# ruff: noqa: E402, F401, F403 - the order matters here; the public names of lights and primitives are listed there
 import sys
 
 from visray import clock  # isort: skip
@@ -16,27 +16,15 @@ from visray import llvm
 
 llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
 
+from visray import lights, primitives
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.gradients import EdgeWarning, derivative, difference, gradient
-from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
+from visray.lights import *
 from visray.materials import Material
 from visray.output.image import Image
 from visray.polynomials.catalogue import SURFACES, KnownSurface
-from visray.primitives import (
-    Box,
-    Capsule,
-    Cone,
-    Cylinder,
-    Disk,
-    Ellipsoid,
-    Plane,
-    Polynomial,
-    Rectangle,
-    Sphere,
-    Torus,
-    Triangle,
-)  # fmt: skip
+from visray.primitives import *
 from visray.primitives.clips import Ball, Block
 from visray.render import explain, prepare, render
 from visray.scene.address import replaced, value
@@ -50,20 +38,14 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
 
 __all__ = [
+    *lights.__all__,
+    *primitives.__all__,
     "SURFACES",
     "Ball",
     "Block",
-    "Box",
     "Camera",
-    "Capsule",
     "CheckerTexture",
-    "Cone",
-    "Cylinder",
-    "DirectionalLight",
-    "Disk",
-    "DiskLight",
     "EdgeWarning",
-    "Ellipsoid",
     "Film",
     "Image",
     "ImageTexture",
@@ -71,24 +53,14 @@ __all__ = [
     "Material",
     "Matrix",
     "Occlusion",
-    "Plane",
-    "PointLight",
-    "Polynomial",
     "Prepared",
-    "Rectangle",
-    "RectangleLight",
     "Rotate",
     "Scale",
     "Scatter",
     "Scene",
     "Settings",
     "SkyGradient",
-    "Sphere",
-    "SphereLight",
-    "SpotLight",
-    "Torus",
     "Translate",
-    "Triangle",
     "UserError",
     "__version__",
     "cost",

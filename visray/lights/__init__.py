@@ -1,4 +1,8 @@
-"""Lights. A new kind is one file here, its name in KINDS and one sample in tests/light_samples.py."""
+"""The kinds of lights.
+
+A new kind is one file in this folder, its class in KINDS, and one sample in tests/light_samples.py
+(docs/extending.md).
+"""
 
 from visray.lights.directional import DirectionalLight
 from visray.lights.disk import DiskLight
@@ -8,3 +12,5 @@ from visray.lights.sphere import SphereLight
 from visray.lights.spot import SpotLight
 
 KINDS = (PointLight, DirectionalLight, SpotLight, RectangleLight, DiskLight, SphereLight)
+# The public names of this folder, which are names of visray too.
+__all__ = [kind.__name__ for kind in KINDS]

@@ -11,6 +11,7 @@ axis. Fields are Dr.Jit arrays in these methods.
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import ConfigDict, Field
 
 from visray.quantities import Color, Factor
@@ -48,6 +49,10 @@ class Light:
     def falloff(self, d: Any) -> Any:
         """Share of the light sent in the unit direction `d`, or None where it is 1 in all directions."""
         return None
+
+    def falloff_reference(self, d: np.ndarray) -> np.ndarray:
+        """The same share in NumPy, computed in another way: the reference for `visray check`. Shapes: (N, 3) -> (N)."""
+        return np.ones(len(d))
 
 
 @dataclass(frozen=True, kw_only=True)

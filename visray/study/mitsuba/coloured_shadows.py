@@ -10,7 +10,7 @@ import numpy as np
 
 from visray.geometry import gamma
 from visray.primitives.primitive import Primitive, bounding_box
-from visray.study.mitsuba import light_falloff, visray_lighting
+from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.ray_comparison import RayComparison, largest, select
 from visray.study.mitsuba.report import ColouredShadowDifferences
 from visray.study.mitsuba.rounding import UNRESOLVED
@@ -87,7 +87,7 @@ def _change(comparison: RayComparison, coloured: VisrayScene, light: LightVisibi
         moved = visray_lighting.transmittances(coloured, comparison.traced, shadow_rays, active)
         change = np.maximum(change, np.abs(moved - unmoved).max(1))
         ours_lit = visray_lighting.sends_light(coloured, light.our_light, shadow_rays)
-        theirs_lit = light_falloff.spot_falloff(light.their_light, shadow_rays.l) > 0
+        theirs_lit = light.their_light.falloff_reference(-shadow_rays.l) > 0
         change[active & (ours_lit != theirs_lit)] = np.inf
     return change
 
@@ -97,7 +97,7 @@ def _their_transmittance(comparison: RayComparison, light: LightVisibility) -> T
     objects, names = comparison.theirs.scene.objects, comparison.ours.names
     materials = [comparison.theirs.materials[objects[name].material] for name in names]
     transparent = [any(m.kt) for m in materials]
-    falloff = light_falloff.spot_falloff(light.their_light, light.their_rays.l)
+    falloff = light.their_light.falloff_reference(-light.their_rays.l)
     share = np.repeat((light.their_lit | (falloff > 0))[:, None], 3, 1).astype(float)
     error = np.full(len(share), gamma(ROUNDINGS * len(names), "single"))
     dark = np.flatnonzero(light.facing & ~light.their_lit)

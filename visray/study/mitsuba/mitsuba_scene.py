@@ -131,7 +131,7 @@ class MitsubaScene:
         p = np.array(si.p, float).T
         for light, share in zip(scene.lights.values(), transmittances):
             to_light = ShadowRays.to(p, light, self.centre)
-            falloff = light_falloff.attenuation(light, to_light.length) * light_falloff.spot_falloff(light, to_light.l)
+            falloff = light_falloff.attenuation(light, to_light.length) * light.falloff_reference(-to_light.l)
             reflected = self._reflected(light, si, to_light.l, kd)
             colour += np.where(hits.hit[:, None], reflected * (share * falloff[:, None]), 0)
         return colour

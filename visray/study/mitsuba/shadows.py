@@ -6,7 +6,7 @@ import numpy as np
 
 from visray.geometry import gamma
 from visray.lights.light import Light
-from visray.study.mitsuba import light_falloff, visray_lighting
+from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.ray_comparison import EXAMPLES, RayComparison, select
 from visray.study.mitsuba.report import ShadowDifferences
 from visray.study.mitsuba.rounding import AXES, RayError
@@ -109,7 +109,7 @@ def visibility(
         _shortened(comparison, ShadowRays.to(p, light, comparison.ours.centre)) for light in (our_light, their_light)
     )
     their_lit = comparison.theirs.unoccluded(their_rays, margin)
-    their_lit = their_lit & (light_falloff.spot_falloff(their_light, their_rays.l) > 0)
+    their_lit = their_lit & (their_light.falloff_reference(-their_rays.l) > 0)
     return LightVisibility(
         our_light, their_light, our_rays, cut_off, touching, their_rays,
         facing, cosine, margin, largest_margin, arrival.reached, their_lit,
@@ -181,7 +181,7 @@ def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
         margin = light.margin[lanes] + np.sqrt(3) * error_of_lanes.start(their_rays.p) / light.cosine[lanes]
         for shadow_rays in moved_shadow_rays(their_rays, error_of_lanes):
             their_lit = comparison.theirs.unoccluded(shadow_rays, margin)
-            their_lit = their_lit & (light_falloff.spot_falloff(light.their_light, shadow_rays.l) > 0)
+            their_lit = their_lit & (light.their_light.falloff_reference(-shadow_rays.l) > 0)
             changes[lanes] |= their_lit != light.their_lit[lanes]
     return changes
 

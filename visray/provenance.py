@@ -13,11 +13,10 @@ from visray.setup import Prepared
 from visray.version import __version__
 
 
-def provenance(prepared: Prepared, scene_hash: str, spp: int, seconds: float) -> dict[str, Any]:
-    """Facts for the metadata of a picture.
+def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str, Any]:
+    """Facts for the metadata of a picture; those about its samples and its error are not among them.
 
     scene_hash: the hash of the scene as the caller gave it, before settings were changed for the goal.
-    spp: samples per pixel that were taken.
     seconds: the time of the render.
     """
     s = prepared.scene.settings
@@ -25,7 +24,6 @@ def provenance(prepared: Prepared, scene_hash: str, spp: int, seconds: float) ->
         "scene_hash": scene_hash,
         "seed": s.seed,
         "sampler": s.sampler,
-        "spp": spp,
         "spp_asked": s.spp,
         "precision": s.precision,
         "backend": prepared.a.backend,

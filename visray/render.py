@@ -70,13 +70,7 @@ def render(
     """
     now = clock.now()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
-    adaptive_only = set(layers) & set(names_from("adaptive"))
-    if goal is None and adaptive_only and layers != NAMES:
-        raise UserError(
-            f"layers = {', '.join(sorted(adaptive_only))}: only a picture to an error or in a time has that"
-        )
-    for path in files.paths:
-        check_destination(path, files.gamma, files.exposure)
+    _check_arguments(goal, layers, files)
     scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
@@ -92,33 +86,63 @@ def render(
     prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
     with Interrupts() as interrupts:
         if goal:
-            # Before the samples, because its kernel takes time too.
-            values = _first_hit_layers(prepared, layers)
-            try:
-                adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
-            except NotANumber as none:
-                check_numbers(prepared, none.mean)
-                raise
-            values, spp_taken, facts = adaptive.layers | values, 0, adaptive.facts
+            values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
         else:
-            film, spp_taken = expose(prepared, progress, interrupts)
-            values, facts = developed(prepared, film)
-            # Frees the film: with many pixels the first-hit layers may need its memory.
-            del film
-            values |= _first_hit_layers(prepared, layers)
+            values, facts = _layers_of_spp(prepared, layers, progress, interrupts)
         check_numbers(prepared, values["RGB"])
-    if goal and not values["RGB"].any():
-        warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=2)
-    elif goal and not (goal.seconds or interrupts.requested) and facts["error_high"] > error:
-        text = f"the error asked for, {error:g}, is not reached with {facts['spp_most']} samples of a pixel"
-        warnings.warn(text, GoalWarning, stacklevel=2)
+    if goal:
+        _warn_of_goal(goal, values["RGB"], facts, interrupts)
     pictures = rasters(prepared, values, layers)
     certificate = certificate_facts(pictures)
     warn_of_roots(certificate, prepared)
-    facts = provenance(prepared, scene_hash, spp_taken, clock.now() - now) | facts | certificate
+    facts = provenance(prepared, scene_hash, clock.now() - now) | facts | certificate
     if goal:
         del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(interrupts.requested)})
+
+
+def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -> None:
+    """Raises a UserError if a layer needs a goal that is not there, or if a file cannot be written."""
+    adaptive_only = set(layers) & set(names_from("adaptive"))
+    if goal is None and adaptive_only and layers != NAMES:
+        names = ", ".join(sorted(adaptive_only))
+        raise UserError(f"layers = {names}: only a picture to an error or in a time has that")
+    for path in files.paths:
+        check_destination(path, files.gamma, files.exposure)
+
+
+def _layers_of_spp(
+    prepared: Prepared, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Takes the samples that the scene asks for; returns the layers, and facts for the metadata."""
+    film, spp = expose(prepared, progress, interrupts)
+    values, facts = developed(prepared, film)
+    # Frees the film: with many pixels the layers of the first hit may need its memory.
+    del film
+    return values | _first_hit_layers(prepared, layers), {"spp": spp} | facts
+
+
+def _layers_for_goal(
+    prepared: Prepared, goal: Goal, files: Files, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Takes samples until the goal is reached; returns the layers, and facts for the metadata."""
+    # Before the samples, because its kernel takes time too.
+    first_hit = _first_hit_layers(prepared, layers)
+    try:
+        adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
+    except NotANumber as none:
+        check_numbers(prepared, none.mean)
+        raise
+    return adaptive.layers | first_hit, adaptive.facts
+
+
+def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts: Interrupts) -> None:
+    """Warns if the error is not known, or larger than asked. The warning names the caller of the caller."""
+    if not rgb.any():
+        warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=3)
+    elif not (goal.seconds or interrupts.requested) and facts["error_high"] > goal.error:
+        text = f"the error asked for, {goal.error:g}, is not reached with {facts['spp_most']} samples of a pixel"
+        warnings.warn(text, GoalWarning, stacklevel=3)
 
 
 def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:

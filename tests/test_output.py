@@ -18,6 +18,7 @@ from PIL import Image as Pillow
 from visray.errors import UserError
 from visray.output import files
 from visray.output.image import Image, check_destination
+from visray.output.layers import LAYERS, Layer
 
 H, W = 5, 7
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -30,23 +31,19 @@ def full_picture() -> Image:
     def floats(*shape: int) -> np.ndarray:
         return rng.normal(size=(H, W, *shape)).astype(np.float32)
 
-    colour = floats(3).astype(np.float16).astype(np.float32)
-    layers = {
-        "RGB": colour,
-        "A": np.abs(floats()).astype(np.float16).astype(np.float32),
-        "variance": np.abs(floats(3)),
-        "Z": np.where(floats() > 0, np.float32(np.inf), floats()),
-        "distance": floats() * np.float32(1e30),
-        "N": floats(3),
-        "P": floats(3),
-        "UV": floats(2),
-        "albedo": floats(3).astype(np.float16).astype(np.float32),
-        "id": rng.integers(0, 2**32, (H, W), np.uint32),
-        "shadow": floats(),
-        "light.key": floats(3),
-        "rounds": rng.integers(0, 9, (H, W), np.uint32),
-    }
+    def numbers(layer: Layer) -> np.ndarray:
+        shape = (len(layer.channels),) if len(layer.channels) > 1 else ()
+        if layer.dtype is np.uint32:
+            return rng.integers(0, 2**32, (H, W, *shape), np.uint32)
+        return floats(*shape).astype(layer.dtype).astype(np.float32)
+
+    layers = {layer.name: numbers(layer) for layer in LAYERS}
+    layers["A"] = np.abs(layers["A"])
+    layers["Z"] = np.where(floats() > 0, np.float32(np.inf), floats())
+    layers["distance"] *= np.float32(1e30)
     layers["id"].flat[:3] = 0, 2**32 - 1, 2**24 + 1
+    # Layers without a record.
+    layers |= {"shadow": floats(), "light.key": floats(3), "rounds": rng.integers(0, 9, (H, W), np.uint32)}
     return Image(layers)
 
 
@@ -111,14 +108,17 @@ def test_the_names_and_types_are_those_that_compositors_expect(tmp_path) -> None
     expected |= dict.fromkeys(["Z", "dist.Z", "N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z", "UV.U", "UV.V"], single)
     expected |= dict.fromkeys(["variance.R", "variance.G", "variance.B", "shadow.X"], single)
     expected |= dict.fromkeys(["light.key.R", "light.key.G", "light.key.B"], single)
-    expected |= {"id.object": whole, "rounds.X": whole}
-    assert {name: values.dtype for name, values in channels(tmp_path / "a.exr").items()} == expected
+    expected |= dict.fromkeys(["error.R", "error.G", "error.B", "proof.residual"], single)
+    expected |= dict.fromkeys(["id.object", "rounds.X", "samples.count", "proof.unresolved"], whole)
+    written = {name: values.dtype.type for name, values in channels(tmp_path / "a.exr").items()}
+    # The names and types of these layers are a promise; a new layer has those of its record.
+    assert written == {name: layer.dtype for layer in LAYERS for name in layer.channels} | expected
     header = OpenEXR.File(str(tmp_path / "a.exr")).header()
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
     assert header["type"] == OpenEXR.scanlineimage
     # Blender takes root Z for the depth only if there is no root X and Y; Nuke strips leading digits.
-    assert not {"X", "Y"} & set(expected)
-    assert all(name.count(".") <= 2 and not re.search(r"(^|\.)\d|[^\w.]", name) for name in expected)
+    assert not {"X", "Y"} & set(written)
+    assert all(name.count(".") <= 2 and not re.search(r"(^|\.)\d|[^\w.]", name) for name in written)
 
 
 def test_colour_beyond_half_is_clamped_and_data_is_not(tmp_path) -> None:
@@ -296,6 +296,13 @@ def test_a_file_of_another_program_is_read(tmp_path) -> None:
     assert (found["View.Combined"][..., 3] == given["View.Combined.A"]).all()
     assert (found["V"][..., 1] == given["V.Y"]).all()
     assert found.metadata == {}
+
+
+def test_channels_beside_those_of_a_record_are_another_layer(tmp_path) -> None:
+    """A file of another program with an alpha in albedo: four channels, not visray's albedo."""
+    given = {f"albedo.{letter}": np.full((H, W), i, np.float32) for i, letter in enumerate("RGBA")}
+    OpenEXR.File({}, dict(given)).write(str(tmp_path / "a.exr"))
+    assert Image.read(tmp_path / "a.exr")["albedo"][0, 0].tolist() == [0, 1, 2, 3]
 
 
 def test_files_that_cannot_be_read_are_one_line(tmp_path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import pytest
+from samples import polynomial_sphere
 
 from visray import film as films
 from visray import integrator, passes
@@ -21,7 +22,7 @@ from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.lights import PointLight
 from visray.materials import Material
 from visray.moments import BLOCK, Moments
-from visray.output.layers import names_from
+from visray.output.layers import LAYERS, NAMES, names_from
 from visray.passes import empty_film, expose, exposed_once
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
@@ -379,6 +380,18 @@ def test_ids_follow_the_file_whatever_the_families() -> None:
     camera = Camera(origin=(7, 0, 1000), target=(7, 0, 0), fov=float(np.degrees(2 * np.arctan(1 / 1000))))
     scene = Scene(camera=camera, film=Film(width=8, height=1), objects=objects, settings=Settings(spp=1))
     assert render(scene, progress=False)["id"].tolist() == [[1, 2, 3, 4, 5, 6, 7, 8]]
+
+
+def test_every_layer_is_made_as_its_record_says() -> None:
+    """A polynomial surface, to an error: all layers there are, with their types and numbers a pixel."""
+    ball = polynomial_sphere((0.0, 0.0, 0.0), 1.0)
+    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=Film(width=8, height=6), objects={"ball": ball})
+    image = render(scene, error=0.5, progress=False)
+    assert tuple(image.layers) == NAMES
+    for layer in LAYERS:
+        values = image[layer.name]
+        assert values.dtype == layer.memory_dtype
+        assert (1 if values.ndim == 2 else values.shape[2]) == len(layer.channels)
 
 
 def test_layers_not_asked_for_are_not_made() -> None:

@@ -37,7 +37,7 @@ class LightSample:
     posed: the light above a scene of size 1 about the origin, in no special position.
     random: a light at a place, up to `size` wide, that looks roughly downwards: its own fields, as a dict.
     surface: of area lights.
-    all_around: fields with which it shines in all directions, if it does not do so anyway.
+    all_around: fields with which it shines in all directions; empty if it always does, None if it never does.
     """
 
     kind: type
@@ -45,7 +45,7 @@ class LightSample:
     posed: Any
     random: Callable[[np.random.Generator, float], dict[str, Any]]
     surface: LightSurface | None = None
-    all_around: dict[str, Any] = field(default_factory=dict)
+    all_around: dict[str, Any] | None = field(default_factory=dict)
 
 
 def downwards(rng: np.random.Generator) -> tuple:

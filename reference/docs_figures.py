@@ -277,7 +277,8 @@ def _factor(halving: dict) -> str:
     if halving["factor"] is None:
         return "not reached"
     high = "?" if halving["high"] is None else format(halving["high"], ".2g")
-    star = "\\*" if halving["least"] > 0.5 else ""
+    # Reports of before `beyond` have the least error that was reached, as a share of the scene's.
+    star = "\\*" if halving.get("beyond", halving["least"] > 0.5) else ""
     return f"{halving['factor']:.2g}{star} ({halving['low']:.2g} to {high})"
 
 

@@ -11,7 +11,6 @@ included, and where growing turns a hit into a miss the exact answer is within r
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import exact_surfaces as exact
@@ -236,18 +235,19 @@ class RoundTorus:
         start = np.clip(-shift, -far, far)
         t, what = np.full(shift.shape, np.inf, Real), np.zeros(shift.shape, int)
         inside = (f(start) < 0) & (np.abs(shift) < far)
-        for low, high in pairwise(ends):
-            low = np.maximum(low, start)
-            below = f(low) < 0
-            i = np.flatnonzero((low < high) & (below != (f(high) < 0)) & (what == 0))
-            low, high, below = low[i], high[i], below[i]
-            # 64 bits of a span that is no longer than the ray's way through the torus.
-            for _ in range(70 if len(i) else 0):
-                middle = (low + high) / 2
-                same = (f(middle, i) < 0) == below
-                low, high = np.where(same, middle, low), np.where(same, high, middle)
-            t[i] = (low + high) / 2 + shift[i]
-            what[i] = np.where(inside[i], 2, 1)
+        lows, highs = np.maximum(ends[:-1], start), ends[1:]
+        below = f(lows) < 0
+        crossed = (lows < highs) & (below != (f(highs) < 0))
+        # The first piece between turns in which a ray crosses, of the rays that do.
+        i = np.flatnonzero(crossed.any(0))
+        k = crossed.argmax(0)[i]
+        low, high, below = lows[k, i], highs[k, i], below[k, i]
+        for _ in range(70):  # 64 bits of a span that is no longer than the ray's way through the torus
+            middle = (low + high) / 2
+            same = (f(middle, i) < 0) == below
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        t[i] = (low + high) / 2 + shift[i]
+        what[i] = np.where(inside[i], 2, 1)
         return what, t / size
 
     @staticmethod

@@ -59,14 +59,14 @@ pytestmark = pytest.mark.xdist_group("cost")
 @pytest.fixture(autouse=True)
 def hurry(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     """Seconds go by work alone, and few of them do."""
-    monkeypatch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
+    monkeypatch.setattr(study, "BUDGETS", ((3.0, 1.0, 1.0), (3.0, 1.0, 1.0)))
 
 
 @pytest.fixture(scope="module")
 def report() -> Report:
     with pytest.MonkeyPatch.context() as patch:
         Machine(patch)
-        patch.setattr(study, "BUDGETS", ((6.0, 2.0, 2.0), (6.0, 2.0, 2.0)))
+        patch.setattr(study, "BUDGETS", ((3.0, 1.0, 1.0), (3.0, 1.0, 1.0)))
         return cost(SOFT, quick=True, progress=False)
 
 

@@ -591,6 +591,7 @@ def test_a_file_keeps_error_samples_and_facts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "gamma", "exposure"), [("exr", "srgb", 0), ("png", "srgb", 0), ("png", 2.2, -1)])
+@pytest.mark.slow
 def test_a_file_adds_its_rounding_to_the_error(tmp_path: Path, kind: str, gamma: Any, exposure: float) -> None:
     """Of a picture that was made for no file; once, and with a warning where it is more than was asked for."""
     path = tmp_path / f"a.{kind}"

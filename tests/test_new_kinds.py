@@ -409,6 +409,7 @@ def test_uv_by_hand(thing, p: tuple, uv: tuple) -> None:
     assert np.allclose([x[0] for x in found], uv, rtol=0, atol=4 * gamma(20))
 
 
+@pytest.mark.slow
 def test_objects_under_unequal_scales_agree_with_mitsuba() -> None:
     rng = np.random.default_rng(41)
     turned = lambda *scale: (vr.Scale(scale=scale), vr.Rotate(rotate=40, axis=direction(rng)))  # noqa: E731

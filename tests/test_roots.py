@@ -75,6 +75,7 @@ ALL = SURFACES | POWERS
 
 
 @pytest.mark.parametrize("name", ALL)
+@pytest.mark.slow
 def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
     """On parts of random chords, Bernstein's coefficients in double against exact ones of the same chord."""
     classic, rng, n = ALL[name], np.random.default_rng(1), 24

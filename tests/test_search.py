@@ -175,6 +175,7 @@ SEEDS = range(3)
 
 @WORLDS
 @pytest.mark.parametrize("shared", [True, False], ids=["one origin", "an origin a ray"])
+@pytest.mark.slow
 def test_filtered_search_is_the_plain_one_bit_for_bit(make: Callable, shared: bool) -> None:
     hits = hidden = 0
     for seed in SEEDS:
@@ -400,6 +401,7 @@ def test_rays_that_run_inside_leave_once_at_the_far_side(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.slow
 def test_no_object_shades_its_own_lit_side(name: str) -> None:
     """Rays from a light to a point of an object: not blocked by it where its normal is turned to the light, at any
     distance of the light. Grazing ones included."""
@@ -416,6 +418,7 @@ def test_no_object_shades_its_own_lit_side(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.slow
 def test_a_wall_seen_from_within_is_lit_from_within_only(name: str) -> None:
     """A light on a ray that runs inside: between entry and exit it is not blocked, beyond the exit it is."""
     enter = Departure.of(name, 200, 100, inside=True)

@@ -207,6 +207,7 @@ def rays(rows: Rows, rng: np.random.Generator, far: float, n: int = RAYS) -> tup
 
 @pytest.mark.parametrize("far", [0.0, 3.0, 1e3, 1e6, 1e10])
 @pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.slow
 def test_answers_are_those_of_the_loop_over_all_rows(name: str, far: float) -> None:
     """Rationale: a fast path equals its slow twin. Setup: worlds, origins and directions that are hard for boxes in
     single. Expected: the same distance, row and shadow, bit for bit; and not by missing everything."""

@@ -159,8 +159,8 @@ def test_any_arithmetic():
 
 def test_constants_of_slots_in_other_arithmetics():
     built = build("x^2 + y^2 - a*sqrt(2)*z - 2*sqrt(a)", {"a": 2.0})
-    slots = [evaluate(c, {"a": 2.0}.get, float, sqrt) for c in built.constants]
-    assert np.allclose(slots, built.values, rtol=1e-15)
+    constants = [evaluate(c, {"a": 2.0}.get, float, sqrt) for c in built.constants]
+    assert np.allclose(constants, built.values, rtol=1e-15)
     (h,) = [c for c in built.constants if c.parametric and "Root(of=Parameter" in repr(c)]
     with pytest.raises(ValueError, match="needs sqrt"):
         evaluate(h, {"a": 2.0}.get, float)
@@ -315,14 +315,14 @@ def test_parameters_are_slots_also_at_1_and_0():
     forms = {
         build(text, {"a": a, "b": b}).program for a, b in combinations_with_replacement((0.0, 0.5, 1.0, -1.0), 2) if a
     }
-    assert len(forms) == 1 and build(text, {"a": 2.0, "b": 1.0}).program.slots == 3
+    assert len(forms) == 1 and build(text, {"a": 2.0, "b": 1.0}).program.constant_count == 3
 
 
 def test_names_share_slots_and_equal_sums_are_one():
-    assert build("a*x^2 + a*y^2 + sqrt(2)*x + sqrt(2)*z - 1", {"a": 2.0}).program.slots == 3
-    assert build("2*x^2 + 2*y^2 - 1").program.slots == 3
+    assert build("a*x^2 + a*y^2 + sqrt(2)*x + sqrt(2)*z - 1", {"a": 2.0}).program.constant_count == 3
+    assert build("2*x^2 + 2*y^2 - 1").program.constant_count == 3
     (factor,) = build("(x^2+y^2+z^2-1)^3 - z^3*(x^2+y^2+z^2-1) + 7").program.factors
-    assert [op[0] for op in factor.code].count("slot") == 2
+    assert [op[0] for op in factor.code].count("constant") == 2
 
 
 def test_far_centres_are_exact():

@@ -84,13 +84,13 @@ def test_coefficients_are_off_by_less_than_the_noise(name: str) -> None:
     low = np.where(np.arange(n) < 8, -1, rng.uniform(-1, 1, n))
     high = low + (1 - low) * 2.0 ** -np.where(np.arange(n) < 4, 0, rng.integers(0, 8, n))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    slots = [D(v) for v in built.values]
+    constants = [D(v) for v in built.values]
     for factor in built.program.factors:
         axes = [(array(x), array(y)) for x, y in zip(l, e)]
-        line = polynomials.interpret(factor.code, list(map(Univariate, slots)), [Univariate(x, y) for x, y in axes])
+        line = polynomials.interpret(factor.code, list(map(Univariate, constants)), [Univariate(x, y) for x, y in axes])
         r = array(np.abs(middle) + half)
         reach = [Magnitude(dr.abs(x) + dr.abs(y) * r) for x, y in axes]
-        size = polynomials.interpret(factor.code, [Magnitude(dr.abs(x)) for x in slots], reach).x
+        size = polynomials.interpret(factor.code, [Magnitude(dr.abs(x)) for x in constants], reach).x
         noise = rounding_count(factor.code) * 2.0**-53 * np.broadcast_to(np.array(size), n)
         assert len(line.c) == factor.degree + 1
         found = [np.broadcast_to(np.array(b), n) for b in bernstein(line.c, array(middle), array(half))]

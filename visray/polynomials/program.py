@@ -25,7 +25,7 @@ class Factor:
     """A square-free factor of a polynomial.
 
     degree: its degree along a generic line.
-    code: operations that refer to earlier ones by index: ("slot", j), ("axis", k), ("add", i, j), ("sub", i, j),
+    code: operations that refer to earlier ones by index: ("constant", j), ("axis", k), ("add", i, j), ("sub", i, j),
         ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one gives the value.
     even: whether its multiplicity in the polynomial is even.
     """
@@ -41,21 +41,21 @@ class Program:
 
     factors: the square-free factors of f.
     sign: sign times the product of all factors that are not even has the sign of f everywhere.
-    slots: number of constants. A slot holds the value of one constant.
+    constant_count: number of constants in the code of all factors.
     """
 
     factors: tuple[Factor, ...]
     sign: int
-    slots: int
+    constant_count: int
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A program and the constants in its slots.
+    """A program and its constants. Each tuple has one entry per constant, in the order in which the code numbers them.
 
     values: the constants as doubles.
     constants: the constants as expressions.
-    exact_values: the constants as rationals, before rounding.
+    exact_values: the constants as rationals, before they are rounded to doubles.
     """
 
     program: Program
@@ -76,10 +76,11 @@ def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, f
     square_free, sign = _factorize(source, parameters)
     values = {name: Fraction(value) for name, value in parameters}
     middle = tuple(map(Fraction, centre))
-    slots = _Slots()
-    factors = tuple(Factor(f.degree, _code(_recentred(f.expression, middle), slots), f.even) for f in square_free)
-    exact = tuple(rational(c, values) for c in slots.constants)
-    return Compiled(Program(factors, sign, len(exact)), tuple(map(_double, exact)), tuple(slots.constants), exact)
+    constants = _Constants()
+    factors = tuple(Factor(f.degree, _code(_recentred(f.expression, middle), constants), f.even) for f in square_free)
+    expressions = tuple(constants.expressions)
+    exact = tuple(rational(c, values) for c in expressions)
+    return Compiled(Program(factors, sign, len(exact)), tuple(map(_double, exact)), expressions, exact)
 
 
 @lru_cache(maxsize=256)
@@ -110,24 +111,31 @@ def _recentred(expression: Expression, centre: tuple[Fraction, Fraction, Fractio
     return simplify(translate(expression, centre) if terms is None else horner(recentre(terms, centre)))
 
 
-class _Slots:
-    """Assigns constants to slots. Equal constants share a slot only if they contain a parameter, pi, phi or a root."""
+class _Constants:
+    """The numbered constants of a program, collected while its code is written.
+
+    Equal constants share one index if they contain a parameter, pi, phi or a root. Equal rational numbers do not, so
+    that polynomials that differ only in their numbers have equal programs.
+
+    expressions: the constants, in the order of their indices.
+    shared: indices of the constants that may be shared.
+    """
 
     def __init__(self):
-        self.constants: list[Expression] = []
+        self.expressions: list[Expression] = []
         self.shared: dict[Expression, int] = {}
 
-    def of(self, constant: Expression) -> int:
-        """The slot of a constant."""
+    def index_of(self, constant: Expression) -> int:
+        """The index of a constant, which is added unless it shares an index."""
         if constant in self.shared:
             return self.shared[constant]
-        self.constants.append(constant)
+        self.expressions.append(constant)
         if constant.parametric or constant.irrational:
-            self.shared[constant] = len(self.constants) - 1
-        return len(self.constants) - 1
+            self.shared[constant] = len(self.expressions) - 1
+        return len(self.expressions) - 1
 
 
-def _code(expression: Expression, slots: _Slots) -> tuple[tuple, ...]:
+def _code(expression: Expression, constants: _Constants) -> tuple[tuple, ...]:
     """The operations that evaluate an expression. Equal operations are emitted once."""
     indices: dict[tuple, int] = {}
     sums: dict[Expression, int] = {}
@@ -138,7 +146,7 @@ def _code(expression: Expression, slots: _Slots) -> tuple[tuple, ...]:
     def emit(node: Expression) -> int:
         match node:
             case _ if not node.degree:
-                return put("slot", slots.of(node))
+                return put("constant", constants.index_of(node))
             case Axis(k):
                 return put("axis", k)
             case Negative(of):
@@ -147,7 +155,8 @@ def _code(expression: Expression, slots: _Slots) -> tuple[tuple, ...]:
                 return put("pow", emit(of), n)
             case Product(parts):
                 return product(parts)
-        # Equal sums are computed once, such as (x^2 + y^2 - 1) in two places. They then also share their slots.
+        # A sum that occurs in two places, such as (x^2 + y^2 - 1), is computed once. So its constants are also stored
+        # once.
         if node not in sums:
             sums[node] = total(node.parts)
         return sums[node]
@@ -179,18 +188,20 @@ def _code(expression: Expression, slots: _Slots) -> tuple[tuple, ...]:
     return tuple(indices)
 
 
-def interpret(code: tuple[tuple, ...], slots: Any, axes: Any, power: Callable[[Any, int], Any] | None = None) -> Any:
+def interpret(
+    code: tuple[tuple, ...], constants: Any, axes: Any, power: Callable[[Any, int], Any] | None = None
+) -> Any:
     """The value of a factor, by running its code in any arithmetic with + - *.
 
-    slots, axes: values of the constants, and of x, y and z.
+    constants, axes: values of the constants, and of x, y and z.
     power: function of a value and an exponent; squaring by default.
     """
     power = power or power_by_squaring
     results: list[Any] = []
     for name, *at in code:
         match name:
-            case "slot":
-                value = slots[at[0]]
+            case "constant":
+                value = constants[at[0]]
             case "axis":
                 value = axes[at[0]]
             case "add":

@@ -25,14 +25,14 @@ from visray.roots import ChordSegment
 class PolynomialRows:
     """Polynomials that share one program, as arrays with one entry per object.
 
-    slots: values of the program's constants, an array per slot.
-    parameters: values of the named parameters, an array per parameter.
-    slopes: for each parameter, the derivative of every slot by it.
-    tolerance: tolerance of the crossings, or None where no object has one.
-    clip: fields of the clips.
+    constants: values of the program's constants, one array per constant.
+    parameters: values of the named parameters, one array per parameter.
+    slopes: for each parameter, the derivatives of all constants by that parameter, one array per constant.
+    tolerance: tolerance of the crossings; None if no object has a tolerance.
+    clip: the clips, as arrays of their fields.
     """
 
-    slots: tuple
+    constants: tuple
     parameters: tuple
     slopes: tuple
     tolerance: Any
@@ -43,14 +43,14 @@ class PolynomialRows:
         """The arrays of `Polynomial` objects of one kind."""
         compiled, parameters = [x.compiled() for x in polynomials], [x.parameters for x in polynomials]
         clips = [x.clip_volume() for x in polynomials]
-        slopes = [[_slot_slopes(c, p, name) for name in p] for c, p in zip(compiled, parameters)]
+        slopes = [[_constant_slopes(c, p, name) for name in p] for c, p in zip(compiled, parameters)]
         loose = polynomials[0].kind.loose
 
         def put(values: list) -> tuple:
             return tuple(a.put(a.D, column) for column in np.array(values, float).T)
 
         return cls(
-            slots=put([c.values for c in compiled]),
+            constants=put([c.values for c in compiled]),
             parameters=put([list(p.values()) for p in parameters]),
             slopes=tuple(put([s[i] for s in slopes]) for i in range(len(parameters[0]))),
             tolerance=a.put(a.D, np.array([x.tolerance for x in polynomials], float)) if loose else None,
@@ -58,19 +58,19 @@ class PolynomialRows:
         )
 
     def placed(self, outer: Frame | None) -> "PlacedPolynomial":
-        """The polynomials in the world; their slots carry derivatives by the parameters."""
+        """The polynomials in the world; their constants carry derivatives by the parameters."""
         o = self.clip.frame().o
         return self.placed_in(Similarity(0 * o.x + 1, o).then(outer))
 
     def placed_in(self, frame: Frame | Similarity, shape: tuple = ()) -> "PlacedPolynomial":
         """The polynomials in a frame whose origin is the clip's centre."""
-        slots = self.slots
+        constants = self.constants
         for p, slopes in zip(self.parameters, self.slopes):
             if dr.grad_enabled(p):
-                # The added term is zero; its derivative by p is the slot's slope.
-                slots = tuple(x + k * (p - dr.detach(p)) for x, k in zip(slots, slopes))
+                # The added term is zero, and its derivative by p is the slope of the constant x.
+                constants = tuple(x + k * (p - dr.detach(p)) for x, k in zip(constants, slopes))
         scale = tuple(map(dr.rcp, self.clip.half_sides()))
-        return PlacedPolynomial(frame.inverse(), slots, self.tolerance, scale, shape)
+        return PlacedPolynomial(frame.inverse(), constants, self.tolerance, scale, shape)
 
     def bounds(self, outer: Frame | None) -> Bounds:
         """Bounding box and ball of the clip in world space."""
@@ -82,13 +82,13 @@ class PlacedPolynomial:
     """A polynomial in the world.
 
     inverse: map from world coordinates to coordinates about the clip's centre.
-    slots, tolerance: as in PolynomialRows.
+    constants, tolerance: as in PolynomialRows.
     scale: 1 over the clip's half sides, one entry per axis.
     shape: parameters of the canonical shape, for kinds that are defined by a polynomial.
     """
 
     inverse: Inverse | SimilarityInverse
-    slots: tuple
+    constants: tuple
     tolerance: Any
     scale: tuple
     shape: tuple = ()
@@ -156,7 +156,7 @@ class Algebraic(Primitive):
                 active &= ~(capped & ~known.inside)
                 known_sides = replace(known, on_start=known.on_start & ~capped)
         segment = ChordSegment.of(seen.o, d, chord, first, last)
-        c = roots.first_crossing(cls.program, placed.slots, segment, active, known_sides, placed.tolerance)
+        c = roots.first_crossing(cls.program, placed.constants, segment, active, known_sides, placed.tolerance)
         if not (cls.closed and cls.clipped):
             return c
         # A ray may enter or leave a capped solid through a cap, but not where the ray ends on that cap.
@@ -190,7 +190,7 @@ class Algebraic(Primitive):
         """
         count, reach = len(cls.program.factors), dr.rcp(placed.scale[0])
         own_part = part if count > 1 else None
-        f, g = roots.signed_distance(cls.program, placed.slots, q, DIFFERENCE * reach, own_part)
+        f, g = roots.signed_distance(cls.program, placed.constants, q, DIFFERENCE * reach, own_part)
         if cls.closed and not cls.clipped:
             return f, g, None
         unit = placed.to_unit_clip(q)
@@ -217,7 +217,7 @@ class Algebraic(Primitive):
 
     @classmethod
     def has_normal(cls, placed: PlacedPolynomial, p: Any) -> Any:
-        return roots.has_normal(cls.program, placed.slots, placed.inverse.point(p), dr.rcp(placed.scale[0]))
+        return roots.has_normal(cls.program, placed.constants, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
 
 # Step of the finite differences that replace a gradient of zero, as a share of the clip. It is the fourth root of the
@@ -243,8 +243,8 @@ def _kind(
     return type(base.__name__, (base,), facts)
 
 
-def _slot_slopes(compiled: Compiled, parameters: dict[str, float], name: str) -> list[float]:
-    """Derivatives of all slots by the parameter `name`, exact to rounding.
+def _constant_slopes(compiled: Compiled, parameters: dict[str, float], name: str) -> list[float]:
+    """Derivatives of all constants by the parameter `name`, exact to rounding.
 
     Complex-step differentiation: the imaginary part of an analytic function after an imaginary step that is too small
     to change the real part.

@@ -25,14 +25,16 @@ def rounding_count(code: tuple) -> float:
     """
     counts: list[int] = []
     for name, *at in code:
-        inner = 1 if name in ("slot", "axis") else max(counts[i] for i in (at[:1] if name in ("pow", "neg") else at))
+        inner = (
+            1 if name in ("constant", "axis") else max(counts[i] for i in (at[:1] if name in ("pow", "neg") else at))
+        )
         counts.append(inner * at[1] if name == "pow" else inner)
     return max(NOISE, counts[-1] / 2)
 
 
-def value_error(factor: Factor, slots: tuple, reach: Iterable) -> Any:
+def value_error(factor: Factor, constants: tuple, reach: Iterable) -> Any:
     """Error bound of a factor's values at points whose coordinates are at most `reach` in size, an entry per axis."""
-    size = interpret(factor.code, [Magnitude(dr.abs(x)) for x in slots], tuple(map(Magnitude, reach))).x
+    size = interpret(factor.code, [Magnitude(dr.abs(x)) for x in constants], tuple(map(Magnitude, reach))).x
     return rounding_count(factor.code) * roundoff(size) * size
 
 
@@ -83,19 +85,19 @@ class ChordSegment:
 class FactorOnChord:
     """A factor of a polynomial along a chord.
 
-    slots: values of the program's constants.
+    constants: values of the program's constants.
     polynomial: the factor as a polynomial in s.
     """
 
     factor: Factor
-    slots: tuple
+    constants: tuple
     segment: ChordSegment
     polynomial: Univariate
 
     def noise(self, r: Any) -> Any:
         """Error bound of the values of `polynomial` for |s| <= r."""
         reach = (dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.segment.centre, self.segment.axis))
-        return value_error(self.factor, self.slots, reach)
+        return value_error(self.factor, self.constants, reach)
 
     def first_root(self, negative: Any, floor: Any, active: Any, on_start: Any, tolerance: Any) -> tuple[Any, Any, Any]:
         """The first root on the segment: (whether there is one, s, number of unresolved places).
@@ -156,7 +158,7 @@ class FactorOnChord:
         too."""
         exact = (BoundedPolynomial(axis, 0) for axis in axes)
         rounded = tuple(BoundedPolynomial(x.polynomial, 2 * roundoff(x.size) * x.size) for x in exact)
-        return interpret(self.factor.code, tuple(BoundedPolynomial(Univariate(x), 0) for x in self.slots), rounded)
+        return interpret(self.factor.code, tuple(BoundedPolynomial(Univariate(x), 0) for x in self.constants), rounded)
 
     def starts_below(self, value: Any, is_noise: Any) -> Any:
         """Whether the factor is below zero at the start of the segment.
@@ -180,7 +182,7 @@ class FactorOnChord:
 
     def value(self, s: Any) -> Any:
         """The value at s by the factor's program, as the polynomial was written."""
-        return interpret(self.factor.code, self.slots, self.segment.at(s))
+        return interpret(self.factor.code, self.constants, self.segment.at(s))
 
     @staticmethod
     def _polish(f: Callable, polynomial: Univariate, root: IsolatedRoot, s: Any) -> Any:
@@ -192,7 +194,7 @@ class FactorOnChord:
         return s
 
 
-def on_chord(factor: Factor, slots: tuple, segment: ChordSegment) -> FactorOnChord:
+def on_chord(factor: Factor, constants: tuple, segment: ChordSegment) -> FactorOnChord:
     """The factor along the chord, with its polynomial in s."""
     axes = tuple(map(Univariate, segment.centre, segment.axis))
-    return FactorOnChord(factor, slots, segment, interpret(factor.code, tuple(map(Univariate, slots)), axes))
+    return FactorOnChord(factor, constants, segment, interpret(factor.code, tuple(map(Univariate, constants)), axes))

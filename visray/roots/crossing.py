@@ -13,7 +13,7 @@ from visray.roots.chord import ChordSegment, on_chord
 
 def first_crossing(
     program: Program,
-    slots: tuple,
+    constants: tuple,
     segment: ChordSegment,
     active: Any,
     known: KnownEnds = NOTHING_KNOWN,
@@ -24,12 +24,12 @@ def first_crossing(
     `enters` holds where f is not below zero at the start, and in inactive lanes. A crossing within rounding of an end
     that is known to lie on the surface is not reported.
 
-    slots: values of the program's constants.
+    constants: values of the program's constants.
     active: lanes that search.
     tolerance: greatest error of s, where that is more than rounding. Degrees 1 and 2 ignore it. None: the last digit,
         and no code for a tolerance.
     """
-    factors = [on_chord(f, slots, segment) for f in program.factors]
+    factors = [on_chord(f, constants, segment) for f in program.factors]
     active = active & (segment.first < segment.last)
     at_start = [f.value(segment.first) for f in factors]
     errors = [f.error_at(segment.first) for f in factors]

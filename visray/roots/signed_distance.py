@@ -14,25 +14,25 @@ from visray.roots.number_types import DualNumber
 SMALLEST = 2.0**-500
 
 
-def has_normal(program: Program, slots: tuple, q: Any, reach: Any) -> Any:
+def has_normal(program: Program, constants: tuple, q: Any, reach: Any) -> Any:
     """Whether the gradients of all factors at q are certainly not zero.
 
     A gradient counts if it changes f by more than rounding over the distance `reach`.
     """
     certain = []
     for factor in program.factors:
-        length = sum(0 if p is None else dr.abs(p) for p in _with_gradient(factor, slots, q).slopes)
-        certain.append(length * reach > value_error(factor, slots, map(dr.abs, q)))
+        length = sum(0 if p is None else dr.abs(p) for p in _with_gradient(factor, constants, q).slopes)
+        certain.append(length * reach > value_error(factor, constants, map(dr.abs, q)))
     return reduce(operator.and_, certain)
 
 
-def _with_gradient(factor: Factor, slots: tuple, q: Any) -> DualNumber:
+def _with_gradient(factor: Factor, constants: tuple, q: Any) -> DualNumber:
     """The value of a factor at q, with its gradient."""
     axes = (DualNumber(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
-    return interpret(factor.code, tuple(DualNumber(x, (None,) * 3) for x in slots), tuple(axes))
+    return interpret(factor.code, tuple(DualNumber(x, (None,) * 3) for x in constants), tuple(axes))
 
 
-def signed_distance(program: Program, slots: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
+def signed_distance(program: Program, constants: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): signed distance of the point q to the surface, to first order, and the unit normal g = df/dq.
 
     part: number of the factor that q lies on. The nearest factor counts if part is None or no factor.
@@ -40,9 +40,9 @@ def signed_distance(program: Program, slots: tuple, q: Any, step: Any, part: Any
     """
     levels = []
     for factor in program.factors:
-        x = _with_gradient(factor, slots, q)
+        x = _with_gradient(factor, constants, q)
         g = type(q)(*(0 * x.x if p is None else p for p in x.slopes))
-        levels.append(_normalised(factor, slots, q, step, x.x, g))
+        levels.append(_normalised(factor, constants, q, step, x.x, g))
     f, g = levels[0]
     # The sign of the product of all other factors.
     sign = type(f)(-1 if program.sign < 0 else 1)
@@ -55,7 +55,7 @@ def signed_distance(program: Program, slots: tuple, q: Any, step: Any, part: Any
     return dr.mulsign(f, sign), type(q)(*(dr.mulsign(x, sign) for x in g))
 
 
-def _normalised(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
+def _normalised(factor: Factor, constants: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
     """A function and its gradient, both divided by the gradient's length.
 
     Where the gradient is zero, f becomes 0 if its value is within rounding of zero, and infinite otherwise.
@@ -67,12 +67,12 @@ def _normalised(factor: Factor, slots: tuple, q: Any, step: Any, f: Any, g: Any)
         p, normal = dr.detach(q), []
         for i in range(3):
             sides = [[x + (sign * step if i == j else 0) for j, x in enumerate(p)] for sign in (1, -1)]
-            high, low = (interpret(factor.code, dr.detach(slots), side) for side in sides)
+            high, low = (interpret(factor.code, dr.detach(constants), side) for side in sides)
             normal.append(high - low)
         longest = dr.maximum(dr.maximum(dr.abs(normal[0]), dr.abs(normal[1])), dr.abs(normal[2]))
         # At a centre of symmetry all differences are zero and there is no normal. Then z is taken.
         normal = [dr.select(longest > 0, x / longest, default) for x, default in zip(normal, (0, 0, 1))]
-        far = dr.select(dr.abs(f) <= value_error(factor, slots, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
+        far = dr.select(dr.abs(f) <= value_error(factor, constants, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
         return dr.normalize(type(p)(*normal)), dr.detach(far)
 
     n = max(dr.width(q), dr.width(f))

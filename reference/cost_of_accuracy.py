@@ -3,8 +3,7 @@
     python reference/cost_of_accuracy.py -o reference/cost_of_accuracy.json --plot docs/cost.png --pages pages
 
 penumbra: an area light, with ambient occlusion besides; nested-glass: refraction and reflection; heart: a polynomial
-surface with every effect. --repeats: how many quick studies of each are made after it, to see whether they put the
-knobs into the same order.
+surface with every effect. --repeats: number of quick studies of each after it, to compare their advice.
 """
 
 import argparse
@@ -17,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from visray.scene.address import changed
-from visray.study.cost.records import Halving, Report
+from visray.study.cost.records import Price, Report
+from visray.study.cost.report import advice
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 # The scene, a title, and what is set.
@@ -30,21 +30,21 @@ CASES = {
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8B4513")
 
 
-def halving(h: Halving) -> dict:
-    """A halving as JSON has it: null where the knob alone cannot."""
+def priced(h: Price) -> dict:
+    """A price as JSON has it: null where the error was not reached."""
     known = h.factor.middle < float("inf")
     return {
         "knob": h.knob,
-        "rank": h.rank,
         "factor": h.factor.middle if known else None,
         "low": h.factor.low if known else None,
         "high": h.factor.high if known and h.factor.high < float("inf") else None,
         "least": h.least,
+        "beyond": h.beyond,
     }
 
 
-def row(title: str, report: Report, orders: list[list[str]]) -> dict:
-    """What docs/accuracy.md shows of a study."""
+def row(title: str, report: Report, others: list[str]) -> dict:
+    """The numbers of a study that docs/accuracy.md shows. others: the advice of quick studies."""
     d = report.default
     slopes = {c.knob: c.by_count for c in report.curves if c.by_count is not None}
     by_time = {c.knob: c.by_time for c in report.curves if c.by_time is not None}
@@ -58,7 +58,9 @@ def row(title: str, report: Report, orders: list[list[str]]) -> dict:
         "reference_error": report.reference.error,
         "best_error": min(p.error.rmse.middle for p in report.frontier),
         "study_s": report.seconds,
-        "halvings": [halving(h) for h in report.halvings],
+        "advice": advice(report),
+        "savings": [priced(s) for s in report.savings],
+        "halvings": [priced(h) for h in report.halvings],
         "by_count": {k: [s.k, s.low, s.high] for k, s in slopes.items()},
         "by_time": {k: [s.k, s.low, s.high] for k, s in by_time.items()},
         "steps": {
@@ -66,7 +68,7 @@ def row(title: str, report: Report, orders: list[list[str]]) -> dict:
             for c in report.curves if c.kind == "step" for p in c.points if p.settings != d.settings
         },
         "floors": report.floors,
-        "orders_of_quick_studies": orders,
+        "advice_of_quick_studies": others,
     }  # fmt: skip
 
 
@@ -88,6 +90,9 @@ def drawn(reports: dict[str, Report], path: Path) -> None:
                 "marker": "os^Dvp*h"[knobs.index(c.knob) % 8],
             }
             ax.errorbar(x, [b.middle for b in y], off, markersize=5, linewidth=1.5, label=c.knob, **style)
+        if report.joint:
+            x, y = zip(*((p.seconds.middle, p.error.rmse.middle) for p in report.joint))
+            ax.plot(x, y, "x", color="black", markersize=7, label="together")
         d = report.default
         ax.plot(
             d.seconds.middle, d.error.rmse.middle, "*", color="black", markersize=17, label="as the scene is", zorder=6
@@ -99,8 +104,8 @@ def drawn(reports: dict[str, Report], path: Path) -> None:
         ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100 * v:g} %"))
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("relative error (RMSE)")
-    found = {label: h for ax in axes for h, label in zip(*ax.get_legend_handles_labels())}
-    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=5, frameon=False)
+    handles = {label: h for ax in axes for h, label in zip(*ax.get_legend_handles_labels())}
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, dpi=110)
 
 
@@ -116,8 +121,7 @@ def main() -> None:
     for name, (title, settings) in CASES.items():
         scene = changed(vr.load(SCENES / f"{name}.json"), settings)
         report = reports[title] = vr.cost(scene, quick=options.quick)
-        quick = [vr.cost(scene, quick=True).halvings for _ in range(options.repeats)]
-        rows[name] = row(title, report, [[f"{h.rank}. {h.knob}" for h in found] for found in quick])
+        rows[name] = row(title, report, [advice(vr.cost(scene, quick=True)) for _ in range(options.repeats)])
         print(json.dumps(rows[name], indent=1), flush=True)
         if options.pages:
             options.pages.mkdir(exist_ok=True)

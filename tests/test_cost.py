@@ -28,13 +28,12 @@ from visray.render import render
 from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.cost import measuring, study, truth
-from visray.study.cost.floors import output
 from visray.study.cost.knobs import FACTORS, MORE, SAMPLERS, SAMPLES, default, knobs
 from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, reduced
-from visray.study.cost.records import Curve, Halving, Reference, Report, Slope
+from visray.study.cost.records import Band, Price, Reference, Report, Slope
+from visray.study.cost.report import STOPPED, advice, as_csv, as_json, table
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
-from visray.study.cost.wording import STOPPED
-from visray.study.cost.writing import as_csv, as_json, table
+from visray.study.cost.truth import floors
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 ALWAYS = ["samples, stratified", "samples, sobol", "samples, independent", "precision", "accelerator"]
@@ -51,9 +50,6 @@ FLAT = replace(
     camera=Camera(origin=(0, 5, 0), target=(0, 0, 0), up=(0, 0, 1)),
     objects={"floor": Plane(), "unseen": Sphere(center=(0, 9, 0))},
 )
-
-# One worker makes what its tests share.
-pytestmark = pytest.mark.xdist_group("cost")
 
 
 @pytest.fixture(autouse=True)
@@ -188,9 +184,9 @@ def test_the_report(report: Report) -> None:
     for c in report.curves:
         assert sum(p.same_choice(report.default) for p in c.points) == (c.knob not in unused)
     d, curves = report.default, {c.knob: c for c in report.curves}
-    for p in [d, *(p for c in report.curves for p in c.points), *report.joint]:
+    for p in report.records:
         assert p.times.shape == (TURNS,) and p.squares.shape == (LEAST_SEEDS,)
-        assert p.picture.shape == (24, 32, 3) and p.wrong.shape == (24, 32)
+        assert p.picture.shape == (24, 32, 3) and p.error_map.shape == (24, 32)
         assert 0 < p.seconds.low <= p.seconds.middle <= p.seconds.high
         assert set(p.settings) == set(d.settings) and p.operations > 0 and p.compile_seconds > 0
         assert p.error.rmse.low <= p.error.rmse.middle <= p.error.rmse.high
@@ -203,10 +199,11 @@ def test_the_report(report: Report) -> None:
     assert abs(single.error.rmse.middle - double.error.rmse.middle) < 1e-3 * d.error.rmse.middle
     best = [p.error.rmse.middle for p in report.frontier]
     assert best == sorted(best, reverse=True)
-    assert {h.knob for h in report.halvings} == {c.knob for c in report.curves if c.kind != "step"}
+    assert {h.knob for h in report.halvings} - {"together"} == {c.knob for c in report.curves if c.kind != "step"}
+    for s in report.savings:
+        assert s.factor.middle <= s.factor.high < 1
     assert 0 < report.floors["8-bit output"] < 0.02 and report.floors.get("single precision", 0) < 1e-5
     assert report.reference.settings["settings.precision"] == "double"
-    assert 1 <= len(report.joint) <= 4
     assert report.machine["threads"] == dr.thread_count() and report.machine["date"]
 
 
@@ -226,14 +223,13 @@ def test_writing(report: Report) -> None:
     assert [c["knob"] for c in found["curves"]] == names(SOFT)
     assert len(found["default"]["squares"]) == LEAST_SEEDS
     rows = list(csv.DictReader(StringIO(as_csv(report))))
-    assert len(rows) == 1 + sum(len(c.points) for c in report.curves) + len(report.joint)
-    assert rows[0]["knob"] == "default" and rows[0]["settings.spp"] == "4"
+    assert len(rows) == len(report.records)
+    assert rows[0]["knob"] == "scene" and rows[0]["settings.spp"] == "4"
     assert rows[0]["lights.window.samples"] == "2" and float(rows[0]["rmse"]) == report.default.error.rmse.middle
     text = printed(report)
-    for word in (*names(SOFT)[:4], "32 x 24", "16 seeds", "8-bit output", "reference"):
-        assert word in text
-    notes = text.splitlines()[text.splitlines().index(next(x for x in text.splitlines() if x.startswith("└"))) + 1 :]
-    assert notes[0].startswith("- time for half") and sum(x.startswith("- ") for x in notes) >= 7
+    for word in (*names(SOFT)[:4], "32 x 24", "8-bit output", "reference", advice(report)):
+        assert word in " ".join(text.split())
+    assert found["advice"] == advice(report)
 
 
 def printed(report: Report) -> str:
@@ -244,28 +240,22 @@ def printed(report: Report) -> str:
 
 
 def test_the_table_marks_what_is_beyond_what_was_measured(report: Report) -> None:
-    there = Halving("samples, sobol", band([2.0, 2.1, 2.2]), 0.6, 300, 1)
-    mark = "- *: beyond what was measured"
-    text = printed(replace(report, halvings=(there,)))
-    assert "x 2.1 (2 to 2.2)" in text and mark not in text
-    text = printed(replace(report, halvings=(replace(there, beyond=True),)))
-    assert "x 2.1* (2 to 2.2)" in text and mark in text
+    price = Price("samples, sobol", 0.5, Band(2.1, 2, 2.2), 0.6, 300)
+    mark = "- *: beyond the measured values"
+    text = printed(replace(report, halvings=(price,)))
+    assert "2.1 times the time (2 to 2.2) " in text and mark not in text
+    text = printed(replace(report, halvings=(replace(price, beyond=True),)))
+    assert "2.1 times the time (2 to 2.2) *" in text and mark in text
 
 
-def test_each_point_of_the_frontier_is_marked_once(report: Report) -> None:
-    """Also where another point has the same settings, measured by itself."""
+def test_each_record_of_the_frontier_is_marked(report: Report) -> None:
     marked = [row for row in csv.DictReader(StringIO(as_csv(report))) if row["frontier"] == "1"]
     assert len(marked) == len(report.frontier)
-    first = next(p for c in report.curves for p in c.points if any(p is other for other in report.frontier))
-    twice = replace(report, joint=(*report.joint, replace(first, knob="joint", value="joint 9")))
-    again = [row for row in csv.DictReader(StringIO(as_csv(twice))) if row["frontier"] == "1"]
-    assert again == marked
 
 
 def test_what_rounds_to_nothing_has_no_sign(report: Report) -> None:
     curves = (replace(report.curves[0], by_time=Slope(-0.001, -0.004, 0.01, 5)),)
-    halvings = (Halving(curves[0].knob, band([2.0, 2.1, 2.2]), 0.6, 300, 1),)
-    text = printed(replace(report, curves=curves, halvings=halvings))
+    text = printed(replace(report, curves=curves, halvings=(Price(curves[0].knob, 0.5, Band(2, 2, 2), 0.6, 300),)))
     assert "0.00 ± 0.01" in text and "-0.00" not in text
 
 
@@ -277,25 +267,13 @@ def test_it_shows_itself_in_a_line(report: Report) -> None:
     assert repr(replace(report, stopped=True)).endswith("ms, stopped>")
 
 
-def test_the_table_says_where_a_choice_leaves_the_error_as_it_is(report: Report) -> None:
-    d = report.default
-    three = band([3 * x for x in (d.error.rmse.low, d.error.rmse.middle, d.error.rmse.high)])
-    far = replace(d, value="far", settings=d.settings | {"a": 1}, error=replace(d.error, rmse=three))
-    near = replace(d, value="near", settings=d.settings | {"b": 1})
-    for points, rows in (((d, far), ["x 3.00"]), ((far, near), ["x 3.00", "x 1.00 even"])):
-        text = printed(replace(report, curves=(Curve("way", "step", points),), halvings=()))
-        found = [line.split("│")[3].strip() for line in text.splitlines() if "way: " in line]
-        assert found == rows and ("even: an error" in text) == (len(rows) > 1)
-
-
-@pytest.mark.slow
 def test_a_scene_without_noise_says_so() -> None:
     report = cost(FLAT, quick=True, progress=False)
-    assert report.noiseless and any("all seeds" in n for n in report.notes)
+    assert report.noiseless and advice(report) == "Use 1 sample per pixel: this picture has no noise."
     # There is nothing that samples could halve.
     assert not {h.knob for h in report.halvings} & {c.knob for c in report.curves if c.kind == "sampling"}
     text = printed(report)
-    assert "not reached" not in text and "time for half:" not in text and "1. " not in text
+    assert "not reached" not in text
     for c in report.curves:
         assert all(p.error.deviation.middle < 1e-7 for p in c.points) and c.by_count is None
     assert report.joint == () and report.reference.error < 1e-7
@@ -303,7 +281,6 @@ def test_a_scene_without_noise_says_so() -> None:
     table(report)
 
 
-@pytest.mark.slow
 def test_a_black_picture_is_told() -> None:
     dark = replace(FLAT, background=(0.0, 0.0, 0.0), objects={})
     report = cost(dark, quick=True, progress=False)
@@ -319,16 +296,15 @@ class Impatience(Interrupts):
         self.left = n
 
     @property
-    def requested(self) -> bool:
+    def asked(self) -> bool:
         self.left -= 1
         return self.left < 0
 
-    @requested.setter
-    def requested(self, value: bool) -> None:
+    @asked.setter
+    def asked(self, value: bool) -> None:
         pass
 
 
-@pytest.mark.slow
 def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
     # All are compiled, and three turns of two seeds measured, and a part of a fourth.
@@ -341,7 +317,7 @@ def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     notes = as_json(report)["notes"]
     assert notes.count(STOPPED) == 1 and printed(report).count("stopped") == 1
     (off,) = (n for n in notes if n.startswith("the reference's own error"))
-    assert off.endswith(": it was cut short by Ctrl-C")
+    assert off.endswith(": Ctrl-C ended it")
     for n in (3, 2 * choices + 1):
         monkeypatch.setattr(study, "Interrupts", lambda n=n: Impatience(n))
         with pytest.raises(KeyboardInterrupt):
@@ -435,9 +411,13 @@ def test_the_depth_of_the_reference_is_deep_enough() -> None:
 
 
 def test_the_output_floor() -> None:
+    """Half a step of 8 bits, for a colour in the middle between two of them."""
+    studio = Studio(SOFT, list(range(16)), Interrupts())
+    measured = studio.prepared([default(SOFT, knobs(SOFT))])
     rng = np.random.default_rng(5)
     exact = linear(rng.integers(0, 256, (8, 8, 3)) / 255)
-    assert output(Reference({}, 0, 0.5, 0, exact, exact * 0)) < 1e-15
+    assert floors(measured, Reference({}, 0, 0.5, 0, exact, exact * 0))["8-bit output"] < 1e-15
     middle = np.full((4, 4, 3), (linear(np.array(100 / 255)) + linear(np.array(101 / 255))) / 2)
     half = float(linear(np.array(101 / 255)) - linear(np.array(100 / 255))) / 2
-    assert output(Reference({}, 0, 0.5, 0, middle, middle * 0)) == pytest.approx(half / 0.5, rel=0.05)
+    found = floors(measured, Reference({}, 0, 0.5, 0, middle, middle * 0))["8-bit output"]
+    assert found == pytest.approx(half / 0.5, rel=0.05)

@@ -1,7 +1,6 @@
-"""What a study of costs makes of measured numbers: errors with bands, slopes, frontiers, a model of all knobs."""
+"""Statistics of a study of costs: errors with bands, slopes, frontiers, prices, the best values together."""
 
 from dataclasses import replace
-from itertools import product
 from math import comb, inf, isinf, log, sqrt
 from typing import Any
 
@@ -10,12 +9,10 @@ import numpy as np
 import pytest
 
 from visray.quantities import Arrays
-from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key
+from visray.sampling import Plan, SampleState, first_cell, pixel_key
+from visray.study.cost.comparing import frontier, halvings, price, savings, together
 from visray.study.cost.errors import flip, judged, split, student
-from visray.study.cost.frontier import frontier, halvings, overtaken, ranked, steps
-from visray.study.cost.laws import PowerLaw, grid, nonnegative
-from visray.study.cost.model import Model
-from visray.study.cost.records import Band, Curve, Error, Halving, Point, Slope
+from visray.study.cost.records import Band, Curve, Error, Record, Slope
 from visray.study.cost.slopes import slope
 
 A = Arrays.of("llvm", "single")
@@ -42,10 +39,10 @@ def test_students_t_is_that_of_the_tables(dof: int, value: float) -> None:
 
 def pixels(sampler: str, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Where the samples of all pixels fall. Shapes: (spp, SIDE^2) each."""
-    plan, n = SamplePlan.of(A, seed, spp, 0, spp), SIDE * SIDE
+    plan, n = Plan.of(A, seed, spp, 0, spp), SIDE * SIDE
     i, p = A.U(np.repeat(np.arange(spp, dtype=np.uint32), n)), dr.tile(dr.arange(A.U, n), spp)
     key = pixel_key(plan, p % SIDE, p // SIDE)
-    cell = (first_stratum(plan, key, A.F) + i * plan.step) % int(plan.strata[0])
+    cell = (first_cell(plan, key, A.F) + i * plan.step) % int(plan.cells[0])
     u, v = SampleState(sampler, A.F, plan, key, i, cell).pixel()
     return tuple(np.array(w, np.float64).reshape(spp, n) for w in (u, v))
 
@@ -152,7 +149,7 @@ def test_the_noise_of_the_reference_is_taken_out() -> None:
     # 4096 pixels, half of them with most of the noise.
     assert abs(naive / 0.2 - 1) < 0.15 and abs(found.squares.mean() / 0.1 - 1) < 0.3
     assert found.bias.middle**2 < 0.03 < found.bias.high**2 + 0.03 and found.rmse.low**2 < 0.1 < found.rmse.high**2
-    assert np.allclose(found.wrong, np.sqrt(((pictures - reference) ** 2).mean((0, 3))))
+    assert np.allclose(found.error_map, np.sqrt(((pictures - reference) ** 2).mean((0, 3))))
 
 
 def test_pictures_that_are_all_alike_have_a_bias_and_nothing_else() -> None:
@@ -175,7 +172,7 @@ def test_large_pictures_are_taken_in_parts(monkeypatch: pytest.MonkeyPatch) -> N
     for name in ("rmse", "bias", "deviation"):
         a, b = (getattr(s, name) for s in (whole, again))
         assert np.allclose([a.middle, a.low, a.high], [b.middle, b.low, b.high], rtol=1e-12, atol=1e-12)
-    assert np.array_equal(whole.wrong, again.wrong) and np.allclose(whole.squares, again.squares, rtol=1e-12)
+    assert np.array_equal(whole.error_map, again.error_map) and np.allclose(whole.squares, again.squares, rtol=1e-12)
 
 
 def test_flip_and_mrse() -> None:
@@ -240,11 +237,11 @@ def band(x: float, width: float = 0.0) -> Band:
 def point(
     seconds: float, error: float, settings: dict | None = None, value: Any = 0, knob: str = "knob",
     bias: float = 0.0, width: float = 0.01,
-) -> Point:  # fmt: skip
+) -> Record:  # fmt: skip
     nothing = np.zeros(1)
     noise = band(sqrt(max(error**2 - bias**2, 0)), width)
     parts = Error(band(error, width), band(bias, width), noise, 0.0, 0.0)
-    return Point(knob, value, settings or {}, band(seconds, width), 0.0, 0, parts, nothing, nothing, nothing, nothing)
+    return Record(knob, value, settings or {}, band(seconds, width), 0.0, 0, parts, nothing, nothing, nothing, nothing)
 
 
 def test_a_frontier_has_what_nothing_beats() -> None:
@@ -259,21 +256,19 @@ def test_a_frontier_has_what_nothing_beats() -> None:
 
 def test_the_same_choice_is_that_of_all_knobs_whatever_was_measured() -> None:
     default = point(2.0, 0.4, {"n": 4})
-    again, other = replace(default, knob="n", value=4, seconds=band(2.1)), replace(default, settings={"n": 4, "way": 1})
+    again = replace(default, knob="n", value=4, seconds=band(2.1))
     assert default.same_choice(again) and again.same_choice(default)
-    for unlike in (other, point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
+    for unlike in (point(2.0, 0.4, {"n": 5}), point(2.0, 0.4, {"n": 4, "m": 1}), point(2.0, 0.4)):
         assert not unlike.same_choice(default) and not default.same_choice(unlike)
-    (step,) = steps([Curve("way", "step", (again, replace(other, value="other")))], default)
-    assert step.value == "other"
-    # Itself, measured again, is not a neighbour.
-    cheap, dear = point(1.0, 0.8, {"n": 2}), point(4.0, 0.1, {"n": 8})
-    share, *ends = overtaken([cheap, replace(again, error=point(2.1, 0.39).error), dear], default)
-    assert ends == [cheap, dear] and abs(share - 4 ** (1 / 3) / 2) < 1e-12
 
 
 def curve(name: str, kind: str, *rows: tuple[float, float, Any], width: float = 0.01) -> Curve:
-    """Of seconds, error, value."""
-    return Curve(name, kind, tuple(point(t, e, {name: v}, v, name, width=width) for t, e, v in rows))
+    """Of seconds, error, value; a slope through three points or more without noise of their own."""
+    points = tuple(point(t, e, {name: v}, v, name, width=width) for t, e, v in rows)
+    squares = [np.full(SEEDS, e**2) for _, e, _ in rows]
+    sampled = kind == "sampling" and len(rows) > 2
+    slopes = [slope([row[i] for row in rows], squares) if sampled else None for i in (0, 2)]
+    return Curve(name, kind, points, *slopes)
 
 
 def test_halvings_by_hand() -> None:
@@ -281,14 +276,12 @@ def test_halvings_by_hand() -> None:
     curves = (
         # Error as time^-1/2: half of 0.4 at 4 times the time of 0.4, 8 s, between two points.
         curve("within", "sampling", (1.0, 0.2 * 8**0.5, 1), (4.0, 0.2 * 2**0.5, 4), (16.0, 0.2 * 0.5**0.5, 16)),
-        # The same, where the points end before.
+        # The same, where the points end before: by the slope of the samples.
         curve("samples, sobol", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
-        # The law would reach it after more than a decade.
-        curve("too far", "sampling", (0.5, 0.8, 1), (0.6, 0.8 * (0.6 / 0.5) ** -0.5, 2)),
-        curve("a floor", "sampling", (1.0, 0.5, 1), (4.0, 0.4, 4), (16.0, 0.39, 16)),
-        # Both would reach it within a decade; but one bends, and the other may as well not fall.
-        curve("samples, independent", "sampling", (0.5, 0.8, 1), (1.0, 0.5, 2), (4.0, 0.35, 8)),
-        curve("samples, stratified", "sampling", (1.0, 0.45, 1), (1.2, 0.4, 2), width=0.2),
+        # The slope would reach it after more than a decade.
+        curve("samples, independent", "sampling", *((0.1 * n, 0.8 * (4 / n) ** 0.5, n) for n in (1, 2, 4))),
+        # No other knob is carried on.
+        curve("light samples", "sampling", (0.25, 0.2 * 32**0.5, 1), (0.5, 0.8, 2), (1.0, 0.2 * 8**0.5, 4)),
         curve("flat", "bias", (1.0, 0.41, 1), (2.0, 0.4, 2)),
         # Exactly 0 from a depth on.
         curve("depth", "bias", (1.0, 0.6, 1), (2.0, 0.4, 2), (3.0, 0.0, 4)),
@@ -297,231 +290,73 @@ def test_halvings_by_hand() -> None:
     )
     found = {h.knob: h for h in halvings(curves, default)}
     assert set(found) == {c.knob for c in curves} - {"choice"}
-    for name, factor, value in (
-        ("within", 4, 8),
-        ("samples, sobol", 4, 32),
-        ("depth", 1.5, 4),
-        ("tolerance", 1.5, 1e-9),
-    ):
+    reached = (("within", 4, 8), ("samples, sobol", 4, 32), ("depth", 1.5, 4), ("tolerance", 1.5, 1e-9))
+    for name, factor, value in reached:
         h = found[name]
         assert abs(h.factor.middle / factor - 1) < 1e-9 and h.value == value, name
         assert 0.8 * factor < h.factor.low < h.factor.middle < h.factor.high < 1.25 * factor
         assert h.beyond == (name == "samples, sobol")
-    for name in ("too far", "a floor", "samples, independent", "samples, stratified", "flat"):
+    for name in ("samples, independent", "light samples", "flat"):
         assert isinf(found[name].factor.middle) and isinf(found[name].factor.high) and found[name].value is None
         assert not found[name].beyond
-    shares = {"within": 0.5**1.5, "a floor": 0.975, "depth": 0, "samples, sobol": 2**0.5, "tolerance": 0.25}
+    shares = {"within": 0.5**1.5, "flat": 1.0, "depth": 0, "samples, sobol": 2**0.5, "tolerance": 0.25}
     assert all(abs(found[name].least - share) < 1e-9 for name, share in shares.items())
-    assert [h.rank for h in halvings(curves, default)] == [1, 1, 2, 2, 3, 3, 3, 3, 3]
-    assert [h.knob for h in halvings(curves, default)][:4] == ["depth", "tolerance", "samples, sobol", "within"]
+    order = [h.knob for h in halvings(curves, default)]
+    assert set(order[:2]) == {"depth", "tolerance"} and set(order[2:4]) == {"samples, sobol", "within"}
     assert halvings(curves, point(2.0, 0.0)) == ()
 
 
-@pytest.mark.parametrize(("share", "value"), [(0.0, 32), (0.1, 48), (0.15, 68), (0.2, None), (0.3, None)])
-def test_beyond_the_last_light_samples_error_falls_to_what_they_leave(share: float, value: int | None) -> None:
-    """error^2 = a + b / n, of which a is this share of the default's square: half of the error is a quarter of it, and
-    is reached at n = b / (1/4 - a) where that is within a decade. Samples of pixels take all noise away, whatever the
-    last of them did, so that of them the power law holds: here that of the last two points."""
-    error = lambda n: 0.4 * sqrt(share + (1 - share) * 8 / n)  # noqa: E731 - a name for a row
-    rows = [(0.1 * n, error(n), n) for n in (2, 4, 8)]
-    default = point(0.8, 0.4, {"light samples": 8}, 8, "light samples")
-    (found,) = halvings([curve("light samples", "sampling", *rows, width=0.001)], default)
-    (samples,) = halvings([curve("samples, sobol", "sampling", *rows, width=0.001)], default)
-    assert found.value == value and found.beyond == (value is not None)
-    if value:
-        exact = 8 * (1 - share) / (0.25 - share)
-        assert value == int(np.ceil(round(exact, 6))) and abs(found.factor.middle / (exact / 8) - 1) < 1e-9
-    else:
-        # 0.2: it would be at 128, more than a decade further.
-        assert isinf(found.factor.middle) and isinf(found.factor.low)
-    slope = log(error(4) / error(8)) / log(2)
-    power = 8 * 2 ** (1 / slope)
-    assert samples.value == (int(np.ceil(round(power, 6))) if power <= 80 else None)
-
-
-def test_a_tolerance_ends_at_0() -> None:
-    """There is no smaller one, however steeply the error falls before."""
-    rows = ((4.0, 0.21, 0.0), (3.0, 0.3, 1e-9), (2.0, 0.4, 1e-3))
-    (found,) = halvings([curve("roots", "bias", *rows)], point(2.0, 0.4, value=1e-3))
-    assert isinf(found.factor.middle) and found.value is None
-
-
-def test_in_a_rank_what_gets_there_comes_first() -> None:
-    """And of both kinds the order is that of the alphabet."""
-    never = Band(inf, 1.9, inf)
-    found = [Halving(name, never, 0.6, None, 0) for name in "ca"]
-    found += [Halving(name, Band(x, 1.8, 3.0), 0.3, 9, 0) for name, x in (("d", 2.0), ("b", 2.1))]
-    assert [(h.knob, h.rank) for h in ranked(found)] == [("b", 1), ("d", 1), ("a", 1), ("c", 1)]
-
-
-@pytest.mark.slow
-def test_what_is_reached_does_not_depend_on_how_fast_the_machine_was() -> None:
-    """Of a knob that levels off, as rays of an effect do beside other noise (heart), and of samples, which do not: with
-    seconds that differ by 5 % from study to study the one is never reached, the other always."""
-    rng, found = np.random.default_rng(5), []
-    for _ in range(200):
-        s = np.exp(0.05 * rng.normal(size=4)) * [0.0398, 0.0450, 0.0560, 0.0768]
-        rows = [(x, e, n) for x, e, n in zip(s, (0.01616, 0.01207, 0.00986, 0.00865), (1, 2, 4, 8))]
-        rays = curve("rays", "sampling", *rows, width=0.03)
-        samples = curve("samples", "sampling", *((x, 0.02 / n**0.5, n) for x, n in zip(s, (1, 2, 4, 8))), width=0.03)
-        default = point(s[2], 0.00986, value=4)
-        found.append({h.knob: np.isfinite(h.factor.middle) for h in halvings([rays, samples], default)})
-    assert all(f == {"rays": False, "samples": True} for f in found)
-
-
-def test_bands_of_halvings_hold_the_truth() -> None:
+def test_bands_of_prices_hold_the_truth() -> None:
     """Points of a power law, each off by what its band says: half of the error takes 4 times the seconds."""
     rng, n, width, held = np.random.default_rng(8), 100, 0.05, 0
     for _ in range(n):
         off = np.exp(np.log(1 + width) / 1.96 * rng.standard_normal((4, 2)))
         rows = [(4.0**i * off[i, 0], 0.8 * 2.0**-i * off[i, 1], 4**i) for i in range(4)]
         c = curve("knob", "sampling", *rows, width=width)
-        factor = halvings([c], c.points[1])[0].factor
+        factor = price(c, c.points[1], 0.5).factor
         held += factor.low <= 4 <= factor.high
     assert held >= fewest(n, 0.9)
 
 
-def test_ranks_do_not_change_by_noise_within_the_bands() -> None:
-    rng, kept = np.random.default_rng(9), set()
-    true = {"c": 2.0, "a": 2.02, "b": 1.98, "e": 6.0, "d": 6.1, "never": inf, "nor": inf}
-    for _ in range(200):
-        found = []
-        for name in rng.permutation(list(true)):
-            middle = true[name] * (1 + 0.02 * rng.uniform(-1, 1))
-            found.append(Halving(str(name), Band(middle, middle * 0.9, middle * 1.1), 1.0, None, 0))
-        kept.add(tuple((h.knob, h.rank) for h in ranked(found)))
-    assert kept == {(("a", 1), ("b", 1), ("c", 1), ("d", 2), ("e", 2), ("never", 3), ("nor", 3))}
+OWN = {"settings.sampler": "stratified", "settings.spp": 16}
 
 
-def test_steps_say_what_a_choice_changes() -> None:
-    default = point(2.0, 0.4, {"precision": "single"}, "single")
-    rows = (default, point(2.6, 0.4, {"precision": "double"}, "double"), point(2.0, 0.2, {"precision": "x"}, "x"))
-    same, other = steps([Curve("precision", "step", rows), curve("n", "sampling", (1.0, 0.1, 1))], default)
-    assert (same.value, same.changes, other.value, other.changes) == ("double", False, "x", True)
-    assert abs(same.seconds.middle - 1.3) < 1e-12 and same.seconds.low > 1.25 and same.seconds.high < 1.35
-    assert abs(other.error.middle - 0.5) < 1e-12
-    exact, off = point(2.0, 0.0, {"n": 1}), point(2.0, 0.1, {"n": 2})
-    for default, ratio, changes in ((exact, inf, True), (replace(exact, settings={}), 1, False)):
-        (step,) = steps([Curve("n", "step", (off if changes else exact,))], default)
-        assert (step.error.middle, step.changes) == (ratio, changes)
+def samples(sampler: str, time: float, k: float, width: float = 0.01) -> Curve:
+    """Error n^-k of n samples; 16 stratified ones take 16 s and have an error of 1/4."""
+    points = tuple(
+        point(time * n, n**-k, {"settings.sampler": sampler, "settings.spp": n}, n, f"samples, {sampler}", 0, width)
+        for n in (1, 4, 16, 64)
+    )
+    squares = [np.full(SEEDS, p.error.rmse.middle**2) for p in points]
+    return Curve(f"samples, {sampler}", "sampling", points, *[slope([1, 4, 16, 64], squares)] * 2)
 
 
-# The model
+def test_savings_are_what_is_surely_faster_at_the_same_error() -> None:
+    own = samples("stratified", 1.0, 0.5)
+    default = own.points[2]
+    (best,) = savings([own, samples("sobol", 1.2, 0.75)], default)
+    # n^-3/4 = 1/4 at n = 16^(2/3).
+    assert best.knob == "samples, sobol" and abs(best.factor.middle - 1.2 * 16 ** (2 / 3) / 16) < 1e-9
+    assert best.value == 7
+    # Not where the bands are wide, and not by knobs that change more than the error shows.
+    assert savings([own, samples("sobol", 1.2, 0.75, width=2.0)], default) == ()
+    faster = point(8.0, 0.25, OWN | {"x": 1}, 1, "depth")
+    assert [p.factor.middle for p in savings([Curve("depth", "bias", (faster,))], default)] == [pytest.approx(0.5)]
+    for worse in (point(8.0, 0.27, OWN | {"x": 1}, 1), point(15.9, 0.25, OWN | {"x": 1}, 1)):
+        assert savings([Curve("depth", "bias", (worse,))], default) == ()
+    assert savings([Curve("accelerator", "step", (faster,))], default) == ()
 
 
-def test_least_squares_without_negative_numbers_are_the_best() -> None:
-    """By the conditions of Karush, Kuhn and Tucker, which hold at the minimum alone."""
-    rng = np.random.default_rng(10)
-    for _ in range(200):
-        m, n = int(rng.integers(3, 12)), int(rng.integers(1, 6))
-        rows, right = rng.standard_normal((m, n)), rng.standard_normal(m)
-        x = nonnegative(rows, right)
-        gradient = rows.T @ (right - rows @ x)
-        assert (x >= 0).all() and (gradient < 1e-9).all() and np.abs(gradient[x > 0]).max(initial=0) < 1e-9
+def test_the_best_values_together() -> None:
+    own = samples("stratified", 1.0, 0.5)
+    default = replace(own.points[2], settings=OWN | {"light": 8, "depth": 4})
 
+    def turned(name: str, kind: str, *rows: tuple[float, float, dict]) -> Curve:
+        return Curve(name, kind, tuple(point(t, e, default.settings | s, 0, name) for t, e, s in rows))
 
-def test_laws_and_grids() -> None:
-    n = np.array([1.0, 4, 16, 64])
-    law = PowerLaw.of(n, 0.3 + 2.0 * n**-1.5, 4.0)
-    assert abs(law.floor - 0.3) < 1e-9 and law.p == 1.5 and abs(law.u - 2 * 4**-1.5) < 1e-9
-    assert grid([1, 4, 16]) == [1, 4, 9, 16, 36, 64] and grid([3, 6, 12]) == [3, 6, 12, 24, 48]
-    assert grid([2, 16]) == [2, 4, 8, 16, 32, 64] and grid([9]) == [9, 16, 36]
-
-
-DEFAULT = {
-    "settings.spp": 16, "settings.sampler": "stratified", "lights.a.samples": 4, "lights.b.samples": 16,
-    "settings.occlusion.sky": 4, "settings.depth": 4, "settings.precision": "single", "left.alone": "x",
-}  # fmt: skip
-
-
-def true_seconds(s: dict) -> float:
-    each = 1.0 + 0.05 * (s["lights.a.samples"] + s["lights.b.samples"]) + 0.2 * s["settings.occlusion.sky"]
-    ways = {1: 0.5, 2: 0.7, 4: 1.0, 8: 1.1}[s["settings.depth"]] * (1.3 if s["settings.precision"] == "double" else 1)
-    return 0.5 + s["settings.spp"] * each * ways * (1.2 if s["settings.sampler"] == "sobol" else 1)
-
-
-def true_error(s: dict) -> float:
-    spp, light = s["settings.spp"], (s["lights.a.samples"] + s["lights.b.samples"]) / 20
-    edges = {"stratified": 40 * spp**-1.5, "sobol": 30 * spp**-1.6, "independent": 20 / spp}[s["settings.sampler"]]
-    parts = (8 * light**-1.5 + 6 * (s["settings.occlusion.sky"] / 4) ** -1.0) / spp
-    return 0.01 * sqrt(edges + parts + 4.0 ** (2 - s["settings.depth"]))
-
-
-def turned(name: str, kind: str, *values: dict) -> Curve:
-    points = []
-    for i, value in enumerate(values):
-        s = DEFAULT | value
-        bias = 0.01 * 2.0 ** (2 - s["settings.depth"])
-        points.append(point(true_seconds(s), true_error(s), s, i, name, bias))
-    return Curve(name, kind, tuple(points))
-
-
-CURVES = (
-    *(
-        turned(f"samples, {k}", "sampling", *({"settings.sampler": k, "settings.spp": 4**i} for i in range(5)))
-        for k in ("stratified", "sobol", "independent")
-    ),
-    turned("light samples", "sampling", *({"lights.a.samples": n, "lights.b.samples": 4 * n} for n in (1, 4, 16))),
-    turned("sky rays", "sampling", *({"settings.occlusion.sky": n} for n in (1, 4, 16, 64))),
-    turned("depth", "bias", *({"settings.depth": n} for n in (1, 2, 4, 8))),
-    turned("precision", "step", {"settings.precision": "single"}, {"settings.precision": "double"}),
-    turned("accelerator", "step", {}, {}),
-)
-MODEL = Model.of(point(true_seconds(DEFAULT), true_error(DEFAULT), DEFAULT, bias=0.01 * 2.0**-2), CURVES)
-
-
-def everything() -> list[dict]:
-    """All candidates."""
-    return [{k: v for part in parts for k, v in part.items()} for parts in product(*MODEL.candidates())]
-
-
-def test_a_model_knows_its_points_and_predicts_others() -> None:
-    for p in (p for c in CURVES for p in c.points):
-        assert abs(MODEL.seconds(p.settings) / p.seconds.middle - 1) < 1e-6
-        # The noise of a sampler is exact; a power is one of a grid.
-        assert abs(MODEL.error(p.settings) / p.error.rmse.middle - 1) < 1e-6
-    every = everything()
-    # Squares: 5 measured ones of each sampler, 3 between (none between 1 and 4) and 2 beyond; 3 + 2 + 2 and 4 + 2 + 2.
-    assert len(every) == 3 * 10 * 7 * 8 * 4 * 2
-    seconds, error = (np.array([f(s) for s in every]) for f in (MODEL.seconds, MODEL.error))
-    full = [DEFAULT | s for s in every]
-    assert np.allclose(seconds, [true_seconds(s) for s in full], rtol=1e-6)
-    off = np.abs(np.log(error / [true_error(s) for s in full]))
-    # What is between and beyond the points: a sum of two powers is taken for one, and the samplers' parts for alike.
-    # Worst is the far corner, beyond all points at once.
-    assert np.median(off) < 1e-6 and np.quantile(off, 0.99) < 0.1 and off.max() < 0.5
-
-
-def test_what_a_model_chooses_is_the_best_of_all() -> None:
-    every = everything()
-    seconds, error = (np.array([f(s) for s in every]) for f in (MODEL.seconds, MODEL.error))
-    for target in np.geomspace(error.min() * 1.0001, error.max(), 25):
-        fastest, least = MODEL.fastest(target), seconds[error <= target].min()
-        assert MODEL.error(fastest) <= target * (1 + 1e-12) and abs(MODEL.seconds(fastest) / least - 1) < 1e-12
-    for budget in np.geomspace(seconds.min() * 1.0001, seconds.max(), 25):
-        best, least = MODEL.best(budget), error[seconds <= budget].min()
-        assert MODEL.seconds(best) <= budget * (1 + 1e-12) and abs(MODEL.error(best) / least - 1) < 1e-12
-    assert MODEL.fastest(error.min() * 0.999) is None and MODEL.best(seconds.min() * 0.999) is None
-
-
-def test_a_ladder_climbs_the_frontier() -> None:
-    ladder = MODEL.ladder(8)
-    seconds, error = [MODEL.seconds(s) for s in ladder], [MODEL.error(s) for s in ladder]
-    assert len(ladder) == 8 and seconds == sorted(seconds) and error == sorted(error, reverse=True)
-    assert all(s.keys() == DEFAULT.keys() and s["left.alone"] == "x" for s in ladder)
-    assert MODEL.best(seconds[3] * (1 + 1e-12)) == ladder[3]
-    # By equal factors: none is more than twice as far as the others on the mean.
-    gaps = np.diff(np.log(seconds))
-    assert gaps.max() < 2 * gaps.mean()
-    short = MODEL.ladder(8, longest=seconds[4])
-    assert len(short) == 8 and max(map(MODEL.seconds, short)) <= seconds[4] * (1 + 1e-12)
-
-
-def test_a_model_without_noise_or_curves() -> None:
-    default = point(1.0, 0.1, DEFAULT, bias=0.1, width=0.0)
-    quiet = [replace(default, settings=DEFAULT | {"settings.spp": n}, seconds=band(n / 16)) for n in (1, 4, 16)]
-    model = Model.of(default, (Curve("samples, stratified", "sampling", tuple(quiet)),))
-    assert model.ladder(4) == (DEFAULT | {"settings.spp": 1},) and abs(model.error({}) - 0.1) < 1e-12
-    assert Model.of(point(1.0, 0.1, DEFAULT), ()).ladder(3)[0]["lights.a.samples"] == 4
-    with pytest.raises(ValueError, match="not measured"):
-        MODEL.seconds({"settings.depth": 3})
+    # With a slope of 1/2, time x error^2 decides: 4 light samples take 0.6 x 1.21 of the time, 2 take 0.5 x 2.
+    light = turned("light samples", "sampling", (9.6, 0.275, {"light": 4}), (8.0, 0.25 * 2**0.5, {"light": 2}))
+    depth = turned("depth", "bias", (8.0, 0.25, {"depth": 3}), (4.0, 0.3, {"depth": 1}))
+    curves = [own, samples("sobol", 1.2, 0.75), light, depth]
+    assert together(curves, default) == {"settings.sampler": "sobol", "light": 4, "depth": 3}
+    assert together([own], default) == {}

@@ -118,7 +118,6 @@ def outside(path: Path) -> set[str]:
         ("cyclopts", ("cli",)),
         ("OpenEXR", ("output.", "study.")),
         ("sympy", ("polynomials.",)),
-        ("matplotlib", ("study.cost.charts", "study.cost.drawing")),
         ("flip_evaluator", ("study.cost.errors",)),
     ],
 )

@@ -133,9 +133,9 @@ def cost(
     Ctrl-C keeps what is measured, once every setting has had a few pictures.
     """
     # The study takes a while to load, and few commands need it.
-    from visray.study.cost.studied import check_report
+    from visray.study.cost.report import table
+    from visray.study.cost.study import check_report
     from visray.study.cost.study import cost as study
-    from visray.study.cost.writing import table
 
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")

@@ -1,1 +1,22 @@
-"""What accuracy costs in time: every knob of a scene measured, their frontier, and the choice of knobs for a target."""
+"""The cost of accuracy: error and time of every knob of a scene, and the choice of knobs for a target.
+
+Records (records.py) are plain data. A study makes one `Record` for each choice of the knobs, a `Curve` of records for
+each knob, a `Price` for what an error costs with a knob, and a `Report` with all of them.
+
+    knobs.py       knobs of a scene, and their values
+    measuring.py   pictures of many seeds for each choice, in turns, and kernel seconds
+    truth.py       the reference, and errors that samples do not reduce
+    errors.py      error, bias and noise with intervals (jackknife over seeds), MRSE, FLIP
+    slopes.py      slopes of errors with intervals
+    hits.py        first hits and self-shadows against the reference
+    comparing.py   frontier, prices, savings, and the best values of all knobs together
+    study.py       the study: `vr.cost`
+    report.py      advice, JSON, CSV and the table of a report; how numbers are written
+    charts.py      figures as SVG and PNG
+    page.py        the HTML page
+    tuned.py       records of `tune`
+    tuning.py      the choice of knobs for an error or a time: `vr.tune`
+
+There is no model of all knobs together. Choices come from measured curves; what several knobs do together is measured
+again (`Report.joint`); samples per pixel come from renders at the scene's own size.
+"""

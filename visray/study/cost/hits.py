@@ -1,4 +1,4 @@
-"""What a choice of knobs does to geometry: first hits, and what hides the points that are seen."""
+"""Geometry of a choice of knobs: first hits and self-shadows, compared with those of the reference."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,10 +19,13 @@ from visray.study.mitsuba.visray_scene import to_numpy
 
 @dataclass(frozen=True)
 class View:
-    """What rays from the camera hit first, as shaded and on the host.
+    """First hits of rays from the camera.
 
-    index: of the object among `names`, -1 for none; t: distance, inf for none; n: outward unit normal.
-    Shapes: (N), (N), (N, 3).
+    kernel, at: the scene, and the interactions as shaded
+    names: names of the objects, in the order of rows
+    index: index of the object in `names`, -1 for none, shape (N)
+    t: distance, inf for none, shape (N)
+    n: outward unit normal, shape (N, 3)
     """
 
     kernel: KernelScene
@@ -34,28 +37,32 @@ class View:
 
 
 def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
-    """First hits along the rays through the truth's pixel centres in double, and whether what is seen is hidden.
+    """Compares first hits along rays through pixel centres, in double, and the occlusion of rays that leave them.
 
-    Both are the same scene with other knobs; objects are told by their names, as knobs may change their order. From
-    where both see the same object, a random ray is sent over the hemisphere above it (cosine distributed about the
-    truth's normal, on the viewer's side): the same direction from either's own point, as the integrator lets it leave.
-    Those that run below the surface as one of them sees it are left out: neither would have drawn them.
+    Both are the same scene with other knobs; objects are identified by name, because knobs may change their order.
+    Where both hit the same object, a random ray leaves it over the hemisphere on the viewer's side (cosine distributed
+    about the reference's normal): the same direction from the hit point of each, as in the integrator. Rays that run
+    below the surface of one of them are left out: the integrator does not trace them.
     """
     a = truth.a
     ray = integrator.camera_ray(truth.kernel, a.F(truth.x) + 0.5, a.F(truth.y) + 0.5).exact()
-    right, found = _view(truth, ray), _view(prepared, ray)
+    right, other = _view(truth, ray), _view(prepared, ray)
     place = {name: i for i, name in enumerate(right.names)}
-    index = np.array([place[name] for name in found.names] + [-1])[found.index]
+    index = np.array([place[name] for name in other.names] + [-1])[other.index]
     same = (index == right.index) & (index >= 0)
     t, n = right.t[same], right.n[same]
-    steps, angles = np.abs(found.t[same] - t) / np.spacing(t), _angles(found.n[same], n)
+    steps, angles = np.abs(other.t[same] - t) / np.spacing(t), _angles(other.n[same], n)
 
     u, v = np.random.default_rng(seed).uniform(size=(2, len(same)))
     normal = dr.select(right.si.hit.valid, a.W(right.si.n), a.W(0, 0, 1))
     d = unit(warp.cosine(normal, a.D(u), a.D(v)), a.W)
+<<<<<<< HEAD
     active = a.B(same) & (dr.dot(a.W(right.si.n), d) > 0) & (dr.dot(a.W(found.si.n), d) > 0)
+=======
+    active = a.B(same) & (dr.dot(a.W(right.at.n), d) > 0) & (dr.dot(a.W(other.at.n), d) > 0)
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     dr.eval(d, active)
-    hidden, open_ = _hidden(found, d, active), ~_hidden(right, d, active)
+    hidden, visible = _hidden(other, d, active), ~_hidden(right, d, active)
     return Geometry(
         rays=len(same),
         lost=int(((right.index >= 0) & (index < 0)).sum()),
@@ -64,13 +71,14 @@ def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
         ulps=float(steps.max(initial=0)),
         angle=float(angles.max(initial=0)),
         leaving=int(np.array(active).sum()),
-        self_shadows=int((hidden & open_).sum()),
+        self_shadows=int((hidden & visible).sum()),
     )
 
 
 def _view(prepared: Prepared, ray: Ray) -> View:
-    """What the rays from the camera hit first."""
+    """First hits of rays from the camera."""
     s = prepared.kernel
+<<<<<<< HEAD
     here = interact(s, ray, closest(s.origin, ray, s.brute_force))
     dr.eval(here.hit, here.surface, here.n, here.from_inside)
     index = np.array(here.hit.row).astype(np.int64)
@@ -79,18 +87,35 @@ def _view(prepared: Prepared, ray: Ray) -> View:
     # One normal may be that of all rays.
     n = np.broadcast_to(to_numpy(here.surface.n), (len(index), 3))
     return View(s, here, names, index, np.array(here.hit.t), n)
+=======
+    at = interact(s, ray, closest(s.origin, ray, s.brute_force))
+    dr.eval(at.hit, at.surface, at.n, at.within)
+    index = np.array(at.hit.row).astype(np.int64)
+    index[index == NO_ROW] = -1
+    names = tuple(name for batch in s.batches for name in batch.names)
+    # All rays may share one normal.
+    n = np.broadcast_to(rows(at.surface.n), (len(index), 3))
+    return View(s, at, names, index, np.array(at.hit.t), n)
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
 
 def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
-    """Between vectors, from 0 to pi radians: by sine and cosine, as either alone loses small or large ones. Shapes:
-    (N, 3) to (N)."""
+    """Angles between vectors, 0 to pi radians, from sine and cosine: each alone is inaccurate somewhere. Shapes: (N, 3)
+    to (N)."""
     return np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), (n * m).sum(1))
 
 
 def _hidden(view: View, d: Any, active: Any) -> np.ndarray:
+<<<<<<< HEAD
     """Whether rays from what is seen meet anything, of those that are active."""
     s, here = view.kernel, view.si
     origin = RayOrigin(s.geometry, here.surface.p, shared=False)
     ray = here.spawn_ray(d, dr.dot(s.a.W(here.n), d))
+=======
+    """Whether active rays that leave the first hits are occluded."""
+    s, at = view.kernel, view.at
+    origin = RayOrigin(s.geometry, at.surface.p, shared=False)
+    ray = at.leaving(d, dr.dot(s.a.W(at.n), d))
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     far = Target(dr.full(s.a.D, dr.inf, dr.width(d)), s.a.D(0))
     return np.array(occluded(origin, ray, far, active, s.brute_force))

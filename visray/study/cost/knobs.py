@@ -1,7 +1,7 @@
-"""A scene's own knobs: the settings that trade accuracy for time, of the effects that the scene calls for.
+"""Knobs of a scene: the settings that trade accuracy for time, for the effects that the scene uses.
 
-What a scene is, is no knob: settings.scatter.depth and occlusion.distance say which light there is, not how well it is
-computed.
+Settings that define the light are no knobs: settings.scatter.depth and occlusion.distance say which light there is, not
+how accurately it is computed.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,22 +21,28 @@ Kind = Literal["sampling", "bias", "step"]
 SAMPLERS = ("stratified", "sobol", "independent")
 SPP, SAMPLER = "settings.spp", "settings.sampler"
 DEPTH, PRECISION = "settings.depth", "settings.precision"
-# Powers of 4: with a slope of 1/2, each halves the error. The scene's own samples times MORE too, so that what half its
-# error costs is measured, but of independent samples only where they are its own: they need too many. (quick, full)
+SKY, NEAR, SCATTER = "settings.occlusion.sky", "settings.occlusion.near", "settings.scatter.rays"
+# Powers of 4: with a slope of 1/2 each step halves the error. MORE times the scene's samples are added, so that the
+# price of half the error is measured; for independent samples only where the scene uses them. (quick, full)
 SAMPLES, MORE = ((1, 4, 16, 64), (1, 4, 16, 64, 256)), 4
-# So many times the scene's own number of rays. (quick, full)
+# Numbers of rays, as multiples of the scene's. (quick, full)
 FACTORS = (1 / 4, 1 / 2, 1, 2, 4), (1 / 4, 1 / 2, 1, 2, 4, 16)
 TOLERANCES = (0.0, 1e-9, 1e-3), (0.0, 1e-12, 1e-9, 1e-6, 1e-3)
-# The most that a scene may ask for, by the types of its fields.
+# The largest values that the fields of a scene allow.
 MOST_SAMPLES, MOST_RAYS = 2**22, 2**16
-# What these knobs do is shown, but nobody should save there: neither points of several knobs nor a tuner turn them.
+# These knobs are measured, but never recommended or tuned: they change more than the error shows.
 KEPT = ("roots", "accelerator", "texture filter")
+TOGETHER = "together"  # the name of the best values of all knobs at once
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One position of a knob. settings: by address, as vr.replaced takes them, all that the knob turns. own: it is the
-    scene as it is."""
+    """One value of a knob.
+
+    knob, value: its name and value
+    settings: all settings that the knob turns, by address
+    own: whether it is the scene's own value
+    """
 
     knob: str
     value: Any
@@ -44,14 +50,19 @@ class Choice:
     own: bool = False
 
     def of(self, scene: Scene) -> Scene:
-        """The scene with the knob in this position."""
+        """The scene with this choice."""
         return scene if self.own else changed(scene, self.settings)
 
 
 @dataclass(frozen=True)
 class Knob:
-    """What can be turned; its positions in the order of value, few for a quick study or all. One of them is the scene's
-    own, but for samplers that the scene does not use."""
+    """A setting, or a few settings, that are turned together.
+
+    name: its name
+    kind: "sampling", "bias" or "step", as in Curve
+    few, all: choices of the quick and of the full study, in the order of value; the scene's own is among them, except
+        for a sampler that the scene does not use
+    """
 
     name: str
     kind: Kind
@@ -62,54 +73,64 @@ class Knob:
         return self.few if quick else self.all
 
 
+def is_samples(knob: str) -> bool:
+    """Whether the knob is the samples per pixel: of a sampler, or with the best values of all knobs together."""
+    return knob.startswith("samples, ") or knob == TOGETHER
+
+
 def knobs(scene: Scene) -> tuple[Knob, ...]:
-    """The knobs that the scene has; the samplers first."""
+    """Knobs of a scene; the samplers first."""
     on, settings = explain(scene), scene.settings
-    found = [_samples(scene, sampler) for sampler in SAMPLERS]
+    turned = [_samples(scene, sampler) for sampler in SAMPLERS]
     if on["area lights"] and scene.objects:
-        found.append(_light_samples(scene))
+        turned.append(_light_samples(scene))
     for effect, name, address in (
-        ("sky occlusion", "sky rays", "settings.occlusion.sky"),
-        ("near occlusion", "near rays", "settings.occlusion.near"),
-        ("scatter", "scatter rays", "settings.scatter.rays"),
+        ("sky occlusion", "sky rays", SKY),
+        ("near occlusion", "near rays", NEAR),
+        ("scatter", "scatter rays", SCATTER),
     ):
         if on[effect]:
-            found.append(_rays(scene, name, address))
+            turned.append(_rays(scene, name, address))
     if on["reflection"] or on["refraction"]:
-        found.append(_depth(settings.depth))
-    found.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
+        turned.append(_depth(settings.depth))
+    turned.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
     if curved := [f"objects.{n}.tolerance" for n, o in scene.objects.items() if _searched(o)]:
-        found.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
+        turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.objects:
-        found.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ("auto", "none", "tree")))
+        turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ("auto", "none", "tree")))
     if on["textures"] and (images := _images(scene)):
-        found.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
-    return tuple(found)
+        turned.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
+    return tuple(turned)
 
 
 def default(scene: Scene, turned: Iterable[Knob]) -> Choice:
-    """The scene as it is, with all that the knobs turn."""
+    """The scene as it is, with the values of all settings that the knobs turn."""
     addresses = dict.fromkeys(a for k in turned for c in k.all for a in c.settings)
-    return Choice("default", "as it is", {a: value(scene, a) for a in addresses}, own=True)
+    return Choice("scene", "as it is", {a: value(scene, a) for a in addresses}, own=True)
 
 
 def _samples(scene: Scene, sampler: str) -> Knob:
-    """Samples per pixel of a sampler."""
+    """Samples per pixel with a sampler."""
     own, name = scene.settings, f"samples, {sampler}"
 
     def choice(spp: int) -> Choice:
         same = (own.spp, own.sampler) == (spp, sampler)
         return Choice(name, spp, {SPP: spp, SAMPLER: sampler}, own=same)
 
-    there = {own.spp}
+    more = {own.spp}
     if sampler != "independent" or sampler == own.sampler:
-        there.add(min(MORE * own.spp, MOST_SAMPLES))
-    return _ladder(name, "sampling", choice, *(sorted({*counts, *there}) for counts in SAMPLES))
+        more.add(min(MORE * own.spp, MOST_SAMPLES))
+    return _ladder(name, "sampling", choice, *(sorted({*counts, *more}) for counts in SAMPLES))
 
 
 def _light_samples(scene: Scene) -> Knob:
+<<<<<<< HEAD
     """The samples of all area lights together."""
     own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.has_area}
+=======
+    """Light samples of all area lights together."""
+    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.wide}
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
     def choice(factor: float) -> Choice:
         settings = {address: _times(n, factor) for address, n in own.items()}
@@ -119,7 +140,7 @@ def _light_samples(scene: Scene) -> Knob:
 
 
 def _rays(scene: Scene, name: str, address: str) -> Knob:
-    """The rays of an effect."""
+    """Rays of an effect."""
     own = value(scene, address)
 
     def choice(factor: float) -> Choice:
@@ -130,7 +151,7 @@ def _rays(scene: Scene, name: str, address: str) -> Knob:
 
 
 def _depth(own: int) -> Knob:
-    """How many reflections and refractions are followed: up to twice as many as the scene says."""
+    """Path depth of reflections and refractions, up to twice the scene's."""
     powers = [2**k for k in range(own.bit_length()) if 2**k < own]
     few = sorted({*powers, own, min(2 * own, DEEPEST)})
     choice = lambda depth: Choice("depth", depth, {DEPTH: depth}, own=depth == own)  # noqa: E731 - a name for a row
@@ -138,8 +159,8 @@ def _depth(own: int) -> Knob:
 
 
 def _of_values(name: str, kind: Kind, scene: Scene, addresses: list[str], few: tuple, all: tuple = ()) -> Knob:
-    """A knob that puts the same value at all its addresses. Where the scene has several there, its own position is one
-    more: `as it is`."""
+    """A knob that sets all its addresses to the same value. Where the scene has several values there, they are a choice
+    named `as it is`."""
     own = {address: value(scene, address) for address in addresses}
 
     def choice(x: Any) -> Choice:
@@ -149,13 +170,13 @@ def _of_values(name: str, kind: Kind, scene: Scene, addresses: list[str], few: t
     mixed = len(set(own.values())) > 1
     ladders = [list(ladder) + ["as it is"] * mixed for ladder in (few, all or few)]
     if not mixed:
-        there = next(iter(own.values()))
-        ladders = [l if there in l else sorted([*l, there]) for l in ladders]
+        present = next(iter(own.values()))
+        ladders = [l if present in l else sorted([*l, present]) for l in ladders]
     return _ladder(name, kind, choice, *ladders)
 
 
 def _ladder(name: str, kind: Kind, choice: Callable[[Any], Choice], few: Iterable, all: Iterable) -> Knob:
-    """The knob with a choice for each of the numbers, those that come out alike only once."""
+    """A knob with a choice for each number; equal choices only once."""
     return Knob(name, kind, *(tuple({c.value: c for c in map(choice, xs)}.values()) for xs in (few, all)))
 
 
@@ -163,12 +184,18 @@ def _times(n: int, factor: float) -> int:
     return min(max(1, round(n * factor)), MOST_RAYS)
 
 
+<<<<<<< HEAD
 def _searched(thing: Any) -> bool:
     """Whether the crossings of an object are searched for up to a tolerance: those of degree 2 have a formula."""
     return isinstance(thing, Polynomial) and any(f.degree > 2 for f in thing.compiled().program.factors)
+=======
+def _searched(shape: Any) -> bool:
+    """Whether the crossings of an object are searched up to a tolerance; those of degree 2 have a formula."""
+    return isinstance(shape, Polynomial) and any(f.degree > 2 for f in shape.built().form.factors)
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
 
 def _images(scene: Scene) -> list[str]:
-    """The addresses of the filters of images that are seen."""
+    """Addresses of the filters of image textures in use."""
     used = {m.texture for m in used_materials(scene).values()}
     return [f"textures.{n}.filter" for n, t in scene.textures.items() if n in used and isinstance(t, ImageTexture)]

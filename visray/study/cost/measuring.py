@@ -1,12 +1,12 @@
-"""Pictures of many seeds, for each choice of the knobs, and how long their kernels run.
+"""Measurement of choices: pictures of many seeds, and the time of their kernels.
 
-A pass makes the pictures of several seeds side by side, so that tracing it in Python is paid for once. The seconds of a
-picture are those that the pass's kernels run, as Dr.Jit times them, over how many pictures it makes: without tracing,
-which each pass of a render does once, whatever its size. They are what repeats best.
+A pass makes the pictures of several seeds side by side, so tracing in Python is paid once. The seconds of a picture are
+the time of the kernels, as Dr.Jit reports it, over the number of pictures. They leave out tracing, which each pass of a
+render does once whatever its size, and repeat best.
 
-All choices are measured by turns: noise of the machine hits all of them alike, and Ctrl-C keeps the turns that are
-complete. Seeds, samples and rays are data, so that choices share kernels. Each kernel holds a number that none has held
-before (ablation.new_mark): so it is compiled in this study, once, whatever Dr.Jit has kept.
+All choices are measured in turns: noise of the machine affects all of them alike, and Ctrl-C keeps the complete turns.
+Seeds, samples and rays are data, so choices share kernels. Each kernel contains a number that no kernel had before
+(ablation.new_mark), so it is compiled exactly once in a study, whatever Dr.Jit has in its cache.
 """
 
 from collections.abc import Sequence
@@ -28,26 +28,32 @@ from visray.study import ablation
 from visray.study.cost.knobs import Choice
 from visray.study.cost.records import Band
 
-# Pixels of the longer side, quick and full, and of the smallest picture that is still one.
+# Pixels of the longer side: quick, full; and the least.
 LONGEST, SMALLEST = (96, 192), 32
-# Of 9 timings, the second and the last but one are as far apart as the sign test asks: one may be an accident.
+# Of 9 timings, the sign test takes the second and the last but one as an interval of 95 %.
 TURNS = 9
-# Pictures shrink by this factor of their sides, and only where they would take so many times what they may: so noise of
-# the clock seldom gives two studies of one scene pictures of two sizes.
+# Pictures shrink by this factor of their sides, and only where they would take BEYOND times the budget: noise of the
+# clock then seldom gives two studies of a scene two sizes.
 STEP, BEYOND = 3 / 4, 5 / 4
-# Samples per pixel of the pass that a kernel is compiled with: so few say how long many will take.
+# Samples per pixel of the pass that compiles a kernel and predicts its seconds.
 TRIAL = 4
-# Kernels that run shorter than this are over before other work on the machine gets its share, and look faster than they
-# are: so the same pictures are made several times side by side, in up to so many lanes.
+# Shorter kernels are over before other work on the machine gets its share, and look faster than they are. They make
+# the same pictures several times side by side, in at most so many lanes.
 BRIEFEST, MOST_LANES = 0.02, 2**18
-# The chance that a band of seconds misses the true median is at most this.
+# The chance that a band of seconds misses the true median.
 CHANCE = 0.05
 
 
 @dataclass
-class Taken:
-    """What is measured of a choice: kernel seconds of a picture, an entry a turn, and the pictures of all seeds, linear
-    light. Shapes: times (R), pictures (S, H, W, 3), single precision."""
+class Measurement:
+    """Measurements of a choice.
+
+    choice, prepared: the choice, and the scene prepared with it
+    compile_seconds, operations: those of its kernel
+    expected: predicted kernel seconds of a picture
+    times: measured kernel seconds of a picture, one a turn
+    parts: pictures of the seeds of each turn, linear light, single precision
+    """
 
     choice: Choice
     prepared: Prepared
@@ -59,23 +65,35 @@ class Taken:
 
     @property
     def pictures(self) -> np.ndarray:
+        """Pictures of all seeds. Shape: (S, H, W, 3)."""
         return np.concatenate(self.parts)
 
     @property
     def seconds(self) -> Band:
+        """Median of the times, with its interval."""
         return band(self.times)
 
 
 def band(values: Sequence[float]) -> Band:
+<<<<<<< HEAD
     """The median, and two of the values between which the true one lies, by the sign test; the first and the last
     where they are too few for that."""
     ordered, k = sorted(values), max(ablation.sign_test_trims(len(values), CHANCE), default=0)
+=======
+    """The median, with its interval by the sign test; from the least to the largest value where there are too few."""
+    ordered, k = sorted(values), max(ablation.inner(len(values), CHANCE), default=0)
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     return Band(median(values), ordered[k], ordered[-1 - k])
 
 
 def reduced(scene: Scene, longest: int) -> Scene:
+<<<<<<< HEAD
     """The scene with the longer side of its film at most so many pixels."""
     return adjusted(scene, size=ablation.reduced_size(scene.film.width, scene.film.height, longest))
+=======
+    """The scene with a smaller film, the longer side at most so many pixels."""
+    return adjusted(scene, size=ablation.reduced(scene.film.width, scene.film.height, longest))
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
 
 def blank(prepared: Prepared, pictures: int) -> Film:
@@ -86,8 +104,8 @@ def blank(prepared: Prepared, pictures: int) -> Film:
 def exposed(
     prepared: Prepared, film: Film, seeds: Sequence[int], done: int, count: int, mark: int
 ) -> tuple[Film, list[dict]]:
-    """The film of several pictures, a seed each, after one more pass of `count` samples; and what Dr.Jit says of the
-    kernels."""
+    """The film of several pictures, one for each seed, after one more pass of `count` samples, and Dr.Jit's records of
+    the kernels."""
     a, n, spp = prepared.a, len(prepared.order), prepared.scene.settings.spp
     x, y = (a.put(a.U, np.tile(np.array(v), len(seeds))) for v in (prepared.x, prepared.y))
     numbers = a.put(a.U, np.repeat(np.array(seeds, np.uint32), n))
@@ -103,19 +121,25 @@ def exposed(
 
 
 def developed(prepared: Prepared, film: Film, pictures: int, kind: type = np.float32) -> np.ndarray:
-    """The first pictures of a film, first row on top. Shape: (pictures, H, W, 3)."""
+    """The first pictures of a film, top row first. Shape: (pictures, H, W, 3)."""
     n = len(prepared.order)
     flat = np.array(film.mean)[:, : pictures * n].reshape(3, pictures, n)
-    shown = np.empty((pictures, n, 3), kind)
-    shown[:, prepared.order] = flat.transpose(1, 2, 0)
-    if not np.isfinite(shown).all():
+    pixels = np.empty((pictures, n, 3), kind)
+    pixels[:, prepared.order] = flat.transpose(1, 2, 0)
+    if not np.isfinite(pixels).all():
         raise UserError("a pixel is not a number: render the picture, which says where")
-    return shown.reshape(pictures, prepared.scene.film.height, prepared.scene.film.width, 3)
+    return pixels.reshape(pictures, prepared.scene.film.height, prepared.scene.film.width, 3)
 
 
 @dataclass
 class Studio:
-    """Where choices are measured: a scene, its seeds, and the kernels that are compiled so far, by their hash."""
+    """A scene whose choices are measured.
+
+    scene, seeds: the scene, and the seeds of its pictures
+    interrupts, progress: Ctrl-C, and whether progress is shown
+    mark: the number that its kernels contain
+    compiled: compile seconds of the kernels so far, by hash
+    """
 
     scene: Scene
     seeds: Sequence[int]
@@ -126,80 +150,89 @@ class Studio:
 
     @property
     def per_turn(self) -> int:
-        """How many pictures are made in one turn: of as many seeds, or one fewer and one of them again."""
+        """Pictures of one turn. Where a turn has one seed fewer, one of its seeds is repeated."""
         return -(-len(self.seeds) // TURNS)
 
-    def prepared(self, choices: Sequence[Choice]) -> list[Taken]:
-        """All choices, set up and compiled; after Ctrl-C fewer."""
-        found: list[Taken] = []
+    def prepared(self, choices: Sequence[Choice]) -> list[Measurement]:
+        """All choices, prepared and compiled; fewer after Ctrl-C."""
+        ready: list[Measurement] = []
         with Bar("compiling", len(choices), self.progress) as bar:
             if not self.compiled:
-                self._awake()
+                self._start_llvm()
             for choice in choices:
                 if self.interrupts.requested:
                     break
+<<<<<<< HEAD
                 found.append(self._prepared(choice))
                 bar.update(len(found))
         return found
+=======
+                ready.append(self._prepared(choice))
+                bar.at(len(ready))
+        return ready
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
-    def _prepared(self, choice: Choice) -> Taken:
+    def _prepared(self, choice: Choice) -> Measurement:
         prepared = prepare(choice.of(self.scene))
         spp, n = prepared.scene.settings.spp, self.per_turn
         count = min(TRIAL, spp)
         _, kernels = exposed(prepared, blank(prepared, n), self.seeds[:n], 0, count, self.mark)
         k = max(kernels, key=lambda k: k["operation_count"])
-        # A kernel that is there already took as long as it did then.
+        # A kernel that exists already was compiled for an earlier choice.
         seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
+<<<<<<< HEAD
         return Taken(choice, prepared, seconds, k["operation_count"], clock.kernel_seconds(kernels) / n * spp / count)
+=======
+        return Measurement(choice, prepared, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
-    def _awake(self) -> None:
-        """Compiles something small: what LLVM takes to start is no kernel's."""
+    def _start_llvm(self) -> None:
+        """Compiles something small, so that the time to start LLVM counts for no kernel."""
         a = arrays("llvm", "single")
         dr.eval(dr.opaque(a.U, 1, 16) + a.U(self.mark))
 
-    def fitting(self, taken: list[Taken], budget: float) -> tuple["Studio", list[Taken]]:
-        """This one, or where its pictures would take far longer than `budget` seconds, one with smaller ones; and the
-        choices for it."""
-        needed = sum(t.expected for t in taken) * self.per_turn * TURNS
+    def fitting(self, choices: list[Measurement], budget: float) -> tuple["Studio", list[Measurement]]:
+        """This studio and its choices; with smaller pictures where they would take far more than `budget` seconds."""
+        needed = sum(t.expected for t in choices) * self.per_turn * TURNS
         film, steps = self.scene.film, 0
         while needed * STEP ** (2 * steps) > BEYOND * budget:
             steps += 1
         longest = max(film.width, film.height)
         smaller = max(SMALLEST, round(longest * STEP**steps))
         if smaller >= longest:
-            return self, taken
+            return self, choices
         studio = replace(self, scene=reduced(self.scene, smaller))
-        return studio, [studio.again(t) for t in taken]
+        return studio, [studio.again(t) for t in choices]
 
-    def again(self, taken: Taken) -> Taken:
-        """A choice that is compiled, for pictures of this studio's size."""
-        prepared = prepare(taken.choice.of(self.scene))
-        share = len(prepared.order) / len(taken.prepared.order)
-        return replace(taken, prepared=prepared, expected=taken.expected * share)
+    def again(self, choice: Measurement) -> Measurement:
+        """A compiled choice, for pictures of this studio's size."""
+        prepared = prepare(choice.choice.of(self.scene))
+        share = len(prepared.order) / len(choice.prepared.order)
+        return replace(choice, prepared=prepared, expected=choice.expected * share)
 
-    def measure(self, taken: list[Taken]) -> int:
-        """Measures all by turns; how many seeds there are then of each: after Ctrl-C those of the complete turns."""
+    def measure(self, choices: list[Measurement]) -> int:
+        """Measures all choices in turns. Returns the seeds of each: after Ctrl-C those of the complete turns."""
         finished, done = 0, 0
-        with Bar("measuring", TURNS * len(taken), self.progress) as bar:
+        with Bar("measuring", TURNS * len(choices), self.progress) as bar:
             for number, seeds in enumerate(np.array_split(self.seeds, TURNS)):
-                # Each turn in an order of its own, so that none always comes after the same one.
-                order, turn = np.random.default_rng(number).permutation(len(taken)), {}
+                # Each turn has its own order, so that no choice always follows the same one.
+                order, turn = np.random.default_rng(number).permutation(len(choices)), {}
                 for i in order:
                     if self.interrupts.requested:
                         return finished
-                    turn[i] = self._once(taken[i], seeds)
+                    turn[i] = self._once(choices[i], seeds)
                     done += 1
                     bar.update(done)
                 for i, (seconds, pictures) in turn.items():
-                    taken[i].times.append(seconds)
-                    taken[i].parts.append(pictures)
+                    choices[i].times.append(seconds)
+                    choices[i].parts.append(pictures)
                 finished += len(seeds)
         return finished
 
-    def _once(self, taken: Taken, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
-        """Seconds of a picture, and the pictures."""
-        prepared, n = taken.prepared, self.per_turn
-        copies = max(1, min(round(BRIEFEST / (n * taken.expected)), MOST_LANES // (n * len(prepared.order))))
+    def _once(self, choice: Measurement, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
+        """Kernel seconds of one picture, and the pictures of these seeds."""
+        prepared, n = choice.prepared, self.per_turn
+        copies = max(1, min(round(BRIEFEST / (n * choice.expected)), MOST_LANES // (n * len(prepared.order))))
         many = np.resize(seeds, n * copies)
         film, kernels = exposed(prepared, blank(prepared, len(many)), many, 0, prepared.scene.settings.spp, self.mark)
         return clock.kernel_seconds(kernels) / len(many), developed(prepared, film, len(seeds))

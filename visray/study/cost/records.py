@@ -1,6 +1,6 @@
-"""What a study of costs finds, as plain records.
+"""Records of a study of costs.
 
-An error is relative everywhere: the root mean square over pixels and channels of the difference from the reference, in
+Errors are relative: the root of the mean square over pixels and channels of the difference from the reference, in
 linear light, divided by the mean luminance of the reference.
 """
 
@@ -9,10 +9,16 @@ from typing import Any
 
 import numpy as np
 
+Settings = dict[str, Any]  # values by address, as vr.replaced takes them
+
 
 @dataclass(frozen=True)
 class Band:
-    """A measured number, and between which two it lies with a chance of 95 %."""
+    """A measured number and its interval of 95 %.
+
+    middle: the estimate
+    low, high: the ends of the interval
+    """
 
     middle: float
     low: float
@@ -21,11 +27,16 @@ class Band:
 
 @dataclass(frozen=True)
 class Geometry:
-    """First hits and the rays that leave them, against those of the reference.
+    """First hits, and the rays that leave them, compared with those of the reference.
 
-    Of `rays` from the camera: lost, added (it hits, where nothing is), other (another object). ulps: the largest
-    difference of distances, in units in the last place of double; angle: the largest between normals, radians.
-    Of `leaving` rays from what is seen, over the hemisphere above it: self_shadows, blocked where the reference is not.
+    rays: rays from the camera
+    lost: rays that hit nothing, where the reference hits
+    added: rays that hit, where the reference hits nothing
+    other: rays that hit another object
+    ulps: largest difference of distances, in units in the last place of double
+    angle: largest angle between normals, radians
+    leaving: rays that leave the hits, over the hemisphere above them
+    self_shadows: leaving rays that are occluded where the reference's are not
     """
 
     rays: int
@@ -40,8 +51,14 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Error:
-    """How far pictures of many seeds are off: rmse^2 = bias^2 + deviation^2. mrse: mean of (x - r)^2 / (r + 0.01)^2;
-    flip: mean FLIP of the pictures as displayed (sRGB), 67 pixels per degree."""
+    """Error of the pictures of many seeds; rmse^2 = bias^2 + deviation^2.
+
+    rmse: root mean square error, relative
+    bias: the part that all seeds share
+    deviation: the part that differs from seed to seed, which is noise
+    mrse: mean of (x - r)^2 / (r + 0.01)^2
+    flip: mean FLIP of the pictures as displayed (sRGB), 67 pixels per degree
+    """
 
     rmse: Band
     bias: Band
@@ -51,18 +68,26 @@ class Error:
 
 
 @dataclass(frozen=True)
-class Point:
-    """What one choice of all knobs costs, and how far off its pictures are.
+class Record:
+    """One measured choice of all knobs.
 
-    knob: which one was turned for it, or "default", or "joint" where several were; value: to what. settings: by
-    address, as vr.replaced takes them. seconds: of one picture, compiled; times: of each. squares: of each seed, the
-    squared relative error. picture: of the first seed, linear; wrong: root mean square over seeds and channels.
-    Shapes: times (R), squares (S), picture (H, W, 3), wrong (H, W).
+    knob: name of the knob that was turned; "scene" for the scene as it is, "together" where several were turned
+    value: the knob's value
+    settings: values of all knobs, by address
+    seconds: kernel time of one picture, without compilation
+    compile_seconds: time that compilation took
+    operations: operations of the kernel, as Dr.Jit counts them
+    error: the error of its pictures
+    times: the measured seconds, shape (R)
+    squares: squared relative error of each seed, shape (S)
+    picture: picture of the first seed, linear, shape (H, W, 3)
+    error_map: root mean square error over seeds and channels, shape (H, W)
+    geometry: comparison of hits; None where the knob cannot change them
     """
 
     knob: str
     value: Any
-    settings: dict[str, Any]
+    settings: Settings
     seconds: Band
     compile_seconds: float
     operations: int
@@ -70,18 +95,22 @@ class Point:
     times: np.ndarray = field(repr=False)
     squares: np.ndarray = field(repr=False)
     picture: np.ndarray = field(repr=False)
-    wrong: np.ndarray = field(repr=False)
+    error_map: np.ndarray = field(repr=False)
     geometry: Geometry | None = None
 
-    def same_choice(self, other: "Point") -> bool:
-        """Whether both have all knobs alike: whichever of them was turned, and even where both were measured by
-        themselves."""
+    def same_choice(self, other: "Record") -> bool:
+        """Whether all knobs have the same values, even where both were measured separately."""
         return self.settings == other.settings
 
 
 @dataclass(frozen=True)
 class Slope:
-    """The exponent k of error ~ x^-k, with its interval of 95 %; over how many points."""
+    """The exponent k of error ~ x^-k.
+
+    k: the estimate
+    low, high: its interval of 95 %
+    points: number of points of the fit
+    """
 
     k: float
     low: float
@@ -91,41 +120,54 @@ class Slope:
 
 @dataclass(frozen=True)
 class Curve:
-    """One knob turned, all others as in the scene.
+    """Records of one knob, all others as in the scene.
 
-    kind: "sampling" (more of it is less noise), "bias" (more of it is less left out) or "step" (a choice). points: in
-    the order of value. by_time, by_count: slopes of the error over seconds and over the value; None where there are too
-    few points, or no noise.
+    knob: its name
+    kind: "sampling" (more of it is less noise), "bias" (more of it leaves less out) or "step" (a choice)
+    points: the records, in the order of value
+    by_time, by_count: slopes of the error over seconds and over the value; None for too few points or no noise
     """
 
     knob: str
     kind: str
-    points: tuple[Point, ...]
+    points: tuple[Record, ...]
     by_time: Slope | None = None
     by_count: Slope | None = None
 
 
 @dataclass(frozen=True)
-class Halving:
-    """What half of the default's error costs by one knob. factor: so many times the default's seconds, inf where the
-    error was not reached by what was measured, nor close beyond it; least: the least error measured with the knob, as a
-    share of the default's; value: of the knob at half of the error, None where factor is inf. rank: 1 is the cheapest;
-    knobs that measurement cannot tell apart share one. beyond: value is further than any that was measured."""
+class Price:
+    """Time that a share of the scene's error takes with one knob.
+
+    knob: its name
+    share: the error, as a share of the scene's
+    factor: the time, as a multiple of the scene's; inf where the error was not reached
+    least: least error measured with the knob, as a share of the scene's
+    value: the knob's value at that error; None where it was not reached
+    beyond: the value lies beyond the measured ones, by the measured slope
+    """
 
     knob: str
+    share: float
     factor: Band
     least: float
     value: Any
-    rank: int
     beyond: bool = False
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What counts as truth: its settings by address, its picture, its own standard error (relative, root mean square),
-    and the seconds it took. Shapes: picture (H, W, 3), variance of it (H, W, 3)."""
+    """The picture that counts as truth.
 
-    settings: dict[str, Any]
+    settings: its settings by address
+    error: its own standard error, relative root mean square
+    luminance: its mean luminance
+    seconds: time that it took
+    picture: its pixels, shape (H, W, 3)
+    variance: variance of the picture, shape (H, W, 3)
+    """
+
+    settings: Settings
     error: float
     luminance: float
     seconds: float
@@ -135,12 +177,25 @@ class Reference:
 
 @dataclass(frozen=True)
 class Report:
-    """What accuracy costs for a scene.
+    """The cost of accuracy for a scene.
 
-    default: the scene as it is. joint: points where several knobs were turned. frontier: no other point is both faster
-    and more accurate; in the order of seconds. floors: errors by name that more samples do not get below ("8-bit
-    output", "single precision", "depth 6"). noiseless: all seeds give the same picture. machine: date, processor,
-    threads, versions. notes: what a reader must know, a sentence each.
+    scene, scene_hash: name and hash of the scene
+    width, height: size of the pictures that were measured
+    seeds: number of pictures of each choice
+    quick: whether it is the quick study
+    default: record of the scene as it is
+    curves: one for each knob
+    joint: records where the best choices of several knobs are turned together
+    frontier: records of which no other is both faster and more accurate, in the order of seconds
+    savings: what the scene's own error costs with other settings, cheapest first; only where they surely save time
+    halvings: what half of the scene's error costs by each knob, cheapest first
+    floors: errors that more samples do not reduce, by name ("8-bit output", "single precision", "depth 6")
+    reference: the reference
+    noiseless: whether all seeds give the same picture
+    stopped: whether Ctrl-C ended the study
+    seconds: time that the study took
+    machine: date, processor, threads, versions
+    notes: what a reader must know, a sentence each
     """
 
     scene: str
@@ -149,11 +204,12 @@ class Report:
     height: int
     seeds: int
     quick: bool
-    default: Point
+    default: Record
     curves: tuple[Curve, ...]
-    joint: tuple[Point, ...]
-    frontier: tuple[Point, ...]
-    halvings: tuple[Halving, ...]
+    joint: tuple[Record, ...]
+    frontier: tuple[Record, ...]
+    savings: tuple[Price, ...]
+    halvings: tuple[Price, ...]
     floors: dict[str, float]
     reference: Reference
     noiseless: bool
@@ -161,3 +217,9 @@ class Report:
     seconds: float
     machine: dict[str, Any]
     notes: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """All records, the scene as it is first, each choice once."""
+        rest = [p for c in self.curves for p in c.points if not p.same_choice(self.default)]
+        return (self.default, *rest, *self.joint)

@@ -1,8 +1,8 @@
-"""How fast an error falls: the exponent of a power law through measured points.
+"""Slope of an error: the exponent of a power law through measured points.
 
-A line in logarithms by least squares, each point weighted by its variance. What the points lie off a line beyond their
-own noise counts as a scatter of the same size at each of them (DerSimonian, Laird 1986, here for a line): it takes part
-in the weights, and widens the interval by a t of n - 2 degrees of freedom, which the noise of the points does not need.
+The fit is a line in logarithms by weighted least squares. Points that lie further from the line than their own noise
+explains have an additional scatter, of the same size for all points (DerSimonian, Laird 1986, here for a line). The
+scatter is part of the weights, and widens the interval by Student's t of n - 2 degrees of freedom.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,17 @@ import numpy as np
 from visray.study.cost.errors import student
 from visray.study.cost.records import Slope
 
-FEWEST = 3  # points: a line through two is no test of it
-ROUNDS = 3  # the scatter of x counts times the slope, and the slope by weights that hold the scatter
+FEWEST = 3  # points: two always lie on a line
+ROUNDS = 3  # of fits: the weights depend on the slope
 
 
 def slope(x: Sequence[float], squares: Sequence[np.ndarray], spread: Sequence[float] | None = None) -> Slope | None:
-    """The k of error ~ x^-k, and between which two it lies with a chance of 95 %.
+    """The k of error ~ x^-k with its interval of 95 %. None for fewer than 3 points, a single x, or an error that may
+    be 0.
 
-    x: seconds or counts; squares: of each point its seeds' squared errors, independent of the other points'; spread:
-    standard deviation of log x. None for fewer than 3 points, one x, or where an error cannot be told from 0.
+    x: seconds or counts
+    squares: squared errors of the seeds of each point; the points are independent
+    spread: standard deviation of log x
     Shapes: x, spread (N), squares N times (S). Domain: x > 0, S >= 2.
     """
     if len(x) < FEWEST or len(set(x)) < 2:
@@ -35,7 +37,7 @@ def slope(x: Sequence[float], squares: Sequence[np.ndarray], spread: Sequence[fl
     own = (deviations / means / 2) ** 2
     across = np.zeros(len(x)) if spread is None else np.asarray(spread, np.float64) ** 2
     if not (own + across).all():
-        # Without noise each point counts the same, and all that they lie off the line is its own fault.
+        # Without noise all points have the same weight, and all distance from the line is scatter.
         equal = np.ones(len(x))
         k, lever = _line(position, height, equal)
         rest = _rest(position, height, equal, k)
@@ -44,32 +46,32 @@ def slope(x: Sequence[float], squares: Sequence[np.ndarray], spread: Sequence[fl
     k = 0.0
     for _ in range(ROUNDS):
         noise = own + k**2 * across
-        if not noise.all():  # before the slope is known, only that of x
+        if not noise.all():  # only x has noise, and the slope is not known yet
             noise = own + across
         scatter = _scatter(position, height, noise)
         k, lever = _line(position, height, 1 / (noise + scatter))
     parts = lever**2 * noise
-    # Satterthwaite's degrees of freedom of a sum of variances that are each known from a few seeds.
+    # Satterthwaite's degrees of freedom of a sum of variances, each estimated from a few seeds.
     dof = max(1, int(parts.sum() ** 2 / (parts**2 / dofs).sum()))
     half = hypot(student(dof) * sqrt(parts.sum()), student(len(x) - 2) * sqrt(scatter * (lever**2).sum()))
     return Slope(-k, -k - half, -k + half, len(x))
 
 
 def _line(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> tuple[float, np.ndarray]:
-    """The slope of the weighted line, and what it gains by a step of each y."""
+    """Slope of the weighted line, and its derivative by each y."""
     away = x - np.average(x, weights=weights)
     lever = weights * away / (weights * away**2).sum()
     return float((lever * y).sum()), lever
 
 
 def _rest(x: np.ndarray, y: np.ndarray, weights: np.ndarray, k: float) -> np.ndarray:
-    """What points lie off the line."""
+    """Distances of the points from the line."""
     rest = y - k * x
     return rest - np.average(rest, weights=weights)
 
 
 def _scatter(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> float:
-    """The variance that points have about their line beyond their own: that by which chi-square is as it should be."""
+    """Variance of points about their line beyond their own noise: with it chi-square has its expected value."""
     w = 1 / noise
     k, _ = _line(x, y, w)
     chi = (w * _rest(x, y, w, k) ** 2).sum()

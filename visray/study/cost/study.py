@@ -1,61 +1,107 @@
-"""What accuracy costs for a scene: all that is measured of it, together."""
+"""Study of a scene: measures the knobs, the reference, and the best choices together."""
 
+import json
+import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import log
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from visray import clock
 from visray.adaptive.dual_buffer import QUANTILE
 from visray.errors import UserError
+from visray.output.files import write_text
 from visray.progress import Interrupts
 from visray.render import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
+from visray.study.cost import comparing
 from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
 from visray.study.cost.errors import judged
-from visray.study.cost.floors import floors
-from visray.study.cost.frontier import frontier, halvings
 from visray.study.cost.hits import geometry
-from visray.study.cost.knobs import KEPT, Choice, Knob, default, knobs
-from visray.study.cost.measuring import LONGEST, Studio, Taken, reduced
-from visray.study.cost.model import Model
-from visray.study.cost.records import Curve, Point
+from visray.study.cost.knobs import (
+    KEPT,
+    MORE,
+    MOST_SAMPLES,
+    SAMPLER,
+    SAMPLES,
+    SPP,
+    TOGETHER,
+    Choice,
+    Knob,
+    default,
+    knobs,
+)
+from visray.study.cost.measuring import LONGEST, Measurement, Studio, reduced
+from visray.study.cost.page import display, page
+from visray.study.cost.records import Curve, Record, Report
+from visray.study.cost.report import STOPPED, as_csv, as_json, duration, percent
 from visray.study.cost.slopes import slope
-from visray.study.cost.standing import standing
-from visray.study.cost.studied import Study
-from visray.study.cost.truth import FINER, Truth, luminance, truth
-from visray.study.cost.wording import STOPPED
+from visray.study.cost.truth import Truth, floors, luminance, truth
 from visray.study.machine import machine
 
+SUFFIXES = (".html", ".json", ".csv")
 LEAST_SEEDS, MOST_SEEDS = 16, 4096
-# Quick and full: seconds that the kernels of all choices may run, those of the reference, and of the joint points.
+# Seconds for the kernels of all choices, for the reference, and for the joint records: quick, full.
 BUDGETS = (16.0, 30.0, 8.0), (120.0, 150.0, 50.0)
-# How many points of several knobs.
-JOINT = 4, 8
-# After Ctrl-C, what is measured is still to be judged: by a reference that is made in so many seconds.
+# Seconds for the reference after Ctrl-C.
 HURRIED = 2.0
-# Seeds of the reference lie so far from those that are measured.
+# Distance of the reference's seeds from those of the records.
 APART = 2**31
-# What these knobs turn may change what is hit; the others only how often it is looked.
-OF_HITS = ("default", "precision", "roots", "accelerator")
+# These knobs may change hits; all others only change how many rays there are.
+OF_HITS = ("scene", "precision", "roots", "accelerator")
 FIXED = {
-    "scatter": "settings.scatter.depth, {0.scatter.depth}, says which light there is: held fixed",
-    "near occlusion": "settings.occlusion.distance, {0.occlusion.distance:g}, says which light there is: held fixed",
+    "scatter": "settings.scatter.depth = {0.scatter.depth} defines the light, and is not a knob",
+    "near occlusion": "settings.occlusion.distance = {0.occlusion.distance:g} defines the light, and is not a knob",
 }
+
+
+@dataclass(frozen=True)
+class Study(Report):
+    """The cost of accuracy for a scene; it shows its figure in a notebook, and writes itself to a file."""
+
+    def __repr__(self) -> str:
+        error, seconds = percent(self.default.error.rmse.middle), duration(self.default.seconds.middle)
+        size = f"{self.width} x {self.height} pixels, {self.seeds} seeds"
+        return f"<Study of {self.scene}: {size}, error {error} in {seconds}{', stopped' if self.stopped else ''}>"
+
+    def as_json(self) -> dict[str, Any]:
+        """All numbers as json.dumps takes them, without pictures; null for an infinite number."""
+        return as_json(self)
+
+    def as_csv(self) -> str:
+        """A row for each record, with all settings."""
+        return as_csv(self)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes an .html page that opens offline, or a .json or .csv file."""
+        check_report(path)
+        suffix = Path(path).suffix.lower()
+        as_text = {".html": page, ".json": lambda r: json.dumps(as_json(r), indent=1) + "\n", ".csv": as_csv}
+        write_text(path, as_text[suffix](self))
+
+    def _repr_html_(self) -> str:
+        return display(self)
+
+
+def check_report(path: str | os.PathLike[str]) -> None:
+    """Returns if a report may have this name, else raises a UserError."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise UserError(f"{path}: the name says no format of a report; end it in {', '.join(SUFFIXES)}")
 
 
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
-    progress: bool = True, threads: int | None = None, whole: bool = True,
+    progress: bool = True, threads: int | None = None,
 ) -> Study:  # fmt: skip
-    """What accuracy costs for a scene, or a scene file, by its own knobs.
+    """Measures what accuracy costs for a scene, or a scene file: error and time of every knob.
 
-    quick: fewer positions of each knob, on smaller pictures. seeds: of each choice, from 16 to 4096. Ctrl-C keeps what
-    is measured, where that is enough for errors with a spread, and raises KeyboardInterrupt where not. whole: else
-    there are but the curves of the knobs, without FLIP, hits and points of several knobs: what `tune` needs.
+    quick: fewer values of each knob, on smaller pictures
+    seeds: pictures of each choice, from 16 to 4096
+    Ctrl-C keeps the complete turns, and raises KeyboardInterrupt where they are too few for an error with an interval.
     """
     begun = clock.now()
     name = str(scene) if isinstance(scene, (str, Path)) else "a scene given in Python"
@@ -65,29 +111,49 @@ def cost(
     if threads is not None:
         set_threads(threads)
     with Interrupts() as interrupts:
-        report = _studied(scene, quick, seeds, progress, interrupts, whole)
+        report = studied(scene, quick, seeds, progress, interrupts)
     return replace(report, scene=name, seconds=clock.now() - begun)
 
 
-def _studied(scene: Scene, quick: bool, count: int, progress: bool, interrupts: Interrupts, whole: bool) -> Study:
+def studied(
+    scene: Scene, quick: bool, count: int, progress: bool, interrupts: Interrupts, for_tuning: bool = False
+) -> Study:
+    """The study of a scene with `count` seeds. for_tuning: leaves out what `tune` does not need: FLIP, hits, and knobs
+    that it does not turn."""
     small = reduced(scene, LONGEST[not quick])
-    turned, budgets = knobs(small), BUDGETS[not quick]
+    turned, budgets = [k for k in knobs(small) if not (for_tuning and k.name in KEPT)], BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
     studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress)
+<<<<<<< HEAD
     others = [c for k in turned for c in k.choices(quick) if not c.own]
     studio, taken = _measured(studio, [own, *others], budgets[0])
     stopped, small = interrupts.requested, studio.scene
     zero = [address for k in turned if k.name == "roots" for address in k.all[0].settings]
+=======
+    choices = [own, *(c for k in turned for c in k.choices(quick) if not c.own)]
+    studio, measured = _measured(studio, choices, budgets[0])
+    stopped, small = interrupts.asked, studio.scene
+    # Tolerances become 0 in the reference, whether they are turned here or not.
+    zero = [address for k in knobs(small) if k.name == "roots" for address in k.all[0].settings]
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
-    true = truth(small, zero, min(map(_noise, taken)), seeds, seconds, studio.mark, interrupts, progress)
-    points = [_point(t, own, true, whole) for t in taken]
-    same = all((p == taken[0].parts[0][0]).all() for p in taken[0].parts)
+    true = truth(small, zero, min(map(_noise, measured)), seeds, seconds, studio.mark, interrupts, progress)
+    points = [_record(m, own, true, not for_tuning) for m in measured]
+    same = all((p == measured[0].parts[0][0]).all() for p in measured[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
+<<<<<<< HEAD
     joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
     every, ended = (*points, *joint), interrupts.requested
     # Without noise there is nothing that samples could halve.
     halved = [c for c in curves if not (same and c.kind == "sampling")]
+=======
+    joint = None if stopped or same else _joint(studio, points[0], curves, measured[0], true, quick)
+    every = (*curves, joint) if joint else curves
+    # Without noise there is nothing that samples could reduce.
+    priced = [c for c in every if not (same and c.kind == "sampling")]
+    records = (*points, *(joint.points if joint else ()))
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     return Study(
         scene="",
         scene_hash=scene.hash(),
@@ -97,34 +163,37 @@ def _studied(scene: Scene, quick: bool, count: int, progress: bool, interrupts: 
         quick=quick,
         default=points[0],
         curves=curves,
-        joint=joint,
-        frontier=frontier(every),
-        halvings=halvings(halved, points[0]),
-        floors=floors(taken, true.reference),
+        joint=joint.points if joint else (),
+        frontier=comparing.frontier(records),
+        savings=comparing.savings(priced, points[0]),
+        halvings=comparing.halvings(priced, points[0]),
+        floors=floors(measured, true.reference),
         reference=true.reference,
         noiseless=same,
-        stopped=ended,
+        stopped=interrupts.asked,
         seconds=0.0,
         machine=machine(),
-        notes=(*_notes(small, points[0], every, same), *true.notes, *[STOPPED] * ended),
+        notes=(*_notes(small), *true.notes, *[STOPPED] * interrupts.asked),
     )
 
 
-def _measured(studio: Studio, choices: Sequence[Choice], budget: float) -> tuple[Studio, list[Taken]]:
-    """All choices, measured on pictures of a size that fits the budget; the studio that they were made in."""
-    studio, taken = studio.fitting(studio.prepared(choices), budget)
-    if len(taken) < len(choices) or studio.measure(taken) < FEWEST_SEEDS:
+def _measured(studio: Studio, choices: Sequence[Choice], budget: float) -> tuple[Studio, list[Measurement]]:
+    """All choices, measured on pictures of a size that fits the budget, and the studio that made them."""
+    studio, measurements = studio.fitting(studio.prepared(choices), budget)
+    if len(measurements) < len(choices) or studio.measure(measurements) < FEWEST_SEEDS:
         raise KeyboardInterrupt
-    return studio, taken
+    return studio, measurements
 
 
 def _joint(
-    studio: Studio, base: Point, curves: tuple[Curve, ...], own: Taken, true: Truth, quick: bool
-) -> tuple[Point, ...]:
-    """Points where several knobs are turned, as a model of the curves suggests; none after Ctrl-C.
+    studio: Studio, own: Record, curves: tuple[Curve, ...], base: Measurement, true: Truth, quick: bool
+) -> Curve | None:
+    """The curve of samples per pixel with the best values of all other knobs. None after Ctrl-C, and where only the
+    sampler would change, whose curve exists already.
 
-    The default is measured again by turns with them, and tells how much faster or slower the machine is now.
+    The scene as it is is measured again in the same turns; it corrects for a change of the machine's speed.
     """
+<<<<<<< HEAD
     # They go up by equal factors: together they take less than three times as long as the longest.
     longest = BUDGETS[not quick][2] / len(studio.seeds) / 3
     model = Model.of(base, tuple(c for c in curves if c.knob not in KEPT))
@@ -139,59 +208,71 @@ def _joint(
     for t in taken:
         t.times = [pace * seconds for seconds in t.times]
     return tuple(_point(t, own.choice, true, whole=True) for t in taken[1:])
+=======
+    turned = comparing.together(curves, own)
+    if set(turned) <= {SAMPLER}:
+        return None
+    spp = own.settings[SPP]
+    counts = sorted({*SAMPLES[not quick], spp, min(MORE * spp, MOST_SAMPLES)})
+    choices = [Choice(TOGETHER, n, turned | {SPP: n}) for n in counts]
+    again, *ready = studio.prepared([replace(base.choice, knob="again"), *choices]) or [None]
+    # Times go up by factors of 4, so all together take less than twice as long as the longest.
+    ready = [m for m in ready if m.expected * len(studio.seeds) * 2 <= BUDGETS[not quick][2]]
+    if studio.interrupts.asked or not ready or studio.measure([again, *ready]) < FEWEST_SEEDS:
+        return None
+    pace = base.seconds.middle / again.seconds.middle
+    for m in ready:
+        m.times = [pace * seconds for seconds in m.times]
+    return sloped(TOGETHER, "sampling", tuple(_record(m, base.choice, true, with_flip=True) for m in ready))
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
 
-def _noise(taken: Taken) -> float:
-    """The standard deviation between seeds, relative to the mean; 0 for a black picture."""
-    pictures = taken.pictures
+def _noise(measurement: Measurement) -> float:
+    """Standard deviation between seeds, relative to the mean luminance; 0 for a black picture."""
+    pictures = measurement.pictures
     mean = luminance(pictures.mean(0))
     return float(pictures.var(0, ddof=1, dtype=float).mean() ** 0.5) / mean if mean > 0 else 0.0
 
 
-def _point(taken: Taken, own: Choice, true: Truth, whole: bool) -> Point:
-    """A choice, judged; `whole` as in cost."""
-    choice, r, pictures = taken.choice, true.reference, taken.pictures
-    error, squares, wrong = judged(pictures, r.picture, r.variance, r.luminance, whole)
-    return Point(
+def _record(measurement: Measurement, own: Choice, true: Truth, with_flip: bool) -> Record:
+    """The record of a choice; with FLIP come the hits."""
+    choice, r, pictures = measurement.choice, true.reference, measurement.pictures
+    error, squares, error_map = judged(pictures, r.picture, r.variance, r.luminance, with_flip)
+    hits = with_flip and choice.knob in OF_HITS
+    return Record(
         knob=choice.knob,
         value=choice.value,
         settings=own.settings | choice.settings,
-        seconds=taken.seconds,
-        compile_seconds=taken.compile_seconds,
-        operations=taken.operations,
+        seconds=measurement.seconds,
+        compile_seconds=measurement.compile_seconds,
+        operations=measurement.operations,
         error=error,
-        times=np.array(taken.times),
+        times=np.array(measurement.times),
         squares=squares,
         picture=pictures[0],
-        wrong=wrong,
-        geometry=geometry(taken.prepared, true.prepared, 0) if whole and choice.knob in OF_HITS else None,
+        error_map=error_map,
+        geometry=geometry(measurement.prepared, true.prepared, 0) if hits else None,
     )
 
 
-def _curve(knob: Knob, points: list[Point], quick: bool, noisy: bool) -> Curve:
-    """The points of a knob; where it is as the scene has it, the default. Slopes are those of noise."""
-    found = {p.value: p for p in points if p.knob == knob.name}
+def _curve(knob: Knob, points: list[Record], quick: bool, noisy: bool) -> Curve:
+    """The records of a knob, with the scene as it is among them."""
+    by_value = {p.value: p for p in points if p.knob == knob.name}
     row = tuple(
-        replace(points[0], knob=knob.name, value=c.value) if c.own else found[c.value] for c in knob.choices(quick)
+        replace(points[0], knob=knob.name, value=c.value) if c.own else by_value[c.value] for c in knob.choices(quick)
     )
-    by_time = by_count = None
-    if knob.kind == "sampling" and noisy:
-        times, squares = [p.seconds for p in row], [p.squares for p in row]
-        spread = [log(t.high / t.low) / 2 / QUANTILE for t in times]
-        by_time = slope([t.middle for t in times], squares, spread)
-        by_count = slope([p.value for p in row], squares)
-    return Curve(knob.name, knob.kind, row, by_time, by_count)
+    return sloped(knob.name, knob.kind, row) if knob.kind == "sampling" and noisy else Curve(knob.name, knob.kind, row)
 
 
-def _notes(scene: Scene, base: Point, points: tuple[Point, ...], noiseless: bool) -> tuple[str, ...]:
-    """What a reader must know, a sentence each."""
-    on, film = explain(scene), scene.film
-    size = f"on pictures of {film.width} x {film.height} pixels"
-    lines = [
-        f"seconds are those that compiled kernels run, {size}, without tracing them in Python",
-        standing(points, base),
-    ]
-    lines += [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]
-    if noiseless:
-        lines.append("all seeds give the same picture: there is no noise that samples could lessen")
-    return tuple(lines)
+def sloped(knob: str, kind: str, row: tuple[Record, ...]) -> Curve:
+    """The curve of these records, with slopes."""
+    times, squares = [p.seconds for p in row], [p.squares for p in row]
+    spread = [log(t.high / t.low) / 2 / QUANTILE for t in times]
+    by_time, by_count = slope([t.middle for t in times], squares, spread), slope([p.value for p in row], squares)
+    return Curve(knob, kind, row, by_time, by_count)
+
+
+def _notes(scene: Scene) -> list[str]:
+    """Notes for the reader, a sentence each."""
+    on = explain(scene)
+    return [text.format(scene.settings) for effect, text in FIXED.items() if on[effect]]

@@ -1,6 +1,7 @@
-"""What counts as truth: in double, deep, with roots to the last digit, and so many samples that little noise is left.
+"""The reference of a study, and errors that more samples do not reduce.
 
-Two halves with seeds of their own are doubled by turns; by what they differ, the noise of their mean is known.
+The reference is computed in double, with a large path depth, roots to the last digit and many samples. It is the mean
+of two halves with different seeds, whose difference gives its noise.
 """
 
 from collections.abc import Sequence
@@ -13,25 +14,27 @@ from visray import clock
 from visray.adaptive.error_floor import DEEPEST
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
+from visray.output.rounding import rounding
 from visray.pass_timer import PASS_SECONDS
 from visray.progress import Bar, Interrupts
 from visray.render import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
+from visray.study.cost.errors import split
 from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
-from visray.study.cost.measuring import blank, developed, exposed
+from visray.study.cost.measuring import Measurement, blank, developed, exposed
 from visray.study.cost.records import Reference
 
-# How much less noise the truth has than the best point that is measured against it.
+# The noise of the best record, over that of the reference.
 FINER = 10
-# Samples of each half to begin with, and for a look at how deep is deep enough.
+# Samples of each half at first, and of the pictures that find the depth.
 FIRST, LOOK = 16, 4
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The reference, the set that made it, and what a reader must know of it."""
+    """The reference, the prepared scene that made it, and notes for the reader."""
 
     reference: Reference
     prepared: Prepared
@@ -39,7 +42,7 @@ class Truth:
 
 
 def luminance(picture: np.ndarray) -> float:
-    """The mean luminance of a picture in linear Rec. 709. Shape: (H, W, 3)."""
+    """Mean luminance of a picture in linear Rec. 709. Shape: (H, W, 3)."""
     return float((picture.astype(float) @ LUMINANCE).mean())
 
 
@@ -47,10 +50,11 @@ def truth(
     scene: Scene, zero: Sequence[str], best: float, seeds: tuple[int, int], budget: float, mark: int,
     interrupts: Interrupts, progress: bool = False,
 ) -> Truth:  # fmt: skip
-    """The truth of a scene, with noise of at most a tenth of `best` or as little as `budget` seconds give.
+    """Computes the reference of a scene, until its noise is a tenth of `best`, or for `budget` seconds.
 
-    zero: the addresses of tolerances; best: the least deviation of what is measured, relative. After Ctrl-C it is as
-    good as it is then, with FIRST samples in each half at least.
+    zero: addresses of tolerances, which become 0
+    best: least noise of the records, relative
+    After Ctrl-C it keeps the samples so far, at least FIRST in each half.
     """
     begun = clock.now()
     settings: dict[str, Any] = {PRECISION: "double", SAMPLER: "sobol"} | dict.fromkeys(zero, 0.0)
@@ -62,30 +66,38 @@ def truth(
         settings[DEPTH], left = _deep_enough(deep, seeds, target, mark, interrupts)
         deep = changed(scene, settings)
         if left > target:
-            notes.append(f"depth {settings[DEPTH]} of the reference still leaves out {left:.1g} of the light")
+            notes.append(f"the reference's depth of {settings[DEPTH]} still leaves out {left:.1g} of the light")
     prepared = prepare(deep)
     halves, count = _halves(prepared, seeds, target, budget, mark, interrupts, progress)
     picture, variance = halves.mean(0), ((halves[0] - halves[1]) / 2) ** 2
     mean = luminance(picture)
     if mean <= 0:
         mean = 1.0
-        notes.append("the reference is black: errors are absolute")
+        notes.append("the picture is black: errors are absolute")
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
+<<<<<<< HEAD
         share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
         why = "it was cut short by Ctrl-C" if interrupts.requested else "that is what its seconds allowed"
         notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
+=======
+        share = (
+            f"{100 * error / best:.0f} % of the best record's noise" if best else "more than single precision resolves"
+        )
+        why = "Ctrl-C ended it" if interrupts.asked else "it had no more time"
+        notes.append(f"the reference's own error is {100 * error:.1g} %, {share}: {why}")
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     settings[SPP] = 2 * count
-    found = Reference(settings, error, mean, clock.now() - begun, picture, variance)
-    return Truth(found, prepared, tuple(notes))
+    reference = Reference(settings, error, mean, clock.now() - begun, picture, variance)
+    return Truth(reference, prepared, tuple(notes))
 
 
 def _deep_enough(
     scene: Scene, seeds: tuple[int, int], target: float, mark: int, interrupts: Interrupts
 ) -> tuple[int, float]:
-    """A depth such that twice as much changes the picture by less than `target`, and by how much it does.
+    """A depth whose double changes the picture by less than `target`, and that change.
 
-    Beyond what both follow, their pictures have the same paths: what they differ by is light, not noise.
+    Both pictures have the same paths up to the smaller depth, so they differ by light, not by noise.
     """
     depth = min(max(2 * scene.settings.depth, 2), DEEPEST)
     before, left = _look(scene, depth, seeds, mark), 0.0
@@ -100,7 +112,7 @@ def _deep_enough(
 
 
 def _look(scene: Scene, depth: int, seeds: Sequence[int], mark: int) -> np.ndarray:
-    """Pictures of a few samples. Shape: (seeds, H, W, 3)."""
+    """Pictures with a few samples. Shape: (seeds, H, W, 3)."""
     prepared = prepare(changed(scene, {DEPTH: depth, SPP: LOOK}))
     film, _ = exposed(prepared, blank(prepared, len(seeds)), seeds, 0, LOOK, mark)
     return developed(prepared, film, len(seeds), np.float64)
@@ -115,7 +127,7 @@ def _halves(
     interrupts: Interrupts,
     progress: bool,
 ) -> tuple[np.ndarray, int]:  # fmt: skip
-    """Both halves, and the samples of each: a power of two, as Sobol's sequence wants it."""
+    """Pictures of both halves, and the samples of each: a power of two, which suits Sobol's sequence."""
     film, done, step, begun = blank(prepared, 2), 0, FIRST, clock.now()
     pictures = None
     with Bar("reference", round(budget), progress) as bar:
@@ -129,8 +141,13 @@ def _halves(
                 film, _ = exposed(prepared, film, seeds, done, step, mark)
                 done += step
                 now = clock.now()
+<<<<<<< HEAD
                 bar.update(min(round(now - begun), round(budget) - 1))
                 # Longer steps are traced less often; but Ctrl-C waits for them.
+=======
+                bar.at(min(round(now - begun), round(budget) - 1))
+                # Longer steps need less tracing, but Ctrl-C waits for them.
+>>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
                 step *= 2 if now - before < PASS_SECONDS else 1
             pictures = developed(prepared, film, 2, np.float64)
             noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))
@@ -139,3 +156,30 @@ def _halves(
             if enough or interrupts.requested or 2 * (now - started) > budget - (now - begun):
                 bar.update(bar.total)
                 return pictures, done
+
+
+def floors(measurements: list[Measurement], reference: Reference) -> dict[str, float]:
+    """Errors that more samples do not reduce, by name, relative: of 8-bit output, and of precision and depth where they
+    can be told from noise.
+
+    measurements: of the scene as it is and of all choices, with the same seeds
+    """
+    limits = {"8-bit output": rounding(reference.picture, ".png") / reference.luminance}
+    by = {(m.choice.knob, m.choice.value): m for m in measurements}
+    own = by["scene", "as it is"]
+    single, double = (by.get(("precision", x), own) for x in ("single", "double"))
+    if (bias := difference(single, double, reference)) is not None:
+        limits["single precision"] = bias
+    depths = {m.choice.value: m for m in measurements if m.choice.knob == "depth"}
+    depth = own.prepared.scene.settings.depth
+    if depths and max(depths) > depth and (bias := difference(own, depths[max(depths)], reference)) is not None:
+        limits[f"depth {depth}"] = bias
+    return limits
+
+
+def difference(one: Measurement, other: Measurement, reference: Reference) -> float | None:
+    """Relative difference of the means over all seeds; None where it may be noise. Pictures of a seed have the same
+    samples, so little of their difference is noise."""
+    none = np.zeros_like(reference.picture)
+    bias = split(one.pictures.astype(float) - other.pictures, none, none, reference.luminance).bias
+    return bias.middle if bias.low > 0 else None

@@ -1,4 +1,4 @@
-"""What a tuner is asked for, what it measured, and what it found."""
+"""Records of a choice of knobs: the target, the renders, and the result."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -10,24 +10,22 @@ from visray.adaptive.stopping import check_target
 from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
-from visray.study.cost.records import Band, Report
-from visray.study.cost.wording import duration, percent
+from visray.study.cost.records import Band, Report, Settings
+from visray.study.cost.report import duration, percent
 
-# A time may be exceeded by so much.
-LATE = 1.1
-
-Settings = dict[str, Any]
+LATE = 1.1  # a time may be exceeded by this factor
 
 
 @dataclass(frozen=True)
 class Target:
-    """What is asked for: an error, or seconds of one render; the other is None."""
+    """The target: an error, or seconds of one render; the other is None."""
 
     error: float | None
     time: float | None
 
     @staticmethod
     def of(error: float | None, time: float | None) -> "Target":
+        """The target; raises a UserError unless exactly one of them is given, a number above 0."""
         for name, given, example in (("error", error, 0.01), ("time", time, 10)):
             check_target(name, given, example)
         if error is not None and time is not None:
@@ -36,42 +34,53 @@ class Target:
             raise UserError("nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10")
         return Target(error, time)
 
-    def met(self, found: "Measured") -> bool:
+    def met(self, render: "Measured") -> bool:
+        """Whether a render meets the target: an error by the upper end of its interval."""
         if self.error is not None:
-            return found.error.high <= self.error
-        return found.seconds.middle <= LATE * self.time
+            return render.error.high <= self.error
+        return render.seconds.middle <= LATE * self.time
 
-    def missed(self, found: "Measured") -> float:
-        """By what factor at most."""
-        return found.seconds.middle / self.time if self.error is None else found.error.high / self.error
+    def missed(self, render: "Measured") -> float:
+        """The error or the seconds of a render, as a multiple of the target."""
+        return render.seconds.middle / self.time if self.error is None else render.error.high / self.error
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Renders at the scene's own size. seconds: of one, its kernels compiled, the scene set up; error: relative, with
-    what is left whatever the samples; noise: the squared part of it that differs from seed to seed."""
+    """Renders at the scene's own size.
+
+    settings: values of all knobs, by address
+    seconds: of one render, after its kernels are compiled and the scene is prepared
+    error: relative error, noise and bias together
+    noise, noise_high: squared relative noise, and the upper end of its interval
+    """
 
     settings: Settings
     seconds: Band
     error: Band
     noise: float
+    noise_high: float
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """The knobs of a scene, chosen.
+    """The result of a choice of knobs.
 
-    settings: of all knobs, by address; changed: those that differ from the scene's. error and seconds: measured with
-    them at the scene's own size, predicted_*: by the model before that; before: the same of the scene as it is. met:
-    whether the target is reached; stopped: by Ctrl-C. reasons: a sentence for each knob that is changed; variance is
-    squared noise. scene: with these settings.
+    target: what was asked for
+    settings: values of all knobs, by address
+    changed: those that differ from the scene's
+    error, seconds: measured with them at the scene's own size
+    before: the same of the scene as it is
+    met: whether the target is reached
+    stopped: whether Ctrl-C ended the search
+    reasons: a sentence for each change, and what was verified
+    scene: the scene with these settings
+    report: the study that the choice is based on
     """
 
     target: Target
     settings: Settings
     changed: Settings
-    predicted_error: float
-    predicted_seconds: float
     error: Band
     seconds: Band
     before: Measured
@@ -84,44 +93,43 @@ class Tuned:
     def __repr__(self) -> str:
         asked = [f"{k} = {v:g}" for k, v in asdict(self.target).items() if v is not None]
         changed = ", ".join(f"{a} = {v}" for a, v in self.changed.items()) or "nothing changed"
-        came = f"error {percent(self.error.middle)} in {duration(self.seconds.middle)}"
-        return f"<Tuned for {asked[0]}: {'met' if self.met else 'not met'}, {came}; {changed}>"
+        reached = f"error {percent(self.error.middle)} in {duration(self.seconds.middle)}"
+        return f"<Tuned for {asked[0]}: {'met' if self.met else 'not met'}, {reached}; {changed}>"
 
     def as_json(self) -> dict[str, Any]:
-        """All of it as json.dumps takes it; of the report only its notes, and the machine."""
-        found = {
+        """The result as json.dumps takes it, with the notes of the study and the machine."""
+        return {
             "asked": {k: v for k, v in asdict(self.target).items() if v is not None},
             "met": self.met,
             "stopped": self.stopped,
             "settings": self.settings,
             "changed": self.changed,
-            "predicted": {"error": self.predicted_error, "seconds": self.predicted_seconds},
             "measured": {"error": asdict(self.error), "seconds": asdict(self.seconds)},
             "before": {"error": asdict(self.before.error), "seconds": asdict(self.before.seconds)},
+            "reasons": list(self.reasons),
+            "notes": list(self.report.notes),
+            "machine": self.report.machine,
+            "scene_hash": self.scene.hash(),
         }
-        told = {"reasons": list(self.reasons), "notes": list(self.report.notes), "machine": self.report.machine}
-        return found | told | {"scene_hash": self.scene.hash()}
 
     def table(self) -> Table:
-        """What changes, for the terminal, and why."""
+        """The result for the terminal: settings, error, time, and reasons."""
         film = self.scene.film
         title = f"{film.width} x {film.height} pixels: " + ("as asked" if self.met else "not quite as asked")
-        rows = Table(title=title, caption="\n".join(self.reasons), caption_justify="left")
+        rows = Table(title=title, caption="\n".join(f"- {r}" for r in self.reasons), caption_justify="left")
         rows.add_column("")
         for name in ("the scene", "tuned"):
             rows.add_column(name, justify="right", no_wrap=True)
         for address, new in self.settings.items():
-            # What stays needs no look.
             text = f"[bold]{new}[/]" if address in self.changed else f"[dim]{new}[/]"
             rows.add_row(address, str(self.before.settings[address]), text)
         rows.add_section()
-        for name, unit, factor in (("error", "%", 100), ("seconds", "s", 1)):
-            bands = getattr(self.before, name), getattr(self, name)
-            rows.add_row(name, *(f"{factor * b.middle:.3g} {unit}" for b in bands))
+        rows.add_row("error", percent(self.before.error.middle), percent(self.error.middle))
+        rows.add_row("time", duration(self.before.seconds.middle), duration(self.seconds.middle))
         return rows
 
 
 def as_scene(tuned: Tuned, folder: Path | None = None, like: Path | None = None) -> str:
-    """The tuned scene as the text of a JSON file, in which files of textures are relative to its folder; `like`: the
-    file that it comes from, of which all else is kept."""
+    """The tuned scene as the text of a JSON file. Files of textures are relative to its folder; `like`: the original
+    file, whose order and comments are kept."""
     return dump(tuned.scene, folder, like)

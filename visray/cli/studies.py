@@ -123,16 +123,22 @@ def cost(
         Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
     ] = None,
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
+<<<<<<< HEAD
     seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
     threads: Threads = None,
     csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
+=======
+    seeds: Annotated[Whole, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
+    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
+    csv: Annotated[bool, Parameter(help="Print all records as CSV.")] = False,
+>>>>>>> fdbca5d (visray cost, visray tune: names and help)
     json: Json = False,
 ) -> int:
-    """Measure what accuracy costs: the error and the time of every knob of a scene.
+    """Measure what accuracy costs: the error and the time of every knob of a scene, and what to change.
 
-    Ctrl-C keeps what is measured, once every setting has had a few pictures.
+    Ctrl-C keeps the measurements so far, once every setting has had a few pictures.
     """
-    # The study takes a while to load, and few commands need it.
+    # These modules load slowly, and few commands need them.
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report
     from visray.study.cost.study import cost as study
@@ -142,10 +148,16 @@ def cost(
     if output is not None:
         check_report(output)
         check_writable(output)
+<<<<<<< HEAD
     made = load_scene(scene, setup, compat, set)
     report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
+=======
+    report = study(
+        opened(scene, setup, compat, set), quick=quick, seeds=seeds, threads=threads, progress=not (json or csv)
+    )
+>>>>>>> fdbca5d (visray cost, visray tune: names and help)
     report = replace(report, scene=scene.stem)
-    # A page takes seconds to draw: Ctrl-C must not lose in them what took minutes to measure.
+    # Ctrl-C must not lose a report that took minutes while it is written.
     with Interrupts():
         if output is not None:
             report.write(output)
@@ -192,6 +204,7 @@ def tune(
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
+<<<<<<< HEAD
     made = load_scene(scene, setup, compat, set)
     found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
     # What is found is not lost by Ctrl-C any more.
@@ -200,10 +213,21 @@ def tune(
             write_or_print(as_scene(found, output.parent, scene), output)
         if json:
             print_json(found.as_json() | ({} if output is None else {"output": str(output)}))
+=======
+    tuned = study(
+        opened(scene, setup, compat, set), error=error, time=time, quick=not full, threads=threads, progress=not json
+    )
+    # Ctrl-C must not lose the result while it is written.
+    with Interrupts():
+        if output is not None:
+            written(as_scene(tuned, output.parent, scene), output)
+        if json:
+            put(tuned.as_json() | ({} if output is None else {"output": str(output)}))
+>>>>>>> fdbca5d (visray cost, visray tune: names and help)
         else:
-            Console().print(found.table())
+            Console().print(tuned.table())
             _say_written(output)
-    return INTERRUPTED if found.stopped else 0 if found.met else 1
+    return INTERRUPTED if tuned.stopped else 0 if tuned.met else 1
 
 
 @app.command

@@ -345,8 +345,8 @@ class _Tuner:
         return own if own in met and self._price(best) > GAIN * self._price(own) else best
 
     def _price(self, render: Measured) -> float:
-        """Seconds where an error is asked for, else the error, with all the bias that there may be. Seconds are those of a
-        sample, by all tries that differ in samples alone: more samples take longer, whatever the clock says once."""
+        """Seconds where an error is asked for, else the error, with all the bias that there may be. Seconds go by those
+        of a sample, from all tries that differ in samples alone, so that more samples never look faster."""
         if self.target.error is not None:
             alike = [m for m in self.tried if m.settings | {SPP: 0} == render.settings | {SPP: 0}]
             return median(m.seconds.middle / m.settings[SPP] for m in alike) * render.settings[SPP]

@@ -35,6 +35,9 @@ from visray.study.cost.report import STOPPED, advice, as_csv, as_json, table
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
 from visray.study.cost.truth import floors
 
+# One worker makes what its tests share.
+pytestmark = pytest.mark.xdist_group("cost")
+
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 ALWAYS = ["samples, stratified", "samples, sobol", "samples, independent", "precision", "accelerator"]
 SOFT = Scene(
@@ -267,6 +270,7 @@ def test_it_shows_itself_in_a_line(report: Report) -> None:
     assert repr(replace(report, stopped=True)).endswith("ms, stopped>")
 
 
+@pytest.mark.slow
 def test_a_scene_without_noise_says_so() -> None:
     report = cost(FLAT, quick=True, progress=False)
     assert report.noiseless and advice(report) == "Use 1 sample per pixel: this picture has no noise."
@@ -281,6 +285,7 @@ def test_a_scene_without_noise_says_so() -> None:
     table(report)
 
 
+@pytest.mark.slow
 def test_a_black_picture_is_told() -> None:
     dark = replace(FLAT, background=(0.0, 0.0, 0.0), objects={})
     report = cost(dark, quick=True, progress=False)
@@ -296,15 +301,16 @@ class Impatience(Interrupts):
         self.left = n
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         self.left -= 1
         return self.left < 0
 
-    @asked.setter
-    def asked(self, value: bool) -> None:
+    @requested.setter
+    def requested(self, value: bool) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_complete_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     choices = 1 + sum(not c.own for k in knobs(SOFT) for c in k.few)
     # All are compiled, and three turns of two seeds measured, and a part of a fourth.

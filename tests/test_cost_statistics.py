@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from visray.quantities import Arrays
-from visray.sampling import Plan, SampleState, first_cell, pixel_key
+from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key
 from visray.study.cost.comparing import frontier, halvings, price, savings, together
 from visray.study.cost.errors import flip, judged, split, student
 from visray.study.cost.records import Band, Curve, Error, Record, Slope
@@ -39,10 +39,10 @@ def test_students_t_is_that_of_the_tables(dof: int, value: float) -> None:
 
 def pixels(sampler: str, spp: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Where the samples of all pixels fall. Shapes: (spp, SIDE^2) each."""
-    plan, n = Plan.of(A, seed, spp, 0, spp), SIDE * SIDE
+    plan, n = SamplePlan.of(A, seed, spp, 0, spp), SIDE * SIDE
     i, p = A.U(np.repeat(np.arange(spp, dtype=np.uint32), n)), dr.tile(dr.arange(A.U, n), spp)
     key = pixel_key(plan, p % SIDE, p // SIDE)
-    cell = (first_cell(plan, key, A.F) + i * plan.step) % int(plan.cells[0])
+    cell = (first_stratum(plan, key, A.F) + i * plan.step) % int(plan.strata[0])
     u, v = SampleState(sampler, A.F, plan, key, i, cell).pixel()
     return tuple(np.array(w, np.float64).reshape(spp, n) for w in (u, v))
 

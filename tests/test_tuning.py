@@ -36,6 +36,9 @@ from visray.study.cost.truth import luminance
 from visray.study.cost.tuned import LATE, Measured, Target, Tuned, as_scene
 from visray.study.cost.tuning import SURE, TRIES, remains, tune
 
+# One worker makes what its tests share.
+pytestmark = pytest.mark.xdist_group("tuning")
+
 SOFT = Scene(
     camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),
     film=Film(width=48, height=36),
@@ -178,6 +181,7 @@ def test_what_cannot_be_asked_for(asked: dict[str, Any], text: str, monkeypatch:
     assert error.value.lines == (text,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [0.05, 0.01])
 def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: float) -> None:
     found = tune(SOFT, error=error, progress=False)
@@ -188,11 +192,13 @@ def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: f
     assert found.error.low / 1.1 <= true <= 1.1 * found.error.high
 
 
+@pytest.mark.slow
 def test_before_is_the_scene_as_it_is(known: None, truth: np.ndarray) -> None:
     found = tune(SOFT, error=0.02, progress=False)
     assert found.before.error.middle == pytest.approx(off(SOFT, truth), rel=0.25)
 
 
+@pytest.mark.slow
 def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path: Path) -> None:
     found = tune(SOFT, error=0.004, progress=False)
     assert found.changed and set(found.changed) <= {"settings.spp", "settings.sampler", "lights.window.samples"}
@@ -217,6 +223,7 @@ def test_only_knobs_are_changed_and_the_scene_loads_again(known: None, tmp_path:
     assert changed(again, {a: found.before.settings[a] for a in found.changed}) == SOFT
 
 
+@pytest.mark.slow
 def test_it_can_be_told(known: None) -> None:
     found = tune(SOFT, error=0.004, progress=False)
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))
@@ -234,6 +241,7 @@ def test_it_can_be_told(known: None) -> None:
     assert repr(replace(found, changed={}, met=False)).endswith("; nothing changed>")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stopped", [False, True])
 def test_ctrl_c_while_a_scene_is_written_loses_nothing(
     known: None, stopped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
@@ -262,6 +270,7 @@ def test_ctrl_c_while_a_scene_is_written_loses_nothing(
     assert "output" not in json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "text"),
     [
@@ -286,6 +295,7 @@ def test_all_tries_together_are_as_sure_as_they_say() -> None:
         assert needed <= SURE * 1.01 * np.log(ratio_of_squares(d))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 2])
 def test_an_error_is_met_with_few_samples_too_many(
     smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float
@@ -299,6 +309,7 @@ def test_an_error_is_met_with_few_samples_too_many(
     assert best <= found.settings["settings.spp"] <= 1.3 * best + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 2, 10])
 def test_a_time_is_met_and_used(smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     found = made_up(smooth, monkeypatch)(time=share)
@@ -307,12 +318,14 @@ def test_a_time_is_met_and_used(smooth: Report, monkeypatch: pytest.MonkeyPatch,
     assert found.seconds.middle >= 0.7 * share - 0.1 and found.settings["settings.sampler"] == "sobol"
 
 
+@pytest.mark.slow
 def test_more_time_is_less_error(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     choose = made_up(smooth, monkeypatch)
     errors = [choose(time=x).error.middle for x in (0.3, 1, 3, 10)]
     assert errors == sorted(errors, reverse=True) and errors[-1] < errors[0] / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [0.5, 2.0])
 def test_where_the_study_is_wrong_renders_count(smooth: Report, monkeypatch: pytest.MonkeyPatch, wrong: float) -> None:
     """Pixels of another size have other noise, and Sobol points gain more or less there."""
@@ -324,6 +337,7 @@ def test_where_the_study_is_wrong_renders_count(smooth: Report, monkeypatch: pyt
     assert found.settings["settings.spp"] <= 1.3 * needed + 1
 
 
+@pytest.mark.slow
 def test_other_counts_are_taken_together(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The curve with the best values of all knobs, where it is better beyond the noise."""
 
@@ -344,6 +358,7 @@ def test_other_counts_are_taken_together(smooth: Report, monkeypatch: pytest.Mon
     assert found.reasons[0].startswith("sampler stratified -> sobol, lights.window.samples 4 -> 2: the same noise in ")
 
 
+@pytest.mark.slow
 def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     error = 1.01 * law(smooth.default.settings)[1]
     choose = made_up(smooth, monkeypatch, wrong=lambda s: 1.0 if s == smooth.default.settings else 3)
@@ -352,6 +367,7 @@ def test_where_nothing_is_better_the_scene_stays(smooth: Report, monkeypatch: py
     assert found.reasons[0] == "the scene's own settings: nothing that was measured is clearly better"
 
 
+@pytest.mark.slow
 def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     # Whatever is rendered, the next has twice the noise.
     more = (2.0**k for k in count())
@@ -362,6 +378,7 @@ def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None
     assert found.reasons[-1] == "no settings were found that do it: these come nearest"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "met"), [(0.5, False), (2, True)])
 def test_stopped_it_keeps_the_best_that_was_tried(
     smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float, met: bool
@@ -371,7 +388,7 @@ def test_stopped_it_keeps_the_best_that_was_tried(
 
     def interrupted(self: Any, settings: dict) -> Measured:
         if self.tried:
-            self.interrupts.asked = True
+            self.interrupts.requested = True
             raise KeyboardInterrupt
         return rendered(self, settings)
 
@@ -381,6 +398,7 @@ def test_stopped_it_keeps_the_best_that_was_tried(
     assert found.met == met and found.settings == smooth.default.settings and found.scene == SOFT
 
 
+@pytest.mark.slow
 def test_double_precision_only_where_the_error_wants_it(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     rough = replace(smooth, floors={"single precision": 0.004})
     choose = made_up(rough, monkeypatch)
@@ -408,6 +426,7 @@ def _deep(p: Record) -> Record:
     return replace(p, settings=p.settings | {"settings.depth": 8})
 
 
+@pytest.mark.slow
 def test_what_a_depth_leaves_out_is_part_of_the_error(report: Report) -> None:
     search = tuner(mirrored(report), 0.01, scene=MIRRORS)
     search.cut = search._depths()
@@ -420,6 +439,7 @@ def test_what_a_depth_leaves_out_is_part_of_the_error(report: Report) -> None:
         assert low < middle < high and 0.9 * left < middle < 1.1 * left and 0.97 * left <= high < 1.3 * left
 
 
+@pytest.mark.slow
 def test_the_depth_is_the_least_that_leaves_out_far_less_than_the_error(report: Report) -> None:
     search = tuner(mirrored(report), 0.01, scene=MIRRORS)
     search.cut = {
@@ -438,6 +458,7 @@ def test_the_depth_is_the_least_that_leaves_out_far_less_than_the_error(report: 
         search._refuse({"settings.depth": 8})
 
 
+@pytest.mark.slow
 def test_the_error_is_told_with_what_is_left_and_its_bound(report: Report) -> None:
     """Its middle is noise and the estimate of the bias, its ends are both ends; the target is met by the upper one."""
     search = tuner(mirrored(report), 0.006, scene=MIRRORS)
@@ -449,6 +470,7 @@ def test_the_error_is_told_with_what_is_left_and_its_bound(report: Report) -> No
     assert found.error.high > 0.0071 and not Target(0.0071, None).met(found)
 
 
+@pytest.mark.slow
 def test_each_try_has_new_seeds(report: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     seeds, expose = [], tuning.expose
     monkeypatch.setattr(tuning, "expose", lambda p, *more: (seeds.append(p.scene.settings.seed), expose(p, *more))[1])
@@ -475,6 +497,7 @@ def test_without_noise_it_is_one_sample_whatever_the_clock_says(
         assert not any("clearly better" in text for text in found.reasons)
 
 
+@pytest.mark.slow
 def test_noise_that_only_the_whole_picture_shows_is_noise(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     found = made_up(replace(smooth, noiseless=True), monkeypatch)(error=0.02)
     assert found.met and found.settings["settings.spp"] > 1

@@ -123,15 +123,9 @@ def cost(
         Parameter(name=("--output", "-o"), help="An .html page that opens offline, .json or .csv."),
     ] = None,
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
-<<<<<<< HEAD
     seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
     threads: Threads = None,
-    csv: Annotated[bool, Parameter(help="Print all that was measured as CSV.")] = False,
-=======
-    seeds: Annotated[Whole, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
-    threads: Annotated[Whole | None, Parameter(help="Threads of the LLVM backend.")] = None,
     csv: Annotated[bool, Parameter(help="Print all records as CSV.")] = False,
->>>>>>> fdbca5d (visray cost, visray tune: names and help)
     json: Json = False,
 ) -> int:
     """Measure what accuracy costs: the error and the time of every knob of a scene, and what to change.
@@ -148,14 +142,9 @@ def cost(
     if output is not None:
         check_report(output)
         check_writable(output)
-<<<<<<< HEAD
-    made = load_scene(scene, setup, compat, set)
-    report = study(made, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
-=======
     report = study(
-        opened(scene, setup, compat, set), quick=quick, seeds=seeds, threads=threads, progress=not (json or csv)
+        load_scene(scene, setup, compat, set), quick=quick, seeds=seeds, threads=threads, progress=not (json or csv)
     )
->>>>>>> fdbca5d (visray cost, visray tune: names and help)
     report = replace(report, scene=scene.stem)
     # Ctrl-C must not lose a report that took minutes while it is written.
     with Interrupts():
@@ -204,26 +193,20 @@ def tune(
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
-<<<<<<< HEAD
-    made = load_scene(scene, setup, compat, set)
-    found = study(made, error=error, time=time, quick=not full, threads=threads, progress=not json)
-    # What is found is not lost by Ctrl-C any more.
-    with Interrupts():
-        if output is not None:
-            write_or_print(as_scene(found, output.parent, scene), output)
-        if json:
-            print_json(found.as_json() | ({} if output is None else {"output": str(output)}))
-=======
     tuned = study(
-        opened(scene, setup, compat, set), error=error, time=time, quick=not full, threads=threads, progress=not json
+        load_scene(scene, setup, compat, set),
+        error=error,
+        time=time,
+        quick=not full,
+        threads=threads,
+        progress=not json,
     )
     # Ctrl-C must not lose the result while it is written.
     with Interrupts():
         if output is not None:
-            written(as_scene(tuned, output.parent, scene), output)
+            write_or_print(as_scene(tuned, output.parent, scene), output)
         if json:
-            put(tuned.as_json() | ({} if output is None else {"output": str(output)}))
->>>>>>> fdbca5d (visray cost, visray tune: names and help)
+            print_json(tuned.as_json() | ({} if output is None else {"output": str(output)}))
         else:
             Console().print(tuned.table())
             _say_written(output)

@@ -21,7 +21,7 @@ from visray.study.mitsuba.visray_scene import to_numpy
 class View:
     """First hits of rays from the camera.
 
-    kernel, at: the scene, and the interactions as shaded
+    kernel, si: the scene, and the surface interactions as shaded
     names: names of the objects, in the order of rows
     index: index of the object in `names`, -1 for none, shape (N)
     t: distance, inf for none, shape (N)
@@ -56,11 +56,7 @@ def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
     u, v = np.random.default_rng(seed).uniform(size=(2, len(same)))
     normal = dr.select(right.si.hit.valid, a.W(right.si.n), a.W(0, 0, 1))
     d = unit(warp.cosine(normal, a.D(u), a.D(v)), a.W)
-<<<<<<< HEAD
-    active = a.B(same) & (dr.dot(a.W(right.si.n), d) > 0) & (dr.dot(a.W(found.si.n), d) > 0)
-=======
-    active = a.B(same) & (dr.dot(a.W(right.at.n), d) > 0) & (dr.dot(a.W(other.at.n), d) > 0)
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    active = a.B(same) & (dr.dot(a.W(right.si.n), d) > 0) & (dr.dot(a.W(other.si.n), d) > 0)
     dr.eval(d, active)
     hidden, visible = _hidden(other, d, active), ~_hidden(right, d, active)
     return Geometry(
@@ -78,25 +74,14 @@ def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
 def _view(prepared: Prepared, ray: Ray) -> View:
     """First hits of rays from the camera."""
     s = prepared.kernel
-<<<<<<< HEAD
-    here = interact(s, ray, closest(s.origin, ray, s.brute_force))
-    dr.eval(here.hit, here.surface, here.n, here.from_inside)
-    index = np.array(here.hit.row).astype(np.int64)
-    index[index == NO_ROW] = -1
-    names = tuple(name for batch in s.batches for name in batch.names)
-    # One normal may be that of all rays.
-    n = np.broadcast_to(to_numpy(here.surface.n), (len(index), 3))
-    return View(s, here, names, index, np.array(here.hit.t), n)
-=======
-    at = interact(s, ray, closest(s.origin, ray, s.brute_force))
-    dr.eval(at.hit, at.surface, at.n, at.within)
-    index = np.array(at.hit.row).astype(np.int64)
+    si = interact(s, ray, closest(s.origin, ray, s.brute_force))
+    dr.eval(si.hit, si.surface, si.n, si.from_inside)
+    index = np.array(si.hit.row).astype(np.int64)
     index[index == NO_ROW] = -1
     names = tuple(name for batch in s.batches for name in batch.names)
     # All rays may share one normal.
-    n = np.broadcast_to(rows(at.surface.n), (len(index), 3))
-    return View(s, at, names, index, np.array(at.hit.t), n)
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    n = np.broadcast_to(to_numpy(si.surface.n), (len(index), 3))
+    return View(s, si, names, index, np.array(si.hit.t), n)
 
 
 def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
@@ -106,16 +91,9 @@ def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:
 
 
 def _hidden(view: View, d: Any, active: Any) -> np.ndarray:
-<<<<<<< HEAD
-    """Whether rays from what is seen meet anything, of those that are active."""
-    s, here = view.kernel, view.si
-    origin = RayOrigin(s.geometry, here.surface.p, shared=False)
-    ray = here.spawn_ray(d, dr.dot(s.a.W(here.n), d))
-=======
     """Whether active rays that leave the first hits are occluded."""
-    s, at = view.kernel, view.at
-    origin = RayOrigin(s.geometry, at.surface.p, shared=False)
-    ray = at.leaving(d, dr.dot(s.a.W(at.n), d))
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    s, si = view.kernel, view.si
+    origin = RayOrigin(s.geometry, si.surface.p, shared=False)
+    ray = si.spawn_ray(d, dr.dot(s.a.W(si.n), d))
     far = Target(dr.full(s.a.D, dr.inf, dr.width(d)), s.a.D(0))
     return np.array(occluded(origin, ray, far, active, s.brute_force))

@@ -124,13 +124,8 @@ def _samples(scene: Scene, sampler: str) -> Knob:
 
 
 def _light_samples(scene: Scene) -> Knob:
-<<<<<<< HEAD
-    """The samples of all area lights together."""
-    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.has_area}
-=======
     """Light samples of all area lights together."""
-    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.wide}
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    own = {f"lights.{name}.samples": light.samples for name, light in scene.lights.items() if light.has_area}
 
     def choice(factor: float) -> Choice:
         settings = {address: _times(n, factor) for address, n in own.items()}
@@ -184,15 +179,9 @@ def _times(n: int, factor: float) -> int:
     return min(max(1, round(n * factor)), MOST_RAYS)
 
 
-<<<<<<< HEAD
-def _searched(thing: Any) -> bool:
-    """Whether the crossings of an object are searched for up to a tolerance: those of degree 2 have a formula."""
-    return isinstance(thing, Polynomial) and any(f.degree > 2 for f in thing.compiled().program.factors)
-=======
 def _searched(shape: Any) -> bool:
     """Whether the crossings of an object are searched up to a tolerance; those of degree 2 have a formula."""
-    return isinstance(shape, Polynomial) and any(f.degree > 2 for f in shape.built().form.factors)
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    return isinstance(shape, Polynomial) and any(f.degree > 2 for f in shape.compiled().program.factors)
 
 
 def _images(scene: Scene) -> list[str]:

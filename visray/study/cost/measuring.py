@@ -75,25 +75,14 @@ class Measurement:
 
 
 def band(values: Sequence[float]) -> Band:
-<<<<<<< HEAD
-    """The median, and two of the values between which the true one lies, by the sign test; the first and the last
-    where they are too few for that."""
-    ordered, k = sorted(values), max(ablation.sign_test_trims(len(values), CHANCE), default=0)
-=======
     """The median, with its interval by the sign test; from the least to the largest value where there are too few."""
-    ordered, k = sorted(values), max(ablation.inner(len(values), CHANCE), default=0)
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    ordered, k = sorted(values), max(ablation.sign_test_trims(len(values), CHANCE), default=0)
     return Band(median(values), ordered[k], ordered[-1 - k])
 
 
 def reduced(scene: Scene, longest: int) -> Scene:
-<<<<<<< HEAD
-    """The scene with the longer side of its film at most so many pixels."""
-    return adjusted(scene, size=ablation.reduced_size(scene.film.width, scene.film.height, longest))
-=======
     """The scene with a smaller film, the longer side at most so many pixels."""
-    return adjusted(scene, size=ablation.reduced(scene.film.width, scene.film.height, longest))
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+    return adjusted(scene, size=ablation.reduced_size(scene.film.width, scene.film.height, longest))
 
 
 def blank(prepared: Prepared, pictures: int) -> Film:
@@ -162,15 +151,9 @@ class Studio:
             for choice in choices:
                 if self.interrupts.requested:
                     break
-<<<<<<< HEAD
-                found.append(self._prepared(choice))
-                bar.update(len(found))
-        return found
-=======
                 ready.append(self._prepared(choice))
-                bar.at(len(ready))
+                bar.update(len(ready))
         return ready
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
     def _prepared(self, choice: Choice) -> Measurement:
         prepared = prepare(choice.of(self.scene))
@@ -180,11 +163,9 @@ class Studio:
         k = max(kernels, key=lambda k: k["operation_count"])
         # A kernel that exists already was compiled for an earlier choice.
         seconds = self.compiled.setdefault(k["hash"], (k["codegen_time"] + k["backend_time"]) / 1e3)
-<<<<<<< HEAD
-        return Taken(choice, prepared, seconds, k["operation_count"], clock.kernel_seconds(kernels) / n * spp / count)
-=======
-        return Measurement(choice, prepared, seconds, k["operation_count"], clock.ran(kernels) / n * spp / count)
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+        return Measurement(
+            choice, prepared, seconds, k["operation_count"], clock.kernel_seconds(kernels) / n * spp / count
+        )
 
     def _start_llvm(self) -> None:
         """Compiles something small, so that the time to start LLVM counts for no kernel."""

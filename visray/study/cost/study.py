@@ -124,36 +124,22 @@ def studied(
     turned, budgets = [k for k in knobs(small) if not (for_tuning and k.name in KEPT)], BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
     studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress)
-<<<<<<< HEAD
-    others = [c for k in turned for c in k.choices(quick) if not c.own]
-    studio, taken = _measured(studio, [own, *others], budgets[0])
-    stopped, small = interrupts.requested, studio.scene
-    zero = [address for k in turned if k.name == "roots" for address in k.all[0].settings]
-=======
     choices = [own, *(c for k in turned for c in k.choices(quick) if not c.own)]
     studio, measured = _measured(studio, choices, budgets[0])
-    stopped, small = interrupts.asked, studio.scene
+    stopped, small = interrupts.requested, studio.scene
     # Tolerances become 0 in the reference, whether they are turned here or not.
     zero = [address for k in knobs(small) if k.name == "roots" for address in k.all[0].settings]
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     seeds = tuple((first + APART + i) % 2**32 for i in range(2))
     seconds = HURRIED if stopped else budgets[1]
     true = truth(small, zero, min(map(_noise, measured)), seeds, seconds, studio.mark, interrupts, progress)
     points = [_record(m, own, true, not for_tuning) for m in measured]
     same = all((p == measured[0].parts[0][0]).all() for p in measured[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
-<<<<<<< HEAD
-    joint = () if stopped or same or not whole else _joint(studio, points[0], curves, taken[0], true, quick)
-    every, ended = (*points, *joint), interrupts.requested
-    # Without noise there is nothing that samples could halve.
-    halved = [c for c in curves if not (same and c.kind == "sampling")]
-=======
     joint = None if stopped or same else _joint(studio, points[0], curves, measured[0], true, quick)
     every = (*curves, joint) if joint else curves
     # Without noise there is nothing that samples could reduce.
     priced = [c for c in every if not (same and c.kind == "sampling")]
     records = (*points, *(joint.points if joint else ()))
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     return Study(
         scene="",
         scene_hash=scene.hash(),
@@ -170,10 +156,10 @@ def studied(
         floors=floors(measured, true.reference),
         reference=true.reference,
         noiseless=same,
-        stopped=interrupts.asked,
+        stopped=interrupts.requested,
         seconds=0.0,
         machine=machine(),
-        notes=(*_notes(small), *true.notes, *[STOPPED] * interrupts.asked),
+        notes=(*_notes(small), *true.notes, *[STOPPED] * interrupts.requested),
     )
 
 
@@ -193,22 +179,6 @@ def _joint(
 
     The scene as it is is measured again in the same turns; it corrects for a change of the machine's speed.
     """
-<<<<<<< HEAD
-    # They go up by equal factors: together they take less than three times as long as the longest.
-    longest = BUDGETS[not quick][2] / len(studio.seeds) / 3
-    model = Model.of(base, tuple(c for c in curves if c.knob not in KEPT))
-    # The truth has to be that much better than they are.
-    known = FINER * true.reference.error
-    ladder = [s for s in model.ladder(JOINT[not quick], longest) if model.error(s) >= known]
-    choices = [Choice("joint", f"joint {i}", settings) for i, settings in enumerate(ladder, 1)]
-    taken = studio.prepared([replace(own.choice, knob="again"), *choices])
-    if studio.interrupts.requested or len(taken) < 2 or studio.measure(taken) < FEWEST_SEEDS:
-        return ()
-    pace = own.seconds.middle / taken[0].seconds.middle
-    for t in taken:
-        t.times = [pace * seconds for seconds in t.times]
-    return tuple(_point(t, own.choice, true, whole=True) for t in taken[1:])
-=======
     turned = comparing.together(curves, own)
     if set(turned) <= {SAMPLER}:
         return None
@@ -218,13 +188,12 @@ def _joint(
     again, *ready = studio.prepared([replace(base.choice, knob="again"), *choices]) or [None]
     # Times go up by factors of 4, so all together take less than twice as long as the longest.
     ready = [m for m in ready if m.expected * len(studio.seeds) * 2 <= BUDGETS[not quick][2]]
-    if studio.interrupts.asked or not ready or studio.measure([again, *ready]) < FEWEST_SEEDS:
+    if studio.interrupts.requested or not ready or studio.measure([again, *ready]) < FEWEST_SEEDS:
         return None
     pace = base.seconds.middle / again.seconds.middle
     for m in ready:
         m.times = [pace * seconds for seconds in m.times]
     return sloped(TOGETHER, "sampling", tuple(_record(m, base.choice, true, with_flip=True) for m in ready))
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
 
 
 def _noise(measurement: Measurement) -> float:

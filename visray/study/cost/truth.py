@@ -76,17 +76,11 @@ def truth(
         notes.append("the picture is black: errors are absolute")
     error = float(variance.mean() ** 0.5) / mean
     if error > target:
-<<<<<<< HEAD
-        share = f"{error / best:.2f} of the best point's" if best else "more than single precision resolves"
-        why = "it was cut short by Ctrl-C" if interrupts.requested else "that is what its seconds allowed"
-        notes.append(f"the reference's own error is {error:.1g}, {share}: {why}")
-=======
         share = (
             f"{100 * error / best:.0f} % of the best record's noise" if best else "more than single precision resolves"
         )
-        why = "Ctrl-C ended it" if interrupts.asked else "it had no more time"
+        why = "Ctrl-C ended it" if interrupts.requested else "it had no more time"
         notes.append(f"the reference's own error is {100 * error:.1g} %, {share}: {why}")
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
     settings[SPP] = 2 * count
     reference = Reference(settings, error, mean, clock.now() - begun, picture, variance)
     return Truth(reference, prepared, tuple(notes))
@@ -141,13 +135,8 @@ def _halves(
                 film, _ = exposed(prepared, film, seeds, done, step, mark)
                 done += step
                 now = clock.now()
-<<<<<<< HEAD
                 bar.update(min(round(now - begun), round(budget) - 1))
-                # Longer steps are traced less often; but Ctrl-C waits for them.
-=======
-                bar.at(min(round(now - begun), round(budget) - 1))
                 # Longer steps need less tracing, but Ctrl-C waits for them.
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
                 step *= 2 if now - before < PASS_SECONDS else 1
             pictures = developed(prepared, film, 2, np.float64)
             noise = float(np.sqrt((((pictures[0] - pictures[1]) / 2) ** 2).mean()))

@@ -19,7 +19,7 @@ from typing import NoReturn
 import numpy as np
 
 from visray import clock
-from visray.adaptive.depth_bias import truncation
+from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import DualBuffer, Estimate
 from visray.adaptive.error_floor import DEEPEST, LARGER, check_precision
 from visray.errors import UserError
@@ -265,7 +265,7 @@ class _Tuner:
         halves = DualBuffer(prepare(adjusted(self.scene, sampler="sobol")))
         halves.extend(np.full_like(halves.counts, PILOT))
         scale = (halves.estimate().luminance or 1.0) ** 2
-        left = truncation(halves, depths, min(4 * max(depths) + 4, DEEPEST))
+        left = depth_biases(halves, depths, min(4 * max(depths) + 4, DEEPEST))
         return {t.depth: Band(*(max(x, 0.0) / scale for x in (t.square, t.low, t.high))) for t in left}
 
     @property
@@ -291,15 +291,9 @@ class _Tuner:
         while len(seconds) < 2 or (len(seconds) < TURNS and sum(seconds) < ENOUGH):
             seeded = replace(prepared, scene=adjusted(chosen, seed=(first + len(seconds)) % 2**32))
             begun = clock.now()
-<<<<<<< HEAD
-            film, _ = expose(shot, self.progress, self.interrupts)
-            times.append(clock.now() - begun)
-            if self.interrupts.requested:
-=======
             film, _ = expose(seeded, self.progress, self.interrupts)
             seconds.append(clock.now() - begun)
-            if self.interrupts.asked:
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
+            if self.interrupts.requested:
                 raise KeyboardInterrupt
             if len(pictures) < 2:
                 pictures.append(np.array(film.mean))
@@ -314,18 +308,6 @@ class _Tuner:
         self.tried.append(Measured(settings, band(seconds), error, noise, noise * factor))
         return self.tried[-1]
 
-<<<<<<< HEAD
-    def _told(self, found: Measured) -> Tuned:
-        """The outcome, with its reasons."""
-        before, model, stopped = self.tried[0], self._whole(), self.interrupts.requested
-        guess = Prediction(found.settings, model.seconds(found.settings), model.error(found.settings))
-        guess = next((c for c in self.predicted if c.settings == found.settings), guess)
-        changes = self.scaled.changes(found.settings)
-        left = self.scaled.left(found.settings)
-        # Of the error that it is chosen by, the estimate of it: as what was measured is told.
-        expected = sqrt(max(guess.error**2 - left.high + left.middle, 0.0))
-        met, why = self.target.met(found), [*reasons(self.scaled, model, found.settings)]
-=======
     def _changes(self, settings: Settings) -> Settings:
         return {a: v for a, v in settings.items() if v != self.own[a]}
 
@@ -338,7 +320,6 @@ class _Tuner:
         met = [m for m in self.tried if self.target.met(m)]
         if quiet:
             met = [m for m in met if m.settings[SPP] == 1] or met
->>>>>>> 626af91 (study/cost: no model of all knobs; tune follows measured curves and renders; a page of records in plain English)
         if not met:
             return min(self.tried, key=self.target.missed)
         best = min(met, key=self._price)
@@ -353,7 +334,7 @@ class _Tuner:
         return sqrt(render.noise + self.left(render.settings).high)
 
     def _result(self, best: Measured, quiet: bool) -> Tuned:
-        changes, met, stopped = self._changes(best.settings), self.target.met(best), self.interrupts.asked
+        changes, met, stopped = self._changes(best.settings), self.target.met(best), self.interrupts.requested
         reasons = list(self.why) if set(changes) - {SPP} else []
         if SPP in changes:
             tries, old = len(self.tried) - 1, self.own[SPP]

@@ -58,7 +58,7 @@ def price(curve: Curve, default: Record, share: float) -> Price:
         factor=Band(factor, min(factor, float(low)), max(factor, float(high))),
         least=min(p.error.rmse.middle for p in points) / base,
         value=_value(points, place, curve, share * base),
-        beyond=n - 1 < place < inf,
+        beyond=bool(n - 1 < place < inf),
     )
 
 

@@ -4,7 +4,8 @@ A pass makes the pictures of several seeds side by side, so tracing in Python is
 the time of the kernels, as Dr.Jit reports it, over the number of pictures. They leave out tracing, which each pass of a
 render does once whatever its size, and repeat best.
 
-All choices are measured in turns: noise of the machine affects all of them alike, and Ctrl-C keeps the complete turns.
+All choices are measured in turns: the speed of the machine in a turn is common to them all, and is removed. Ctrl-C
+keeps the complete turns.
 Seeds, samples and rays are data, so choices share kernels. Each kernel contains a number that no kernel had before
 (ablation.new_mark), so it is compiled exactly once in a study, whatever Dr.Jit has in its cache.
 """
@@ -200,6 +201,7 @@ class Studio:
                 order, turn = np.random.default_rng(number).permutation(len(choices)), {}
                 for i in order:
                     if self.interrupts.requested:
+                        _even(choices)
                         return finished
                     turn[i] = self._once(choices[i], seeds)
                     done += 1
@@ -208,6 +210,7 @@ class Studio:
                     choices[i].times.append(seconds)
                     choices[i].parts.append(pictures)
                 finished += len(seeds)
+        _even(choices)
         return finished
 
     def _once(self, choice: Measurement, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
@@ -217,3 +220,14 @@ class Studio:
         many = np.resize(seeds, n * copies)
         film, kernels = exposed(prepared, blank(prepared, len(many)), many, 0, prepared.scene.settings.spp, self.mark)
         return clock.kernel_seconds(kernels) / len(many), developed(prepared, film, len(seeds))
+
+
+def _even(choices: list[Measurement]) -> None:
+    """Removes the speed of the machine in each turn, which is common to all choices: the median over choices of their
+    seconds, each divided by its own median."""
+    if not choices or not choices[0].times:
+        return
+    logs = np.log([c.times for c in choices])
+    pace = np.median(logs - np.median(logs, 1, keepdims=True), 0)
+    for choice, row in zip(choices, logs):
+        choice.times = np.exp(row - pace).tolist()

@@ -67,8 +67,9 @@ def halving(report: Report) -> str:
 def present(report: Report) -> str:
     """Error and time of the scene as it is, in one sentence."""
     d, size = report.default, f"{report.width} x {report.height} pixels"
-    error = interval(d.error.rmse, percent) if d.error.rmse.middle > 0 else "nothing that can be measured"
-    return f"As it is, the scene takes {duration(d.seconds)} for a picture of {size}, and its error is {error}."
+    off = d.error.rmse.middle > 0
+    error = f"an error of {interval(d.error.rmse, percent)}" if off else "no error that can be measured"
+    return f"As it is, the scene takes {duration(d.seconds)} for a picture of {size}, and has {error}."
 
 
 def _choice(price: Price, report: Report) -> str:
@@ -77,17 +78,21 @@ def _choice(price: Price, report: Report) -> str:
     if price.knob == TOGETHER:
         turned = {a: v for a, v in report.joint[0].settings.items() if a != SPP and v != own.get(a)}
         sampler = turned.pop(SAMPLER, own.get(SAMPLER))
-        return f"{sampler} with {' and '.join(_setting(a, v) for a, v in ({SPP: value} | turned).items())}"
+        return " and ".join([_samples(sampler, value), *(_setting(a, v) for a, v in turned.items())])
     if is_samples(price.knob):
-        return f"{price.knob.removeprefix('samples, ')} with {_setting(SPP, value)}"
+        return _samples(price.knob.removeprefix("samples, "), value)
     if price.knob.endswith(("samples", "rays")):
         return f"{written(value)} {price.knob}"
     return f"{price.knob} {written(value)}" if is_number(value) else f"{written(value)} {price.knob}"
 
 
+def _samples(sampler: str, count: Any) -> str:
+    return f"{written(count)} {sampler} {'sample' if count == 1 else 'samples'} per pixel"
+
+
 def _setting(address: str, x: Any) -> str:
     """A setting in words: "4 light samples"."""
-    words = {SPP: "{} samples per pixel", DEPTH: "a depth of {}", PRECISION: "{} precision", SKY: "{} sky rays"}
+    words = {DEPTH: "a depth of {}", PRECISION: "{} precision", SKY: "{} sky rays"}
     words |= {NEAR: "{} near rays", SCATTER: "{} scatter rays"}
     text = "{} light samples" if address.startswith("lights.") else words.get(address, f"{address} {{}}")
     return (text.replace("samples", "sample").replace("rays", "ray") if x == 1 else text).format(written(x))
@@ -96,19 +101,18 @@ def _setting(address: str, x: Any) -> str:
 def table(report: Report) -> Table:
     """The report for the terminal: advice, the price of half the error by each knob, and notes."""
     r, slopes = report.reference, {c.knob: c.by_time for c in report.curves}
-    lines = [
-        "each knob is turned alone; in brackets: intervals of 95 %; k = 0.5: half of the error takes 4 times the time"
-    ]
+    lines = ["each knob is turned alone; in brackets: intervals of 95 %"] if report.halvings else []
     if any(h.beyond for h in report.halvings):
         lines.append("*: beyond the measured values, carried on from the measured slope")
-    lines += [f"{name}: an error of {percent(x, 2)} stays, whatever the samples" for name, x in report.floors.items()]
+    floors = {name: percent(x, 2) for name, x in report.floors.items() if x > 0}
+    lines += [f"{name}: an error of {x} stays, whatever the samples" for name, x in floors.items()]
     lines.append(f"the reference has an error of {percent(r.error, 2)}, and took {duration(r.seconds)}")
     lines.append("times are those of compiled kernels, without tracing in Python")
     notes = "\n".join(f"- {line}" for line in [*lines, *report.notes])
     title = f"{advice(report)}\n{present(report)}"
     rows = Table(title=title, title_justify="left", caption=notes, caption_justify="left")
-    rows.add_column("knob", no_wrap=True)
-    for name in ("half of the error takes", "with", "least error, of the scene's", "error ~ time^-k"):
+    heads = ("knob", "half of the error takes", "with", "least error, of the scene's", "error ~ time^-k")
+    for name in heads if report.halvings else ("nothing to halve",):
         rows.add_column(name)
     for h in report.halvings:
         text = times(h.factor) + " *" * h.beyond if isfinite(h.factor.middle) else "not reached"

@@ -17,7 +17,7 @@ import pytest
 from rich.console import Console
 from virtual import Machine
 
-from visray.adaptive.dual_buffer import ratio_of_squares
+from visray.adaptive.dual_buffer import ratio_quantile
 from visray.camera import Camera
 from visray.cli import studies
 from visray.errors import UserError
@@ -292,7 +292,7 @@ def test_all_tries_together_are_as_sure_as_they_say() -> None:
         chance = np.exp(-d * (np.logaddexp(x / 2, -x / 2) - np.log(2)))
         total = np.cumsum(chance) / chance.sum()
         needed = np.interp(1 - 0.05 / TRIES, total, x)
-        assert needed <= SURE * 1.01 * np.log(ratio_of_squares(d))
+        assert needed <= SURE * 1.01 * np.log(ratio_quantile(d))
 
 
 @pytest.mark.slow

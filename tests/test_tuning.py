@@ -182,7 +182,7 @@ def test_what_cannot_be_asked_for(asked: dict[str, Any], text: str, monkeypatch:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("error", [0.05, 0.01])
+@pytest.mark.parametrize("error", [0.02, 0.01])
 def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: float) -> None:
     found = tune(SOFT, error=error, progress=False)
     assert found.met and found.error.high <= error
@@ -314,8 +314,9 @@ def test_an_error_is_met_with_few_samples_too_many(
 def test_a_time_is_met_and_used(smooth: Report, monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     found = made_up(smooth, monkeypatch)(time=share)
     assert found.met and found.seconds.middle <= LATE * share
-    # At 16 samples sobol is better; whole samples and the time of each render leave something.
-    assert found.seconds.middle >= 0.7 * share - 0.1 and found.settings["settings.sampler"] == "sobol"
+    # Whole samples and the time of each render leave something; with many samples Sobol points are better.
+    assert found.seconds.middle >= 0.7 * share - 0.1
+    assert found.settings["settings.sampler"] == "sobol" or share < 2
 
 
 @pytest.mark.slow

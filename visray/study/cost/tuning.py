@@ -5,8 +5,8 @@ those of the best measured curve, if it is better beyond the noise. The path dep
 than the error, measured at the scene's own size. Accelerator, root tolerance and texture filter stay; precision becomes
 double only where single cannot reach the error.
 
-Samples per pixel come from renders at the scene's own size. Each try renders two pictures with new seeds, whose
-difference gives the noise without bias, and then follows the slope of the curve to the target. The samples of a try do
+Samples per pixel come from renders at the scene's own size. Each try renders pairs of pictures with new seeds, whose
+differences give the noise without bias, and then follows the slope of the curve to the target. The samples of a try do
 not depend on its own pictures, so each try is an independent verification.
 """
 
@@ -83,7 +83,12 @@ def tune(
 
 @dataclass
 class _Tuner:
-    """The search. tried: the renders so far, the scene as it is first; why: reasons for the knobs that are turned."""
+    """The search for the settings.
+
+    tried: the renders so far, the scene as it is first
+    why: reasons for the knobs that are turned
+    cut: squared relative bias of each depth
+    """
 
     scene: Scene
     report: Report
@@ -92,6 +97,7 @@ class _Tuner:
     progress: bool = False
     tried: list[Measured] = field(default_factory=list)
     why: list[str] = field(default_factory=list)
+    cut: dict[int, Band] = field(default_factory=dict)
 
     def run(self) -> Tuned:
         """The result; Ctrl-C keeps the best try, if there is one."""
@@ -125,7 +131,7 @@ class _Tuner:
         curve, best = self._curve(share)
         settings, k = self._turned(curve) | fixed, _power(curve)
         n = best.value if best.value is not None else curve.points[-1].settings[SPP] * (best.least / share) ** (1 / k)
-        for _ in range(TRIES):
+        for i in range(TRIES):
             n = self._count(settings, n)
             if any(m.settings == settings | {SPP: n} for m in self.tried[1:]):
                 return
@@ -133,8 +139,8 @@ class _Tuner:
             needed = n * (render.noise_high / allowed) ** (1 / (2 * k))
             if needed <= n and (n == 1 or needed >= (1 - WASTE) * n):
                 return
-            # Slopes and noise are known to a few percent.
-            n = 1.03 * needed if needed <= n else 1.06 * needed
+            # Slope and noise are known badly; the later the try, the less it may miss.
+            n = needed * (1.03 if needed <= n else 1.1 + 0.1 * i)
 
     def _search_time(self) -> None:
         """Tries for a time."""
@@ -295,10 +301,11 @@ class _Tuner:
             seconds.append(clock.now() - begun)
             if self.interrupts.requested:
                 raise KeyboardInterrupt
-            if len(pictures) < 2:
-                pictures.append(np.array(film.mean))
-                check_numbers(prepared, pictures[-1])
-        pair = Estimate.of(*pictures)
+            pictures.append(np.array(film.mean))
+            check_numbers(prepared, pictures[-1])
+        # Pixels of several pairs side by side: each difference is an independent estimate.
+        last = len(pictures) // 2 * 2
+        pair = Estimate.of(*(np.concatenate(pictures[i:last:2], 1) for i in (0, 1)))
         # The variance of the mean of both is half of that of one.
         noise, factor = 2 * pair.error**2, pair.factor**SURE
         left = self.left(settings)

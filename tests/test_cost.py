@@ -33,7 +33,6 @@ from visray.study.cost.measuring import LONGEST, SMALLEST, TURNS, Studio, band, 
 from visray.study.cost.records import Band, Price, Reference, Report, Slope
 from visray.study.cost.report import STOPPED, advice, as_csv, as_json, table
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
-from visray.study.cost.truth import floors
 
 # One worker makes what its tests share.
 pytestmark = pytest.mark.xdist_group("cost")
@@ -418,12 +417,9 @@ def test_the_depth_of_the_reference_is_deep_enough() -> None:
 
 def test_the_output_floor() -> None:
     """Half a step of 8 bits, for a colour in the middle between two of them."""
-    studio = Studio(SOFT, list(range(16)), Interrupts())
-    measured = studio.prepared([default(SOFT, knobs(SOFT))])
     rng = np.random.default_rng(5)
     exact = linear(rng.integers(0, 256, (8, 8, 3)) / 255)
-    assert floors(measured, Reference({}, 0, 0.5, 0, exact, exact * 0))["8-bit output"] < 1e-15
+    assert truth.output(Reference({}, 0, 0.5, 0, exact, exact * 0)) < 1e-15
     middle = np.full((4, 4, 3), (linear(np.array(100 / 255)) + linear(np.array(101 / 255))) / 2)
     half = float(linear(np.array(101 / 255)) - linear(np.array(100 / 255))) / 2
-    found = floors(measured, Reference({}, 0, 0.5, 0, middle, middle * 0))["8-bit output"]
-    assert found == pytest.approx(half / 0.5, rel=0.05)
+    assert truth.output(Reference({}, 0, 0.5, 0, middle, middle * 0)) == pytest.approx(half / 0.5, rel=0.05)

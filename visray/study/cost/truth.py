@@ -153,7 +153,7 @@ def floors(measurements: list[Measurement], reference: Reference) -> dict[str, f
 
     measurements: of the scene as it is and of all choices, with the same seeds
     """
-    limits = {"8-bit output": rounding(reference.picture, ".png") / reference.luminance}
+    limits = {"8-bit output": output(reference)}
     by = {(m.choice.knob, m.choice.value): m for m in measurements}
     own = by["scene", "as it is"]
     single, double = (by.get(("precision", x), own) for x in ("single", "double"))
@@ -164,6 +164,11 @@ def floors(measurements: list[Measurement], reference: Reference) -> dict[str, f
     if depths and max(depths) > depth and (bias := difference(own, depths[max(depths)], reference)) is not None:
         limits[f"depth {depth}"] = bias
     return limits
+
+
+def output(reference: Reference) -> float:
+    """Relative error of rounding the reference to 8 bits in sRGB, where it can be displayed."""
+    return rounding(reference.picture, ".png") / reference.luminance
 
 
 def difference(one: Measurement, other: Measurement, reference: Reference) -> float | None:

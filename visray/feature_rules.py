@@ -1,6 +1,8 @@
-"""Rules that decide which effects a scene needs, one for each effect.
+"""Rules that decide which effects a scene needs, one rule for each effect.
 
-To add an effect: one rule in RULES, and code in the kernel for `features["name"]`.
+To add an effect, add a rule to RULES, and code to the kernel that asks for features["name of the effect"].
+
+An address is the dotted name of a value in a scene, such as `materials.red`.
 """
 
 from collections.abc import Callable
@@ -14,16 +16,16 @@ from visray.scene.scene import Scene, SkyGradient
 
 @dataclass(frozen=True)
 class Rule:
-    """Rule that decides whether a scene needs an effect. The scene must hold only materials that are in use
-    (used_materials).
+    """Rule that decides whether a scene needs an effect.
 
-    name: the effect.
-    calls: addresses in a scene that need the effect; empty if there are none.
-    absent: reason that is given where there are none.
-    fields: fields that the effect depends on. A derivative by one of them needs the effect too: a term that is 0 may
-    have a derivative that is not.
-    possible: whether such a derivative can be other than 0 in a scene.
-    needs: the effect that this one only refines, if any.
+    name: name of the effect.
+    calls: function that returns a list of the addresses in a scene that need the effect; an empty list means that the
+        scene does not need it. The scene must contain only materials that are in use (used_materials).
+    absent: reason that is given if the list is empty.
+    fields: names of the fields that the effect depends on. A derivative by one of these fields needs the effect too,
+        because a term that is 0 may have a derivative that is not 0.
+    possible: function that returns whether such a derivative can be other than 0 in a scene.
+    needs: name of another effect that this effect refines, or None. Without the other effect, this one is left out.
     """
 
     name: str
@@ -35,68 +37,71 @@ class Rule:
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
-    """Materials that at least one object has, by name."""
+    """Materials that at least one object has, as a dict by name."""
     used = {o.material for o in scene.objects.values()}
     return {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
 
 
 def _materials(scene: Scene, test: Callable[[Material], object]) -> list[str]:
-    """Addresses of the materials that pass a test."""
+    """List of the addresses of the materials that pass a test."""
     return [f"materials.{n}" for n, m in scene.materials.items() if test(m)]
 
 
 def _lights(scene: Scene, test: Callable) -> list[str]:
-    """Addresses of the lights that pass a test."""
+    """List of the addresses of the lights that pass a test."""
     return [f"lights.{n}" for n, l in scene.lights.items() if test(l)]
 
 
-# Functions `calls` of the rules: the addresses that need an effect.
+# The following functions are the `calls` of the rules. Each returns a list of the addresses that need its effect. A
+# material "has" ka, kd, ks, kr or kt, and a light "has" Ia, Id or Is, if one of the three numbers is not 0.
 def _ambient(scene: Scene) -> list[str]:
-    """Materials with ka, where there is ambient light."""
+    """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` and no Ia of a light."""
     has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
     return _materials(scene, lambda m: any(m.ka)) if has_ambient else []
 
 
 def _diffuse(scene: Scene) -> list[str]:
-    """Materials with kd or a texture, where a light has Id."""
+    """Addresses of the materials with kd or a texture; empty if no light has Id."""
     lit = _lights(scene, lambda l: l.intensity and any(l.Id))
     return _materials(scene, lambda m: any(m.kd) or m.texture) if lit else []
 
 
 def _specular(scene: Scene) -> list[str]:
-    """Materials with ks, where a light has Is."""
+    """Addresses of the materials with ks; empty if no light has Is."""
     lit = _lights(scene, lambda l: l.intensity and any(l.Is))
     return _materials(scene, lambda m: any(m.ks)) if lit else []
 
 
 def _background(scene: Scene) -> list[str]:
-    """The background, unless it is black."""
+    """The address of the background, in a list; empty if the background is black."""
     sky = scene.background
     colours = (*sky.top, *sky.bottom) if isinstance(sky, SkyGradient) else sky
     return ["background"] if any(colours) else []
 
 
 def _shadows(scene: Scene) -> list[str]:
-    """Lights, where an object can cast a shadow."""
+    """Addresses of the lights whose intensity is not 0; empty if no object can cast a shadow."""
     return _lights(scene, lambda l: l.intensity) if _can_occlude(scene) else []
 
 
 def _can_occlude(scene: Scene) -> bool:
-    """Whether an object can occlude a light from a surface. A single flat object cannot."""
+    """Whether any object can hide a light from a point of a surface. If a scene has a single object and it is flat, it
+    cannot."""
     single_flat = len(scene.objects) == 1 and isinstance(next(iter(scene.objects.values())), Flat)
     return bool(scene.objects) and not single_flat
 
 
 def _coloured(scene: Scene) -> list[str]:
-    """Transparent materials, where they can cast a shadow.
+    """Addresses of the transparent materials; empty if there is no light or no object can cast a shadow.
 
-    The lights' intensity does not matter: also with intensity 0, the derivative by it depends on the shadow's colour.
+    Lights of intensity 0 count too: the derivative by the intensity depends on the colour of the shadow.
     """
     return _materials(scene, lambda m: any(m.kt)) if scene.lights and _can_occlude(scene) else []
 
 
 def _nested(scene: Scene) -> list[str]:
-    """Transparent objects, where there are at least two and one of them is closed."""
+    """Addresses of the transparent objects; empty if there are fewer than two, or if none of them is closed (the
+    surface of a solid)."""
     transparent = {n for n, m in scene.materials.items() if any(m.kt)}
     objects = {n: o for n, o in scene.objects.items() if o.material in transparent} if transparent else {}
     can_nest = len(objects) > 1 and any(o.closed for o in objects.values())
@@ -104,41 +109,43 @@ def _nested(scene: Scene) -> list[str]:
 
 
 def _scatter(scene: Scene) -> list[str]:
-    """Matte materials, where settings.scatter is on."""
+    """Addresses of the matte materials; empty if settings.scatter has no rays or a depth of 0."""
     scatter = scene.settings.scatter
     return _materials(scene, _matte) if scatter.rays and scatter.depth else []
 
 
 def _matte(m: Material) -> bool:
-    """Whether a material reflects diffusely, and neither mirrors nor transmits."""
+    """Whether a material has kd or a texture, and has neither kr nor kt."""
     return not any((*m.kr, *m.kt)) and (any(m.kd) or m.texture is not None)
 
 
 def _sky(scene: Scene) -> list[str]:
-    """The setting of sky occlusion, where it can weaken the scene's ambient light."""
+    """The address of the number of sky rays, in a list; empty if there are no such rays, if the scene's `ambient` is
+    black, or if no material has ka."""
     occludes = any(scene.ambient) and scene.settings.occlusion.sky
     return ["settings.occlusion.sky"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
 
 
 def _near(scene: Scene) -> list[str]:
-    """The setting of near occlusion, where it can weaken a light's Ia."""
+    """The address of the number of near rays, in a list; empty if there are no such rays, if no light has Ia, or if no
+    material has ka."""
     occludes = scene.settings.occlusion.near and _lights(scene, lambda l: l.intensity and any(l.Ia))
     return ["settings.occlusion.near"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
 
 
 def _bilinear(scene: Scene) -> list[str]:
-    """Textures in use that blend pixels."""
+    """Addresses of the image textures that a material uses and whose filter is bilinear."""
     named = {m.texture for m in scene.materials.values()}
     return [f"textures.{n}" for n, t in scene.textures.items() if n in named and getattr(t, "filter", "") == "bilinear"]
 
 
 def _with_share(scene: Scene, field: str) -> list[str]:
-    """Materials whose kr, or whose kt, is not 0."""
+    """Addresses of the materials that have a field, "kr" or "kt"."""
     return _materials(scene, lambda m: any(getattr(m, field)))
 
 
 def _if_lit(calls: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]:
-    """`calls` of an effect that only shading modes with light can show."""
+    """A function that returns what `calls` returns in shading modes that show light, and an empty list in others."""
     return lambda scene: calls(scene) if modes.BY_NAME[scene.settings.shading].lit else []
 
 

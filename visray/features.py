@@ -1,8 +1,10 @@
 """Features: the effects that a scene needs and its kernel therefore simulates, each with the reason.
 
-An effect is left out only if it contributes exactly 0 to the picture and to every derivative that is asked for. With
-`everything` no effect is left out, and the picture is the same bit for bit.
-Error: none (tests/test_features.py).
+An effect, such as shadows or reflection, is a part of the kernel's code. It is left out only if a setting switches it
+off, or if it contributes exactly 0 to the picture and to every derivative that is asked for. With `everything` only
+settings switch effects off, and the picture is bit for bit the same (tests/test_features.py).
+
+An address is the dotted name of a value in a scene, such as `materials.red.kd`.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +18,9 @@ from visray.scene.scene import Scene
 class Feature:
     """One effect.
 
-    name: such as "shadows". on: whether it is simulated. reason: why it is or is not.
+    name: name of the effect, such as "shadows".
+    on: whether the effect is simulated.
+    reason: why the effect is simulated, or why it is left out.
     """
 
     name: str
@@ -26,10 +30,11 @@ class Feature:
 
 @dataclass(frozen=True)
 class RayFamily:
-    """Accelerator of one family of rays.
+    """How one family of rays finds objects. A family is all rays of one purpose, such as the camera rays.
 
-    rays: name of the family, such as "camera". accelerator: how these rays find what they hit. reason: why it was
-    chosen.
+    rays: name of the family.
+    accelerator: name of the way in which these rays find objects, such as "tree".
+    reason: why this way was chosen.
     """
 
     rays: str
@@ -39,11 +44,11 @@ class RayFamily:
 
 @dataclass(frozen=True)
 class Features:
-    """Effects of a render, looked up by name: features["shadows"].
+    """All effects of a render, simulated or not. features["shadows"] is whether shadows are simulated.
 
-    listed: all effects, in the order of RULES.
-    shininess_bits: number of binary digits of the largest shininess in the kernel.
-    rays: accelerator of each family of rays; filled in by `explain` only.
+    listed: the effects, in the order of RULES.
+    shininess_bits: number of binary digits that the kernel provides for the largest shininess.
+    rays: how each family of rays finds objects; filled in by render.explain only.
     """
 
     listed: tuple[Feature, ...]
@@ -51,7 +56,7 @@ class Features:
     rays: tuple[RayFamily, ...] = ()
 
     def __getitem__(self, name: str) -> bool:
-        """Whether an effect is simulated. `paths` stands for reflection, refraction or scatter."""
+        """Whether an effect is simulated. "paths" is simulated if reflection, refraction or scatter is."""
         if name == "paths":
             return any(self[effect] for effect in ("reflection", "refraction", "scatter"))
         return next(f.on for f in self.listed if f.name == name)
@@ -62,7 +67,11 @@ class Features:
 
 
 def _first_with_field(fields: tuple[str, ...], wrt: tuple[str, ...]) -> str | None:
-    """First address in `wrt` of one of the fields, or None."""
+    """First address in `wrt` that ends in one of the fields or in a component of one, or None if there is none.
+
+    fields: names of fields, such as "kd".
+    wrt: addresses by which derivatives are asked for, such as "materials.red.kd.0".
+    """
 
     def field(address: str) -> str:
         parts = [*address.split("."), "", ""]
@@ -72,7 +81,11 @@ def _first_with_field(fields: tuple[str, ...], wrt: tuple[str, ...]) -> str | No
 
 
 def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
-    """Reason why a setting of the scene switches an effect off, even with `everything`; None if none does."""
+    """Reason why a setting of the scene switches an effect off, or None if no setting does. It holds even with
+    `everything`.
+
+    name: the effect. wrt: addresses by which derivatives are asked for.
+    """
     settings = scene.settings
     if name in ("shadows", "coloured shadows") and not settings.shadows:
         return "settings.shadows is false"
@@ -92,7 +105,12 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
 
 
 def _feature(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -> Feature:
-    """The effect of a rule in a scene, before `needs` and `without` are considered."""
+    """The Feature that a rule gives for a scene. The rule's `needs` and the argument `without` of `features` are not
+    considered here.
+
+    wrt: addresses by which derivatives are asked for.
+    everything: whether the effect is simulated although the scene does not need it.
+    """
     off_reason = _ruled_out(rule.name, scene, wrt)
     if off_reason:
         return Feature(rule.name, False, off_reason)
@@ -109,16 +127,17 @@ def _feature(rule: Rule, scene: Scene, wrt: tuple[str, ...], everything: bool) -
 def features(
     scene: Scene, wrt: tuple[str, ...] = (), everything: bool = False, without: tuple[str, ...] = ()
 ) -> Features:
-    """Effects that a scene needs.
+    """Effects that a scene needs, and effects that it does not need.
 
-    wrt: addresses of the derivatives that are asked for.
-    everything: simulate also effects that are 0.
-    without: effects to leave out although the scene needs them, with those that refine them, to measure their cost.
+    wrt: addresses by which derivatives are asked for.
+    everything: whether effects that contribute 0 are simulated too.
+    without: names of effects to leave out although the scene needs them, so that their cost can be measured. Effects
+        that refine a left-out effect are left out too.
     """
-    # Materials are filtered once, not by each rule, since there may be very many objects.
+    # The materials in use are found once, not by each rule, since there may be very many objects.
     scene = replace(scene, materials=used_materials(scene))
     largest = max([m.shininess for m in scene.materials.values()], default=0)
-    # Rounded up to a multiple of four: then a small change of a shininess does not change the kernel.
+    # Rounded up to a multiple of four, so that a small change of a shininess does not change the kernel.
     bits = max(8, 4 * -(-int(largest).bit_length() // 4))
     by_name: dict[str, Feature] = {}
     for rule in RULES:

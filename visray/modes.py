@@ -1,6 +1,8 @@
-"""The shading modes: one record each. Scene, kernel, schema, command line and documentation read them from here.
+"""The shading modes, one record each. Scene, kernel, schema, command line and documentation read them from here.
 
-To add a mode: one function and one record below (docs/extending.md).
+To add a mode, add a function and a record below (docs/extending.md).
+
+The functions of a mode run in kernels. Each number or vector in them is a Dr.Jit array with one entry per ray.
 """
 
 from collections.abc import Callable
@@ -9,18 +11,19 @@ from typing import Any
 
 import drjit as dr
 
-# Steps of diffuse light in mode toon. Its highlight is where that of Blinn-Phong is at least half of its largest value.
+# Number of steps of diffuse light in mode toon. Its highlight is 1 where the highlight of Blinn-Phong is at least half
+# of its largest value, and 0 elsewhere.
 STEPS = 4
 
 
 @dataclass(frozen=True)
 class ReflectionModel:
-    """How a surface reflects the light of one light sample: kd diffuse + ks highlight.
+    """How a surface reflects the light of one light sample: kd * diffuse + ks * highlight.
 
-    diffuse: from the cosine n.l.
-    cosine: from Interaction and LightSample, the cosine whose power is the highlight.
-    highlight: from that cosine to the power of the shininess.
-    stepped: whether diffuse or highlight jump, so that derivatives miss how their edges move.
+    diffuse: function of the cosine n.l.
+    cosine: function of an Interaction and a LightSample that returns the cosine of the highlight, such as n.h.
+    highlight: function of the power cosine^shininess.
+    stepped: whether `diffuse` or `highlight` jumps between values. Derivatives do not contain how such jumps move.
     """
 
     diffuse: Callable[[Any], Any] = lambda cosine: cosine
@@ -31,12 +34,12 @@ class ReflectionModel:
 
 @dataclass(frozen=True)
 class Mode:
-    """A shading mode: a reflection model, or a property of the surface that is shown as a colour.
+    """A shading mode. It shows light, by a reflection model, or it shows a property of the surface as a colour.
 
-    name: its name in settings.shading.
+    name: name of the mode in settings.shading.
     meaning: one line for users.
-    model: the reflection model, in modes that show light.
-    colour: from KernelScene and Interaction, the colour; in modes that show a property of the surface.
+    model: the reflection model; None in modes that show a property.
+    colour: function of a KernelScene and an Interaction that returns the colour; None in modes that show light.
     """
 
     name: str
@@ -46,40 +49,41 @@ class Mode:
 
     @property
     def lit(self) -> bool:
-        """Whether the mode shows light. Without light, the kernel holds no lights, shadows and paths."""
+        """Whether the mode shows light. If it does not, the kernel has no code for lights, shadows or paths."""
         return self.model is not None
 
 
 def _n_dot_h(si: Any, sample: Any) -> Any:
-    """max(n.h, 0), with h halfway between the light and the viewer."""
+    """max(n.h, 0), with h the unit vector halfway between the directions to the light and to the viewer."""
     halfway = sample.l - si.d
     squared = dr.squared_norm(halfway)
     return dr.maximum(dr.select(squared > 0, dr.dot(si.n, halfway) * dr.rsqrt(squared), 0), 0)
 
 
 def _r_dot_v(si: Any, sample: Any) -> Any:
-    """max(r.v, 0), with r the direction to the light mirrored at the normal."""
+    """max(r.v, 0), with v the direction to the viewer, and r the direction to the light mirrored about the normal."""
     mirrored = (2 * sample.cosine) * si.n - sample.l
     return dr.maximum(-dr.dot(mirrored, si.d), 0)
 
 
 def _steps(cosine: Any) -> Any:
-    """The cosine rounded up to a multiple of 1 / STEPS; at most 1, which rounding may exceed."""
+    """The cosine rounded up to a multiple of 1 / STEPS. The minimum with 1 is needed because rounding errors may make
+    the cosine slightly larger than 1."""
     return dr.minimum(dr.ceil(cosine * STEPS) * (1 / STEPS), 1)
 
 
 def _all_or_nothing(power: Any) -> Any:
-    """1 where the power is at least 1/2, else 0."""
+    """1 in lanes where the power is at least 1/2, else 0."""
     return dr.select(power >= 0.5, type(power)(1), 0)
 
 
 def _normal(s: Any, si: Any) -> Any:
-    """(n + 1) / 2."""
+    """(n + 1) / 2, with n the unit normal: each component is from 0 to 1."""
     return 0.5 * si.n + 0.5
 
 
 def _depth(s: Any, si: Any) -> Any:
-    """D / (D + t), with D the distance of the camera's target."""
+    """D / (D + t), with t the distance of the surface and D the distance of the camera's target."""
     t = si.hit.t
     if s.attached:
         t = dr.select(si.hit.valid, dr.dot(si.surface.p - si.o, s.a.W(si.d)), t)
@@ -92,7 +96,7 @@ def _uv(s: Any, si: Any) -> Any:
 
 
 def _albedo(s: Any, si: Any) -> Any:
-    """kd."""
+    """kd of the material, or the colour of its texture."""
     return si.material.kd
 
 
@@ -114,5 +118,5 @@ NAMES = tuple(BY_NAME)
 
 
 def table() -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the table of modes in the documentation."""
+    """Column headings and rows of the table of modes in the documentation."""
     return ["`shading`", "what the picture shows"], [[f"`{mode.name}`", mode.meaning] for mode in MODES]

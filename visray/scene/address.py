@@ -1,4 +1,8 @@
-"""Addresses of values in a scene, such as `objects.ball.center.1`, for files, the command line and Python alike."""
+"""Addresses of values in a scene, such as `objects.ball.center.1`: keys and indices, separated by dots. Error messages,
+the command line and Python use the same addresses.
+
+A node is an instance, a dict or a tuple on the way from the scene to a value.
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass
@@ -15,20 +19,22 @@ from visray.scene.validated import plain
 
 
 def value(scene: Scene, address: str) -> Any:
-    """Value at an address. Raises UserError with the keys to choose from if the address names nothing."""
+    """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
     return _value_at(scene, address)
 
 
 def replaced(scene: Scene, address: str, new: Any) -> Scene:
-    """Checked copy of the scene with another value at an address."""
+    """Copy of the scene with another value at an address. Raises UserError if the new scene is not valid."""
     return changed(scene, {address: new})
 
 
 def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
-    """Checked copy of the scene with other values at some addresses.
+    """Copy of the scene with other values at some addresses. Raises UserError if the new scene is not valid.
 
-    assignments: the new value at each address, assigned in order. The scene is checked once, after the last one. Parts
-    that no assignment changes are shared with the old scene.
+    assignments: dict from addresses to new values. They are assigned in order, and the scene is checked once, after the
+        last one.
+
+    Textures, materials, lights and objects that no assignment changes are the same instances in both scenes.
     """
     raw = parts(scene)
     for address, new in assignments.items():
@@ -41,7 +47,7 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Address and value of `ADDRESS=VALUE`. The value is JSON, or a plain word, which is a string."""
+    """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON; a word without quotes is a string."""
     address, equals, written = (part.strip() for part in text.partition("="))
     if not (address and equals and written):
         raise UserError(f"{text!r}: is not an assignment; write ADDRESS=VALUE, as in objects.ball.radius=2")
@@ -54,12 +60,13 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def numeric_addresses(scene: Scene) -> dict[str, Quantity]:
-    """Quantity of each numeric field of the scene, by address. Numeric fields are those that enter a kernel."""
+    """Quantity (size, precision and unit) of each numeric field of the scene, as a dict by address. Numeric fields are
+    those whose numbers enter a kernel."""
     return dict(_numeric(scene, ""))
 
 
 def _word(written: str) -> Any:
-    """A number, true, false or null; any other word is a string."""
+    """The value of a word on the command line: a number, true, false or null; any other word is a string."""
     try:
         return parse(written, "").raw
     except UserError:
@@ -67,7 +74,7 @@ def _word(written: str) -> Any:
 
 
 def _keys(node: Any) -> Collection[str]:
-    """Keys that may follow the address of a node: an instance, a dict or a tuple. Other values have none."""
+    """Keys that may follow the address of a node. A single value, such as a number, has none."""
     if is_dataclass(node):
         return [f.name for f in fields(node)]
     if isinstance(node, dict):
@@ -76,14 +83,17 @@ def _keys(node: Any) -> Collection[str]:
 
 
 def _entry(node: Any, key: str) -> Any:
-    """Value of one key of a node. Domain: the node has the key."""
+    """Value under one key of a node. Domain: the node has the key."""
     if is_dataclass(node):
         return getattr(node, key)
     return node[key] if isinstance(node, dict) else node[int(key)]
 
 
 def _value_at(root: Any, address: str) -> Any:
-    """Value at an address below `root`. Raises UserError if there is none."""
+    """Value at an address. Raises UserError if there is no such value.
+
+    root: the node at which the address begins, a scene or its plain dicts.
+    """
     node, keys = root, address.split(".")
     for i, key in enumerate(keys):
         choices = _keys(node)
@@ -98,7 +108,7 @@ def _value_at(root: Any, address: str) -> Any:
 
 
 def _without_instances(new: Any) -> Any:
-    """A value with dicts in place of dataclass instances, so that it is checked like the content of a file."""
+    """A value with dicts in place of dataclass instances, so that the value is checked like the content of a file."""
     if is_dataclass(new) and not isinstance(new, type):
         return asdict(new)
     if isinstance(new, dict):
@@ -107,8 +117,13 @@ def _without_instances(new: Any) -> Any:
 
 
 def _with(node: Any, keys: list[str], new: Any) -> Any:
-    """Copy of nested dicts and tuples with another value at the end of `keys`. An instance on the path becomes a dict,
-    so that it is checked together with its new value."""
+    """Copy of a node with another value at the end of a path of keys.
+
+    keys: the path, from the node to the value.
+    new: the new value.
+
+    Instances on the path become dicts, so that they are checked again, with the new value.
+    """
     if not keys:
         return new
     key, *rest = keys
@@ -120,7 +135,10 @@ def _with(node: Any, keys: list[str], new: Any) -> Any:
 
 
 def _numeric(node: Any, prefix: str) -> list[tuple[str, Quantity]]:
-    """Addresses and quantities of the numeric fields below a node. `prefix`: the node's address and a dot, or ""."""
+    """List of (address, quantity) for the numeric fields below a node.
+
+    prefix: the node's address and a dot; "" for the scene.
+    """
     if not is_dataclass(node):
         return [n for key in _keys(node) for n in _numeric(_entry(node, key), f"{prefix}{key}.")]
     own, result = quantities(type(node)), []
@@ -132,8 +150,12 @@ def _numeric(node: Any, prefix: str) -> list[tuple[str, Quantity]]:
 
 
 def _quantity_in_union(annotation: Any, part: Any) -> Quantity | None:
-    """Quantity of a field whose type is a union with one, such as a colour or a gradient; None where its present value
-    `part` is of another member."""
+    """Quantity of a field whose type is a union, such as "a colour or a gradient". None if the type is no union, or if
+    the value is a record such as a gradient, whose own fields are the numeric ones.
+
+    annotation: type of the field.
+    part: value of the field.
+    """
     if is_dataclass(part) or not is_union(bare(annotation)):
         return None
     marks = [m for a in get_args(bare(annotation)) for m in getattr(a, "__metadata__", ()) if isinstance(m, Quantity)]

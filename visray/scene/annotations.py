@@ -1,4 +1,7 @@
-"""Type annotations of scene fields: their parts, and their description in words for error messages."""
+"""Type annotations of scene fields: their parts, and their description in words for error messages.
+
+A bare type is a type without Annotated around it. A kind is a dataclass of the scene, such as Sphere.
+"""
 
 from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
@@ -9,7 +12,7 @@ from visray.transforms import STEPS
 
 
 def bare(annotation: Any) -> Any:
-    """The type inside Annotated."""
+    """The type inside Annotated, or the annotation itself if it has no Annotated around it."""
     return bare(get_args(annotation)[0]) if get_origin(annotation) is Annotated else annotation
 
 
@@ -19,18 +22,21 @@ def is_union(annotation: Any) -> bool:
 
 
 def members_of(union: Any) -> list[Any]:
-    """Members of a bare union; a union among them is replaced by its own members."""
+    """List of the members of a bare union. A member that is a union itself is replaced by its own members."""
     inner = [(m, bare(m)) for m in get_args(union)]
     return [x for m, bare_type in inner for x in (members_of(bare_type) if is_union(bare_type) else [m])]
 
 
 def tag_of(kind: type) -> str:
-    """Name of a kind in a union: its `type` in files, or the name of its class where it has none."""
+    """Name of a kind in a union: its `type` in files, or the name of its class if it has no field `type`."""
     return next((f.default for f in fields(kind) if f.name == "type"), kind.__name__)
 
 
 def member(union: Any, tag: str) -> Any:
-    """The member of a bare union that pydantic calls `tag`."""
+    """The member of a bare union that fits a name best.
+
+    tag: name that pydantic gives a member in its errors, such as "sphere" or "tuple[...]".
+    """
     members = members_of(union)
     kinds = [m for m in members if is_dataclass(bare(m)) and tag in (tag_of(bare(m)), bare(m).__name__)]
     not_kinds = [m for m in members if not is_dataclass(bare(m))]
@@ -39,7 +45,10 @@ def member(union: Any, tag: str) -> Any:
 
 
 def child(annotation: Any, part: Any) -> Any:
-    """The type declared for a key or an index of a bare type, or None if it has no such key."""
+    """The type declared for a part of a bare type, or None if the type has no such part.
+
+    part: name of a field, key of a dict, or index in a tuple.
+    """
     if is_dataclass(annotation):
         return next((f.type for f in fields(annotation) if f.name == part), None)
     args = get_args(annotation)
@@ -51,7 +60,7 @@ def child(annotation: Any, part: Any) -> Any:
 
 
 def describe(annotation: Any) -> str:
-    """What a file writes for a value of a type, such as `3 numbers (world units)`."""
+    """Words for what a file must contain for a value of a type, such as `3 numbers (world units)`."""
     marks = [m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, Quantity)]
     if marks:
         return f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
@@ -69,7 +78,7 @@ def describe(annotation: Any) -> str:
     return _JSON_NAMES[origin or annotation]
 
 
-# Descriptions of types that need no further detail.
+# Descriptions of types by their name alone.
 _JSON_NAMES = {
     float: "a number",
     int: "a whole number",
@@ -82,7 +91,10 @@ _JSON_NAMES = {
 
 
 def _describe_union(members: list) -> str:
-    """What a file writes for a value of one of the members."""
+    """Words for what a file must contain for a value of a union.
+
+    members: the types in the union.
+    """
     kinds = [bare(m) for m in members if bare(m) is not NoneType]
     if len(kinds) > 1 and len(kinds) < len(members):
         return f"{_describe_union(kinds)}, or null"

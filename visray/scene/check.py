@@ -1,8 +1,11 @@
 """Checks scenes from files and from Python: first each field alone, then the conditions between several fields.
 
-Textures, materials, lights and objects that were validated before are not validated again (validated.py). References by
-name are checked every time, since the dicts of a scene may change. If anything is wrong, the whole scene is validated
-again, to report all errors at once.
+An entry is a texture, a material, a light or an object. A section is the dict of a scene that contains entries of one
+of these four sorts by name. A flaw is an error that concerns several fields together.
+
+Entries that were validated before are not validated again (validated.py). References by name are checked every time,
+since a user may change the dicts of a scene. If anything is wrong, the whole scene is validated again without this
+shortcut, to report all errors at once.
 """
 
 import sys
@@ -25,9 +28,10 @@ from visray.scene.validated import plain, remember, validated
 from visray.transforms import Transform, bounds, compose
 
 DEFAULT_MATERIAL = "default"
-# Sections whose entries are referred to by name. A wrong entry is replaced by this one while the rest is checked.
+# Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
+# while the rest of the scene is checked.
 STAND_INS = {"textures": {"type": "checker"}, "materials": {}}
-# Sections of a scene that hold entries by name, and the kinds of these entries.
+# The sections of a scene, each with the kinds of its entries.
 SECTIONS = {
     "textures": frozenset(textures.KINDS),
     "materials": frozenset((Material,)),
@@ -38,8 +42,8 @@ NAMES = TypeAdapter(list[Name])
 
 
 def checked(scene: Scene) -> Scene:
-    """Validated copy of the scene; entries that were validated before are shared with it. Raises UserError with all
-    errors of the scene."""
+    """Validated copy of the scene. Entries that were validated before are the same instances in both scenes. Raises a
+    UserError that lists all errors of the scene."""
     if not isinstance(scene, Scene):
         raise UserError(f"a scene is a visray Scene, not a {type(scene).__name__}")
     result, errors = examined(parts(scene))
@@ -49,21 +53,24 @@ def checked(scene: Scene) -> Scene:
 
 
 def parts(scene: Scene) -> dict[str, Any]:
-    """The scene as plain dicts, except for its textures, materials, lights and objects, which stay instances."""
+    """The scene as plain dicts. Only entries stay instances."""
     sections = {f.name: getattr(scene, f.name) for f in fields(scene)}
     return {name: _with_instances(part) if name in SECTIONS else plain(part) for name, part in sections.items()}
 
 
 def _with_instances(section: Any) -> Any:
-    """A section as a dict whose entries may be dataclass instances; all other values are plain."""
+    """A section as a dict of entries. Dataclass instances stay as they are; all else becomes plain dicts."""
     if not isinstance(section, dict):
         return plain(section)
     return {name: entry if is_dataclass(type(entry)) else plain(entry) for name, entry in section.items()}
 
 
 def examined(raw: Any) -> tuple[Scene | None, list[str]]:
-    """The scene that plain dicts and lists describe, and one line for each error. The scene is None where it has errors
-    in single fields. Textures, materials, lights and objects may also be instances of their kinds."""
+    """The scene that plain dicts and lists describe, and a list with one line for each error. The scene is None if a
+    single field is wrong.
+
+    raw: the scene as dicts and lists. Its entries may also be instances of their kinds.
+    """
     if not isinstance(raw, dict):
         return None, [line("", raw, "is not a scene; a scene is an object {...}")]
     scene = _accepted(raw)
@@ -78,18 +85,18 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
 
 
 def _without_instances(part: Any) -> Any:
-    """A section with plain entries."""
+    """A section whose entries are plain dicts."""
     return {name: _plain(entry) for name, entry in part.items()} if isinstance(part, dict) else part
 
 
 def _plain(entry: Any) -> Any:
-    """An entry of a section as a plain dict, if it is an instance."""
+    """An entry as a plain dict. A value that is no instance is returned as it is."""
     return plain(entry) if is_dataclass(type(entry)) else entry
 
 
 @uncollected()
 def _accepted(raw: dict) -> Scene | None:
-    """The scene of these parts, or None if it has an error. Its new entries are remembered as validated."""
+    """The scene that plain dicts and lists describe, or None if it has an error. Remembers new entries as validated."""
     sections = {name: raw[name] for name in SECTIONS if isinstance(raw.get(name), dict)}
     known = {name: _known(entries, SECTIONS[name]) for name, entries in sections.items()}
     unknown = {
@@ -113,19 +120,25 @@ def _accepted(raw: dict) -> Scene | None:
 
 
 def _known(entries: dict, kinds: frozenset) -> dict:
-    """Validated copies of the entries that were validated before and are of the right kind."""
+    """Dict of the entries of a section that were validated before and are of the right kind, as their validated copies.
+
+    kinds: kinds that entries of the section may have.
+    """
     return {key: equal for key, entry in entries.items() if type(equal := validated(entry)) in kinds}
 
 
 def _joined(entries: dict, known: dict, new: dict) -> dict:
-    """The known and the new entries together, in the order of `entries`."""
+    """The known and the new entries of a section in one dict, in the order of `entries`.
+
+    known: entries that were validated before. new: entries that were validated now.
+    """
     if not (known and new):
         return known or new
     return {key: known[key] if key in known else new[key] for key in entries}
 
 
 def _has_own_flaws(scene: Scene) -> bool:
-    """Whether the camera, a light or an object has a flaw that concerns no other part of the scene."""
+    """Whether the camera, a light or an object has a flaw that shows without the other parts of the scene."""
     with np.errstate(all="ignore"):
         return bool(
             _camera_flaws(scene.camera)
@@ -135,7 +148,7 @@ def _has_own_flaws(scene: Scene) -> bool:
 
 
 def _has_unknown_reference(scene: Scene) -> bool:
-    """Whether a material names a texture, or an object a material, that the scene does not have."""
+    """Whether a material names a texture that does not exist, or an object names a material that does not exist."""
     textures_named = {m.texture for m in scene.materials.values()}
     materials_named = {x.material for x in scene.objects.values()}
     return not (
@@ -144,7 +157,8 @@ def _has_unknown_reference(scene: Scene) -> bool:
 
 
 def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
-    """Flaws of the parts in which pydantic found no error, so that a user sees all errors at once."""
+    """List of the flaws in those parts of a scene in which pydantic found no error. They are reported together with
+    pydantic's errors."""
     sections = {k: dict(v) if isinstance(v, dict) else v for k, v in raw.items()}
     for section, *inner in (e["loc"] for e in error.errors(include_url=False)):
         if section in STAND_INS and not inner:
@@ -162,9 +176,9 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
 
 
 def flaws(scene: Scene) -> list[str]:
-    """Flaws of a scene: errors that the validation of each single field does not find.
+    """List of the flaws of a scene: errors that the validation of each single field does not find.
 
-    One line each: `ADDRESS = VALUE: what is wrong; what would be right`.
+    Each flaw is one line: `ADDRESS = VALUE: what is wrong; what would be right`.
     """
     with np.errstate(all="ignore"):
         texts = _camera_flaws(scene.camera)
@@ -178,14 +192,17 @@ def flaws(scene: Scene) -> list[str]:
 
 
 def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:
-    """Error of a material that names an unknown texture."""
+    """List with the error of a material that names an unknown texture; empty if there is no error.
+
+    address: address of the material's field `texture`.
+    """
     if texture is None or texture in scene.textures:
         return []
     return [line(address, texture, f"unknown texture; {hint(texture, scene.textures)}")]
 
 
 def _own_flaws(address: str, entry: Any) -> list[str]:
-    """Errors that a light or an object reports about itself, by its method flaws()."""
+    """List of the errors that a light or an object reports about itself, by its method flaws()."""
     texts = []
     for field, text in entry.flaws():
         name, _, part = field.partition(".")
@@ -196,7 +213,7 @@ def _own_flaws(address: str, entry: Any) -> list[str]:
 
 
 def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
-    """Errors of an object: an unknown material, its own flaws, or a transform without an inverse."""
+    """List of the errors of an object: an unknown material, its own flaws, and a transform without an inverse."""
     texts = []
     if shape.material != DEFAULT_MATERIAL and shape.material not in scene.materials:
         text = f"unknown material; {hint(shape.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
@@ -209,25 +226,29 @@ def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
 
 
 def _camera_flaws(camera: Camera) -> list[str]:
-    """Errors of the camera: no view direction, a distance that overflows, or `up` parallel to the view."""
+    """List with the error of the camera, if it has one: origin and target are equal, a vector is too long or too short,
+    or `up` is parallel to the view direction."""
     view = np.subtract(camera.target, camera.origin)
     up = np.array(camera.up, float)
     if camera.target == camera.origin:
         return [line("camera.target", camera.target, "must differ from origin")]
-    # The kernel normalises with the root of a sum of squares; the sum must neither overflow nor be subnormal.
+    # The kernel divides by the root of a sum of squares. This sum must neither overflow nor be subnormal.
     for address, value, vector in (("camera.target", camera.target, view), ("camera.up", camera.up, up)):
         if not sys.float_info.min <= vector @ vector <= sys.float_info.max:
             return [line(address, value, "is too near or too far for double precision")]
     view, up = view / np.linalg.norm(view), up / np.linalg.norm(up)
-    # Rounding error: each component of the cross product is off by at most 3 roundings of |view| |up|. The unit
-    # vectors are off by 5 each: 1 of the subtraction (for view), and 4 of the norm and the quotient.
+    # Rounding error: each component of the cross product has a rounding error of at most 3 roundings of |view| |up|.
+    # Each unit vector has at most 5 more: 1 from the subtraction (only view), and 4 from the norm and the quotient.
     if np.linalg.norm(np.cross(view, up)) <= np.sqrt(3) * gamma(3 + 5 + 5):
         return [line("camera.up", camera.up, "must not be parallel to the view direction, target - origin")]
     return []
 
 
 def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
-    """Reason why the composed transform has no inverse in double precision, or None if it has one."""
+    """Reason why all steps together are no valid transform, or None if they are.
+
+    A valid transform has an inverse in double precision, and does not scale or move beyond the limits of a scene.
+    """
     if not steps or _clearly_invertible(steps):
         return None
     matrix = compose(steps)
@@ -238,8 +259,8 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
     if lengths.max() > FARTHEST or lengths[:3].min() < 1 / FARTHEST:
         return f"the steps together scale below {1 / FARTHEST:g} or reach beyond {FARTHEST:g}"
     volume = abs(x @ np.cross(y, z))
-    # Each step adds at most 4 roundings to each entry, and the triple product 6. If the product is smaller than this
-    # error, its sign is unknown.
+    # Each step adds at most 4 roundings to each entry, and the triple product adds 6. If the product is smaller than
+    # this error, its sign is unknown.
     uncertain = gamma(4 * len(steps) + 6) * np.linalg.norm(x) * np.linalg.norm(y) * np.linalg.norm(z)
     if not (volume > uncertain and sys.float_info.min <= volume <= sys.float_info.max):
         return "the steps together have no inverse in double precision; they flatten the object"
@@ -247,10 +268,10 @@ def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
 
 
 def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
-    """Whether simple bounds prove that the composed transform passes all tests of _transform_flaw.
+    """Whether simple bounds prove that all steps together pass the tests of _transform_flaw.
 
-    The bounds hold by a wide margin over rounding, which changes an entry of the composed matrix of n steps by at most
-    gamma(4 n + 6) times the largest scale factor.
+    Error: the margins of the bounds are much wider than rounding errors. With n steps, rounding changes an entry of the
+    matrix by at most gamma(4 n + 6) times the largest scale factor.
     """
     least_scale, largest_scale, largest_shift = bounds(steps)
     if not (least_scale > 2 / FARTHEST and max(largest_scale, largest_shift) < FARTHEST / 2):

@@ -1,4 +1,4 @@
-"""Reads scenes from files. Every error names the file, the address in it and what would be right."""
+"""Reads scenes from files. Every error message gives the file, the address in the file, and what would be right."""
 
 import warnings
 from pathlib import Path
@@ -16,12 +16,13 @@ __all__ = ["checked", "dump", "flaws", "load", "schema"]
 
 
 def load(path: str | Path, setup: str | Path | None = None, compat: bool = False) -> Scene:
-    """The scene of a file: a visray scene, or a VisRayTrace scene with or without its `setup` file.
+    """The scene of a file in visray's format, or in the format of the original VisRayTrace.
 
-    compat: follow VisRayTrace's rules where visray's differ (legacy/convert.py).
+    setup: the setup file of a VisRayTrace scene, or None.
+    compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
 
-    The file gives paths of texture files relative to its own folder; in the scene they are relative to the current
-    folder. What a VisRayTrace file asks for and visray cannot do is a LegacyWarning or a UserError.
+    Paths of texture files are relative to the scene file's folder in the file, and to the current folder in the scene.
+    If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a UserError.
     """
     source = read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
@@ -43,7 +44,7 @@ def load(path: str | Path, setup: str | Path | None = None, compat: bool = False
 
 
 def _without_schema(raw: Any) -> tuple[Any, list[str]]:
-    """Content of a scene file without its key `$schema`, and what is wrong with that key."""
+    """Content of a scene file without its key `$schema`, and a list of errors of that key."""
     if not isinstance(raw, dict) or "$schema" not in raw:
         return raw, []
     rest = {k: v for k, v in raw.items() if k != "$schema"}

@@ -1,4 +1,8 @@
-"""Error messages about scenes, one line each: `ADDRESS = VALUE: what is wrong; what would be right`."""
+"""Error messages about scenes, one line each: `ADDRESS = VALUE: what is wrong; what would be right`.
+
+An address is the dotted name of a value in a scene, such as `objects.ball.radius`. Inside this module it is a tuple of
+keys.
+"""
 
 import json
 from collections.abc import Iterable
@@ -18,23 +22,20 @@ LONGEST_VALUE = 60
 
 
 def line(address: str, value: Any, text: str) -> str:
-    """`ADDRESS = VALUE: text`. The value is written as JSON, and cut where it is long."""
+    """The message `ADDRESS = VALUE: text`. The value is written as JSON, and cut if it is long."""
     shown = json.dumps(value, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= LONGEST_VALUE else shown[: LONGEST_VALUE - 3] + "..."
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
 
 
 def printable(text: str) -> str:
-    """The text with escapes for line breaks and other characters that cannot be printed; names from files may hold
-    some."""
+    """The text with escapes such as `\\n` for characters that cannot be printed. Names from files may have some."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
-    """Hint at the choices in place of a wrong word, such as `did you mean "sphere"? (one of ...)`.
-
-    Where no choice is similar, only the choices are listed.
-    """
+    """Hint at what may replace a wrong word, such as `did you mean "sphere"? (one of box, sphere)`. If no choice is
+    similar to the word, the hint only lists the choices."""
     choices = list(choices)
     listed = f"one of {', '.join(choices)}" if choices else "there is none"
     similar = _similar(word, choices) if isinstance(word, str) else []
@@ -42,15 +43,17 @@ def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
 
 
 def _similar(word: str, choices: list[str]) -> list[str]:
-    """Choices similar to a word, best first: `kd` for `Kd`, `radius` for `radus`."""
+    """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`."""
     return [c for c in choices if c.casefold() == word.casefold()] or get_close_matches(word, choices, 1)
 
 
 def lines(error: ValidationError, raw: Any) -> list[str]:
-    """The errors that pydantic reports about `raw`, one line each.
+    """List of messages, one for each error that pydantic reports.
 
-    Where no member of a union fits a value, pydantic reports an error for each member. Here it is one line about the
-    union; where a member fits by its type, only the errors within that member are reported.
+    raw: the scene, as dicts and lists.
+
+    If a value fits no member of a union, pydantic reports an error for each member. Here this becomes one message about
+    the union. If a member fits by its type, only the errors inside this member are reported.
     """
     located = [(_locate(e["loc"]), e) for e in error.errors(include_url=False)]
     misfits = {b for place, e in located for b in place.branches[-1:] if e["type"].endswith("_type") and place.at(b)}
@@ -66,9 +69,11 @@ def lines(error: ValidationError, raw: Any) -> list[str]:
 
 @dataclass(frozen=True)
 class _Branch:
-    """A member of a union that pydantic tried.
+    """A member of a union that pydantic tried for a value.
 
-    address: of the value. union: its type. tag: pydantic's name of the member.
+    address: address of the value.
+    union: the union, which is the declared type of the value.
+    tag: pydantic's name of the member.
     """
 
     address: tuple
@@ -80,10 +85,10 @@ class _Branch:
 class _Place:
     """The place of an error.
 
-    address: of the wrong value, as a tuple of keys.
-    annotation: the type declared for it, or None for an unknown key.
-    parent: the type of its owner.
-    branches: the members of unions on the path from the scene to it.
+    address: address of the wrong value.
+    annotation: the type declared for the value, or None if its key is unknown.
+    parent: the type of the record, dict or list that contains the value.
+    branches: the members of unions that lie on the path from the scene to the value.
     """
 
     address: tuple
@@ -92,16 +97,19 @@ class _Place:
     branches: tuple[_Branch, ...]
 
     def at(self, branch: _Branch) -> bool:
-        """Whether the wrong value is the union's own value, not a part of it."""
+        """Whether the wrong value is the one that the branch is about, and not a part of that value."""
         return self.address == branch.address
 
 
 def _locate(loc: tuple) -> _Place:
-    """Place of an error from pydantic's location, in which names of union members stand among the keys."""
+    """Place of an error.
+
+    loc: pydantic's location of the error: a tuple of keys, with the names of union members among them.
+    """
     address, branches, annotation, parent = (), (), Scene, None
     for part in loc:
         if part == "[key]":
-            break  # the name itself is wrong
+            break  # the error is in the key itself, which is a name
         optional = [m for m in members_of(bare(annotation)) if bare(m) is not NoneType]
         if is_union(bare(annotation)) and len(optional) == 1:
             annotation = optional[0]  # pydantic does not name the member of an optional type
@@ -126,11 +134,11 @@ def _dotted(address: tuple) -> str:
 
 
 def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
-    """Message about a value of a wrong type."""
+    """Message about a value of a wrong type. `annotation`: the right type."""
     return line(_dotted(address), _value(raw, address), f"must be {describe(annotation)}")
 
 
-# Messages by pydantic's type of error; the names in braces are filled in from the error.
+# Messages for pydantic's types of errors. The names in braces stand for values that the error contains.
 _BOUNDS = {
     "greater_than": "must be greater than {gt}",
     "greater_than_equal": "must be at least {ge}",
@@ -166,7 +174,10 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
 
 
 def _key_hint(place: _Place) -> str:
-    """Hint at the keys that an object with an unknown key has."""
+    """Hint at the keys that may replace an unknown key.
+
+    place: place of the unknown key.
+    """
     key, owner = place.address[-1], bare(place.parent)
     if owner in STEPS.values() and key in STEPS:
         return f"a step has only one of {', '.join(STEPS)}; write two steps"
@@ -180,8 +191,8 @@ def _missing_message(place: _Place) -> str:
 
 
 def _tag_message(place: _Place, raw: Any) -> str:
-    """Message about a value whose kind is named by a key, such as `type`: the key is missing or wrong, or the value is
-    not an object."""
+    """Message about a value of a union in which one key, such as `type`, tells the member. The key is missing or wrong,
+    or the value is not a JSON object."""
     value, address = _value(raw, place.address), _dotted(place.address)
     members = [m for m in map(bare, members_of(bare(place.annotation))) if is_dataclass(m)]
     if not isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""The scene: plain numbers, frozen, the same in a file and in Python."""
+"""The scene as frozen dataclasses of plain numbers. A scene file has the same fields."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -16,8 +16,8 @@ STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """Size of the picture in pixels. A `transparent` film leaves the background out; layer A then holds the coverage
-    by objects."""
+    """Size of the picture in pixels. If the film is `transparent`, the background is left out, and layer A contains the
+    coverage (alpha) of each pixel: the share of it that shows objects."""
 
     __pydantic_config__ = STRICT
     width: Count = 640
@@ -27,8 +27,8 @@ class Film:
 
 @dataclass(frozen=True, kw_only=True)
 class SkyGradient:
-    """Background colour of a ray that hits nothing. It is `bottom` for a ray straight down, `top` for one straight up,
-    and in between it is linear in the y of the ray's unit direction."""
+    """Background colour of rays that hit nothing. A ray straight down gets `bottom`, a ray straight up gets `top`. In
+    between, the colour is a linear function of the y of the ray's unit direction."""
 
     __pydantic_config__ = STRICT
     top: Color
@@ -41,15 +41,16 @@ Depth = Annotated[int, Field(strict=True, ge=0, le=1000)]
 
 @dataclass(frozen=True, kw_only=True)
 class Occlusion:
-    """Ambient occlusion: how much ambient light reaches a point.
+    """Ambient occlusion: how much ambient light reaches a point. Rays over the hemisphere above the point measure it.
 
-    sky: rays per point that measure which share of the sky is visible; this share scales the scene's `ambient`.
-    near: rays per point that measure how close other surfaces are; the result scales the lights' Ia. A surface counts
-    less the farther away it is, linearly, and no more at all beyond `distance`.
-    hemisphere: distribution of the rays: `cosine`, or `box`, toward uniform points of a half cube, as in the original
-    VisRayTrace.
-
-    With 0 rays nothing is occluded.
+    sky: number of rays per point that measure which share of the sky is visible. The share scales the scene's
+        `ambient`. 0: the share is 1.
+    near: number of rays per point that measure how near other surfaces are. The lights' Ia is scaled by the mean over
+        rays of t / `distance`, where t is the distance of the first hit; a ray without a hit within `distance` counts
+        as 1. 0: the scale is 1.
+    distance: length of the `near` rays.
+    hemisphere: distribution of the rays. `cosine`: density proportional to the cosine with the normal. `box`: rays
+        toward uniformly distributed points in the volume of a half cube, as in the original VisRayTrace.
     """
 
     __pydantic_config__ = STRICT
@@ -63,7 +64,8 @@ class Occlusion:
 class Scatter:
     """Diffuse interreflection: light that matte surfaces send on to other surfaces.
 
-    rays: rays per point that the camera sees. depth: bounces; a point of the second bounce and later sends one ray.
+    rays: number of rays from each point that the camera sees; 0 means no interreflection.
+    depth: largest number of bounces. At the second bounce and later bounces a point sends only one ray.
     """
 
     __pydantic_config__ = STRICT
@@ -75,19 +77,23 @@ class Scatter:
 class Settings:
     """How the picture is made.
 
-    spp: samples per pixel. sampler: how samples are placed in a pixel. seed: seed of the random numbers.
-    precision: precision of shading; geometry is always double.
-    shading: shading model, or the surface property that is shown. shadows: whether lights cast shadows.
+    spp: samples per pixel.
+    seed: seed of the random numbers.
+    precision: precision of shading; geometry is always in double precision.
+    sampler: how samples are placed in a pixel.
+    shading: shading mode: a reflection model, or the surface property that is shown as a colour.
+    shadows: whether objects cast shadows.
     depth: largest number of reflections and refractions in a row.
-    misses: colour of a secondary ray that hits nothing: the background, or the scene's `ambient`.
-    local: weight of a transparent surface's own colour: `weighted` with 1 - kt, or `full`.
-    area: `samples` lights a point from every sample of an area light; `centre` lights it from the light's centre and
-    takes only the shadow from the samples, as the original VisRayTrace does.
-    accelerator: how rays find what they hit; the picture is the same bit for bit.
+    misses: colour of a reflected, refracted or scattered ray that hits nothing: the background, or the scene's
+        `ambient`.
+    local: weight of a transparent surface's own colour: 1 - kt (`weighted`), or 1 (`full`).
+    area: points from which an area light shines. `samples`: the light of all its samples is averaged. `centre`: all
+        light comes from its centre, and only the shadow is averaged over the samples, as in the original VisRayTrace.
+    accelerator: how rays find objects. The picture is bit for bit the same with each.
     """
 
     __pydantic_config__ = STRICT
-    # Up to this limit sampling.jittered computes the row of a stratum exactly in single precision.
+    # Up to this limit, sampling.jittered computes strata exactly in single precision.
     spp: Annotated[int, Field(strict=True, gt=0, le=2**22)] = 16
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**32)] = 0
     precision: Literal["single", "double"] = "single"
@@ -110,7 +116,7 @@ Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A scene: everything that determines a picture. Textures, materials, lights and objects have names and keep the
+    """A scene: everything that determines a picture. Textures, materials, lights and objects are dicts by name, in the
     order of the file."""
 
     __pydantic_config__ = STRICT

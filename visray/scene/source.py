@@ -1,4 +1,4 @@
-"""Strict reading of JSON files; errors give the line and the column."""
+"""Strict reading of JSON files. Errors give the line and the column."""
 
 import json
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from typing import Any
 from visray.errors import UserError
 from visray.scene.garbage import uncollected
 
-# A whole number of up to this many digits can be converted to double; a longer one may overflow and becomes infinite.
+# A whole number of at most this many digits fits a double. A longer one is read as a float, which may be infinite.
 LONGEST_INTEGER = 300
 
 
@@ -18,7 +18,8 @@ LONGEST_INTEGER = 300
 class Source:
     """Content of a JSON file.
 
-    raw: its dicts, lists and values. repeated: addresses of keys that are written twice; their last value counts.
+    raw: the content as dicts, lists and values.
+    repeated: addresses of keys that are written twice in their object. `raw` contains the last value of each.
     """
 
     raw: Any
@@ -26,11 +27,11 @@ class Source:
 
 
 class _RepeatedKey(Exception):
-    """Raised where a JSON object has a key twice."""
+    """Raised if a JSON object has the same key twice."""
 
 
 def _with_unique_keys(pairs: list[tuple[str, Any]]) -> dict:
-    """Dict of a JSON object; raises _RepeatedKey where a key comes twice."""
+    """Dict of a JSON object. Raises _RepeatedKey if it has the same key twice."""
     values = dict(pairs)
     if len(values) < len(pairs):
         raise _RepeatedKey
@@ -38,7 +39,7 @@ def _with_unique_keys(pairs: list[tuple[str, Any]]) -> dict:
 
 
 class _Object(dict):
-    """Dict of a JSON object. `repeated`: its keys that come twice."""
+    """Dict of a JSON object. Its attribute `repeated` lists the keys that are written twice."""
 
     def __init__(self, pairs: list[tuple[str, Any]]):
         super().__init__(pairs)
@@ -47,7 +48,7 @@ class _Object(dict):
 
 
 def read(path: str | Path) -> Source:
-    """Content of a JSON file. Raises UserError where it cannot be read, or is not JSON in UTF-8."""
+    """Content of a JSON file. Raises UserError if the file cannot be read, or is not JSON in UTF-8."""
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
@@ -68,17 +69,24 @@ def read(path: str | Path) -> Source:
 
 @uncollected()
 def parse(text: str, name: str) -> Source:
-    """Content of a JSON text. Errors begin with `name`."""
+    """Content of a JSON text.
+
+    name: what errors call the text, such as the file's path.
+    """
     try:
         return Source(_loaded(text, name, _with_unique_keys))
     except _RepeatedKey:
-        # Only now are the addresses of repeated keys needed, which take longer to find.
+        # The addresses of repeated keys are needed only now. Finding them takes longer than reading alone.
         repeated: list[str] = []
         return Source(_plain(_loaded(text, name, _Object), "", repeated), tuple(repeated))
 
 
 def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
-    """Content of a JSON text; `to_object` makes an object from its (key, value) pairs."""
+    """Content of a JSON text.
+
+    name: what errors call the text.
+    to_object: function that makes the dict of a JSON object from its (key, value) pairs.
+    """
     try:
         return json.loads(text, object_pairs_hook=to_object, parse_int=_integer)
     except json.JSONDecodeError as error:
@@ -89,12 +97,16 @@ def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
 
 
 def _integer(digits: str) -> int | float:
-    """Value of a whole number."""
+    """Value of a whole number; a float if it has more than LONGEST_INTEGER digits."""
     return int(digits) if len(digits) <= LONGEST_INTEGER else float(digits)
 
 
 def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
-    """The tree with plain dicts for each _Object. Adds the addresses of repeated keys to `repeated`."""
+    """The content of a JSON text with plain dicts in place of each _Object.
+
+    address: address of this part, and a dot.
+    repeated: list to which the addresses of repeated keys are added.
+    """
     if isinstance(tree, list):
         return [_plain(v, f"{address}{i}.", repeated) for i, v in enumerate(tree)]
     if isinstance(tree, _Object):
@@ -104,10 +116,10 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
 
 
 def neighbour(path: Path) -> str:
-    """Hint at a file of a similar name in the same folder; empty where there is none."""
+    """Hint at a file with a similar name in the same folder; "" if there is none."""
     if not path.parent.is_dir():
         return ""
-    # Names are compared without their suffix, which files of one kind have in common.
+    # Names are compared without their suffix, because files of one type all have the same one.
     files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
     similar = get_close_matches(path.stem, files, 1)
     return f"; did you mean {str(path.parent / files[similar[0]])!r}?" if similar else ""

@@ -1,8 +1,8 @@
 """Cache of validated textures, materials, lights and objects, so that each instance is validated once.
 
-The kinds are frozen dataclasses, so an instance that can be hashed holds no list and no dict and never changes.
-Instances are compared by identity: copies, also by dataclasses.replace or pickle, are new instances. Polynomials hold a
-dict of parameters, cannot be hashed, and are validated every time.
+Their classes are frozen dataclasses. So an instance that can be hashed contains no list and no dict, and never changes.
+Instances are compared by identity: a copy, by dataclasses.replace or pickle for example, is a new instance.
+Polynomials contain a dict of parameters. They cannot be hashed, and are validated every time.
 """
 
 from dataclasses import fields, is_dataclass
@@ -10,14 +10,15 @@ from functools import cache
 from typing import Any
 from weakref import ref
 
-# Types of values that contain no other values.
+# Atoms: types of values that contain no other values.
 ATOMS = frozenset((float, str, int, bool, type(None)))
 
 
 class _Entry(ref):
-    """Weak reference to an instance.
+    """Entry of the cache: a weak reference to an instance.
 
-    key: the key of the entry. equal: the validated copy of the instance; None means the instance itself.
+    key: key of the entry in the cache, the identity (id) of the instance.
+    equal: the validated copy of the instance; None if the instance is valid itself.
     """
 
     __slots__ = ("equal", "key")
@@ -27,12 +28,15 @@ _entries: dict[int, _Entry] = {}
 
 
 def _forget(entry: _Entry, pop: Any = _entries.pop) -> None:
-    """Removes the entry of an instance that is gone."""
+    """Removes an entry from the cache when its instance no longer exists.
+
+    pop: method that removes it; a default argument, because at exit Python may delete the module's globals first.
+    """
     pop(entry.key, None)
 
 
 def validated(instance: Any) -> Any | None:
-    """The validated copy of an instance, often the instance itself; None if it has not been validated yet."""
+    """The validated copy of an instance, which is often the instance itself; None if it has not been validated yet."""
     entry = _entries.get(id(instance))
     if entry is None or entry() is not instance:
         return None
@@ -40,7 +44,10 @@ def validated(instance: Any) -> Any | None:
 
 
 def remember(instance: Any, equal: Any) -> None:
-    """Stores the validated copy of an instance, unless one of the two can change. They may be the same object."""
+    """Stores the validated copy of an instance in the cache, unless the instance or the copy can change.
+
+    equal: the validated copy; it may be the instance itself.
+    """
     try:
         hash(equal)
         if instance is not equal:
@@ -53,15 +60,15 @@ def remember(instance: Any, equal: Any) -> None:
 
 
 def _add(instance: Any, equal: Any | None) -> None:
-    """Adds an entry."""
+    """Adds an entry to the cache. `equal`: the validated copy, or None for the instance itself."""
     entry = _Entry(instance, _forget)
     entry.key, entry.equal = id(instance), equal
     _entries[entry.key] = entry
 
 
 def plain(value: Any) -> Any:
-    """The value with dicts in place of dataclass instances at every depth, as by dataclasses.asdict. Read only: the
-    dicts may be those of the instances."""
+    """The value with dicts in place of dataclass instances at every depth, like dataclasses.asdict. The result must not
+    be changed: its dicts may be the instances' own."""
     kind = type(value)
     if kind in ATOMS:
         return value
@@ -77,12 +84,12 @@ def plain(value: Any) -> Any:
 
 @cache
 def _names(kind: type) -> tuple[str, ...]:
-    """Names of the fields of a dataclass."""
+    """Names of a dataclass's fields."""
     return tuple(f.name for f in fields(kind))
 
 
 def _flat(own: dict[str, Any]) -> bool:
-    """Whether the fields hold only atoms and tuples of atoms."""
+    """Whether the values of a dict are only atoms (ATOMS) and tuples of atoms."""
     for value in own.values():
         if type(value) not in ATOMS and not (type(value) is tuple and ATOMS.issuperset(map(type, value))):
             return False

@@ -1,4 +1,4 @@
-"""Scenes as JSON, and the JSON Schema of scene files."""
+"""Writes scenes as JSON, and the JSON Schema of scene files."""
 
 import json
 import os
@@ -28,13 +28,14 @@ LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TYPED = (*textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
 KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
-# Fields that every object has; they come after a kind's own fields, which say more about it.
+# Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform")
 
-# Meanings of the fields that are not quantities of a kernel. A quantity has its unit instead (quantities.Quantity).
+# Meanings of the fields whose values are no numbers of a kernel. A number of a kernel has its unit instead
+# (quantities.Quantity).
 MEANINGS: dict[type, dict[str, str]] = {
     Scene: {
-        "background": "colour of rays that hit nothing: one colour, or a gradient",
+        "background": "colour of rays that hit nothing: a colour, or a gradient",
         "textures": "textures by name",
         "materials": "materials by name",
         "lights": "lights by name",
@@ -43,7 +44,7 @@ MEANINGS: dict[type, dict[str, str]] = {
     Film: {
         "width": "pixels, > 0",
         "height": "pixels, > 0",
-        "transparent": "true: the background is left out",
+        "transparent": "whether the background is left out; layer A is then the coverage",
     },
     Settings: {
         "spp": "samples per pixel, > 0",
@@ -51,32 +52,32 @@ MEANINGS: dict[type, dict[str, str]] = {
         "precision": "precision of shading; geometry is always double",
         "sampler": "how the samples of a pixel are placed",
         "shading": "; ".join(f"{mode.name}: {mode.meaning}" for mode in MODES),
-        "shadows": "whether lights cast shadows",
-        "depth": "largest number of reflections and refractions in a row, from 0 (neither) to 1000",
-        "misses": "colour of a secondary ray that hits nothing",
+        "shadows": "whether objects cast shadows",
+        "depth": "largest number of reflections and refractions in a row, from 0 (none at all) to 1000",
+        "misses": "colour of a reflected, refracted or scattered ray that hits nothing",
         "local": "weight of a transparent surface's own colour: 1 - kt (weighted) or 1 (full)",
         "area": "where the light of an area light comes from: its samples, or its centre",
-        "accelerator": "how rays find what they hit; the picture is the same bit for bit",
+        "accelerator": "how rays find objects; the picture is bit for bit the same with each",
     },
     Occlusion: {
-        "sky": "rays per point, from 0 to 65536",
-        "near": "rays per point, from 0 to 65536",
+        "sky": "number of rays per point that measure how much of the sky is visible, from 0 to 65536",
+        "near": "number of rays per point that measure how near other surfaces are, from 0 to 65536",
         "hemisphere": "distribution of the rays: cosine, or box as in the original VisRayTrace",
     },
     Scatter: {
-        "rays": "rays per point that the camera sees, from 0 to 65536",
-        "depth": "bounces, from 0 to 1000",
+        "rays": "number of rays from each point that the camera sees, from 0 to 65536",
+        "depth": "largest number of bounces, from 0 to 1000",
     },
     Material: {"texture": "the name of one of the scene's textures, or null"},
     Texture: {
         "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
-        "offset": "shift in the texture's own u and v, each from -1e6 to 1e6",
+        "offset": "added to u and v after they are multiplied by scale; each from -1e6 to 1e6",
     },
     ImageTexture: {
         "file": "path of the image, relative to the scene file",
         "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
         "wrap": "how the image continues beyond its edges",
-        "encoding": "encoding of the file's numbers; auto is srgb for PNG and JPEG files, linear for EXR files",
+        "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR",
     },
     AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
     Primitive: {
@@ -84,13 +85,15 @@ MEANINGS: dict[type, dict[str, str]] = {
         "transform": "transformation steps; the first one is applied first",
     },
     Polynomial: {
-        "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, pi, phi, sqrt(number) and parameters',
+        "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, parameters, sqrt(number), pi and '
+        "phi (the golden ratio)",
         "monomis": 'the terms of f, as in ["0.9x2", "-3y2", "-1"]',
         "surface": f"the name of a known surface: {', '.join(SURFACES)}",
-        "parameters": "values by name: of the parameters in the expression, or new values of the known surface's",
-        "clip": "region that bounds the surface; by default that of the known surface, or a ball of radius 5",
-        "ends": "open: the surface ends where the clip cuts it; capped: the clip closes the solid where f < 0",
-        "tolerance": "largest error of a crossing, from 0 to 1, as a share of half a ray's chord in the clip",
+        "parameters": "values of the parameters by name: those in the expression, or those of the known surface",
+        "clip": "ball or box that bounds the surface; default: that of the known surface, or a ball of radius 5",
+        "ends": "open: the surface has an edge at the clip; capped: the surface is that of a solid, the points of the "
+        "clip with f < 0",
+        "tolerance": "largest error of a crossing, from 0 to 1, as a share of half the length of the ray in the clip",
     },
     Scale: {"scale": "one factor, or one for each axis; not 0"},
     Rotate: {"rotate": "degrees"},
@@ -101,9 +104,9 @@ MEANINGS: dict[type, dict[str, str]] = {
 def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None = None) -> str:
     """Text of a scene file that loads as an equal scene. Fields that equal their default are left out.
 
-    folder: the folder that the text will be written to; texture files are named relative to it, or to the current
-    folder where it is None.
-    like: a scene file to follow; its order of keys, its explicit defaults and its `$schema` are kept.
+    folder: folder of the file; paths of texture files are written relative to this folder. If None: relative to the
+        current folder.
+    like: another scene file, or None. Its order of keys, the defaults that it writes out, and its `$schema` are kept.
     """
     scene = checked(scene)
     destination = folder or "."
@@ -119,7 +122,10 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
-    """The scene with each texture's file replaced by `renamed(file)`."""
+    """The scene with other paths of texture files.
+
+    renamed: function that returns the new path for each path.
+    """
     textures = {
         name: replace(texture, file=renamed(texture.file)) if isinstance(texture, ImageTexture) else texture
         for name, texture in scene.textures.items()
@@ -129,14 +135,17 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
 
 def _relative_path(folder: str | Path, file: str) -> str:
     """Path of a file relative to a folder, with forward slashes."""
-    # Links are followed first: `..` leads out of the folder that a link points at, not out of the folder of the link.
+    # Links are followed first, because `..` means the parent of the folder that a link points to, not the parent of
+    # the folder that contains the link.
     parent, name = os.path.split(file)
     return Path(os.path.relpath(os.path.realpath(parent), os.path.realpath(folder)), name).as_posix()
 
 
 def _json_tree(value: Any, like: Any = None) -> Any:
-    """A part of a scene as dicts and lists. `like`: the same part of an existing file, whose order and explicit
-    defaults are kept."""
+    """A part of a scene as dicts and lists.
+
+    like: the same part of an existing file, or None. Its order and the defaults that it writes out are kept.
+    """
     previous = like if isinstance(like, dict) else {}
     if is_dataclass(value):
         written = [f for f in fields(value) if f.name in {"type", *previous} or getattr(value, f.name) != _default(f)]
@@ -159,7 +168,10 @@ def _default(f: Field) -> Any:
 
 
 def pretty(value: Any, indent: str = "") -> str:
-    """JSON text with one entry per line; short lists stay on one line."""
+    """JSON text with one entry per line. Short lists are on one line.
+
+    indent: spaces at the beginning of the lines around the value.
+    """
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
     short = isinstance(value, list) and len(indent) + len(flat) <= LONGEST_LINE
     if short or not value or not isinstance(value, (dict, list)):
@@ -174,7 +186,7 @@ def pretty(value: Any, indent: str = "") -> str:
 
 
 def schema() -> dict:
-    """The JSON Schema of scene files, for editors. It gives the meaning and the unit of each field."""
+    """The JSON Schema of scene files, as a dict. Editors show from it the meaning and the unit of each field."""
     scene_schema = ADAPTER.json_schema()
     definitions = scene_schema["$defs"] | {"Scene": scene_schema}
     for kind in KINDS:
@@ -183,7 +195,7 @@ def schema() -> dict:
         for name, meaning in _meanings(kind).items():
             definition["properties"][name]["description"] = meaning
         for field in definition["properties"].values():
-            field.pop("title", None)  # it only repeats the name
+            field.pop("title", None)  # a title only repeats the field's name
             if "patternProperties" in field:
                 field["additionalProperties"] = False
         if kind in TYPED:
@@ -195,20 +207,20 @@ def schema() -> dict:
 
 
 def _description(kind: type) -> str:
-    """Docstring of a kind, followed by the docstrings of the bases that declare fields of it."""
+    """Docstring of a class, followed by the docstrings of its base classes that declare fields."""
     bases = [base for base in kind.__mro__ if is_dataclass(base)]
     declaring = [base for base in bases if any(f.name in get_annotations(base) for f in fields(base))]
     return "\n\n".join(cleandoc(base.__doc__ or "") for base in declaring)
 
 
 def _meanings(kind: type) -> dict[str, str]:
-    """Meaning of each field of a kind and of its bases: its unit, or its text in MEANINGS."""
+    """Meaning of each field of a class and of its base classes, as a dict by name: a unit, or a text of MEANINGS."""
     texts = {name: text for base in reversed(kind.__mro__) for name, text in MEANINGS.get(base, {}).items()}
     return texts | {name: quantity.unit for name, quantity in quantities(kind).items()}
 
 
 def _with_uniform_items(tree: Any) -> Any:
-    """The schema with equal entries of a list described once (`items`) instead of one by one (`prefixItems`)."""
+    """The schema with lists of equal entries described once (`items`), not entry by entry (`prefixItems`)."""
     if isinstance(tree, list):
         return [_with_uniform_items(v) for v in tree]
     if not isinstance(tree, dict):

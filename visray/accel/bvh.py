@@ -1,12 +1,15 @@
-"""The bounding volume hierarchy (BVH) over the bounded rows of all batches.
+"""The bounding volume hierarchy (BVH) over the bounded rows of several batches.
 
-A node has up to four children. Their boxes lie side by side in memory, so a visit reads eight packets of four floats. A
-child is another node or a single row. So a row is tested only by rays that enter its own box, the test of each kind
-stands in the kernel once, and no leaf belongs to two batches. The tree does not depend on the ray origin.
+A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. A row is bounded if
+it has a bounding box.
 
-Boxes are stored in single, relative to the middle of the scene, and rounded outwards. Rows are tested in double. No ray
-misses a box that it meets (bvh_walk.py). So the answer is that of a loop over all rows, bit for bit
-(tests/test_tree.py).
+A node has up to four children. Each child is another node or a single row. So a row is tested only by rays that enter
+its own box, and no leaf contains rows of two batches. The boxes of the four children lie side by side in memory, so a
+visit to a node reads seven packets of four floats. The tree does not depend on the ray origin.
+
+Boxes are stored in single precision, relative to the middle of the scene, and rounded outwards. Rows are tested in
+double precision. No ray misses a box that it meets (bvh_walk.py). So a search in the tree gives the same result as a
+loop over all rows, bit for bit (tests/test_tree.py).
 """
 
 from dataclasses import dataclass
@@ -18,27 +21,29 @@ from visray.accel.sah import NONE, WIDTH, Hierarchy, build_binary, widen
 from visray.geometry import gamma
 from visray.quantities import Arrays
 
-# A word describes a child: the number of a node, or the number of a row with this bit set, or NOTHING.
+# A word is the 32-bit number of a child. It is the number of a node, or the number of a row with the bit ROW set, or
+# NOTHING if the child is missing.
 ROW = 1 << 31
 NOTHING = 0xFFFFFFFF
-# A missing child has a box that is inside out and beyond all coordinates. Its products are still finite.
+# The box of a missing child has its low corner at OUT and its high corner at -OUT, so no ray enters it. The number is
+# beyond all coordinates of a scene, and its products in single precision are still finite.
 OUT = 2.0**60
-PACKET = 4  # floats per read
-STRIDE = 8 * WIDTH  # floats per node: six corner components and one word per child, and as many unused floats as words
+PACKET = 4  # number of floats that are read at once
+STRIDE = 8 * WIDTH  # floats per node: for each child six corner coordinates, one word and one unused float
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A BVH as kernels read it. Units: world.
+    """A BVH in the form in which kernels read it. Units: world.
 
-    nodes: STRIDE floats per node, single: low corners of its children, high corners, and words (as bits).
-        Shape: (STRIDE x nodes).
-    root: word of the first node, or of the only row. Shape: (1).
-    centre: origin of the boxes' coordinates, in double. Shape: (3, 1).
-    ball: radius of the ball around the box of all rows. Shape: (1).
+    nodes: STRIDE single-precision floats per node: low corners of the node's children, their high corners, and their
+        words (as bits). Shape: (STRIDE x nodes).
+    root: word of the first node; if the tree has one row only, word of that row. Shape: (1).
+    centre: the point that the boxes' coordinates are relative to, in double. Shape: (3, 1).
+    ball: radius of a ball about `centre` that contains the boxes of all rows. Shape: (1).
     size: bound on |centre|. Shape: (1).
-    begins: the least row number of each batch except the first; rows of one batch have consecutive numbers.
-        Shape: (1) each.
+    begins: for each batch in the tree except the first, its lowest row number in the tree. The rows of one batch have
+        consecutive numbers. Shape: (1) each.
     batches: numbers of the batches in the tree, ascending.
     """
 
@@ -54,11 +59,12 @@ class Tree:
 def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index: np.ndarray) -> Tree:
     """Builds the tree over n rows.
 
-    low, high: boxes in world space, in double. Shape: (n, 3).
-    batch, index: number of each row's batch, and the row's number among all rows. Shape: (n).
+    low, high: corners of the rows' boxes in world space, in double. Shape: (n, 3).
+    batch: number of each row's batch. Shape: (n).
+    index: number of each row among all rows of the scene. Shape: (n).
 
-    Domain: n >= 1; finite; coordinates up to 1e9; low <= high; index below 2^31 - 1, and greater for a batch with a
-    greater number.
+    Domain: n >= 1. Corners are finite and their coordinates at most 1e9 in size; low <= high. An index is below
+    2^31 - 1. All rows of a batch have greater indices than the rows of batches with lower numbers.
     """
     low, high, batch, index = (np.asarray(x) for x in (low, high, batch, index))
     centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
@@ -83,15 +89,21 @@ def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index
 
 
 def outwards(corner: np.ndarray, centre: np.ndarray, out: int) -> np.ndarray:
-    """Corners relative to a centre, in single, rounded beyond the exact ones: upwards for out = 1, downwards for -1."""
-    # The difference carries one rounding, and so does the addition that compensates for it.
+    """The corners minus the centre, in single precision. They are rounded upwards if `out` is 1, downwards if it is -1.
+
+    Shapes: corner (n, 3), centre (3,).
+    """
+    # The subtraction adds one rounding error, and the addition that compensates for it adds another.
     exact = corner - centre
     exact += out * gamma(2) * np.abs(exact)
     return np.nextafter(exact.astype(np.float32), np.float32(out * np.inf))
 
 
 def _packed(tree: Hierarchy, index: np.ndarray) -> np.ndarray:
-    """Nodes in their memory layout. index: the row of each box. Shapes: index (boxes); result (nodes, STRIDE)."""
+    """The nodes as an array of floats in the layout of Tree.nodes. Shape: (nodes, STRIDE).
+
+    index: number of the row that each box of the hierarchy belongs to. Shape: (boxes).
+    """
     n, exists = len(tree.child), (tree.child != NONE)[..., None]
     row = ROW | index[np.where((tree.child < 0) & exists[..., 0], -1 - tree.child, 0)]
     words = np.where(exists[..., 0], np.where(tree.child >= 0, tree.child, row), NOTHING).astype(np.uint32)

@@ -1,6 +1,7 @@
-"""The walk of rays through a bounding volume hierarchy.
+"""The walk of rays through a bounding volume hierarchy (bvh.py).
 
-No ray misses a box that it meets: see `Walk`.
+A lane is one entry of a Dr.Jit array; here it is one ray. No ray misses a box that it meets: the docstring of `Walk`
+has the proof.
 """
 
 from collections.abc import Callable
@@ -15,30 +16,33 @@ from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.quantities import Arrays
 from visray.ray import unit
 
-# Each node on the way down pushes at most all its other children on the stack. NOTHING lies below them.
+# Size of the stack. A ray goes on to one child of a node and pushes at most the WIDTH - 1 other children. The lowest
+# entry is NOTHING, which ends the walk.
 STACK = (WIDTH - 1) * DEPTH + 1
-# Pairs of children to compare in this order: a sorting network for four entries.
+# A sorting network for four children: these pairs are compared and swapped, in this order.
 SORTED = ((0, 1), (2, 3), (0, 2), (1, 3), (1, 2))
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Rays on their walk through a tree.
+    """Rays that walk through a tree. All walks start at points near the tree, even if the ray origins are far away.
 
-    A walk starts at the point p where the ray comes near the tree, at the distance `skipped` from its origin. So single
-    precision also suffices for origins that are far away. From p the ray meets the plane x = b at b / d.x - p.x / d.x.
+    The walk of a ray starts at the point p of the ray, at the distance `skipped` from the ray origin. No part of the
+    ray before p is in a box. Coordinates of p are relative to the tree's centre, so single precision suffices for them.
+    Counted from p, the ray meets the plane x = b at the distance b / d.x - p.x / d.x.
 
-    inverse: 1 / d, single.
-    ahead: masks d > 0, one per axis.
-    near, far: -p / d minus and plus the margin.
+    inverse: 1 / d, in single.
+    ahead: masks of d > 0, one per axis.
+    near, far: -p / d, minus and plus an error margin.
     skipped: distance from the ray origin to p.
-    error: error bound of p in double, including that of a kind's test.
-    start: the first word.
+    error: bound on the error of p in double, and on the error of the exact test of a row.
+    start: word of the tree's root; NOTHING in lanes whose ray is not finite.
 
-    Error: with u = 2^-24, p is within `error` of the exact ray in double, and within a further u |p| in single. The
-    product p.x / d.x and its sum with the margin add one rounding each. The margin of 5 u |p| + error, divided by
-    |d.x|, exceeds all of these; the rest covers its own roundings. The distance b / d.x has three relative errors: two
-    from 1 / d.x, by conversion and reciprocal, and one from the sum. `enters` allows for them at both ends.
+    Error: let u = 2^-24. In double, p is within `error` of the exact ray. The conversion of p to single adds at most
+    u |p|. The product p.x / d.x and its sum with the margin add one rounding each. The margin (5 u |p| + error) / |d.x|
+    is greater than all of these errors together, and what is left covers the rounding of the margin. The distance
+    b / d.x has three relative errors: two from 1 / d.x (a conversion and a reciprocal) and one from the sum. `enters`
+    allows for them at both ends of the interval.
     Source: Ize 2013.
     """
 
@@ -54,25 +58,26 @@ class Walk:
 
     @staticmethod
     def along(a: Arrays, tree: Tree, o: Any, d: Any) -> "Walk":
-        """The walk of rays from o in direction d.
+        """The walk of rays from the origin o in the direction d.
 
-        d: unit vector in double, or in single and then exactly parallel to the ray.
+        d: unit vector, in double or in single. A single-precision d is taken as the ray's direction, and normalised in
+            double.
 
-        Shapes: o one or one per lane; d one per lane.
-        Domain: rays that are not finite meet nothing.
+        Shapes: o has one entry, or one entry per lane; d has one entry per lane.
+        Domain: a ray with an infinite or NaN component meets no row.
         """
         d = d if type(d) is a.W else unit(d, a.W)
         q, ball = o - tree.centre, tree.ball
         # A ray meets no row before it enters the ball around the box of all rows.
         skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
         p = q + skipped * d
-        # The test of a kind has an error of gamma(32) times the size of its numbers (culling.point_rounding). That of p
-        # is smaller.
+        # The exact test of a row has an error of gamma(32) times the size of its numbers (culling.point_rounding). The
+        # error of p is smaller.
         precision = "single" if a.D is a.F32 else "double"
         error = gamma(128, precision) * (l1_norm(o) + tree.size + skipped + ball)
-        # A component of d below 2^-60 counts as 2^-60, so that no product is inf times 0. A ray goes no farther than
-        # |p| + ball, where this changes it by less than 2 (2^-60) (|p| + ball). The bound l1_norm stands for |p|,
-        # because it needs no root.
+        # A component of d below 2^-60 is replaced by 2^-60, so that no product is inf times 0. Inside the ball around
+        # all rows, at distances up to |p| + ball, this moves the ray by less than 2 (2^-60) (|p| + ball). The bound
+        # l1_norm(p) replaces |p|, because it needs no square root.
         least = 2.0**-60
         d32 = a.V32(d)
         inverse = dr.rcp(dr.select(dr.abs(d32) < least, dr.copysign(a.V32(least), d32), d32))
@@ -83,7 +88,12 @@ class Walk:
         return Walk(a, tree, inverse, ahead, middle - margin, middle + margin, skipped, error, start)
 
     def enters(self, low: list, high: list, limit: Any) -> tuple[Any, Any]:
-        """Whether rays enter a box before the distance `limit`, and the distance where they do."""
+        """(whether a ray enters a box before `limit`, the distance where it enters), for each lane.
+
+        Both distances count from the start of the walk; a ray that starts inside the box enters it at 0.
+
+        low, high: coordinates of the box's corners, one array per axis.
+        """
         near, far = self.a.F32(0), limit
         for axis in range(3):
             ahead, inverse = self.ahead[axis], self.inverse[axis]
@@ -95,14 +105,19 @@ class Walk:
     def traverse(
         self, state: tuple, visit: Callable, reach: Callable, done: Callable, counted: bool = False
     ) -> tuple[Any, ...]:
-        """The state after a visit to every row whose box a ray enters. Nearer boxes are mostly visited first.
+        """The state (a tuple of arrays) after each ray has visited every row whose box it enters.
 
-        visit(batch, state, row, present): the state after a row. batch: a Python number. row: the number among all
-            rows. present: mask of the lanes that visit it. The order of rows is not fixed, so of hits at equal distance
-            `visit` must prefer the lowest row.
-        reach(state): boxes beyond this distance are skipped; single or double.
-        done(state): mask of rays that stop.
-        counted: adds two counts per lane to the state, of visited nodes and of visited rows; for studies.
+        Nearer boxes are usually visited first, but the order of the rows is not fixed. So if two hits have the same
+        distance, `visit` must prefer the row with the lower number.
+
+        state: the state before the first visit.
+        visit(batch, state, row, present): function that returns the state after the visit to one row. batch: number of
+            the row's batch, a Python number. row: number of the row among all rows of the scene. present: mask of the
+            lanes that visit a row of this batch.
+        reach(state): function that returns a distance from the ray origin, in single or double. Boxes beyond it are
+            skipped.
+        done(state): function that returns a mask of the rays that stop.
+        counted: whether two counts per lane are added to the returned state, for studies: visited nodes, visited rows.
 
         Shapes: every array of the state has one entry per lane from the start.
         """
@@ -136,7 +151,8 @@ class Walk:
 
         def step(word: Any, top: Any, stack: Any, limit: Any, *state: Any) -> tuple:
             state, counts = state[:split_at], state[split_at:]
-            # The two branches follow each other, so that a ray which reaches a row visits it in the same iteration.
+            # The branch for rows comes after the branch for nodes, so that a ray whose next word is a row visits this
+            # row in the same iteration.
             word, top, stack, limit, *counts = dr.if_stmt(
                 (word, top, stack, limit, *counts), word < ROW, node, same, label="node"
             )
@@ -150,14 +166,21 @@ class Walk:
         return dr.while_loop(start, lambda word, *_: word != NOTHING, step, label="tree")[4:]
 
     def _limit(self, reach: Any) -> Any:
-        """A distance from the ray origin, converted to one from the start of the walk. Single, rounded upwards."""
+        """A distance from the ray origin, converted to a distance from the start of the walk.
+
+        The result is in single, and rounded upwards.
+        """
         a = self.a
-        if type(reach) is a.F32:  # it may have been rounded from double
+        if type(reach) is a.F32:  # the distance may have been rounded from double to single
             reach = a.D(reach) * (1 + gamma(2, "single"))
         return a.F32(reach - self.skipped + self.error) * (1 + gamma(2, "single"))
 
     def _entered(self, node: Any, limit: Any) -> list:
-        """Words of the children that rays enter, nearest first, and NOTHING for all others."""
+        """WIDTH words: the children of a node that a ray enters, nearest first, and then NOTHING for each other child.
+
+        node: word of the node in each lane.
+        limit: distance from the start of the walk beyond which boxes are skipped.
+        """
         packets = STRIDE // PACKET
         f = [x for k in range(packets - 1) for x in dr.gather(self.a.Q32, self.tree.nodes, packets * node + k)]
         children = []
@@ -174,7 +197,11 @@ class Walk:
         return [word for _, word in children]
 
     def _visit_row(self, row: Any, state: tuple, visit: Callable) -> tuple:
-        """The state after the visit to a row, by the code of the row's batch."""
+        """The state after each lane visits one row. Each batch has its own branch, and a lane takes its row's branch.
+
+        row: number of the row among all rows of the scene.
+        visit: as in `traverse`.
+        """
         batches, begins = self.tree.batches, (None, *self.tree.begins, None)
         for batch, begin, end in zip(batches, begins, begins[1:]):
             in_batch = self.a.B(True)

@@ -1,6 +1,7 @@
-"""Guards: tests in single precision that reject most rays before an object is tested in double.
+"""Guards: tests in single precision that reject most rays before a row is tested in double.
 
-A guard never rejects a ray that the exact test would accept, because its margin bounds its own rounding error.
+A row is one object in the kernel's tables. A guard never rejects a ray that hits in the exact test (in double), because
+the guard has a margin that is greater than its own rounding error.
 """
 
 from dataclasses import dataclass
@@ -15,10 +16,11 @@ from visray.quantities import Arrays
 
 @dataclass(frozen=True)
 class DirectionCone:
-    """A cone of directions from an origin, such as those to a light, or a hemisphere. In single precision.
+    """A cone of directions from an origin, in single precision: for example the directions to a light, or a hemisphere.
 
-    axis: unit vector.
-    sine, cosine: of the half angle, which is at most a right angle; 0 and -1 for all directions.
+    axis: unit vector in the middle of the cone.
+    sine, cosine: of the angle between the axis and the edge of the cone, which is at most a right angle. The values 0
+        and -1 stand for all directions.
     """
 
     axis: Any
@@ -27,15 +29,18 @@ class DirectionCone:
 
     @staticmethod
     def around(a: Arrays, to_centre: Any, radius: Any) -> "DirectionCone":
-        """The cone from the origin to a ball. All directions where the origin may be inside the ball.
+        """The cone of all directions from the origin to the points of a ball.
+
+        In lanes where the origin may be inside the ball, it contains all directions.
 
         to_centre: vector from the origin to the centre of the ball.
+        radius: radius of the ball.
         """
         to_centre, radius = a.V32(to_centre), a.F32(radius)
         distance = dr.norm(to_centre)
         divisor = dr.select(distance > 0, distance, 1)
         sine = radius / divisor
-        # The quotient carries the roundings of the conversions, the norm and the division.
+        # The quotient has the rounding errors of the conversions, the norm and the division.
         outside = (sine < 1 - gamma(8, "single")) & (distance > 0)
         # 1 - sine^2 loses no digits in this form.
         cosine = dr.select(outside, dr.sqrt((1 - sine) * (1 + sine)), -1)
@@ -44,30 +49,32 @@ class DirectionCone:
 
 @dataclass(frozen=True)
 class BallGuard:
-    """The guard of a bounded object, by its bounding ball. In single precision.
+    """The guard of a bounded row: a test of rays against the row's bounding ball, in single precision.
 
-    Shapes: an entry per object or per lane.
+    Every field has one entry per row, or one entry per lane.
 
     to_centre: vector from the ray origin to the centre of the ball.
-    least: a ray that meets the ball has to_centre . d >= least. It is the length of a tangent from the origin, less its
-        error; -inf where the origin may be inside the ball.
+    least: number such that every ray that meets the ball has to_centre . d >= least. It is the length of the tangents
+        from the origin to the ball, less an error bound; -inf if the origin may be inside the ball.
     """
 
     to_centre: Any
     least: Any
 
     def may_hit(self, d: Any, _: Any = None) -> Any:
-        """Whether a ray in direction d (single) may meet the ball."""
+        """Whether a ray may meet the ball. d: its direction, in single. The second parameter is that of PlaneGuard."""
         return dr.dot(self.to_centre, d) >= self.least
 
     def may_hit_cone(self, cone: DirectionCone) -> Any:
         """Whether some ray of a cone may meet the ball.
 
-        With h and w the distances of the centre along and across the axis, the edge of the cone passes the centre at
-        the distance w cos - h sin.
-        Error: radius^2 is |to_centre|^2 - least^2. Both are within 32 roundings of |to_centre|^2, and all else is
-        within fewer roundings of |to_centre|. A slack of 8 sqrt(u) |to_centre| bounds them: where digits cancel, the
-        square root halves the number of correct digits.
+        Let h be the distance of the ball's centre from the origin along the cone's axis, and w its distance from the
+        axis. Then the distance of the centre from the edge of the cone is w cosine - h sine.
+
+        Error: u is the unit roundoff of single. The radius is computed from radius^2 = |to_centre|^2 - least^2. Both
+        squares have an error of at most 32 u |to_centre|^2. If they are nearly equal, the error of the radius can reach
+        the square root of both errors together, 8 sqrt(u) |to_centre|. The slack has this size. All other errors are
+        much smaller.
         """
         h = dr.dot(self.to_centre, cone.axis)
         w = dr.norm(self.to_centre - h * cone.axis)
@@ -78,16 +85,18 @@ class BallGuard:
 
 
 def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
-    """The guard of a bounding ball, for rays from o.
+    """The guard of a bounding ball, for rays that start at o.
 
-    A ray meets the ball only if h = to_centre . d >= T, where T^2 = |to_centre|^2 - radius^2 is the squared length of a
-    tangent.
+    A ray meets the ball only if h >= T. Here h = to_centre . d, and T is the length of a tangent from o to the ball:
+    T^2 = |to_centre|^2 - radius^2.
 
-    Error: u is the unit roundoff of single. h is within 10 u |to_centre|: a conversion and three roundings of sums, and
-    6 u for d, which is normalised in single (a conversion, 3.5 u for the reciprocal root of |d|^2, a product). T is
-    within 1.5 u |to_centre| (a conversion before its root, the root). Taking 24 u |to_centre|^2 from T^2 takes at least
-    (24 u |to_centre|^2) / (2 |to_centre|) = 12 u |to_centre| from T. The rest covers the rounding of the exact test, in
-    double. 2^-124 covers underflow.
+    Error: u is the unit roundoff of single. The error of h is at most 10 u |to_centre|: 4 u from a conversion and three
+    roundings of the scalar product, and 6 u from d, which is normalised in single (a conversion, 3.5 u for the
+    reciprocal root of |d|^2, a product). The error of T is at most 1.5 u |to_centre| (a conversion before the root, and
+    the root).
+    The code subtracts 24 u |to_centre|^2 from T^2. This makes T smaller by at least
+    (24 u |to_centre|^2) / (2 |to_centre|) = 12 u |to_centre|, which is more than both errors together. The rest covers
+    the rounding of the exact test in double. The term 2^-124 covers underflow.
     """
     to_centre = centre - o
     squared = dr.squared_norm(to_centre)
@@ -97,36 +106,38 @@ def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
 
 @dataclass(frozen=True)
 class PlaneGuard:
-    """The guard of an unbounded flat object: it rejects rays that run away from the plane or end before it.
+    """The guard of a plane, in single precision. It rejects rays that run away from the plane or end before it.
 
-    In single precision.
-
-    normal: the plane's normal, turned to the side of the ray origin and divided by the origin's height above the plane.
-        A ray d reaches the plane at t = 1 / (-normal . d). Zero for an origin on the plane.
-    margin: error bound of normal . d; inf for an origin on the plane.
+    normal: the plane's unit normal, divided by the signed height of the ray origin above the plane. So a ray with
+        direction d reaches the plane at t = 1 / (-normal . d). The zero vector if the origin lies on the plane.
+    margin: bound on the error of normal . d; inf if the origin lies on the plane.
     """
 
     normal: Any
     margin: Any
 
     def may_hit(self, d: Any, reach: Any = None) -> Any:
-        """Whether a ray in direction d (single) may meet the plane. reach: its length (single); None if endless."""
+        """Whether a ray may meet the plane.
+
+        d: direction of the ray, in single.
+        reach: length of the ray, in single; None if the ray is endless.
+        """
         fall = self.margin - dr.dot(self.normal, d)
-        # The difference, the product and `reach`, if it was computed in single, carry at most eight roundings.
+        # The difference, the product, and `reach` (if it was computed in single) have at most eight rounding errors.
         return fall >= 0 if reach is None else fall * reach >= 1 - 16 * UNIT_ROUNDOFF["single"]
 
     def may_hit_cone(self, cone: DirectionCone) -> Any:
-        """Whether some ray of a cone may meet the plane: the least slope in the cone, with twice the margin."""
+        """Whether some ray of a cone may meet the plane. The ray with the least normal . d decides."""
         slope, size = dr.dot(self.normal, cone.axis), l1_norm(self.normal)
         least = dr.select(cone.cosine < 0, -size, slope * cone.cosine - size * cone.sine)
         return least <= self.margin + 8 * UNIT_ROUNDOFF["single"] * size
 
 
 def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
-    """The guards of a batch of unbounded flat objects, for rays from o.
+    """The guards of all rows of a batch of planes, for rays that start at o.
 
-    Error: normal . d in single is within four roundings of the normal, six of d (see ball_guard) and three of the sums,
-    relative to the sum of the sizes of its terms.
+    Error: normal . d in single has at most 13 rounding errors: four of the normal, six of d (see ball_guard) and three
+    of the products and sums. Each is relative to the sum of the sizes of the terms, so a margin of 16 is enough.
     """
     f, g = batch.kind.surface_at(batch.placed, o)
     on = touches(batch, f, g, o)
@@ -135,14 +146,14 @@ def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
 
 
 def touches(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
-    """Whether the points p lie on rows of a batch, to within rounding.
+    """Whether the points p lie on the surfaces of rows of a batch, to within rounding.
 
-    f, g: the rows' values at p, as Primitive.surface_at returns them.
-    error: error bound of the points.
+    f, g: what Primitive.surface_at returns for the rows at p.
+    error: bound on the distance between each point p and the true point.
     """
     return dr.abs(f) <= (point_rounding(batch, p) + error) * dr.norm(g)
 
 
 def point_rounding(batch: Batch, p: Any) -> Any:
-    """Bound on the rounding error of points p near the rows of a batch."""
+    """Bound on the rounding error of the distance between points p and the surfaces of rows of a batch."""
     return gamma(32) * (l1_norm(p) + (l1_norm(batch.placed.inverse.o) if batch.radius is None else batch.radius))

@@ -1,7 +1,11 @@
 """Ray queries: the closest hit, occlusion, and transmittance through coloured objects.
 
-All of them run detached from derivatives. interaction.py evaluates a hit again, with derivatives.
-`brute_force=True` tests every row, without guards and without a tree; the answers are equal bit for bit
+A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. A lane is one entry
+of a Dr.Jit array; here it is one ray.
+
+Queries search without derivatives. interaction.py then evaluates a hit again, with derivatives. Only `transmittance`
+can carry derivatives itself.
+With `brute_force=True` every row is tested, without guards and without a tree; the results are equal bit for bit
 (tests/test_search.py).
 """
 
@@ -22,28 +26,35 @@ from visray.ray import NO_ROW, Hit, Ray
 
 
 def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any = True, within: Any = dr.inf) -> Hit:
-    """The closest hit of each ray, nearer than `within`. Of hits at equal distance the lowest row wins."""
+    """The closest hit of each ray at a distance below `within`. Among hits at equal distance, the lowest row is chosen.
+
+    Without a hit, `row` is NO_ROW and `t` is `within` (inf by default).
+
+    active: mask of the lanes that search; other lanes have no hit.
+    """
     a, ray = origin.a, detached(ray)
     n = max(dr.width(ray.d), dr.width(origin.o))
     d32 = a.V32(ray.d)
-    # Rays from a shared origin are tested in double soon, so all of them are made exact at once.
+    # Most rays from a shared origin need an exact test, so all directions are converted to double here.
     exact = ray.exact() if origin.shared else None
     has_parts = origin.geometry.has_parts
-    # The state has full width from the start, because a loop over rows must not mix widths.
+    # Each array of the state has one entry per lane from the start, because a loop must not change the widths.
     start = (dr.full(a.D, 0, n) + dr.detach(a.D(within)), dr.full(a.U, NO_ROW, n), *[dr.zeros(a.U, n)] * has_parts)
 
     def may_hit(c: Candidate, *_: Any) -> Any:
         if origin.shared and origin.batches[c.batch].radius is None:
-            return a.B(active)  # most camera rays hit a floor, so a guard would cost more than it saves
+            # Many camera rays hit an unbounded plane such as a floor, so a guard would cost more than it saves.
+            return a.B(active)
         return origin.guard_passes(c, d32) & ~origin.never_rehit(c, ray) & c.present & active
 
     def intersect(c: Candidate, t: Any, row: Any, *part: Any, begun: tuple = (exact,)) -> tuple:
-        # Rays without a shared origin are made exact here, so that packets without a candidate skip it.
+        # Without a shared origin, directions are converted to double here, so that packets of rays without a candidate
+        # skip the conversion.
         exact_ray, kind = begun[0] or ray.exact(), origin.batches[c.batch].kind
         known = origin.start(c, exact_ray)
         x = kind.crossing(origin.seen_row(c), exact_ray, exact_ray.begin(known), None, known)
         nearer = x.t < t
-        if c.present is not True:  # a tree visits the rows in no fixed order
+        if c.present is not True:  # the walk through a tree visits rows in no fixed order
             nearer |= (x.t == t) & (c.index < row) & (x.t < dr.inf)
         part = tuple(dr.select(nearer, a.U(0) if x.part is None else x.part, old) for old in part)
         return dr.select(nearer, x.t, t), dr.select(nearer, c.index, row), *part
@@ -56,13 +67,13 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
 class Target:
     """The end of a shadow ray.
 
-    distance: along the ray; inf for an endless ray. A ray with `to_target` is as long as that vector, and `distance` is
-        its length in single.
-    error: bound on the distance of the computed end from the true point.
-    row, part: the surface that the end lies on, or None.
-    inward: the ray reaches that surface from within.
-    may_touch: the end is a point of a light, which may lie on rows that are not known.
-    slack, cosine: the end is nearer than `distance` by slack / cosine; None for no difference.
+    distance: distance from the ray origin to the end; inf for an endless ray. If the ray has a vector `to_target`, the
+        exact distance is the length of that vector, and this field is the same length in single.
+    error: bound on the distance between the computed end and the true point.
+    row, part: the row, and the part of its surface, on which the end lies; None if it lies on no row.
+    inward: mask of the rays that reach that surface from inside the row, or None.
+    may_touch: whether the end is a point of a light. Such a point may lie on any row, so each row is tested for it.
+    slack, cosine: the segment that is tested ends slack / cosine before `distance`; None if it ends at `distance`.
     """
 
     distance: Any
@@ -75,14 +86,14 @@ class Target:
     cosine: Any = None
 
     def exact(self, a: Arrays, ray: Ray) -> tuple[Ray, Any]:
-        """The ray, and the distance of its end, in double."""
+        """(the ray in double, the distance of its end in double)."""
         exact_ray = ray.exact()
         distance = a.D(self.distance) if ray.to_target is None else dr.dot(ray.to_target, exact_ray.d)
         return exact_ray, distance if self.slack is None else distance - a.D(a.F(self.slack) / self.cosine)
 
 
 def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool = False) -> Any:
-    """Whether a row lies between the origin and the target of each ray."""
+    """Mask of the rays that meet a row between their origin and their target. Inactive lanes: False."""
 
     def stop(c: Candidate, segment: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
         return (hidden | occludes(segment),)
@@ -95,13 +106,14 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
 def transmittance(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, attached: bool, brute_force: bool = False
 ) -> Any:
-    """The transmittance along each ray, a colour: 1 where nothing is between origin and target, 0 behind opaque rows.
+    """The transmittance of each ray from its origin to its target, a colour. It is 1 without a row between them.
 
-    Each row in between multiplies it by kt (1 - min(d / dmax, 1)), where d is the length inside the row. A row that the
-    ray enters and does not leave, or leaves and does not enter, multiplies it by kt.
+    A row that the ray both enters and leaves multiplies the transmittance by kt (1 - min(d / dmax, 1)), where d is the
+    length of the ray inside the row. A row that the ray only enters, or only leaves, multiplies it by kt. Opaque rows
+    have kt = 0.
 
-    tints: (kt, dmax) of the rows of each batch.
-    attached: with derivatives by the tints and by d. Then the kernel has no branches.
+    tints: (kt, dmax) for each batch, arrays with one entry per row.
+    attached: whether the result carries derivatives by the tints and by d. Then the kernel has no branches.
     """
     a = origin.a
 
@@ -128,12 +140,12 @@ def _between(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
     finished: Callable,
 ) -> tuple:  # fmt: skip
-    """The state after all rows that may lie between the origin and the target of each ray.
+    """The state (a tuple of arrays) after each ray is tested against all rows between its origin and its target.
 
-    start: the state before.
-    change(c, segment, attached_segment, *state): the state after one row. attached_segment carries derivatives; it is
-        None where nothing has any.
-    finished(*state): mask of rays whose state no row can change.
+    start: the state before the first row.
+    change(c, segment, attached_segment, *state): function that returns the state after one row. `attached_segment` is
+        the segment with derivatives; None if neither the row nor the ray carries any.
+    finished(*state): function that returns a mask of the rays whose state no other row can change.
     """
     a, attached_ray, attached_target = origin.a, ray, target
     ray, target, active = detached(ray), detached(target), dr.detach(active)
@@ -147,7 +159,8 @@ def _between(
         maybe &= origin.guard_passes(c, d32, reach)
         if target.row is None:
             return maybe
-        # A ray that starts at the end, backwards, could not hit the row again.
+        # `never_rehit` also holds for the ray in the other direction, which starts at the end: such a ray cannot hit
+        # the row on which it starts.
         return maybe & ~(ends_on(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
 
     def begin() -> tuple[Ray, Any]:
@@ -174,7 +187,8 @@ def _between(
 
     def attached(c: Candidate, segment: RaySegment) -> RaySegment | None:
         if segment.kind.finds_roots:
-            # Such a row is opaque, because gradients.py refuses others. Its factor is zero whatever the length inside.
+            # gradients.py refuses transparent rows of such kinds. So this row is opaque, and it makes the transmittance
+            # 0 whatever the length inside.
             return None
         placed = origin.geometry.batches[c.batch].placed
         if not dr.grad_enabled(leaves((placed, attached_ray))):
@@ -186,7 +200,7 @@ def _between(
         segment = segment_of(c, *(begun or begin()))
         return change(c, segment, attached(c, segment), *state)
 
-    # The distance in single carries a few roundings.
+    # The distance in single has a few rounding errors.
     farthest = a.D(target.distance) * (1 + gamma(16, "single"))
     query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin)
     return traverse(origin, query, ray, start, brute_force)

@@ -1,8 +1,10 @@
-"""Ray origins: the objects of a scene as seen from where rays start.
+"""Ray origins: the data of rows that depends on the point where rays start, but not on their directions.
 
-Most objects are far from most rays. A test in single precision against a ball around each object, its guard, rejects
-them. The margin of a guard bounds its own rounding, so it never rejects an object that the exact test in double would
-accept.
+A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. A lane is one entry
+of a Dr.Jit array; here it is one ray.
+
+A ray meets only few rows. The guard of a row is a test in single precision that rejects most other rays (culling.py).
+It never rejects a ray that hits in the exact test, which is in double.
 """
 
 from copy import copy
@@ -27,8 +29,8 @@ class Geometry:
 
     a: array types.
     batches: the batches of the scene.
-    tree: bounding volume hierarchy over the rows that are too many to be unrolled, or None.
-    accelerator: the setting.
+    tree: bounding volume hierarchy over some of the batches (policy.Plan.tree); None if the plan puts no batch in it.
+    accelerator: the value of settings.accelerator.
     """
 
     a: Arrays
@@ -38,9 +40,9 @@ class Geometry:
 
     @staticmethod
     def of(a: Arrays, batches: tuple[Batch, ...], accelerator: policy.Accelerator = "auto") -> "Geometry":
-        """The geometry of batches, with the tree that the policy asks for."""
+        """The geometry of the batches. It has a tree only if policy.plan puts some batches in one."""
         geometry = Geometry(a, batches, None, accelerator)
-        # A batch that is in the tree for rays with a shared origin is also in it for all other rays.
+        # Every batch that is in the tree for rays with a shared origin is also in the tree for other rays.
         in_tree = geometry.plan(shared=False).tree
         if not in_tree:
             return geometry
@@ -51,13 +53,13 @@ class Geometry:
         return replace(geometry, tree=evaluated(build(a, low, high, batch, index)))
 
     def plan(self, shared: bool) -> policy.Plan:
-        """How rays find rows. shared: the rays share one origin."""
+        """The plan of how rays find rows. shared: whether all rays have the same origin."""
         sizes = [policy.BatchSize(len(b), b.kind.bounded) for b in self.batches]
         return policy.plan(sizes, self.accelerator, shared)
 
     @property
     def has_parts(self) -> bool:
-        """Whether hits carry parts."""
+        """Whether a hit needs a part number, because some kind has several parts."""
         return any(b.kind.parts > 1 for b in self.batches)
 
     @property
@@ -68,13 +70,14 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A row that rays may hit.
+    """A row to be tested by each lane. Different lanes may have different rows of the same batch.
 
-    batch: number of its batch, a Python number.
-    row: its number in the batch.
-    index: its number among all rows of the scene.
-    present: mask of the lanes that test it.
-    unrolled: its number in the batch as a Python number, where rows are unrolled; None elsewhere.
+    batch: number of the row's batch, a Python number.
+    row: number of the row in its batch.
+    index: number of the row among all rows of the scene.
+    present: mask of the lanes that have a row to test; True for all lanes.
+    unrolled: number of the row in its batch as a Python number, if the test is unrolled and all lanes have the same
+        row; else None.
     """
 
     batch: int
@@ -85,11 +88,13 @@ class Candidate:
 
 
 def _touching(batch: Batch, o: Any) -> tuple[Any, Any] | None:
-    """Rows of a batch on which the origin lies, to within rounding: (mask, gradients there). None if there is no row.
+    """The rows of a batch on whose surface the origin o lies, to within rounding.
 
-    A ray from such a row does not find the crossing at its origin again, whatever the sign of its computed distance.
-    Whether there is such a row is part of the kernel's structure: a camera or a light that moves onto a surface needs a
-    new kernel.
+    The result is (mask with one entry per row, gradients of all rows at o); None if o lies on no row.
+
+    A ray from o does not find its crossing with such a row at o, whatever the sign of the computed distance. Whether
+    the mask exists is part of the kernel's structure: if a camera or a light moves onto a surface, a new kernel is
+    compiled.
     """
     f, g = batch.kind.surface_at(batch.placed, o)
     on = touches(batch, f, g, o) & batch.kind.has_normal(batch.placed, o)
@@ -97,11 +102,12 @@ def _touching(batch: Batch, o: Any) -> tuple[Any, Any] | None:
 
 
 class RayOrigin:
-    """All batches as seen from the origin of rays.
+    """The origin of rays, with the data of all batches that depends on the origin.
 
-    shared: all rays start at one point. Then per-origin data of all unrolled rows is computed once and kernels read it.
-        None: decided by whether the origin has one entry.
-    may_reach: for each row of each unrolled batch, whether some ray of a cone may hit it; None without a cone.
+    o: the origins. Shape: (3, 1), or (3, lanes).
+    shared: whether all rays start at one point. Then the data of all unrolled rows is computed once, and kernels read
+        it. The default None means: True if `o` has one entry.
+    may_reach: for each row of each unrolled batch, whether some ray of a cone may hit the row; None without a cone.
     """
 
     def __init__(self, geometry: Geometry, o: Any, shared: bool | None = None):
@@ -116,12 +122,13 @@ class RayOrigin:
                 b.kind.seen(b.placed, self.o) if prepared else None for b, prepared in zip(self.batches, unrolled)
             )
             self.guards = tuple(self._guard(b) if prepared else None for b, prepared in zip(self.batches, unrolled))
-            # A loop reads a guard as a packet of four neighbouring floats, which is faster than four reads.
+            # A guard is four floats. They are stored side by side, so that a loop reads them at once.
             self.guard_packets = tuple(g and dr.ravel(self.a.Q32(*leaves(g)[0], leaves(g)[1])) for g in self.guards)
             dr.eval(self.seen, self.guards, self.guard_packets)
             self.touching = tuple(_touching(b, self.o) for b in self.batches)
         else:
-            # Computed here and not at their use, so that many rays from one point, in a loop, share them.
+            # Guards are computed here and not for each ray, so that a loop over rays with this origin computes them
+            # only once.
             self.row_guards = [
                 [self._guard(b.rows_at(self.a.U(i))) for i in range(len(b) if prepared else 0)]
                 for b, prepared in zip(self.batches, unrolled)
@@ -134,13 +141,13 @@ class RayOrigin:
         return ball_guard(self.a, batch.centre, batch.radius, self.o)
 
     def toward(self, cone: DirectionCone) -> "RayOrigin":
-        """The same origin for rays in a cone. Unrolled rows that no ray of the cone can hit are marked in advance."""
+        """A copy of the origin, for rays whose directions lie in a cone. Its `may_reach` is set from the cone."""
         origin = copy(self)
         origin.may_reach = [[guard.may_hit_cone(cone) for guard in guards] for guards in self.row_guards]
         return origin
 
     def seen_row(self, c: Candidate) -> Any:
-        """A row as seen from the origin: the record of its kind."""
+        """The record that the row's kind returns from `seen`: data of the row that depends on the origin."""
         if self.shared and self.seen[c.batch] is not None:
             return rows(self.seen[c.batch], c.row)
         batch = self.batches[c.batch]
@@ -159,7 +166,9 @@ class RayOrigin:
         return type(guards)(self.a.V32(x, y, z), least)
 
     def guard_passes(self, c: Candidate, d: Any, reach: Any = None) -> Any:
-        """Whether the guard of a row lets rays pass. Rows in the tree have none: their rays have entered their boxes.
+        """Mask of the rays that the guard of a row does not reject.
+
+        It is True for rows in the tree: they need no guard, because the ray has already entered their bounding box.
 
         d: ray directions, in single.
         reach: length of the rays, in single; None for endless rays.
@@ -171,14 +180,16 @@ class RayOrigin:
         return self.batches[c.batch].rows_at(c.row)
 
     def never_rehit(self, c: Candidate, ray: Ray) -> Any:
-        """Whether rays start on a row and can never hit it again."""
+        """Mask of the rays that start on the row and can never hit it again."""
         if ray.row is None:
             return self.a.B(False)
         return (ray.row == c.index) & self.batches[c.batch].kind.never_rehit(ray.inside)
 
     def start(self, c: Candidate, ray: Ray) -> KnownEnds:
-        """What is known about a row at the start of rays: from the ray itself, or because the shared origin touches the
-        row."""
+        """The facts about the start of the rays that the test of a row needs: which rays start on the row, and where.
+
+        A ray starts on the row if its own field `row` says so, or if the shared origin lies on the row.
+        """
         kind = self.batches[c.batch].kind
         on_start, inside = (None, None) if ray.row is None else (ray.row == c.index, ray.inside)
         part = ray.part if kind.uses_part else None

@@ -1,7 +1,11 @@
 """The policy of acceleration: how rays find the rows that they hit. Kernels follow it, and `visray explain` shows it.
 
-There are three ways. Unrolled: the guards of the rows stand in the kernel's code one after the other. Looped: a loop
-tests all rows. Tree: rays walk through a bounding volume hierarchy. All give the same answers, bit for bit.
+A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. The policy chooses
+one of three methods for each batch. All methods give the same results, bit for bit:
+
+    unrolled   the kernel's code contains a test for each row, one after the other
+    looped     a loop in the kernel tests all rows
+    tree       rays walk through a bounding volume hierarchy
 """
 
 from collections.abc import Sequence
@@ -10,19 +14,23 @@ from typing import Literal
 
 Accelerator = Literal["auto", "none", "tree"]
 
-# At most this many rows are unrolled; more are put in the tree. An unrolled row costs a few cycles per ray, but about a
-# millisecond of compile time wherever rays start.
+# The greatest number of rows that are unrolled. If a scene has more, batches are put in the tree. An unrolled row costs
+# few cycles per ray, but about a millisecond of compile time in each place of the kernel where rays start.
 MAX_UNROLLED = 32
-# The same for rays that share their origin, whose guards are computed in advance (reference/bench_mitsuba.py: 100
-# spheres take 0.7 times as long as in a tree, and 200 spheres take as long).
+# The same number for rays with a shared origin, whose guards are computed in advance (reference/bench_mitsuba.py:
+# 100 unrolled spheres take 0.7 times as long as a tree of them, and 200 take as long as a tree).
 MAX_UNROLLED_SHARED = 128
-# For batches of at most this many rows the exact tests are unrolled too, not only the guards.
+# In a batch of at most this many rows, the exact tests are unrolled too, and not only the guards.
 MAX_INLINED = 12
 
 
 @dataclass(frozen=True)
 class BatchSize:
-    """A batch as the policy sees it: its number of rows, and whether they are bounded."""
+    """The facts about one batch that the policy depends on.
+
+    rows: number of rows.
+    bounded: whether the rows have bounding boxes.
+    """
 
     rows: int
     bounded: bool
@@ -30,10 +38,10 @@ class BatchSize:
 
 @dataclass(frozen=True)
 class Plan:
-    """How rays find rows: the numbers of the batches that go each way.
+    """The method that is chosen for each batch.
 
-    unrolled, looped, tree: numbers of batches, ascending.
-    reason: why, as `visray explain` says it.
+    unrolled, looped, tree: numbers of the batches with this method, ascending.
+    reason: why the plan was chosen, one line for `visray explain`.
     """
 
     unrolled: tuple[int, ...]
@@ -43,13 +51,17 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """The plan in a few words, as `visray explain` shows it."""
+        """The plan in a few words, for `visray explain`."""
         batches_of = {"one by one": self.unrolled, "in a loop": self.looped, "in a tree": self.tree}
         return ", others ".join(words for words, batches in batches_of.items() if batches) or "no objects"
 
 
 def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> Plan:
-    """How rays find the rows of all batches. shared: the rays share one origin."""
+    """The plan for all batches of a scene.
+
+    sizes: the batches, in the order of their numbers.
+    shared: whether all rays have the same origin.
+    """
     numbers = range(len(sizes))
     limit = MAX_UNROLLED_SHARED if shared else MAX_UNROLLED
     bounded = [i for i in numbers if sizes[i].bounded]
@@ -63,7 +75,8 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> 
     total = sum(sizes[i].rows for i in bounded)
     if total <= limit:
         return _plan(numbers, small, set(), f"{total} bounded objects, at most {limit}: each is tested")
-    # One tree serves all rays, so it holds the rows that are too many for rays without a shared origin.
+    # One tree serves all rays. So the bounded batches outside it have at most MAX_UNROLLED rows together, also for rays
+    # with a shared origin.
     unrolled: set[int] = set()
     for i in sorted(bounded, key=lambda i: sizes[i].rows):
         if sum(sizes[j].rows for j in unrolled) + sizes[i].rows <= MAX_UNROLLED:
@@ -73,6 +86,6 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> 
 
 
 def _plan(numbers: range, unrolled: set[int], tree: set[int], reason: str) -> Plan:
-    """The plan in which batches that are neither unrolled nor in the tree are looped over."""
+    """The plan with these batches unrolled and in the tree. All other batches are looped."""
     looped = (i for i in numbers if i not in unrolled | tree)
     return Plan(tuple(sorted(unrolled)), tuple(looped), tuple(sorted(tree)), reason)

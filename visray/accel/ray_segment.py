@@ -1,6 +1,6 @@
-"""A segment of a ray against one row: whether the row occludes it, and the length inside the row.
+"""A segment of a ray, tested against one row: does it cross the row, and how long is its part inside the row?
 
-Both follow from the crossings of the row's kind.
+A row is one object in the kernel's tables. The results are derived from the method `crossing` of the row's kind.
 """
 
 from dataclasses import dataclass, replace
@@ -14,11 +14,13 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 @dataclass(frozen=True)
 class RaySegment:
-    """The segment of a ray between the distances `begin` and `end`, against one row.
+    """A segment of a ray, and the row that it is tested against.
 
     kind: the row's kind.
-    placed, seen: the row's data, as the kind's methods of these names return them.
-    known: which ends are known to lie on the row.
+    placed, seen: the row's data, as returned by the kind's methods with these names.
+    ray: the ray, in double.
+    begin, end: distances from the ray origin to both ends of the segment.
+    known: which ends of the segment are known to lie on the row's surface.
     """
 
     kind: type[Primitive]
@@ -34,9 +36,10 @@ class RaySegment:
         return self.kind.crossing(self.seen, self.ray, self.begin, self.end, self.known)
 
     def backwards(self) -> "RaySegment":
-        """The segment traversed from its end, in lanes where the end lies on the row; unchanged in other lanes.
+        """The segment with its direction reversed, in lanes where its end lies on the row; unchanged in other lanes.
 
-        A known start is told apart from a crossing near it, whatever the rounding. So the known end becomes the start.
+        The search for roots can separate a known start from a crossing near that start, whatever the rounding. So the
+        end that is known to lie on the row becomes the start.
         """
         known, on_start, begin = self.known, self.known.on_start, self.begin
         back = known.on_end & (self.end < dr.inf)
@@ -55,17 +58,20 @@ class RaySegment:
 
 
 def occludes(segment: RaySegment) -> Any:
-    """Whether the segment crosses the row."""
+    """Mask of the segments that cross the row's surface between their ends.
+
+    An end that is known to lie on the surface does not count as a crossing.
+    """
     if segment.kind.finds_roots and segment.known.on_end is not None:
         segment = segment.backwards()
     return segment.crossing().met
 
 
 def length_inside(segment: RaySegment) -> tuple[Any, Any]:
-    """The passage of a segment through a row: (whether it both enters and leaves, its length inside).
+    """(mask of the segments that both enter and leave the row, length of each segment inside the row).
 
-    An end that lies on the row's surface counts as entering or leaving there. Kinds that are not closed have no inside:
-    (False, 0).
+    A segment that starts on the row's surface counts as entering there, and one that ends on it counts as leaving.
+    Kinds that are not closed have no inside; their result is (False, 0).
     """
     kind, known, end = segment.kind, segment.known, segment.end
     none, zero = end != end, dr.zeros(type(end), dr.width(end))
@@ -73,9 +79,13 @@ def length_inside(segment: RaySegment) -> tuple[Any, Any]:
         return none, zero
 
     def next_crossing(begin: Any, at: Any, length: Any, known: KnownEnds) -> tuple:
-        """The first crossing after `begin`: (crossing, its distance, met, inside after it, length inside so far).
+        """The first crossing after the distance `begin`, and the length inside up to there.
 
-        at: distance up to which `length` was counted.
+        at: distance up to which the length inside was counted before.
+        length: that length.
+
+        The result is (crossing, distance of the crossing or else of the segment's end, whether there is a crossing,
+        whether the ray is inside after it, length inside up to that distance).
         """
         c = replace(segment, begin=begin, known=known).crossing()
         to = dr.select(c.met, c.t, end)
@@ -87,16 +97,20 @@ def length_inside(segment: RaySegment) -> tuple[Any, Any]:
         entered |= known.on_start
 
     def after_crossing(inside: Any, part: Any) -> KnownEnds:
-        """What is known when the search starts again at a crossing."""
+        """The known facts for a search that starts again at a crossing, on `part` of the surface.
+
+        inside: whether the ray runs inside the row after the crossing.
+        """
         return replace(known, on_start=~none, inside=inside, start_part=part)
 
     if kind.max_crossings <= 2:
-        # The two crossings of a line that only touches are one. So the search for the second starts at `begin` again.
+        # If a line only touches the surface, both crossings have the same distance. So the search for the second one
+        # does not start after the first one, but at `begin` again, with a known start.
         known_start = after_crossing(inside, first.part)
         _, _, _, last, more = next_crossing(segment.begin, at, zero, known_start)
         inside, length = dr.select(crossed, last, inside), length + dr.select(crossed, more, 0)
     else:
-        # At each end of the segment that lies on the surface, rounding may add a crossing.
+        # Rounding may add one crossing at each end of the segment, if that end lies on the surface.
         most = 2 + kind.max_crossings
 
         def step(at: Any, inside: Any, length: Any, part: Any, count: Any, going: Any) -> tuple:
@@ -109,7 +123,7 @@ def length_inside(segment: RaySegment) -> tuple[Any, Any]:
         n = max(map(dr.width, (at, inside, length, crossed)))
         u = dr.uint32_array_t(at)
         part = dr.zeros(u, n) + (u(0) if first.part is None else first.part)
-        # The state of a loop must have full width.
+        # Each array of a loop's state must have one entry per lane.
         at, length = (x + dr.zeros(type(x), n) for x in (at, length))
         inside, crossed = (x | dr.full(type(x), False, n) for x in (inside, crossed))
         state = (at, inside, length, part, dr.zeros(u, n), crossed)

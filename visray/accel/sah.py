@@ -1,8 +1,9 @@
 """Binned SAH: builds a hierarchy of boxes with up to four children per node, level by level, in NumPy.
 
-The surface area heuristic (SAH) takes the ratio of surface areas as the probability that a ray which meets a node meets
-its child. Every split gives a correct tree, so costs may be rounded. The boxes of nodes are exact: they are least and
-greatest corners of the boxes below.
+The surface area heuristic (SAH) estimates the probability that a ray which meets a node also meets a child of the node.
+The estimate is the child's surface area divided by the node's. A split is chosen by its estimated cost. Any split gives
+a correct tree, so costs may have rounding errors. The boxes of nodes have none, because their coordinates are minima
+and maxima of the coordinates of the boxes in the node.
 
 Source: Goldsmith and Salmon 1987; bins: Wald 2007; four children: Wald, Benthin, Boulos 2008.
 """
@@ -12,19 +13,20 @@ from functools import cached_property
 
 import numpy as np
 
-DEPTH = 32  # greatest depth of the binary tree; 2^DEPTH boxes fit, wherever they are
+DEPTH = 32  # greatest depth of the binary tree, which has room for 2^DEPTH boxes
 WIDTH = 4  # greatest number of children in the final tree
 BINS = 16  # bins along each axis; a large node may be split between any two neighbouring bins
 SWEPT = 16  # a node of at most this many boxes may be split between any two neighbouring boxes
-CHUNK = 1 << 14  # boxes that are swept at once, so that they stay in the processor's cache
+CHUNK = 1 << 14  # number of boxes that _swept works on at once; so many fit in the processor's cache
 
 
 @dataclass(frozen=True)
 class Hierarchy:
     """A hierarchy over boxes. Nodes are stored level by level; the first node is the root.
 
-    low, high: boxes of the children. Shape: (nodes, children, 3).
-    child: number of a node, or -1 - the number of a box, or NONE. Shape: (nodes, children).
+    low, high: corners of the children's boxes. Shape: (nodes, children, 3).
+    child: the children. A child that is a node has that node's number. A child that is the box with the number b has
+        the value -1 - b. A missing child has the value NONE. Shape: (nodes, children).
     """
 
     low: np.ndarray
@@ -38,8 +40,9 @@ NONE = np.iinfo(np.int64).min
 def build_binary(low: np.ndarray, high: np.ndarray) -> Hierarchy:
     """The binary hierarchy over n boxes. It has n - 1 nodes.
 
-    Shapes: low, high (3, n), single.
-    Domain: n >= 2; finite; low <= high.
+    low, high: corners of the boxes, in single. Shape: (3, n).
+
+    Domain: n >= 2; the corners are finite; low <= high.
     """
     n = low.shape[1]
     level, nodes = Level(low, high, np.arange(n), np.array([0]), np.array([n])), 0
@@ -60,9 +63,10 @@ def build_binary(low: np.ndarray, high: np.ndarray) -> Hierarchy:
 
 
 def widen(binary: Hierarchy) -> Hierarchy:
-    """The hierarchy with up to WIDTH children per node: again and again the largest child is replaced by its own two.
+    """The hierarchy with up to WIDTH children per node, made from a binary hierarchy.
 
-    Shapes: as Hierarchy. Where a node has fewer children, the box is (0, 0) and the child NONE.
+    For each node, the child with the largest surface is replaced by its own two children, until there are WIDTH
+    children or none of them is a node. A missing child has the value NONE, and both corners of its box are 0.
     """
     child, area = binary.child.ravel(), surface_measure((binary.high - binary.low).reshape(-1, 3).T, False)
     area = np.where(child >= 0, area, -1)  # a child that is a box cannot be replaced
@@ -89,22 +93,28 @@ def widen(binary: Hierarchy) -> Hierarchy:
 
 
 def surface_measure(extents: np.ndarray, lines: np.ndarray | bool) -> np.ndarray:
-    """Half the surface area of boxes; where `lines` holds, a quarter of the total length of their edges."""
+    """The size of boxes in the cost of a split: half the surface area. Shape: one entry per box.
+
+    extents: lengths of the edges along x, y and z. Shape: (3, boxes).
+    lines: mask of the boxes for which the sum of the three edge lengths is taken instead. It marks boxes of nodes that
+        have no area, such as boxes along a line; their areas would all be 0.
+    """
     x, y, z = extents
     return np.where(lines, x + y + z, x * y + y * z + z * x)
 
 
 class Level:
-    """The nodes of one level. Each node holds a range of the boxes.
+    """All nodes of one level of the binary tree. Boxes are ordered by node, so each node has a range of the boxes.
 
-    low, high: the boxes, ordered by node. Shape: (3, boxes).
+    low, high: corners of the boxes. Shape: (3, boxes).
     ids: numbers of the boxes. Shape: (boxes).
-    head, count: the first box of each node, and its number of boxes. Shape: (nodes).
-    owner: the node of each box. Shape: (boxes).
-    box_low, box_high: bounding box of each node. Shape: (3, nodes).
-    middle: twice the middle of each box. Shape: (3, boxes).
-    least, most: range of the middles in each node. Shape: (3, nodes).
-    lines: nodes whose box has no area, so that lengths of edges are compared instead. Shape: (nodes).
+    head: position of the first box of each node. Shape: (nodes).
+    count: number of boxes of each node. Shape: (nodes).
+    owner: number of the node that each box belongs to. Shape: (boxes).
+    box_low, box_high: corners of each node's bounding box. Shape: (3, nodes).
+    middle: sum of both corners of each box, which is twice its centre. Shape: (3, boxes).
+    least, most: least and greatest `middle` in each node, per axis. Shape: (3, nodes).
+    lines: mask of the nodes whose bounding box has no area; see surface_measure. Shape: (nodes).
     """
 
     def __init__(self, low: np.ndarray, high: np.ndarray, ids: np.ndarray, head: np.ndarray, count: np.ndarray):
@@ -117,11 +127,14 @@ class Level:
         return np.repeat(np.arange(len(self.count)), self.count)
 
     def next_level(self, right: np.ndarray) -> "Level":
-        """The next level: the two children of each node with more than one box. right: boxes of the right children."""
+        """The next level. Its nodes are the two children of each node that has more than one box.
+
+        right: mask of the boxes that go to the right child of their node; the other boxes go to the left child.
+        """
         going = (self.count > 1)[self.owner]
         right, count = right[going], self.count[self.count > 1]
         head = np.cumsum(count) - count
-        before = np.cumsum(~right) - ~right  # how many boxes before this one in its node go left
+        before = np.cumsum(~right) - ~right  # for each box, how many boxes of its node before it go left
         before -= np.repeat(before[head], count)
         left = count - np.add.reduceat(right, head, dtype=np.int64)
         at, start = np.arange(len(right)), np.repeat(head, count)
@@ -134,7 +147,8 @@ class Level:
     def right_boxes(self, room: int) -> np.ndarray:
         """Mask of the boxes that go to the right child of their node.
 
-        room: a node with more boxes than this is cut into equal halves, to bound the depth of the tree.
+        room: greatest number of boxes of a node whose split is free. A node with more boxes is split into two children
+            with equal numbers of boxes, because the depth of the tree is limited.
         """
         self.middle = self.low + self.high
         self.least, self.most = (f.reduceat(self.middle, self.head, axis=1) for f in (np.minimum, np.maximum))
@@ -152,9 +166,11 @@ class Level:
         return right
 
     def _binned(self, nodes: np.ndarray, right: np.ndarray, least_cost: np.ndarray) -> None:
-        """Splits nodes between two neighbouring bins; the middle of a box decides its bin.
+        """Splits nodes between two neighbouring bins of an axis. A box belongs to the bin in which its centre lies.
 
-        Writes the nodes' entries of `right` and `least_cost`.
+        nodes: numbers of the nodes.
+        right, least_cost: the results are written to these arrays: the mask of boxes that go right, and the cost of
+            each node's split.
         """
         k = len(nodes)
         if not k:
@@ -183,9 +199,10 @@ class Level:
         least_cost[nodes] = best.cost
 
     def _swept(self, nodes: np.ndarray, width: int, right: np.ndarray, least_cost: np.ndarray) -> None:
-        """Splits nodes of at most `width` boxes between two neighbours along an axis.
+        """Splits nodes between two boxes that are neighbours when the boxes are sorted along an axis.
 
-        Writes the nodes' entries of `right` and `least_cost`.
+        nodes: numbers of the nodes; each has at most `width` boxes.
+        right, least_cost: as in `_binned`.
         """
         count, column = self.count[nodes], np.arange(width)[:, None]
         present = column < count
@@ -202,34 +219,48 @@ class Level:
         least_cost[nodes] = best.cost
 
     def _middle(self, nodes: np.ndarray, right: np.ndarray) -> None:
-        """Splits nodes into equal halves, along the axis on which the middles of their boxes differ most."""
+        """Splits nodes into two children with equal numbers of boxes, along the axis on which the centres differ most.
+
+        nodes: mask of the nodes.
+        right: as in `_binned`.
+        """
         at = np.flatnonzero(nodes[self.owner])
         if not len(at):
             return
         owner = self.owner[at]
         axis = np.argmax(self.most - self.least, axis=0)
         order = np.lexsort((self.middle[axis[owner], at], owner))
-        # `at` ascends by owner, so the boxes of a node take the same places in it as in the sorted order.
+        # Both `at` and `at[order]` list the boxes node by node. So their entries k belong to the same node, and at[k]
+        # minus the node's head is the rank of the box at[order][k] among the sorted boxes of its node.
         right[at[order]] = 2 * (at - self.head[owner]) >= self.count[owner]
 
 
 class BestCut:
-    """For each of k nodes the cheapest cut so far: after column `cut` along `axis`, at `cost`; inf means no cut."""
+    """The cheapest split of each of k nodes among the splits compared so far.
+
+    A column is a bin, or a box in sorted order. A cut is a place between two columns.
+
+    cost: cost of the split; inf if there is none. Shape: (k).
+    axis: axis along which the node is split. Shape: (k).
+    cut: number of the last column to the left of the cut. Shape: (k).
+    """
 
     def __init__(self, k: int):
         self.cost, self.axis, self.cut = np.full(k, np.inf), np.zeros(k, int), np.zeros(k, int)
 
     def compare(self, axis: int, low: np.ndarray, high: np.ndarray, count: np.ndarray, lines: np.ndarray) -> None:
-        """Compares all cuts along one more axis. Their cost is the measure of each half times its number of boxes.
+        """Compares all cuts along one more axis, and keeps those that are cheaper than the best so far.
 
-        low, high: boxes of the columns; overwritten. Shape: (3, columns, nodes).
-        count: number of boxes. Shape: (columns, nodes).
+        The cost of a cut is, summed over both sides, the surface measure of the side times its number of boxes.
+
+        low, high: corners of the columns' bounding boxes; they are overwritten. Shape: (3, columns, nodes).
+        count: number of boxes in each column. Shape: (columns, nodes).
         lines: as in Level. Shape: (nodes).
         """
         total, all_low, all_high = count.sum(axis=0), low[:, -1].copy(), high[:, -1].copy()
         last = len(count) - 1
         behind = np.empty((last, len(lines)))
-        for j in range(last, 0, -1):  # the half after each cut, from the last column on
+        for j in range(last, 0, -1):  # measures of the right sides, from the last cut to the first
             behind[j - 1] = surface_measure(all_high - all_low, lines)
             np.minimum(all_low, low[:, j - 1], out=all_low)
             np.maximum(all_high, high[:, j - 1], out=all_high)

@@ -1,7 +1,10 @@
-"""Traversal: a query is put to every row that a ray may hit.
+"""Traversal: runs a query, such as the search for the closest hit, on every row that a ray may hit.
 
-Guards in single precision select the candidates. The exact test in double runs in a branch, for the packets of rays
-that need it, because double costs more than single.
+A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. The state of a query
+is a tuple of arrays with one entry per lane, for example the distance of the closest hit so far.
+
+Guards (culling.py) in single precision select the candidates: rows that a ray may hit. The exact test in double costs
+more. So it runs in a branch, and packets of rays without a candidate skip it.
 """
 
 from collections.abc import Callable
@@ -21,14 +24,14 @@ from visray.ray import Ray
 
 @dataclass(frozen=True)
 class Query:
-    """What rays ask of rows, as functions of a state that the answers change.
+    """A query of rays, as functions of its state. The argument c is the Candidate, the row to be tested.
 
-    may_hit(c, *state): mask of rays that a test in single cannot exclude.
-    intersect(c, *state): the state after the exact test of a row.
-    t_max(state): rows beyond this distance cannot change the state.
-    finished(*state): mask of rays whose state no row can change.
-    begin(): data in double, for rays that may hit something. `intersect` takes it as the argument `begun`. None: there
-        is no such data.
+    may_hit(c, *state): returns a mask of the rays that may hit the row, by a test in single.
+    intersect(c, *state): returns the state after the exact test of the row, in double.
+    t_max(state): returns a distance along each ray. Rows beyond it cannot change the state.
+    finished(*state): returns a mask of the rays whose state no other row can change.
+    begin(): returns data in double that all exact tests of a ray share. `intersect` then takes it as the argument
+        `begun`. None if there is no such data.
     """
 
     may_hit: Callable
@@ -39,7 +42,11 @@ class Query:
 
 
 def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_force: bool) -> tuple:
-    """The state after the query is put to every row that a ray may hit. brute_force: to all rows."""
+    """The state of the query after it has run on every row that a ray may hit.
+
+    state: the state before.
+    brute_force: whether the exact test runs on all rows, without guards and without the tree.
+    """
     pending: list[Candidate] = []
     for number, batch in enumerate(origin.batches):
         n = len(batch)
@@ -67,10 +74,10 @@ def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_forc
 
 
 def _inlined(query: Query, candidates: list[Candidate], state: tuple) -> tuple:
-    """The state after a few rows whose guards and exact tests are both unrolled.
+    """The state after the query has run on a few rows. The code of their guards and exact tests is unrolled.
 
-    If the query has `begin`, all guards are tested first, so that its data is computed once for all rows, and only for
-    rays that pass some guard.
+    If the query has a function `begin`, all guards are tested first. Then the data of `begin` is computed only once,
+    and only for rays that pass some guard.
     """
     if query.begin is None:
         for c in candidates:
@@ -93,10 +100,12 @@ def _inlined(query: Query, candidates: list[Candidate], state: tuple) -> tuple:
 def _gathered(
     origin: RayOrigin, query: Query, batch: Batch, candidates: list[Candidate], first: int, state: tuple
 ) -> tuple:
-    """The state after at most 32 rows, from row `first` on, whose guards are unrolled.
+    """The state after the query has run on at most 32 rows of a batch. The code of their guards is unrolled.
 
-    The rows that pass are collected as the bits of a number, and a loop tests them. So the exact test is compiled once,
-    and each lane goes on to its own next row.
+    Each lane stores the rows whose guards its ray passes as the bits of a number. Then a loop runs the exact test on
+    these rows. So the exact test is compiled once, and different lanes can test different rows in one iteration.
+
+    first: number of the first row in its batch; bit k stands for the row first + k.
     """
     u, number = origin.a.U, candidates[0].batch
     bits = dr.zeros(u, dr.width(state))
@@ -117,7 +126,7 @@ def _gathered(
 
 
 def _looped(origin: RayOrigin, query: Query, number: int, state: tuple, brute_force: bool) -> tuple:
-    """The state after all rows of batch `number`, in a loop."""
+    """The state after the query has run on all rows of the batch `number`, in a loop of the kernel."""
     batch = origin.batches[number]
     count = dr.opaque(origin.a.U, len(batch))
 
@@ -132,7 +141,7 @@ def _looped(origin: RayOrigin, query: Query, number: int, state: tuple, brute_fo
 
 
 def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:
-    """The state after the rows in the tree."""
+    """The state after the query has run on the rows in the tree that a ray may hit."""
 
     def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
         row = dr.select(present, index - origin.batches[number].first_row, 0)
@@ -146,5 +155,8 @@ def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:
 
 
 def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:
-    """change(*state) in lanes where the mask holds. Packets without such a lane skip it."""
+    """The state changed to change(*state) in lanes where `mask` is true. Packets of lanes without such a lane skip it.
+
+    label: name of the branch in Dr.Jit's messages.
+    """
     return dr.if_stmt(state, mask, change, lambda *state: state, label=label)

@@ -1,4 +1,4 @@
-"""Images of textures: read from files, packed for kernels, and looked up."""
+"""Images of textures: reading from files, packing for kernels, and lookup in kernels."""
 
 from visray.images.atlas import WRAPS, Atlas, Row, pack
 from visray.images.reading import read_image

@@ -1,4 +1,7 @@
-"""Texture atlas: all textures of a scene as arrays that a kernel looks colours up in (lookup.py)."""
+"""Texture atlas: all textures of a scene in a few arrays, from which a kernel reads colours (lookup.py).
+
+A texel is a pixel of a texture's image.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,13 +20,16 @@ WRAPS = ("repeat", "mirror", "clamp")
 
 @dataclass(frozen=True)
 class Row:
-    """Parameters of each texture. Shapes: one entry per texture.
+    """Parameters of textures. In the atlas, each field is an array with one entry per texture. In a lookup, each field
+    has one entry per lane, that of the lane's texture.
 
-    scale_u, scale_v, offset_u, offset_v: from (u, v) of the surface to that of the texture.
-    width, height: size in pixels, in double, since coordinates are multiplied by them.
-    start: index of the texture's first pixel among all texels.
-    wrap: index into WRAPS. smooth: 1 if neighbouring pixels are blended, else 0.
-    checker: 1 for a checker texture, else 0. a, b: the checker's colours, or None where the scene has no checker.
+    scale_u, scale_v, offset_u, offset_v: the texture's coordinates are scale * (u, v) + offset.
+    width, height: size of the image in pixels; in double, because coordinates are multiplied by them.
+    start: index of the image's first texel in Atlas.texels.
+    wrap: index into WRAPS.
+    smooth: 1 if neighbouring pixels are blended, else 0.
+    checker: 1 for a checker texture, else 0.
+    a, b: the two colours of a checker texture, or None if the scene has no checker texture.
     """
 
     scale_u: Any
@@ -44,8 +50,8 @@ class Row:
 class Atlas:
     """All textures of a scene.
 
-    texels: R, G, B and 0 of each pixel, one image after the other, each with its bottom row first. None where no
-    texture is an image.
+    texels: R, G, B and 0 of each texel, one image after the other, each with its bottom row first. None if no texture
+        is an image.
     rows: parameters of the textures, in the order of the scene.
     """
 
@@ -54,9 +60,12 @@ class Atlas:
 
 
 def pack(a: Arrays, textures: dict[str, Texture]) -> Atlas | None:
-    """Atlas of the textures, or None where there are none. Reads their image files.
+    """Atlas of the textures, or None if there are no textures. Reads their image files.
 
-    An image of several textures is stored once. Raises UserError, with a line for each file that cannot be read.
+    textures: the textures by name.
+
+    An image that several textures share is stored once. Raises a UserError with one line for each file that cannot be
+    read.
     """
     if not textures:
         return None
@@ -91,13 +100,13 @@ def pack(a: Arrays, textures: dict[str, Texture]) -> Atlas | None:
             b=put(a.V, [c.b if c else (0, 0, 0) for c in checkers]) if any(checkers) else None,
         ),
     )
-    # Dr.Jit copies the arrays now, before NumPy's memory is freed on return.
+    # Dr.Jit must copy the arrays now: NumPy's memory is freed when this function returns.
     dr.eval(atlas)
     return atlas
 
 
 def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
-    """Image of each texture, or None where it has none. Shapes: (H, W, 3)."""
+    """List of the images of all textures, with None for a texture without an image. Shapes: (H, W, 3) each."""
     images: list[np.ndarray | None] = []
     flaws: list[str] = []
     for name, texture in textures.items():
@@ -116,6 +125,6 @@ def _images(textures: dict[str, Texture]) -> list[np.ndarray | None]:
 
 
 def _distinct(images: list[np.ndarray | None]) -> list[np.ndarray]:
-    """The different images. They are compared by identity, since read_image returns the same array for an unchanged
-    file."""
+    """List of the different images. They are compared by identity, because read_image returns the same array for the
+    same file."""
     return list({id(image): image for image in images if image is not None}.values())

@@ -1,4 +1,7 @@
-"""Texture lookup in kernels: the colour of a texture at (u, v)."""
+"""Texture lookup in kernels: the colour of a texture at (u, v).
+
+A lane is one entry of a Dr.Jit array: here one surface point. Each lane may look up another texture.
+"""
 
 from typing import Any
 
@@ -10,16 +13,18 @@ from visray.quantities import Arrays
 
 
 def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) -> Any:
-    """Colour of texture `index` at (u, v), as a V. Each lane has its own index.
+    """Colour of a texture at (u, v), as an array of type `a.V`.
 
-    bilinear: whether any texture of the atlas blends neighbouring pixels; else the kernel has no code for it.
+    a: array types of the kernel.
+    index: number of the texture in each lane.
+    u, v: texture coordinates of the surface point.
+    bilinear: whether any texture of the atlas blends neighbouring pixels. If not, the kernel has no code for blending.
 
-    Domain: any u and v, in single or double precision. Where they are not finite, the colour is that of some pixel.
-    A bilinear blend has derivatives by u and v, except for the kinks between pixels; a nearest pixel and a checker
-    have none.
-
-    Error: (u, v) in the texture is off by at most 2^-52 (|scale u| + |offset|). A blend adds three roundings of the
-    shading precision.
+    Domain: any u and v, in single or double precision. In lanes where u or v is not finite, the colour is that of any
+    one pixel of the texture. A bilinear blend has derivatives by u and v; they jump at the centres of pixels. The
+    nearest pixel and the checker have no derivatives.
+    Error: the coordinates scale * (u, v) + offset have an error of at most 2^-52 (|scale u| + |offset|). A blend adds
+    three roundings in the precision of shading.
     """
     row = rows(atlas.rows, index)
     x = _wrapped(row.scale_u * a.D(u) + row.offset_u, row.wrap)
@@ -31,15 +36,17 @@ def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) 
 
 
 def _wrapped(x: Any, wrap: Any) -> Any:
-    """Texture coordinate in [0, 1] after wrapping x; 0 where x is not finite.
+    """Coordinate in [0, 1] that x is wrapped to; 0 in lanes where x is not finite.
 
-    It uses floor instead of an integer remainder, which LLVM does not vectorise. For a tiny negative x, 1 + x may round
-    to 1, so callers accept 1 and take the last pixel there.
+    wrap: index into WRAPS.
+
+    The result is computed with floor, because LLVM does not vectorise integer remainders. For a tiny negative x the
+    result 1 + x may round to 1. So callers must accept 1, which belongs to the last pixel.
     """
     x = dr.select(wrap == WRAPS.index("clamp"), dr.clip(x, 0, 1), x)
     repeats = wrap == WRAPS.index("repeat")
     x = x - dr.select(repeats, 1, 2) * dr.floor(x * dr.select(repeats, 1, 0.5))
-    # From 1 to 2 a mirrored image runs backwards. fmax turns NaN into 0.
+    # From 1 to 2 a mirrored image is reversed. fmax turns NaN into 0.
     return dr.select(x <= 1, x, dr.fmax(2 - x, 0))
 
 
@@ -49,7 +56,10 @@ def _checker(row: Row, x: Any, y: Any) -> Any:
 
 
 def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> Any:
-    """Colour of an image at (x, y) in [0, 1]^2: that of one pixel, or the blend of the four pixels around it."""
+    """Colour of an image at (x, y) in [0, 1]^2: the colour of one pixel, or a blend of the four nearest pixels.
+
+    texels: the texels of all images. row: parameters of the texture. bilinear: whether a texture blends pixels.
+    """
     pitch = a.U(row.width)
 
     def texel(i: Any, j: Any) -> Any:
@@ -65,19 +75,24 @@ def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> 
 
 
 def _blend(p: Any, q: Any, weight: Any) -> Any:
-    """Linear blend: p at weight 0, q at weight 1. Exact where p = q."""
+    """Linear blend: p at weight 0, q at weight 1. Exact if p = q."""
     return p + weight * (q - p)
 
 
 def _nearest(a: Arrays, x: Any, size: Any) -> Any:
-    """Index of the pixel that contains x in [0, 1], along one axis of `size` pixels."""
+    """Index of the pixel that contains x, along one axis.
+
+    x: coordinate in [0, 1]. size: number of pixels along the axis.
+    """
     return a.U(dr.minimum(dr.floor(x * size), size - 1))
 
 
 def _around(a: Arrays, x: Any, size: Any, row: Row) -> tuple[Any, Any, Any]:
-    """The two pixels along one axis whose centres enclose x in [0, 1], and the weight of the second.
+    """The indices of two pixels along one axis, and the weight of the second pixel. x lies between their centres.
 
-    For a texture that is not smooth: the pixel that contains x, with a weight of 0 for the second.
+    If the texture does not blend pixels, the first pixel is the one that contains x, and the weight is 0.
+
+    x: coordinate in [0, 1]. size: number of pixels along the axis. row: parameters of the texture.
     """
     position = x * size - 0.5 * row.smooth
     low = dr.floor(position)

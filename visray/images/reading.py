@@ -1,6 +1,6 @@
 """Reads image files as linear light: PNG and JPEG with Pillow, EXR with visray's own reader.
 
-The first bytes of a file determine its format, not its name.
+The format is determined by the first bytes of the file, not by its name.
 """
 
 import json
@@ -23,31 +23,32 @@ from visray.quantities import BRIGHTEST
 from visray.scene.messages import printable
 from visray.scene.source import neighbour
 
-# Most pixels of all images of a scene together: 4 GiB in a kernel. More than 2^30 would not fit a 32-bit texel index.
+# Largest number of pixels in all images of a scene together: 4 GiB in a kernel. Above 2^30, 32-bit indices would fail.
 MOST_PIXELS = 2**28
-# Bytes of images in the cache.
+# Largest number of bytes that the images in the cache take.
 CACHE_BYTES = 2**30
-# Longest name of an attribute in an EXR header, in bytes.
+# Length of the longest attribute name in an EXR header, in bytes.
 LONGEST_NAME = 255
-# Pillow unpacks 16-bit colour PNG files by one of the raw modes on the left, which keep the upper byte of each number.
-# The mode on the right unpacks the lower byte instead, in the given number of channels.
+# Pillow reads PNG files of 16-bit colour in one of the raw modes on the left, and keeps only the upper byte of each
+# number. In the raw mode on the right it keeps the lower byte. The last number counts the channels that are used.
 LOWER_BYTE = {"RGB;16B": ("RGB;16L", 3), "RGBA;16B": ("RGBA;16L", 3), "LA;16B": ("ARGB", 1)}
 
-# By path and encoding: the file's time and size, and its image.
+# Cache of images. Key: path and encoding. Value: modification time and size of the file, and its image.
 _cache: dict[tuple[str, str], tuple[tuple[int, int], np.ndarray]] = {}
 
 
 def read_image(file: str, encoding: str, address: str) -> np.ndarray:
-    """Image of a file, in linear Rec. 709, float32, read-only. Shape: (H, W, 3), the top row first.
+    """Image of a file, in linear Rec. 709, as a read-only array of float32. Shape: (H, W, 3), the top row first.
 
-    encoding: `srgb`, `linear`, or `auto`, which is srgb for PNG and JPEG and linear for EXR.
-    address: address of the file's name in the scene, for error messages.
+    file: path of the file.
+    encoding: encoding of the numbers in the file: `srgb`, `linear`, or `auto` (sRGB for PNG and JPEG, linear for EXR).
+    address: address of the path in the scene, for error messages.
 
-    Grey becomes three equal numbers. Alpha is removed; EXR colour, which is premultiplied, is divided by it. An EXR
-    file without R, G and B is read if it has only one layer. Negative numbers become 0. Embedded colour profiles and
-    the EXIF orientation are ignored. A file that has not changed is not read again.
+    Grey becomes three equal numbers. Alpha is removed. In EXR files the colour is premultiplied by alpha, so here it is
+    divided by alpha. An EXR file without R, G and B is read if it has only one layer. Negative numbers become 0.
+    Embedded colour profiles and the EXIF orientation are ignored. A file that has not changed is not read again.
 
-    Raises UserError, one line that begins with the address.
+    Raises a UserError of one line, which begins with the address.
     """
     try:
         return _cached(file, encoding)
@@ -58,7 +59,7 @@ def read_image(file: str, encoding: str, address: str) -> np.ndarray:
 
 
 def _cached(path: str, encoding: str) -> np.ndarray:
-    """Image of a file, from the cache if the file has not changed since."""
+    """Image of a file. It comes from the cache if the file has not changed since it was read."""
     status = _status(path)
     key, stamp = (os.path.abspath(path), encoding), (status.st_mtime_ns, status.st_size)
     entry = _cache.pop(key, None)
@@ -73,7 +74,7 @@ def _cached(path: str, encoding: str) -> np.ndarray:
 
 
 def _status(path: str) -> os.stat_result:
-    """Size and modification time of a regular file."""
+    """Status of a file: its size and modification time. Raises UserError if it is not a regular file."""
     try:
         status = os.stat(path)
     except FileNotFoundError:
@@ -89,7 +90,7 @@ def _status(path: str) -> os.stat_result:
 
 
 def _reason(error: Exception) -> str:
-    """Text of an exception, or its class where it has none."""
+    """Text of an exception, or the name of its class if it has no text."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
@@ -111,14 +112,18 @@ def _linear_light(path: str, encoding: str) -> np.ndarray:
         raise
     except MemoryError:
         raise UserError("does not fit into memory; make the picture smaller") from None
-    # A damaged file makes decoders raise many kinds: OSError, SyntaxError, ValueError, struct.error, IndexError, ...
+    # For damaged files, decoders raise many types of exceptions: OSError, SyntaxError, ValueError, struct.error, ...
     except Exception as error:
         raise UserError(f"is damaged or has no pixels ({_reason(error)}); save it anew") from None
 
 
 def _converted(values: np.ndarray, encoding: str) -> np.ndarray:
-    """Linear light from the numbers of a file, unsigned integers or floats. Shapes: values (H, W, 1) or (H, W, 3);
-    result (H, W, 3)."""
+    """Linear light from the numbers of a file.
+
+    values: unsigned integers or floats.
+
+    Shapes: values (H, W, 1) or (H, W, 3); result (H, W, 3).
+    """
     is_integer = values.dtype.kind == "u"
     srgb = encoding == "srgb" or (encoding == "auto" and is_integer)
     if is_integer:
@@ -137,12 +142,12 @@ def _check_size(width: int, height: int) -> None:
 
 
 def _decoded(kind: type, path: str) -> np.ndarray:
-    """Numbers of a PNG or JPEG file, uint8 or uint16. Shape: (H, W, 1) or (H, W, 3).
+    """Numbers of a PNG or JPEG file, as an array of uint8 or uint16. Shape: (H, W, 1) or (H, W, 3).
 
-    kind: Pillow's class of the format. It is used directly, since `PIL.Image.open` has its own limit on pixels, which
-    applies to the whole process.
+    kind: Pillow's class for the file format. It is called directly, because `PIL.Image.open` has a limit on pixels that
+        can only be changed for the whole process.
     """
-    # Pillow's warnings do not concern the colour: they are about lost alpha and invalid animations.
+    # Pillow's warnings are about lost alpha and invalid animations, not about the colour.
     with warnings.catch_warnings(action="ignore"):
         with kind(path) as image:
             _check_size(*image.size)
@@ -163,7 +168,7 @@ def _unpacked(image: PngImageFile | JpegImageFile) -> np.ndarray:
 
 
 def _exr(path: str) -> np.ndarray:
-    """Colour of an EXR file, float32. Shape: (H, W, 1) or (H, W, 3)."""
+    """Colour of an EXR file, as an array of float32. Shape: (H, W, 1) or (H, W, 3)."""
     _check_header(path)
     layers, _ = read_exr(path)
     alpha = layers.pop("A", None)
@@ -177,22 +182,22 @@ def _exr(path: str) -> np.ndarray:
         raise UserError(f"has {values.shape[2]} numbers a pixel; save the colour as R, G and B")
     if alpha is not None:
         translucent = (alpha > 0) & (alpha < 1)
-        # A quotient that overflows is refused later, like infinite numbers of the file.
+        # A quotient may overflow to infinity. Infinite numbers are refused later.
         with np.errstate(over="ignore", invalid="ignore"):
             values = values / np.where(translucent, alpha, 1)[..., None]
     return values.astype(np.float32)
 
 
 def _check_header(path: str) -> None:
-    """Raises a UserError if an EXR file has several parts or too many pixels. Decodes no pixel.
+    """Raises a UserError if an EXR file has several parts or too many pixels. Decodes no pixels.
 
-    The rest of the header is checked by the reader, which opens the file afterwards.
+    The reader checks the rest of the header when it opens the file afterwards.
     """
     with open(path, "rb") as file:
-        # Bit 12 of the version marks a file of several parts.
+        # Bit 12 of the version number says that the file has several parts.
         if file.read(8)[5] & 0x10:
             raise UserError("has several parts; save the picture as a file of one")
-        # An attribute is its name and its type, each ended by a 0, then the size of its value, and the value.
+        # An attribute is a name and a type, each followed by a zero byte, then the size of the value, and the value.
         while name := _zero_ended(file):
             _zero_ended(file)
             size = int.from_bytes(file.read(4), "little")
@@ -204,7 +209,7 @@ def _check_header(path: str) -> None:
 
 
 def _zero_ended(file: BinaryIO) -> bytes:
-    """Bytes up to the next 0 or the end of the file, but at most one more than a name may have."""
+    """Bytes of a file up to the next zero byte or the end of the file, and at most LONGEST_NAME + 1 of them."""
     name = b""
     while len(name) <= LONGEST_NAME and (byte := file.read(1)) not in (b"\0", b""):
         name += byte
@@ -212,7 +217,7 @@ def _zero_ended(file: BinaryIO) -> bytes:
 
 
 def _checked_light(light: np.ndarray) -> np.ndarray:
-    """Light as float32, with 0 in place of negative numbers. Raises UserError where it is not finite or too bright.
+    """Light as float32, with 0 in place of negative numbers. Raises UserError if a number is not finite or too large.
     Shape: (H, W, C)."""
     invalid = ~(light <= BRIGHTEST) | np.isneginf(light)
     if invalid.any():
@@ -222,7 +227,7 @@ def _checked_light(light: np.ndarray) -> np.ndarray:
     return np.maximum(light, 0).astype(np.float32)
 
 
-# Readers by the first bytes of a file.
+# For the first bytes of a file, the function that reads its numbers.
 READERS = {
     b"\x89PNG\r\n\x1a\n": partial(_decoded, PngImageFile),
     b"\xff\xd8\xff": partial(_decoded, JpegImageFile),

@@ -1,1 +1,1 @@
-"""Pictures: layers, display, and files."""
+"""Pictures: their layers, their display on a screen, and their files."""

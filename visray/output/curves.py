@@ -1,4 +1,4 @@
-"""Display curves: from linear light to what a screen is sent, and back."""
+"""Display curves: from linear light to the numbers that are sent to a screen, and back."""
 
 from typing import Literal
 
@@ -10,9 +10,11 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
-    """The fraction of full scale to display, for linear light from 0 to 1.
+    """The numbers for a screen, from 0 to 1, for linear light from 0 to 1.
 
-    Source: IEC 61966-2-1 for sRGB; light^(1/gamma) for a number.
+    gamma: "srgb", or an exponent: then the result is light^(1 / gamma).
+
+    Source: IEC 61966-2-1 for sRGB.
     """
     if gamma == "srgb":
         return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
@@ -20,7 +22,7 @@ def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
 
 
 def linear(shown: np.ndarray, gamma: Gamma = "srgb") -> np.ndarray:
-    """Linear light from fractions of full scale, from 0 to 1: the inverse of `curve`."""
+    """Linear light from 0 to 1, for numbers for a screen from 0 to 1: the inverse of `curve`."""
     if gamma == "srgb":
         return np.where(shown <= 0.04045, shown / 12.92, ((np.maximum(shown, 0) + 0.055) / 1.055) ** 2.4)
     return shown ** float(gamma)

@@ -1,6 +1,7 @@
 """EXR files as compositors expect them: one part, scan lines, ZIP compression, mixed half and float channels.
 
-Names and types of the channels: visray/output/layers.py.
+A channel is one named array of numbers in a file, such as N.X; a layer is one or more channels. The names and types of
+the channels are in the records of visray/output/layers.py. Other layers have no record.
 """
 
 import os
@@ -16,15 +17,16 @@ from visray.output.files import replacing
 from visray.output.layers import BY_NAME, LAYERS
 
 PREFIX = "visray/"
-# Attributes to which OpenEXR or other renderers have given a meaning; they are written without the prefix.
+# Attributes whose names have a meaning in OpenEXR or other renderers. They are written without the prefix.
 STANDARD = {"software": str, "capDate": str, "utcOffset": float, "owner": str, "comments": str}
 MATRICES = ("worldToCamera", "worldToNDC")
-# Linear light with the primaries and the white of Rec. 709; the numbers are for readers older than OpenEXR 3.4.
+# The colour space: linear light with the primaries and the white of Rec. 709. `chromaticities` is for programs that use
+# an OpenEXR older than 3.4.
 COLOR = {
     "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290),
     "colorInteropID": "lin_rec709_scene",
 }
-# Channel letters of a layer that has no record, by the count of numbers that a pixel has.
+# Channel letters of a layer that has no record. Key: how many numbers a pixel has.
 LETTERS = {1: "X", 2: "UV", 3: "RGB", 4: "RGBA"}
 LARGEST_HALF = 65504.0
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(\.[A-Za-z][A-Za-z0-9_]*)?")
@@ -33,20 +35,23 @@ _ORDER = {letter: place for place, letter in enumerate("RGBAXYZWUV")}
 
 
 def write_exr(path: str | os.PathLike[str], layers: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
-    """Writes layers and metadata. Values of half channels are clamped to the range of half."""
+    """Writes layers and metadata to a file. Values in channels of type half are clamped to the range of half.
+
+    layers: arrays by name. facts: metadata by key.
+    """
     channels: dict[str, np.ndarray] = {}
     for name, values in layers.items():
         channels |= _channels(name, values)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
-    # OpenEXR gets an open file, not a name: then a full disk raises an OSError with its error number.
+    # OpenEXR gets an open file, not a name, because then a full disk raises an OSError with an error number.
     with replacing(path) as temporary, open(temporary, "wb") as file:
         OpenEXR.File(header, channels).write(file)
 
 
 def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Reads layers and metadata from a file of one part, written by visray or by another program.
+    """Reads layers and metadata, two dicts, from a file of one part. It may be written by visray or another program.
 
-    Half becomes float32. No colour space is converted, whatever the file states.
+    Numbers of type half become float32. Colours are not converted, whatever colour space the file states.
     """
     path = os.fspath(path)
     if not os.path.isfile(path):
@@ -68,7 +73,12 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
 
 
 def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Channels of one layer by name, in the types that are written. Shapes: values (H, W) or (H, W, n)."""
+    """Dict of the channels of one layer by name, in the types in which they are written.
+
+    name: name of the layer.
+
+    Shapes: values (H, W) or (H, W, n).
+    """
     if not _NAME.fullmatch(name):
         raise UserError(f"image: layer '{name}' cannot be written as EXR; use letters, digits and _, a letter first")
     flat = values[..., None] if values.ndim == 2 else values
@@ -81,7 +91,11 @@ def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _typed(name: str, values: np.ndarray) -> np.ndarray:
-    """Values in the type in which the layer is written: that of its record, else uint32 or float."""
+    """The values in the type in which they are written: the type of the layer's record; without a record, uint32 or
+    float.
+
+    name: name of the layer.
+    """
     dtype = BY_NAME[name].dtype if name in BY_NAME else None
     if np.uint32 in (dtype, values.dtype):
         if not np.issubdtype(values.dtype, np.integer) or (values.astype(np.uint32) != values).any():
@@ -89,13 +103,13 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, np.uint32)
     if dtype is np.float16:
         return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
-    # A double beyond the range of float becomes inf: in data, a wrong finite number would be worse.
+    # A double beyond the range of float becomes inf, because in data a wrong finite number would be worse.
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(values, np.float32)
 
 
 def _attributes(facts: dict[str, Any]) -> dict[str, Any]:
-    """Metadata as EXR attributes. An empty list is left out, because OpenEXR cannot write one."""
+    """Metadata as EXR attributes. Empty lists are left out, because OpenEXR cannot write them."""
     attributes: dict[str, Any] = {}
     if "render_seconds" in facts:
         attributes["renderTime"] = float(facts["render_seconds"])
@@ -110,7 +124,7 @@ def _attributes(facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _attribute(value: Any) -> Any:
-    """A value that OpenEXR stores exactly: a number that its 32-bit types would change is written as text."""
+    """The value in a form that OpenEXR stores exactly. A number that its 32-bit types would change becomes text."""
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, int):
@@ -125,14 +139,15 @@ def _attribute(value: Any) -> Any:
 
 
 def _survives(value: float) -> bool:
-    """Whether a float32 gives `value` back: it is the shortest decimal of its float32, or not finite."""
+    """Whether a float can be written as float32 and read back unchanged by `_value`: it is the shortest decimal number
+    of its float32, or it is not finite."""
     with np.errstate(over="ignore"):
         return not np.isfinite(value) or float(str(np.float32(value))) == value
 
 
 def _metadata(header: dict[str, Any]) -> dict[str, Any]:
-    """Metadata from a header: the inverse of `_attributes`. Matrices become lists; attributes of other programs are
-    left out."""
+    """Metadata from the header of a file: the inverse of `_attributes`. Matrices become lists. Attributes of other
+    programs are left out."""
     facts = {}
     for key, value in header.items():
         if key in MATRICES and isinstance(value, np.ndarray):
@@ -145,14 +160,16 @@ def _metadata(header: dict[str, Any]) -> dict[str, Any]:
 
 
 def _value(attribute: Any) -> Any:
-    """The value of an attribute: the inverse of `_attribute`. A float is the shortest decimal of its float32."""
+    """The value that an attribute stores: the inverse of `_attribute`. A float becomes the shortest decimal number of
+    its float32."""
     if isinstance(attribute, float):
         return float(str(np.float32(attribute)))
     return _number(attribute) if isinstance(attribute, str) else attribute
 
 
 def _number(text: str) -> Any:
-    """The number that `_attribute` has written as text, or the text itself."""
+    """The number that `_attribute` wrote as this text. If `_attribute` would not write this text for any number, the
+    text itself."""
     for kind in (int, float):
         try:
             number = kind(text)
@@ -164,9 +181,13 @@ def _number(text: str) -> Any:
 
 
 def _layers(pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Layers from channels: first those with a record, in the order of the records, then the others by prefix.
+    """Dict of the layers that a file's channels make up. First come the layers with a record, in the order of the
+    records. The remaining channels are grouped by prefix (_prefix), one layer for each.
 
-    A record is not used where the file has more channels of that prefix, such as albedo.A: that is another layer.
+    If a file has more channels of a prefix than the record, such as albedo.A, they all make up another layer, and the
+    record is not used.
+
+    pixels: channels by name.
     """
     rest = dict(pixels)
     foreign = {_prefix(name) for name in set(pixels) - _RECORDED if "." in name}
@@ -184,11 +205,14 @@ def _layers(pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _prefix(channel: str) -> str:
-    """The part of a channel's name before its last dot; the whole name if it has no dot."""
+    """The part of a channel's name before the last dot, or the whole name if it has no dot."""
     return channel.rpartition(".")[0] or channel
 
 
 def _stack(channels: Iterable[np.ndarray]) -> np.ndarray:
-    """The array of a layer; half becomes float32. Shapes: (H, W) for one channel, else (H, W, n)."""
+    """The array of a layer of n channels. Numbers of type half become float32.
+
+    Shapes: channels (H, W) each; result (H, W) for one channel, else (H, W, n).
+    """
     arrays = [values.astype(np.float32) if values.dtype == np.float16 else values for values in channels]
     return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)

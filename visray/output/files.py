@@ -1,4 +1,4 @@
-"""Safe writing of files: an old file is never lost, and a new one is never left half-written."""
+"""Safe writing of files: if writing fails, the old file remains, and no incomplete file is left behind."""
 
 import errno
 import os
@@ -22,7 +22,7 @@ _REASONS = {
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raises a UserError if a file cannot be written at `path`; call it before a long render."""
+    """Raises a UserError if a file cannot be written at `path`. Call this before a long render."""
     try:
         _check(Path(path))
         trial = _reserve(_target(path))
@@ -33,9 +33,11 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yields a temporary path in the folder of `path`. At the end it replaces `path`; on any failure it is removed.
+    """Yields the path of a temporary file, to be written in a `with` block. At the end of the block this file replaces
+    the file at `path`. If anything fails, the temporary file is removed.
 
-    An OSError, such as a full disk, becomes a UserError. If `path` is a link, the file that it points to is replaced.
+    An OSError, for example because the disk is full, becomes a UserError. If `path` is a link, the file that the link
+    points to is replaced.
     """
     temporary = None
     try:
@@ -50,13 +52,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise _explain(path, error) from error
     finally:
-        # `finally`, so that Ctrl-C cleans up as well. After the replacement the temporary file no longer exists.
+        # Also after Ctrl-C. If the replacement has succeeded, the temporary file no longer exists.
         if temporary is not None:
             temporary.unlink(missing_ok=True)
 
 
 def _check(path: Path) -> None:
-    """Raises a UserError if `path` is no file that can be written, or its folder does not exist."""
+    """Raises a UserError if `path` is not a file that can be written, or if its folder does not exist."""
     folder = path.parent
     if path.is_dir():
         raise UserError(f"{path}: this is a folder; give the name of a file in it")
@@ -73,7 +75,7 @@ def _check(path: Path) -> None:
 
 
 def _target(path: str | os.PathLike[str]) -> Path:
-    """The file that `path` leads to, with links followed. Raises an OSError if the name is too long."""
+    """The file that `path` leads to if all links are followed. Raises an OSError if the name is too long."""
     target = Path(os.path.realpath(path))
     with suppress(FileNotFoundError):
         target.lstat()
@@ -88,7 +90,7 @@ def _reserve(target: Path) -> Path:
 
 
 def _flush(path: Path) -> None:
-    """Waits until the file is on the disk. Without this, a crash of the system may leave an empty file."""
+    """Waits until the file is on the disk. Without this, a crash of the system could leave an empty file."""
     with open(path, "rb+") as file:
         os.fsync(file.fileno())
 
@@ -100,7 +102,7 @@ def _explain(path: str | os.PathLike[str], error: OSError) -> UserError:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Writes text to a file; an old file is replaced only when the new one is complete."""
+    """Writes text to a file. An old file is replaced only when the new file is complete."""
     check_writable(path)
     with replacing(path) as aside:
         Path(aside).write_text(text, encoding="utf-8")

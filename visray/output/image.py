@@ -1,4 +1,4 @@
-"""Image: a picture as named layers, with metadata that say how it was made."""
+"""Image: a picture as named layers, and metadata about how it was made."""
 
 import os
 import re
@@ -20,17 +20,18 @@ from visray.output.rounding import rounding
 from visray.version import __version__
 
 SUFFIXES = (".exr", ".png")
-# With the prefix `visray/` a key has at most the 79 letters that a PNG keyword may have.
+# Metadata keys. With the prefix `visray/` a key must not be longer than 79 characters, the limit of a PNG keyword.
 _KEY = re.compile(r"[A-Za-z][\w./-]{0,71}", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """A picture of `height` x `width` pixels, the top row first.
+    """A picture of `height` x `width` pixels, with the top row first.
 
-    layers: arrays by name. The layers that visray renders are listed in output/layers.py; other names are allowed.
-    metadata: how the picture was made, as str, int, float or list of str. `worldToCamera` and `worldToNDC` are 4 x 4
-        lists that multiply a row vector from the right (the translation is the last row).
+    layers: dict of arrays by name. The layers that visray renders are listed in output/layers.py; others are allowed.
+    metadata: dict of facts about how the picture was made. Values are str, int, float or lists of str. `worldToCamera`
+        and `worldToNDC` are 4 x 4 matrices, as lists of rows. A row vector is multiplied by them from the right: v M,
+        with the translation in the last row of M.
 
     Shapes: layers (H, W) or (H, W, n).
     """
@@ -67,7 +68,7 @@ class Image:
         return self.png() if "RGB" in self.layers else None
 
     def check_layers(self, names: Sequence[str]) -> None:
-        """Raises a UserError, which suggests the nearest name, if the picture lacks one of these layers."""
+        """Raises a UserError, which suggests a similar name, if the picture does not have all of these layers."""
         for name in names:
             if name not in self.layers:
                 near = get_close_matches(name, self.layers, 1, 0.5) or get_close_matches(name.upper(), self.layers, 1)
@@ -81,9 +82,11 @@ class Image:
         exposure: float = 0.0,
         layers: Sequence[str] | None = None,
     ) -> None:
-        """Writes an .exr file with all layers or the named ones, or a .png file with the colour in 8 bits.
+        """Writes an .exr file with layers in linear light, or a .png file with the colour in 8 bits.
 
-        gamma, exposure: the display curve and the exposure in stops, for PNG files. EXR files hold linear light.
+        path: its suffix chooses the format.
+        gamma, exposure: display curve and exposure in stops; only for PNG files.
+        layers: names of the layers to write, only for EXR files; None means all.
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
@@ -96,7 +99,7 @@ class Image:
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> "Image":
-        """Reads an EXR file of one part. No colour space is converted, whatever the file states."""
+        """The picture in an EXR file of one part. Colours are not converted, whatever colour space the file states."""
         layers, facts = exr.read_exr(path)
         try:
             return Image(layers, facts)
@@ -104,16 +107,22 @@ class Image:
             raise UserError(f"{path}: {error}") from error
 
     def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
-        """The bytes of a PNG file of the colour."""
+        """The bytes of a PNG file with the colour.
+
+        gamma, exposure: display curve and exposure in stops.
+        """
         return self._encoded(self.provenance(), gamma, exposure)
 
     def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float) -> bytes:
-        """The bytes of a PNG file with these facts as metadata."""
+        """The bytes of a PNG file with the colour, and with the given facts as metadata."""
         facts = facts | {"gamma": gamma, "exposure": exposure}
         return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
 
     def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
-        """The colour for a screen, in 8 bits. Has straight (not premultiplied) alpha unless A is 1 everywhere.
+        """The colour as 8-bit numbers for a screen. Unless layer A is 1 everywhere, alpha is the fourth number, and the
+        colour is not premultiplied by alpha.
+
+        gamma, exposure: display curve and exposure in stops.
 
         Shapes: uint8 (H, W, 3), or (H, W, 4) with alpha.
         """
@@ -129,10 +138,10 @@ class Image:
         return np.floor(display * 255 + 0.5).astype(np.uint8)
 
     def _facts_for(self, path: str | os.PathLike[str], gamma: Gamma, exposure: float) -> dict[str, Any]:
-        """The metadata for one file.
+        """The metadata for the file at `path`.
 
-        If the picture was made to an error, and for no particular file, the rounding of this file is added to its
-        error. Warns if the sum exceeds the error that was asked for.
+        If the picture was made by adaptive sampling, and its error does not contain the rounding of a file yet, the
+        rounding of this file is added. Warns if the sum exceeds the error that was asked for.
         """
         facts = self.provenance()
         if facts.get("file_error") != 0 or "RGB" not in self.layers:
@@ -150,7 +159,8 @@ class Image:
         return facts
 
     def provenance(self) -> dict[str, Any]:
-        """The metadata, with `software`, `capDate` (local time) and `utcOffset` (seconds), which every file has."""
+        """The metadata of a file: those of the picture, and `software`, `capDate` (local time) and `utcOffset` (in
+        seconds)."""
         for key in self.metadata:
             if not _KEY.fullmatch(key):
                 raise UserError(f"image: metadata key '{key}' cannot be written; use up to 72 of A-Z a-z 0-9 _ . / -")
@@ -163,7 +173,7 @@ class Image:
 
 
 def _checked(image: Image, name: str) -> np.ndarray:
-    """One layer. Raises a UserError, which names the first bad pixel, if a number of it is NaN."""
+    """The array of a layer. If one of its numbers is NaN, raises a UserError that names the first such pixel."""
     values = image[name]
     bad = np.isnan(values) if np.issubdtype(values.dtype, np.floating) else np.zeros(1, bool)
     if bad.any():
@@ -175,7 +185,7 @@ def _checked(image: Image, name: str) -> np.ndarray:
 
 
 def check_curve(gamma: Gamma, exposure: float) -> None:
-    """Raises a UserError if `gamma` or `exposure` cannot be applied."""
+    """Raises a UserError if `gamma` or `exposure` is not valid."""
     if gamma != "srgb" and not (_real(gamma) and gamma > 0):
         raise UserError(f"gamma: {gamma!r} cannot be used; give 'srgb' or a number above 0, such as 2.2")
     if not (_real(exposure) and abs(exposure) <= 100):
@@ -188,7 +198,7 @@ def check_destination(
     exposure: float = 0.0,
     layers: Sequence[str] | None = None,
 ) -> None:
-    """Raises a UserError if `Image.write` would fail with these arguments; call it before a long render."""
+    """Raises a UserError if `Image.write` would fail with these arguments. Call this before a long render."""
     check_curve(gamma, exposure)
     if _suffix(path) == ".png" and layers is not None:
         raise UserError(f"{path}: a PNG file holds the colour alone, so layers do not apply; write an .exr")
@@ -196,7 +206,7 @@ def check_destination(
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
-    """The suffix of a file name, .exr or .png; a UserError for any other."""
+    """The suffix of a file name, .exr or .png. Raises a UserError for any other suffix."""
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise UserError(f"{path}: the name says no format visray writes; end it in {' or '.join(SUFFIXES)}")

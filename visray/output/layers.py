@@ -1,6 +1,6 @@
-"""The layers of a picture: one record each. Renderer, files, command line and documentation read them from here.
+"""The layers of a picture, one record each. Renderer, files, command line and documentation read them from here.
 
-To add a layer: one record below, and its values where its source is computed (docs/extending.md).
+To add a layer, add a record below, and compute its values in the code of its source (docs/extending.md).
 """
 
 from dataclasses import dataclass
@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-# Which code computes a layer; each returns its layers in a dictionary by name.
-#   film         the colours of all samples (render.developed, adaptive.dual_buffer)
-#   adaptive     likewise, only in pictures made to an error or in a time (adaptive.dual_buffer)
-#   first hit    the ray through the pixel's centre (integrator.first_hit)
-#   certificate  likewise, only in scenes with polynomial surfaces or tori (integrator.certificate)
+# The source of a layer: the code that computes it. Each source returns a dict of its layers by name.
+#   film         from the colours of all samples (render.developed, adaptive.dual_buffer)
+#   adaptive     from the colours of all samples, only with `error` or `time` (adaptive.dual_buffer)
+#   first hit    from the ray through the pixel's centre (integrator.first_hit)
+#   certificate  from the ray through the pixel's centre, only in scenes with polynomial surfaces or tori
+#                (integrator.certificate)
 Source = Literal["film", "adaptive", "first hit", "certificate"]
 TYPES = {np.float16: "half", np.float32: "float", np.uint32: "uint32"}
 
@@ -21,12 +22,12 @@ TYPES = {np.float16: "half", np.float32: "float", np.uint32: "uint32"}
 class Layer:
     """One layer of a picture.
 
-    name: its name in vr.render and in an Image.
-    channels: the names of its channels in an EXR file; as many as a pixel has numbers.
-    dtype: their type in an EXR file. In memory a half is a float.
-    unit: the unit of the numbers.
-    filtered: whether a pixel's value comes from all its samples (True), or from the ray through its centre (False).
-    source: the code that computes it (Source).
+    name: name of the layer in vr.render and in an Image.
+    channels: names of the channels in an EXR file, one for each number of a pixel.
+    dtype: type of the numbers in an EXR file. In memory, half is float32.
+    unit: unit of the numbers.
+    filtered: whether the value of a pixel comes from all its samples. If not, it comes from the ray through its centre.
+    source: the code that computes the layer (Source).
     meaning: one line for users.
     """
 
@@ -40,17 +41,17 @@ class Layer:
 
     @property
     def memory_dtype(self) -> type:
-        """The type of its numbers in an Image: uint32 or float32."""
+        """The type of the layer's numbers in an Image: uint32 or float32."""
         return np.uint32 if self.dtype is np.uint32 else np.float32
 
 
 def _vector(prefix: str, letters: str) -> tuple[str, ...]:
-    """Channels such as N.X, N.Y, N.Z."""
+    """Names of channels, such as N.X, N.Y, N.Z."""
     return tuple(f"{prefix}.{letter}" for letter in letters)
 
 
-# In the order in which a picture holds them. Channel names follow what Nuke and Blender make of them: at most two
-# dots, no leading digit, and Z at the root only because there is no X and Y at the root.
+# The layers in the order of a picture. The channel names are such that Nuke and Blender read them as intended: at most
+# two dots, no digit at the beginning, and Z without a prefix only because no X and Y are without a prefix.
 LAYERS = (
     Layer("RGB", ("R", "G", "B"), np.float16, "linear Rec. 709", True, "film",
           "colour, premultiplied by A"),
@@ -93,12 +94,13 @@ def names_from(*sources: Source) -> tuple[str, ...]:
 
 
 def table() -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the table of layers in the documentation."""
+    """Column headings and rows of the table of layers in the documentation."""
     heads = ["layer", "channels", "type", "unit", "taken from", "meaning"]
     return heads, [_row(layer) for layer in LAYERS]
 
 
 def _row(layer: Layer) -> list[Any]:
+    """The row of a layer in the table."""
     channels = " ".join(f"`{channel}`" for channel in layer.channels)
     taken_from = "all samples" if layer.filtered else "pixel's centre"
     return [f"`{layer.name}`", channels, TYPES[layer.dtype], layer.unit, taken_from, layer.meaning]

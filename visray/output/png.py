@@ -11,9 +11,9 @@ from PIL.PngImagePlugin import PngInfo
 
 from visray.output.files import replacing
 
-# Keywords of the PNG specification. All other metadata get the keyword `visray/<key>`.
+# Metadata with a keyword of the PNG specification. All others have the keyword `visray/` and their key.
 KEYWORDS = {"software": "Software", "owner": "Author", "comments": "Comment", "capDate": "Creation Time"}
-# Chunk that marks the file as sRGB, with perceptual intent.
+# The PNG chunk that marks a file as sRGB, with perceptual intent.
 SRGB_CHUNK = (b"sRGB", b"\0")
 
 
@@ -24,10 +24,13 @@ def write_png(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def encode(pixels: np.ndarray, facts: dict[str, Any], srgb: bool) -> bytes:
-    """The bytes of a PNG file with metadata as text. Shapes: pixels uint8 (H, W, 3 or 4).
+    """The bytes of a PNG file, with metadata as text.
 
-    srgb: marks the file as sRGB. A picture with another display curve has no mark and no gAMA chunk: viewers should
-        show its numbers as they are.
+    facts: metadata by key.
+    srgb: whether the file is marked as sRGB. A picture with another display curve has neither this mark nor a gAMA
+        chunk, because viewers should show its numbers as they are.
+
+    Shapes: pixels uint8 (H, W, 3 or 4).
     """
     info = PngInfo()
     if srgb:
@@ -40,5 +43,5 @@ def encode(pixels: np.ndarray, facts: dict[str, Any], srgb: bool) -> bytes:
 
 
 def _text(value: Any) -> str:
-    """A value of the metadata as text: JSON unless it is a string."""
+    """A value of the metadata as text. A string stays as it is; other values are written as JSON."""
     return value if isinstance(value, str) else json.dumps(value)

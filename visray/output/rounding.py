@@ -9,19 +9,22 @@ from visray.output.exr import LARGEST_HALF
 
 
 def rounding(rgb: np.ndarray, path: str | os.PathLike[str], gamma: Gamma = "srgb", exposure: float = 0.0) -> float:
-    """The root mean square, over pixels and channels, of a file's rounding error, in linear light.
+    """The root mean square of the rounding error of a file, over pixels and channels, in linear light.
 
-    For a PNG file, only light that a screen can show counts: from 0 to full scale.
+    path: path of the file; its suffix tells the format.
+    gamma, exposure: display curve and exposure in stops of a PNG file.
+
+    Light that the file cannot store is clamped first and does not count: below 0 and above full scale in PNG files,
+    beyond the range of half in EXR files.
 
     Shapes: rgb (H, W, 3).
     """
     if os.fspath(path).lower().endswith(".png"):
         light = np.clip(rgb * 2.0**exposure, 0, 1)
-        # The nearest of the 256 levels.
+        # The nearest of the 256 levels of 8 bits.
         level = np.floor(curve(light, gamma) * 255 + 0.5)
         off = (linear(level / 255, gamma) - light) / 2.0**exposure
     else:
-        # Light beyond the range of half is clamped; that is not counted as rounding.
         light = np.clip(rgb, -LARGEST_HALF, LARGEST_HALF)
         off = light.astype(np.float16).astype(float) - light
     return float(np.sqrt(np.square(off).mean()))

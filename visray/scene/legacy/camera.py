@@ -11,7 +11,7 @@ LENS_DIAMETER = 2.0
 
 
 def camera_and_film(setup: Entry) -> dict:
-    """Camera and film of a setup."""
+    """Dict with the camera and the film of a setup."""
     e = setup.nested("camera", CAMERA)
     if e is None:
         setup.log.warn("camera: is missing; it looks from (0, 0, 10) to the origin, 90 degrees wide, 400 x 400 pixels")
@@ -27,7 +27,10 @@ def camera_and_film(setup: Entry) -> dict:
 
 
 def _film(e: Entry) -> dict:
-    """Film: width and height in pixels, or {} with an error in the log."""
+    """Fields of the film: width and height in pixels. If they are wrong, {} with an error in the log.
+
+    e: the camera of the setup.
+    """
     width, aspect = e.integer("pixelsX", 400), e.number("aspectRatio", 1.0)
     height = width / aspect if aspect > 0 else 0.0
     if not (aspect > 0 and isfinite(height)):
@@ -40,10 +43,12 @@ def _film(e: Entry) -> dict:
 
 
 def _aperture(e: Entry) -> float:
-    """Diameter of the lens.
+    """Diameter of the lens; 0 if the setup does not enable defocus.
 
-    It belongs in defocusBlur; VisRayTrace looked for it beside defocusBlur, so that place is read too. The lens is
-    focused on lookAt, as in VisRayTrace; this is visray's default.
+    The key `aperture` belongs inside defocusBlur. VisRayTrace looked for it beside defocusBlur, so that place is read
+    too. The lens is focused on lookAt, as in VisRayTrace; this is visray's default.
+
+    e: the camera of the setup.
     """
     beside = e.number("aperture", 0.0)
     blur = e.nested("defocusBlur", BLUR)

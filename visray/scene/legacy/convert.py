@@ -1,20 +1,30 @@
 """Conversion of VisRayTrace scenes (2021-22, and programs of the same family) into visray scenes.
 
 Such a scene consists of two JSON files: the objects, and a setup with camera, lights and background. They are
-interpreted as their authors meant them, without VisRayTrace's defects. Where VisRayTrace deliberately follows another
-rule than visray, `compat` restores its rule:
+interpreted as their authors meant them, without VisRayTrace's defects.
 
-- area lights light from their centre, and only their shadow comes from all samples (settings.area = "centre");
-- rays of the ambient occlusion point to a half cube (settings.occlusion.hemisphere = "box", where it is on);
-- the own colour of a transparent surface counts in full, beside what it transmits (settings.local = "full");
-- the numbers of image files are kd as they stand, not sRGB (textures with encoding = "linear");
-- MAXDEPTH counts strictly, down to 1, its default: no reflection and no refraction (settings.depth = MAXDEPTH - 1).
+In some points VisRayTrace deliberately follows other rules than visray. With `compat` its rules apply:
 
-`compat` restores no defects: highlights computed with the direction to the viewer, the shift of half a pixel, the
-missing total internal reflection, shadows cast by objects beyond a light, occlusion of the global light that is
-always 0, unlit boxes, the lens diameter that is always 2, spot lights that ignore their cone where a = b = c = 0,
-misread monomials. Nor does it restore the fourth root in a spot light's falloff, the single sample per pixel, or
-VisRayTrace's random numbers.
+- An area light shines from its centre, and only the shadow comes from all samples (settings.area = "centre").
+- If ambient occlusion is on, its rays point to a half cube (settings.occlusion.hemisphere = "box").
+- A transparent surface shows its own colour with weight 1, not 1 - kt (settings.local = "full").
+- The numbers of an image file are kd directly, without the sRGB curve (textures with encoding = "linear").
+- MAXDEPTH limits paths even if it is 1, its default: no reflection, no refraction (settings.depth = MAXDEPTH - 1).
+
+`compat` does not restore VisRayTrace's defects:
+
+- Highlights are computed with the direction to the viewer.
+- The picture is shifted by half a pixel.
+- There is no total internal reflection.
+- Objects beyond a light cast shadows.
+- The occlusion of the global light is always 0.
+- Boxes are not lit.
+- The diameter of the lens is always 2.
+- Spot lights ignore their cone if a = b = c = 0.
+- Some monomials are misread.
+
+Nor does it restore the fourth root in the falloff of a spot light, the single sample per pixel, or VisRayTrace's random
+numbers.
 """
 
 from pathlib import Path
@@ -38,7 +48,7 @@ VISRAY_KEYS = {"camera", "film", "materials", "lights", "settings", "background"
 
 
 class LegacyWarning(UserWarning):
-    """Something in a VisRayTrace file that is ignored, changed, or not built yet."""
+    """Warning about something in a VisRayTrace file that visray ignores, changes, or cannot do yet."""
 
 
 def is_legacy_scene(raw: Any) -> bool:
@@ -62,10 +72,12 @@ def is_legacy_setup(raw: Any) -> bool:
 def convert(
     scene_file: str | Path, setup_file: str | Path | None = None, compat: bool = False
 ) -> tuple[Scene, list[str]]:
-    """The visray scene of a VisRayTrace scene file and its setup file, and the warnings about both files.
+    """The visray scene of a VisRayTrace scene file and its setup file, and a list of the warnings about both files.
 
-    compat: follow VisRayTrace's rules (see above). Paths of image files are relative to the current folder, not to
-    the scene file. Raises UserError with all errors of both files.
+    compat: whether VisRayTrace's rules apply (see the module's docstring).
+
+    In the scene, paths of image files are relative to the current folder. Raises a UserError that lists all errors of
+    both files.
     """
     log, setup_log = Log(str(scene_file)), Log(str(setup_file or scene_file))
     raw, raw_setup = _read(scene_file, log), {} if setup_file is None else _read(setup_file, setup_log)
@@ -95,7 +107,7 @@ def convert(
 
 
 def _read(path: str | Path, log: Log) -> Any:
-    """Content of a file, or {} with its errors in the log, so that the errors of both files are reported together."""
+    """Content of a file. If it cannot be read, {} with the errors in the log: both files' errors are shown together."""
     try:
         source = read(path)
     except UserError as error:
@@ -107,7 +119,7 @@ def _read(path: str | Path, log: Log) -> Any:
 
 
 def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
-    """Logs errors for files that are no scene and no setup, most often because they are swapped."""
+    """Logs an error if the first file is not a scene or the second is not a setup. Most often they are swapped."""
     if log.errors or setup_log.errors:
         return
     if is_legacy_setup(raw):
@@ -121,7 +133,7 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
 
 
 def _objects(raw: dict, materials: Materials, log: Log) -> dict[str, dict]:
-    """Objects of a scene file by name. Logs an error if scenes of its type are not built yet."""
+    """Dict by name of the objects in a scene file. Logs an error if visray cannot render scenes of this type yet."""
     e = Entry(raw, "", SCENE, log)
     written = e.text("typeScene")
     if written is None:

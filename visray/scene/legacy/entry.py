@@ -1,7 +1,7 @@
 """Reads the JSON objects of VisRayTrace files.
 
-VisRayTrace silently ignored whatever it did not know or could not read. Here that is a warning where the picture still
-makes sense, and an error where it does not.
+VisRayTrace silently ignored keys that it did not know and values that it could not read. visray warns about them if the
+picture still makes sense without them, and reports an error if it does not.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ from visray.scene.messages import hint, line, printable
 
 @dataclass
 class Log:
-    """Errors and warnings about one file; each line begins with the file's name."""
+    """Errors and warnings about one file. Each line begins with the name of the file."""
 
     name: str
     errors: list[str] = field(default_factory=list)
@@ -30,21 +30,23 @@ class Log:
 
 
 QUOTE = "'"
-# Colour that VisRayTrace used for a colour that the file leaves out.
+# VisRayTrace used this colour if the file did not give one.
 BLACK = (0.0, 0.0, 0.0)
 
 
 class Entry:
-    """One JSON object of a file. All spellings of a key are mapped to one, and values are read by type.
+    """One JSON object of a file. A key with several spellings has one name here, and each value is read as a type.
 
-    A value of another type is ignored with a warning; VisRayTrace ignored it silently.
+    A value of a wrong type is ignored with a warning; VisRayTrace ignored it silently.
 
-    address: address of the object in the file. log: where its errors and warnings go.
-    spelling: for each key, how the file writes it. values: for each key, its value.
+    address: address of the object in the file.
+    log: log that receives its errors and warnings.
+    spelling: for each key, how the file writes it.
+    values: value of each key.
     """
 
     def __init__(self, raw: Mapping[str, Any], address: str, keys: Mapping[str, tuple[str, ...]], log: Log):
-        """keys: the known keys, each with its other spellings."""
+        """raw: the JSON object as a dict. keys: the known keys, each with its other spellings."""
         self.address, self.log = address, log
         self.spelling: dict[str, str] = {}
         self.values: dict[str, Any] = {}
@@ -62,7 +64,7 @@ class Entry:
                 self.spelling[key], self.values[key] = written, raw[written]
 
     def at(self, key: str) -> str:
-        """Address of a key."""
+        """Address of a key in the file."""
         written = self.spelling.get(key, key)
         return f"{self.address}.{written}" if self.address else written
 
@@ -79,7 +81,8 @@ class Entry:
         self.log.warn(line(self.at(key), self.values.pop(key), f"ignored; must be {expected}"))
 
     def number(self, key: str, default: float | None = None) -> float | None:
-        """A finite number. Without a default, a missing number is an error and gives None."""
+        """The finite number under a key, or the default if there is none. If there is no default either, None with an
+        error in the log."""
         if self.has(key) and not _is_number(self.values[key]):
             self._ignore(key, "a number")
         if self.has(key):
@@ -92,11 +95,14 @@ class Entry:
         return default
 
     def integer(self, key: str, default: int) -> int:
-        """A whole number; the digits after the decimal point are cut off."""
+        """The whole number under a key, or the default. Digits after the decimal point are cut off."""
         return int(self.number(key, float(default)))
 
     def vector(self, key: str, default: tuple | None = None, size: int = 3) -> tuple[float, ...] | None:
-        """`size` numbers. As in VisRayTrace, further ones are ignored and missing ones are 0, each with a warning."""
+        """The vector of `size` numbers under a key, or the default. If there is no default either, None with an error.
+
+        As in VisRayTrace, missing numbers are 0 and surplus numbers are ignored; visray warns of both.
+        """
         numbers = self.values.get(key)
         if self.has(key) and not (isinstance(numbers, list) and all(map(_is_number, numbers))):
             self._ignore(key, f"{size} numbers")
@@ -113,20 +119,20 @@ class Entry:
         return default
 
     def flag(self, key: str, default: bool | None = None) -> bool | None:
-        """True or false."""
+        """True or false as given under a key, or the default."""
         if self.has(key) and not isinstance(self.values[key], bool):
             self._ignore(key, "true or false")
         return self.values.get(key, default)
 
     def text(self, key: str) -> str | None:
-        """A string, or None where there is none."""
+        """The string under a key, or None if there is none."""
         if self.has(key) and not isinstance(self.values[key], str):
             self._ignore(key, "a string")
         return self.values.get(key)
 
     def choice(self, key: str, choices: Iterable[str]) -> str | None:
-        """One of the choices, in any case of letters. None where the key is missing, or with an error where its value
-        is none of the choices."""
+        """The choice that the string under a key names, in upper or lower case. None if the key is missing. If the
+        string is none of the choices, None with an error in the log."""
         text = self.text(key)
         if text is None:
             return None
@@ -136,13 +142,16 @@ class Entry:
         return chosen
 
     def nested(self, key: str, keys: Mapping[str, tuple[str, ...]]) -> "Entry | None":
-        """The JSON object under a key, or None where there is none."""
+        """The JSON object under a key, or None if there is none.
+
+        keys: the known keys of this object, each with its other spellings.
+        """
         if self.has(key) and not isinstance(self.values[key], dict):
             self._ignore(key, "an object {...}")
         return Entry(self.values[key], self.at(key), keys, self.log) if self.has(key) else None
 
     def items(self, key: str) -> list[Any]:
-        """The list under a key; empty where there is none."""
+        """The list under a key; empty if there is none."""
         if self.has(key) and not isinstance(self.values[key], list):
             self.error(key, "must be a list [...]")
             return []
@@ -150,10 +159,10 @@ class Entry:
 
 
 def _normalized(key: str) -> str:
-    """A key in lower case, without colons and spaces at its ends, to recognise misspellings such as `"lookAt:"`."""
+    """A key in lower case, without colons and spaces at its ends. Recognises misspellings such as `"lookAt:"`."""
     return key.strip(" \t:").casefold()
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a JSON value is a number; true and false are none."""
+    """Whether a JSON value is a number. True and false are not numbers."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -15,7 +15,7 @@ OBJECTS = {
 
 
 def _single_spelling(keys: str) -> dict[str, tuple[str, ...]]:
-    """Keys, separated by spaces, that have one spelling each."""
+    """Dict of keys that have no other spelling. `keys`: the keys, separated by spaces."""
     return dict.fromkeys(keys.split(), ())
 
 
@@ -23,8 +23,8 @@ MATERIAL = _single_spelling("type ka kd ks shininess opacity kt nut dmax id text
 MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
 
 SCENE = _single_spelling("scene typeScene objects base Real Virtual") | {"properties": ("attributes",)}
-# Beginnings of a typeScene. The files that came with VisRayTrace write VIRTUAL or ONLINE for VIRTUALWORLD, and VIRTUAL
-# for the renderType ONLINE.
+# Beginnings of the value of typeScene. Files that came with VisRayTrace write VIRTUAL or ONLINE in place of
+# VIRTUALWORLD. They also write the renderType VIRTUAL in place of ONLINE.
 SCENES = ("VIRTUAL", "ONLINE", "REALDATA", "TEMPORAL")
 
 SETUP = _single_spelling(
@@ -44,7 +44,7 @@ LIGHTS = {
     "directionalLight": LIGHT | _single_spelling("direction intensity"),
 }
 
-# visray's name of each shading model. With "Shadow" at its end, a model has shadows.
+# visray's shading mode for each value of `shading`. A value with "Shadow" at its end means: with shadows.
 MODELS = {
     "BlinnPhong": "blinn-phong",
     "Phong": "phong",

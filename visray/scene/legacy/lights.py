@@ -19,14 +19,14 @@ HALF_ANGLES: dict[str, tuple[Callable[[float], float], str]] = {
         "from -1 to below 1; it is the cosine of half of the cone's angle",
     ),
 }
-# Valid for each key of HALF_ANGLES: replaces a value that has already been reported as an error.
+# A value that is valid for each key of HALF_ANGLES. It replaces a value that was already reported as an error.
 PLACEHOLDER = 0.5
-# All directions. Files write pi with few digits, which may round it up.
+# Half angle of a cone that contains all directions, in degrees: exactly, and as written with pi rounded up to 3.1416.
 FULL, FULL_AS_WRITTEN = 180.0, degrees(3.1416)
 
 
 def lights(raw: list[Any], log: Log) -> dict[str, dict]:
-    """Lights by name. They have no names in the file, and are numbered from 1."""
+    """Dict of the lights by name. Lights have no names in the file; here they are "light 1", "light 2", and so on."""
     by_name = {}
     for i, entry in enumerate(raw):
         if not isinstance(entry, dict):
@@ -39,7 +39,7 @@ def lights(raw: list[Any], log: Log) -> dict[str, dict]:
 
 
 def _light(entry: dict, address: str, log: Log) -> dict | None:
-    """Fields of a light, or None with an error in the log."""
+    """Fields of a light. If something in it is wrong, None with an error in the log."""
     typed = Entry({"type": entry["type"]} if "type" in entry else {}, address, {"type": ()}, log)
     kind = typed.choice("type", LIGHTS)
     if not typed.has("type"):
@@ -72,7 +72,8 @@ def _spot(e: Entry) -> dict:
 
 
 def _half_angle(e: Entry) -> dict:
-    """Half of a spot light's cone angle, from the first key of HALF_ANGLES that the file has; {} where it has none."""
+    """Dict with the field `angle`: half of a spot light's cone angle, from the first key of HALF_ANGLES that the file
+    has. {} if the file has none of these keys."""
     values = {key: e.number(key, PLACEHOLDER) for key in HALF_ANGLES}
     used, *ignored = [key for key in HALF_ANGLES if e.has(key)] or [None]
     for key in ignored:
@@ -98,7 +99,10 @@ def _area(e: Entry) -> dict:
 
 
 def _samples(e: Entry, width: tuple[float, ...], height: tuple[float, ...]) -> int:
-    """Number of shadow samples: by area, as in VisRayTrace, but at least 1 and at most MOST_SAMPLES."""
+    """Number of shadow samples: proportional to the area as in VisRayTrace, at least 1 and at most MOST_SAMPLES.
+
+    width, height: sides of the light, as vectors.
+    """
     samples = SAMPLES_PER_AREA * hypot(*width) * hypot(*height)
     if not samples < MOST_SAMPLES + 1:
         e.log.warn(
@@ -120,7 +124,7 @@ def _directional(e: Entry) -> dict:
     return light | {"intensity": e.number("intensity", 1.0)}
 
 
-# The function that reads the fields of each type of light, apart from those that all types have.
+# For each type of light, the function that reads its own fields. Other fields are the same in all types.
 FIELDS: dict[str, Callable[[Entry], dict]] = {
     "pointLight": _point,
     "spotLight": _spot,

@@ -10,13 +10,13 @@ from visray.scene.legacy.textures import Textures
 from visray.scene.messages import line
 
 WHITE = (1.0, 1.0, 1.0)
-# Refractive index of air, which VisRayTrace's glass had where the file gave none.
+# Refractive index of air. VisRayTrace used it for glass if the file gave no index.
 AIR = 1.000293
 
 
 @dataclass(frozen=True)
 class EnabledEffects:
-    """Effects of materials that a setup enables."""
+    """Whether a setup enables each of the effects of materials."""
 
     reflections: bool = True
     refractions: bool = True
@@ -26,7 +26,9 @@ class EnabledEffects:
 class Materials:
     """Materials of a scene and their textures. A material has the name of the first object that uses it.
 
-    effects: the effects that the setup enables. textures: the textures of the scene. by_name: the materials.
+    effects: whether the setup enables each effect.
+    textures: textures of the scene.
+    by_name: dict of the materials by name.
     """
 
     def __init__(self, effects: EnabledEffects, textures: Textures):
@@ -34,9 +36,9 @@ class Materials:
         self.by_name: dict[str, dict] = {}
 
     def name(self, raw: dict, object_name: str, log: Log) -> str:
-        """Name of the material of an object; adds the material unless there is an equal one.
+        """Name of the material of an object. Adds the material unless there is an equal one.
 
-        raw: the JSON object of the object.
+        raw: the object as the file gives it.
         """
         material = self._material(_entry(raw, f"objects.{object_name}", log))
         name = next((known for known, other in self.by_name.items() if other == material), object_name)
@@ -44,7 +46,7 @@ class Materials:
         return name
 
     def _material(self, e: Entry) -> dict[str, Any]:
-        """Fields of a material."""
+        """Fields of a material. `e`: the material as the file gives it."""
         kind = e.choice("type", MATERIALS)
         material: dict[str, Any] = {key: e.vector(key, WHITE) for key in ("ka", "kd", "ks")}
         material["shininess"] = e.number("shininess", 1.0)
@@ -58,7 +60,8 @@ class Materials:
         return material
 
     def _textured(self, e: Entry) -> dict[str, Any]:
-        """Texture of a textured material, or kd where it has none."""
+        """Dict with the field `texture` of a textured material. If the material names no image, kd is black instead; if
+        there is no such image, {} with an error in the log."""
         if e.text("textureFile") is None:
             e.log.warn(f"{e.at('textureFile')}: is missing; kd is black, as in VisRayTrace")
             return {"kd": BLACK}
@@ -67,7 +70,10 @@ class Materials:
 
 
 def _entry(raw: dict, address: str, log: Log) -> Entry:
-    """JSON object of an object's material; an empty one with a warning where the object has none."""
+    """The material of an object as the file gives it. If there is none, an empty material and a warning.
+
+    raw: the object as the file gives it.
+    """
     owner = Entry({"material": raw["material"]} if "material" in raw else {}, address, {"material": ()}, log)
     e = owner.nested("material", MATERIAL)
     if e is None:
@@ -79,8 +85,8 @@ def _entry(raw: dict, address: str, log: Log) -> Entry:
 def _transparent(e: Entry) -> dict[str, Any]:
     """Fields of a transparent material.
 
-    VisRayTrace paired a ray's entry and exit by the material's `id`, and so took two objects with the same id for one.
-    visray knows from the geometry which object a ray is inside, and needs no `id`.
+    The key `id` is ignored. With it VisRayTrace recognised that a ray leaves the object that it had entered, so two
+    objects with the same id were like one. visray knows from the geometry which objects a ray is inside.
     """
     kt = _clamped(e, "kt", e.vector("kt", BLACK), "a surface lets through from 0 to 1; the nearest is used")
     material = {"kt": kt, "ior": e.number("nut", AIR)}
@@ -89,7 +95,7 @@ def _transparent(e: Entry) -> dict[str, Any]:
 
 
 def _clamped(e: Entry, key: str, values: tuple[float, ...], why: str) -> tuple[float, ...]:
-    """Values clamped to 0..1, with a warning that says `why` if any changes."""
+    """Values clamped to [0, 1]. If this changes a value, there is a warning with the text `why`."""
     clamped = tuple(min(max(value, 0.0), 1.0) for value in values)
     if clamped != values:
         e.log.warn(line(e.at(key), values, why))

@@ -1,9 +1,9 @@
-"""Names of objects that are valid in visray, and error messages with the addresses of the VisRayTrace files."""
+"""Names that are valid in visray, and error messages with the addresses of the VisRayTrace files."""
 
 import re
 from collections.abc import Container, Mapping
 
-# For addresses of visray fields, the addresses in a setup file.
+# For each address in a visray scene, the address of the same value in a setup file.
 SETUP = {
     "camera.origin": "camera.lookFrom",
     "camera.target": "camera.lookAt",
@@ -20,7 +20,7 @@ SETUP = {
     "settings.occlusion.near": "ambientOcclusion.raysLocal",
     "settings.occlusion.distance": "ambientOcclusion.maxDistance",
 }
-# For fields of lights, materials and objects, the names in the files, where these differ from visray's.
+# For fields of lights, materials and objects, their names in the files, if these differ from visray's names.
 LIGHT = {"samples": "numLights"}
 MATERIAL = {"kr": "ks", "ior": "nut"}
 OBJECTS = {
@@ -32,13 +32,16 @@ OBJECTS = {
 
 
 def valid_name(text: str) -> str:
-    """A valid name made from a text; empty where no character can be used."""
-    # Lone surrogates such as \ud800, which JSON can hold, are replaced by `?`.
+    """A valid name made from a text; "" if no character can be used."""
+    # JSON may contain lone surrogates such as \ud800. They become `?`.
     return text.replace(".", "_").encode(errors="replace").decode().strip()
 
 
 def unique_name(name: str, taken: Container[str]) -> str:
-    """The name, followed by a number if it is taken."""
+    """The name, followed by a number if another object already has the name.
+
+    taken: names in use.
+    """
     unique, count = name, 1
     while unique in taken:
         count += 1
@@ -47,9 +50,9 @@ def unique_name(name: str, taken: Container[str]) -> str:
 
 
 def with_legacy_address(text: str, kinds: Mapping[str, str]) -> str:
-    """An error message with its visray address replaced by the address in the VisRayTrace file.
+    """An error message in which the visray address is replaced by the address in the VisRayTrace file.
 
-    kinds: visray type of each object, by name.
+    kinds: dict of the objects' visray types, by object name.
     """
     match = re.match(r"(lights)\.light (\d+)(?:\.(\w+))?|(objects|materials)\.([^.]+)\.(\w+)", text)
     if match is None:

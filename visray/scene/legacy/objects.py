@@ -13,17 +13,19 @@ from visray.scene.legacy.materials import Materials
 from visray.scene.legacy.names import unique_name, valid_name
 from visray.scene.messages import hint, line
 
-# Types of objects that visray cannot read yet, each with the key that says which object it is.
+# Types of objects that visray cannot read yet, each with the key that messages quote.
 NOT_BUILT = {"mesh": "objFileName"}
 HYPERBOLOID = ("x2", "y2", "-z2", "-1")
-# Monomials that VisRayTrace read correctly, except those where a letter comes twice and one of the two has an exponent,
-# as in "xx2".
+# Monomials that VisRayTrace read correctly. Exceptions: a letter occurs twice, once with an exponent, as in "xx2".
 READ_CORRECTLY = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
 REPEATED_WITH_EXPONENT = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
 
 
 def objects(raw: list[Any], materials: Materials, log: Log) -> dict[str, dict]:
-    """Objects by name. Their materials are added to `materials`."""
+    """Dict of the objects by name. Adds their materials to `materials`.
+
+    raw: list of the objects as the file gives them.
+    """
     by_name: dict[str, dict] = {}
     taken: set[str] = set()
     for i, entry in enumerate(raw):
@@ -42,11 +44,11 @@ def objects(raw: list[Any], materials: Materials, log: Log) -> dict[str, dict]:
 
 
 def clip_polynomials(objects_by_name: dict[str, dict], camera_origin: tuple[float, ...], log: Log) -> None:
-    """Bounds polynomials, which VisRayTrace did not bound, by a ball about the origin.
+    """Bounds polynomials by a ball about the origin, their clip. VisRayTrace did not bound them.
 
-    Its radius is twice the camera's distance from the origin, or that of visray's default clip if that is larger. The
-    ball then contains everything within that distance of the camera, and toward the origin three times as far. A
-    larger ball shows no more of most surfaces and costs accuracy, since f is a sum of powers of the coordinates.
+    If D is the distance of the camera from the origin, the radius is 2 D, or that of visray's default clip if that is
+    larger. So the camera sees surfaces in all directions up to a distance of D, and toward the origin up to 3 D. A
+    larger ball shows no more of most surfaces, and costs accuracy because f is a sum of powers of the coordinates.
     """
     radius = min(max(2 * hypot(*camera_origin), Ball.radius), FARTHEST)
     for name, fields in objects_by_name.items():
@@ -57,7 +59,12 @@ def clip_polynomials(objects_by_name: dict[str, dict], camera_origin: tuple[floa
 
 
 def _name(entry: dict, i: int, taken: set[str], log: Log) -> str:
-    """A valid name that no other object has. Warns if it differs from the name in the file."""
+    """A valid name for an object, which no other object has. Warns if this name differs from the name in the file.
+
+    entry: the object as the file gives it.
+    i: index of the object in the file.
+    taken: names of other objects; the new name is added.
+    """
     written, kind = entry.get("name", ""), entry.get("type")
     name = valid_name(written) if isinstance(written, str) else ""
     name = name or (valid_name(kind).lower() if isinstance(kind, str) else "") or "object"
@@ -69,7 +76,10 @@ def _name(entry: dict, i: int, taken: set[str], log: Log) -> str:
 
 
 def _shape(entry: dict, address: str, log: Log) -> dict | None:
-    """Fields of an object without its material, or None with an error in the log."""
+    """Fields of an object without its material. If something in it is wrong, None with an error in the log.
+
+    entry: the object as the file gives it.
+    """
     kind = entry.get("type")
     if kind is None:
         log.error(f"{address}: the key 'type' is missing; one of {', '.join(OBJECTS)}")
@@ -116,7 +126,7 @@ def _cylinder(e: Entry) -> dict:
 
 
 def _box(e: Entry) -> dict:
-    """Fields of a box. Its two corners may be any that lie opposite each other."""
+    """Fields of a box. The file may give any two opposite corners."""
     corners = e.vector("minPoint", (-0.5,) * 3), e.vector("maxPoint", (0.5,) * 3)
     return {"type": "box", "min": tuple(map(min, *corners)), "max": tuple(map(max, *corners))}
 
@@ -136,10 +146,10 @@ def _polynomial(e: Entry) -> dict:
 
 
 def _fitted_plane(e: Entry) -> dict:
-    """Fields of a rectangle: the part of a plane above the rectangle from pmin to pmax in x and z.
+    """Fields of a rectangle for a fittedplane: the part of a plane whose x and z lie between pmin and pmax.
 
-    Its normal points to the same side as the file's. `width` runs to +x, so the normal points up if `height` runs to
-    -z, and down if `height` runs to +z.
+    The normal points to the same side of the plane as in the file. `width` points to +x. So the normal points up if
+    `height` points to -z, and down if `height` points to +z.
     """
     point, normal = e.vector("point", (0.0,) * 3), e.vector("normal")
     low, high = e.vector("pmin", size=2), e.vector("pmax", size=2)
@@ -162,17 +172,18 @@ def _fitted_plane(e: Entry) -> dict:
 
 
 def _height_for_texture(rectangle: dict) -> dict:
-    """`height` of a textured rectangle, turned so that the image lies as in VisRayTrace.
+    """Dict with the field `height` of a textured rectangle. It is reversed if the image would be upside down otherwise,
+    compared with VisRayTrace.
 
-    There u runs to +x and row 0 of the image lies at the smallest z, whichever side the normal points to. visray's v
-    runs up from the last row, so `height` runs to -z, and the normal points up.
+    In VisRayTrace the top row of the image lies at the smallest z, whichever side the normal points to. In visray the
+    top row lies at the end of `height`. So `height` must point to -z, and then the normal points up.
     """
     x, y, z = rectangle["height"]
     return {"height": (x, -y, -z) if z > 0 else (x, y, z)}
 
 
 def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
-    """Offset of pmin and pmax in x and z: that of the point with puntoCentro, else 0."""
+    """Offset in x and z that is added to pmin and pmax: x and z of the point if puntoCentro is true, else 0."""
     center = (point[0], point[2])
     relative = e.flag("puntoCentro")
     if relative is None and any(center):
@@ -180,7 +191,7 @@ def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
     return center if relative else (0.0, 0.0)
 
 
-# The function that reads the fields of each type of object.
+# For each type of object, the function that reads its fields.
 FIELDS: dict[str, Callable[[Entry], dict]] = {
     "sphere": _sphere,
     "plane": _plane,

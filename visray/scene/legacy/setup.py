@@ -17,12 +17,20 @@ DEEPEST = 1000
 
 
 def enabled_effects(e: Entry) -> EnabledEffects:
-    """Effects of materials that a setup enables; later programs of the VisRayTrace family have a switch for each."""
+    """Whether a setup enables each effect of materials. Later programs of the VisRayTrace family have these switches.
+
+    e: the setup.
+    """
     return EnabledEffects(e.flag("reflections", True), e.flag("refractions", True), e.flag("textures", True))
 
 
 def setup(e: Entry, materials: Iterable[dict], compat: bool) -> dict:
-    """Camera, film, background, ambient, lights and settings of the visray scene. `materials`: those of its objects."""
+    """Dict of the camera, film, background, ambient, lights and settings of the visray scene.
+
+    e: the setup.
+    materials: fields of the materials of the scene's objects.
+    compat: whether VisRayTrace's rules apply.
+    """
     e.text("output")
     render = e.text("renderType")
     if render is not None and render.strip().upper() not in RENDERS:
@@ -40,15 +48,16 @@ def setup(e: Entry, materials: Iterable[dict], compat: bool) -> dict:
 
 
 def _background(e: Entry) -> Any:
-    """Background: a gradient, or black where both of its ends are."""
+    """Background: a gradient, or black if both of its colours are black."""
     ends = {"top": e.vector("colorTopBackground", BLACK), "bottom": e.vector("colorDownBackground", BLACK)}
     return BLACK if set(ends.values()) == {BLACK} else ends
 
 
 def _settings(e: Entry, compat: bool) -> dict:
-    """Settings except for the depth.
+    """Fields of the settings, except `depth`.
 
-    The key `background` says whether a secondary ray that hits nothing gets the background, or the global light.
+    The setup's key `background` says which colour a reflected or refracted ray has if it hits nothing: the background,
+    or the global light.
     """
     settings: dict[str, Any] = {"misses": "background" if e.flag("background", True) else "ambient"}
     samples = e.integer("numSamples", 0)
@@ -62,7 +71,8 @@ def _settings(e: Entry, compat: bool) -> dict:
 
 
 def _shading(e: Entry) -> dict:
-    """Shading model, and whether there are shadows: the key `shadows` decides, or else the ending of `shading`."""
+    """Fields of the settings: shading mode and shadows. The key `shadows` decides whether there are shadows. If it is
+    missing, the ending of `shading` decides."""
     written = e.choice("shading", SHADINGS)
     model = MODELS[(written or "BlinnPhong").removesuffix("Shadow")]
     shadows = e.flag("shadows", written.endswith("Shadow") if written else True)
@@ -72,7 +82,7 @@ def _shading(e: Entry) -> dict:
 
 
 def _occlusion(e: Entry) -> dict:
-    """Rays and distance of the ambient occlusion; {} where it is off. The defaults are VisRayTrace's constants."""
+    """Rays and distance of the ambient occlusion; {} if it is off. The defaults are VisRayTrace's constants."""
     occlusion = e.nested("ambientOcclusion", OCCLUSION)
     if occlusion is None or not occlusion.flag("enabled", False):
         return {}
@@ -81,9 +91,10 @@ def _occlusion(e: Entry) -> dict:
 
 
 def _depth(e: Entry, has_bounces: bool, compat: bool) -> dict:
-    """Number of reflections and refractions in a row. MAXDEPTH counts the camera ray as well, so it is one more.
+    """Dict with the field `depth`, the number of reflections and refractions in a row; {} for visray's default.
 
-    VisRayTrace did not use MAXDEPTH, and nearly all of its files say 1. So a 1 counts only with `compat`.
+    MAXDEPTH counts the camera ray too, so depth = MAXDEPTH - 1. VisRayTrace did not use MAXDEPTH, and nearly all of its
+    files say 1. So 1 is ignored unless VisRayTrace's rules apply (`compat`).
 
     has_bounces: whether a material reflects or refracts.
     """

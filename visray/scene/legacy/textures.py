@@ -1,8 +1,8 @@
 """Textures of a VisRayTrace scene: finds its image files.
 
-VisRayTrace had its images compiled in as resources: `://resources/earth/map.png` is earth/map.png in the resources
-folder. That folder also holds the scene files, some of them in sub-folders. So the resources folder is the folder of
-the scene file or its parent.
+VisRayTrace contained its images as resources: `://resources/earth/map.png` is earth/map.png in the resources folder.
+The scene files are in the same folder or in its sub-folders. So the resources folder is the folder of the scene file or
+its parent.
 """
 
 import os
@@ -19,12 +19,14 @@ RESOURCES_PREFIX = re.compile(r"^:/*(resources/)?")
 
 
 class Textures:
-    """Textures of a scene, one for each image file, each named after its file.
+    """Textures of a scene: one for each image file, with the name of the file.
 
-    As in VisRayTrace, the colour is that of the nearest pixel, and the edge pixels continue beyond the edges. With
-    `compat` the numbers 0..255 of a file are kd from 0 to 1, without the sRGB curve, as in VisRayTrace.
+    As in VisRayTrace, the colour is that of the nearest pixel, and the edge pixels continue beyond the edges of the
+    image. With `compat`, a file's numbers from 0 to 255 are kd from 0 to 1 without the sRGB curve, as in VisRayTrace.
 
-    by_name: the textures, as plain dicts of visray's fields.
+    folder: folder of the scene file.
+    encoding: encoding of all textures.
+    by_name: dict of the textures by name, as plain dicts of visray's fields.
     """
 
     def __init__(self, scene_file: str | Path, compat: bool):
@@ -33,7 +35,10 @@ class Textures:
         self.by_name: dict[str, dict] = {}
 
     def name(self, e: Entry, key: str) -> str | None:
-        """Name of the texture whose file a key gives; None with an error in the log if there is no such file."""
+        """Name of the texture whose file is given under a key. If there is no such file, None with an error in the log.
+
+        e: the material as the file gives it.
+        """
         written = e.values[key]
         relative = RESOURCES_PREFIX.sub("", written.replace("\\", "/"))
         expected = (self.folder / relative, self._parent() / relative)
@@ -48,7 +53,7 @@ class Textures:
         return self._name_of(file)
 
     def _name_of(self, file: str) -> str:
-        """Name of the texture of a file, which is added if it is new."""
+        """Name of the texture of a file. Adds the texture if it is new."""
         name = next((known for known, texture in self.by_name.items() if texture["file"] == file), None)
         if name is None:
             name = unique_name(valid_name(Path(file).stem) or "picture", self.by_name)
@@ -62,18 +67,22 @@ class Textures:
         return name
 
     def _parent(self) -> Path:
-        """Parent of the scene's folder, also where that is a relative path such as "."."""
+        """Parent of the scene file's folder. It is right also if the folder is a relative path such as "."."""
         return Path(os.path.normpath(self.folder / ".."))
 
     def _elsewhere(self, name: str) -> Iterator[Path]:
-        """Other paths where a file of that name may be: beside the scene, and in neighbouring folders."""
+        """Yields other paths where an image file may be: beside the scene file, and in sub-folders of its folder and of
+        the parent folder.
+
+        name: name of the file, without folders.
+        """
         yield self.folder / name
         for root in (self.folder, self._parent()):
             yield from (folder / name for folder in _folders(root))
 
 
 def _folders(root: Path) -> list[Path]:
-    """Sub-folders of a folder, sorted; none where it cannot be read."""
+    """List of the sub-folders of a folder, sorted; empty if the folder cannot be read."""
     try:
         return sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir())
     except OSError:

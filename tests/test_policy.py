@@ -78,7 +78,7 @@ def test_explain_says_how_rays_find_objects(tmp_path, capsys) -> None:
         "camera", "shadow rays of point and spot lights", "shadow rays of other lights",
         "reflected, refracted and scattered rays",
     }  # fmt: skip
-    assert all("tree" in r["accelerator"] and "140 objects" in r["reason"] for r in rays.values())
+    assert all("tree" in r["accelerator"] and "140 bounded objects" in r["reason"] for r in rays.values())
     assert main(["explain", str(file), "--set", "settings.accelerator=none"]) == 0
     assert "none: every object is" in capsys.readouterr().out
     assert main(["explain", str(file), "--set", "settings.accelerator=bvh"]) == 2

@@ -50,10 +50,10 @@ class Rig:
 
     def ray(self, o: np.ndarray, d: np.ndarray, source: Any = None, inside: Any = None) -> Ray:
         a, n = self.a, len(d)
-        o, d = (a.W(np.ascontiguousarray(np.broadcast_to(v, (n, 3)).T)) for v in (o, d))
+        o, d = (a.put(a.W, np.broadcast_to(v, (n, 3)).T) for v in (o, d))
         if source is not None:
-            source = a.U(np.broadcast_to(np.asarray(source, np.uint32), n).copy())
-            inside = a.B(np.broadcast_to(np.asarray(inside, bool), n).copy())
+            source = a.put(a.U, np.broadcast_to(np.asarray(source, np.uint32), n))
+            inside = a.put(a.B, np.broadcast_to(np.asarray(inside, bool), n))
         return Ray(o, d, source, inside)
 
     def origin(self, ray: Ray) -> RayOrigin:
@@ -77,7 +77,7 @@ class Rig:
     def occluded(self, o: Any, d: Any, length: Any, end: Any = None, inward: Any = None, **leaves: Any) -> np.ndarray:
         a, ray = self.a, self.ray(o, d, **leaves)
         if end is not None:
-            end, inward = a.U(np.full(len(d), end, np.uint32)), a.B(np.ascontiguousarray(inward))
+            end, inward = a.put(a.U, np.full(len(d), end, np.uint32)), a.put(a.B, inward)
         active, target = dr.full(a.B, True, len(d)), Target(a.D(length), a.D(0), end, inward)
         hidden = [np.array(occluded(self.origin(ray), ray, target, active, slow)) for slow in (False, True)]
         assert np.array_equal(*hidden)

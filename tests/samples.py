@@ -885,11 +885,11 @@ class Lineup:
         self.a, self.kernel = self.prepared.a, self.prepared.kernel
         (self.batch,) = self.kernel.batches
         self.kind = self.batch.kind
-        self.index = self.a.U(np.repeat(np.arange(len(things), dtype=np.uint32), per))
+        self.index = self.a.put(self.a.U, np.repeat(np.arange(len(things), dtype=np.uint32), per))
 
     def ray(self, o: np.ndarray, d: np.ndarray, **more: Any) -> Ray:
         """Rays of shape (N, per, 3) or (N per, 3)."""
-        o, d = (self.a.W(np.ascontiguousarray(v.reshape(-1, 3).T)) for v in (o, d))
+        o, d = (self.a.put(self.a.W, v.reshape(-1, 3).T) for v in (o, d))
         return Ray(o, d, **more)
 
     def placed(self) -> Any:

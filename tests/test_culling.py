@@ -15,7 +15,7 @@ N = 200_000
 
 
 def triples(v: np.ndarray) -> object:
-    return A.W(np.ascontiguousarray(v.T))
+    return A.put(A.W, v.T)
 
 
 def units(rng: np.random.Generator, n: int) -> np.ndarray:

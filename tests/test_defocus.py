@@ -37,7 +37,7 @@ def lens_rays(
     """Origins and directions of the rays for points of the picture and points of the unit square. Shapes: (N, 3)."""
     made = prepare(Scene(camera=camera, film=Film(width=30, height=20), settings=Settings(precision=precision)))
     n = np.broadcast(x, y, u, v).size
-    x, y, u, v = (made.a.F(np.array(np.broadcast_to(w, n), float)) for w in (x, y, u, v))
+    x, y, u, v = (made.a.put(made.a.F, np.array(np.broadcast_to(w, n), float)) for w in (x, y, u, v))
     ray = integrator.lens_ray(made.kernel, x, y, u, v)
     dr.eval(ray)
     return array(ray.o), array(ray.d)

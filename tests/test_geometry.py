@@ -21,7 +21,7 @@ def double() -> Arrays:
 
 
 def triples(a: Arrays, v: np.ndarray):
-    return a.W(np.ascontiguousarray(np.atleast_2d(v).T))
+    return a.put(a.W, np.atleast_2d(v).T)
 
 
 def frames(seed: int, decades: float = 2) -> np.ndarray:

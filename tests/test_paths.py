@@ -47,7 +47,7 @@ def triples(a: Any, o: Any, d: Any) -> tuple[Any, Any]:
     """Origins and unit directions as triples, a lane for each direction. Shapes: (3) or (N, 3)."""
     d = np.atleast_2d(np.array(d, float))
     o = np.broadcast_to(np.array(o, float), d.shape)
-    return tuple(a.W(np.ascontiguousarray(v.T)) for v in (o, d / np.linalg.norm(d, axis=1, keepdims=True)))
+    return tuple(a.put(a.W, v.T) for v in (o, d / np.linalg.norm(d, axis=1, keepdims=True)))
 
 
 def along(made: Prepared, o: Any, d: Any) -> np.ndarray:

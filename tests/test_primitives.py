@@ -507,7 +507,7 @@ def _least(thing) -> float:
 
 
 def uv_at(r: Run, p: np.ndarray) -> np.ndarray:
-    uv = r.line.kind.uv(r.line.placed(), r.line.a.W(np.ascontiguousarray(p.reshape(-1, 3).T)))
+    uv = r.line.kind.uv(r.line.placed(), r.line.a.put(r.line.a.W, p.reshape(-1, 3).T))
     return np.stack([np.array(x).reshape(r.count, r.per) for x in uv])
 
 
@@ -645,7 +645,7 @@ def missed(scene: Scene, o: np.ndarray, d: np.ndarray, brute_force: bool = False
     """How many rays hit nothing. o: one origin, or one a ray."""
     geometry = geometry_of(scene)
     a = geometry.a
-    o, d = (a.W(np.ascontiguousarray(np.atleast_2d(v).T)) for v in (o, d))
+    o, d = (a.put(a.W, np.atleast_2d(v).T) for v in (o, d))
     return int((~np.isfinite(np.array(closest(RayOrigin(geometry, o), Ray(o, d), brute_force).t))).sum())
 
 

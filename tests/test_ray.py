@@ -28,11 +28,11 @@ def test_inverse_length_is_off_by_a_few_roundings(fast: bool) -> None:
     halved; two for e = |v|^2 r^2 - 1, halved; and two more for the step.
     """
     a, v = Arrays.of("llvm", "single"), vectors(1, -18, 18)
-    r = np.array(inverse_length(a.W(np.ascontiguousarray(v.T)), a.F32 if fast else None))
+    r = np.array(inverse_length(a.put(a.W, v.T), a.F32 if fast else None))
     error = np.abs(real(r) * norm(real(v)) - 1)
     assert error.max() <= gamma(5)
     # 4 ulp of a double is 8 roundings: what ray.py promises for the two of them to differ by.
-    other = np.array(inverse_length(a.W(np.ascontiguousarray(v.T)), None if fast else a.F32))
+    other = np.array(inverse_length(a.put(a.W, v.T), None if fast else a.F32))
     assert (np.abs(r - other) <= 4 * np.spacing(np.maximum(r, other))).all()
 
 
@@ -48,7 +48,7 @@ def test_unit_lengthens_a_rounded_direction_exactly(precision: str) -> None:
     """A direction that is unit to its own precision comes out unit to 2^-52, and parallel to 2^-52."""
     a, v = Arrays.of("llvm", precision), vectors(2, 0, 0)
     rounded = v.astype(np.float32 if precision == "single" else float)
-    d = array(unit(a.V(np.ascontiguousarray(rounded.T)), a.W))
+    d = array(unit(a.put(a.V, rounded.T), a.W))
     # e has 3 roundings and is halved; scaling has one, the factor one more.
     assert np.abs(norm(real(d)) - 1).max() <= gamma(4)
     aside = norm(np.cross(real(d), real(rounded))) / norm(real(rounded))

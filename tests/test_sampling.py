@@ -39,7 +39,7 @@ def plan(seed: int = 0, spp: int = 1, first: int = 0, count: int = 1) -> SampleP
 
 def points(pixels: np.ndarray, seed: int, spp: int, passes: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """The samples of pixels, pass by pass, and the cells visited. Shapes: pixels (N, 2); (spp, N, 2), (spp, N)."""
-    x, y = (A.U(np.ascontiguousarray(v)) for v in pixels.astype(np.uint32).T)
+    x, y = (A.put(A.U, v) for v in pixels.astype(np.uint32).T)
     found, cells, done = [], [], 0
     for count in passes:
         p = plan(seed, spp, done, count)

@@ -136,12 +136,14 @@ class World:
         n, count = len(self.d), len(self.scene.objects)
         o = triples(self.o if shared else np.broadcast_to(self.o, self.d.shape))
         d, rng = triples(self.d), np.random.default_rng(1)
-        source = A.U(np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, count, n)).astype(np.uint32))
+        source = A.put(A.U, np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, count, n)).astype(np.uint32))
         origin = RayOrigin(geometry_of(self.scene), o)
-        hit = closest(origin, Ray(o, d, row=source, inside=A.B(rng.random(n) < 0.5)), brute_force)
+        hit = closest(origin, Ray(o, d, row=source, inside=A.put(A.B, rng.random(n) < 0.5)), brute_force)
         length, end, inward = self.ends(rng)
-        target = Target(A.D(length), A.D(1e-15 * length), A.U(end.astype(np.uint32)), A.B(inward))
-        hidden = occluded(origin, Ray(o, d), target, A.B(rng.random(n) < 0.9), brute_force)
+        target = Target(
+            A.put(A.D, length), A.put(A.D, 1e-15 * length), A.put(A.U, end.astype(np.uint32)), A.put(A.B, inward)
+        )
+        hidden = occluded(origin, Ray(o, d), target, A.put(A.B, rng.random(n) < 0.9), brute_force)
         dr.eval(hit, hidden)
         return np.array(hit.t), np.array(hit.row), np.array(hidden)
 
@@ -162,7 +164,7 @@ class World:
 
 
 def triples(v: np.ndarray) -> Any:
-    return A.W(np.ascontiguousarray(np.atleast_2d(v).T))
+    return A.put(A.W, np.atleast_2d(v).T)
 
 
 def same(one: tuple, two: tuple) -> bool:

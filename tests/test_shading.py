@@ -36,7 +36,7 @@ def seen(scene: Scene, o: Any, d: Any, everything: bool = False) -> np.ndarray:
 def along(made: Prepared, o: Any, d: Any) -> np.ndarray:
     d = np.atleast_2d(np.array(d, float))
     d = d / np.linalg.norm(d, axis=1, keepdims=True)
-    o, d = (made.a.W(np.ascontiguousarray(np.atleast_2d(np.array(v, float)).T)) for v in (o, d))
+    o, d = (made.a.put(made.a.W, np.atleast_2d(np.array(v, float)).T) for v in (o, d))
     origin = RayOrigin(made.kernel.geometry, o)
     return array(integrator.radiance(replace(made.kernel, origin=origin), Ray(o, d))[0])
 

@@ -37,7 +37,7 @@ def normals(n: int) -> np.ndarray:
 
 
 def put(a: Arrays, values: np.ndarray) -> tuple:
-    return tuple(a.F(np.ascontiguousarray(v)) for v in values)
+    return tuple(a.put(a.F, v) for v in values)
 
 
 def concentric(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +96,7 @@ def test_cosine_is_a_disk_lifted_up(precision: str) -> None:
     a = Arrays.of("llvm", precision)
     n = normals(30_000)
     points = np.hstack([square(len(n) - 81, 3), corners()])
-    w = a.V(np.ascontiguousarray(n.T))
+    w = a.put(a.V, n.T)
     d, given = array(warp.cosine(w, *put(a, points))).astype(float), array(w).astype(float)
     x, y = concentric(*points)
     rest = np.sqrt(np.maximum(1 - x * x - y * y, 0))
@@ -118,7 +118,7 @@ def test_box_is_the_originals_half_cube(precision: str) -> None:
     points = np.hstack([square(len(n) - 729, 4, 3), corners(3)])
     # The middle of its floor has no direction; it has a chance of 2^-72.
     there = (points != np.array([[0.5], [0.5], [0.0]])).any(0)
-    points, w = points[:, there], a.V(np.ascontiguousarray(n[there].T))
+    points, w = points[:, there], a.put(a.V, n[there].T)
     d, given = array(warp.box(w, *put(a, points))).astype(float), array(w).astype(float)
     u, v, up = points
     exact = direct(given / np.linalg.norm(given, axis=1, keepdims=True), 2 * u - 1, 2 * v - 1, up)

@@ -93,7 +93,7 @@ class VisrayScene:
 
     def triples(self, v: np.ndarray) -> Any:
         """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
-        return self.a.W(np.ascontiguousarray(v.T, float))
+        return self.a.put(self.a.W, v.T.astype(float))
 
     def trace_from(self, o: np.ndarray, d: np.ndarray, source: np.ndarray | None = None) -> TracedRays:
         """Traces rays from origins o, relative to the centre, in directions d.

@@ -89,7 +89,7 @@ class KernelSolver:
 
     def triples(self, v: np.ndarray) -> Any:
         """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
-        return self.a.W(np.ascontiguousarray(v.T, float))
+        return self.a.put(self.a.W, v.T.astype(float))
 
     def origin(self, o: Any) -> RayOrigin:
         return RayOrigin(self.kernel.geometry, o, shared=False)

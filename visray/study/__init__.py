@@ -1,1 +1,3 @@
-"""Studies of visray: correctness against Mitsuba, stability against exact arithmetic, cost, and this machine."""
+"""Studies of visray: correctness (against Mitsuba), stability (against exact arithmetic), and cost of effects and of
+accuracy; and a report about the machine that visray runs on.
+"""

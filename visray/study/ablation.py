@@ -1,19 +1,23 @@
-"""The cost of each effect of a scene: its picture is compared with the same picture without that effect.
+"""The cost of each effect of a scene.
 
-With an effect, those that only refine it are left out too (`Rule.needs`). Area lights are replaced by point lights in
-their middles. The pictures are small (LONGEST_SIDE, RENDER_SECONDS), and each is rendered by one kernel in one pass.
-Three numbers of that kernel are measured:
+The picture with all effects (the full picture) is compared with the picture without the effect.
 
-Operations, as Dr.Jit counts them.
+If an effect is left out, the effects that only refine it (`Rule.needs`) are left out too. Area lights are replaced by
+point lights in their middles. The pictures are small (LONGEST_SIDE, RENDER_SECONDS), and each is rendered by one kernel
+in one pass. Three numbers of each kernel are measured:
 
-Seconds: the time that the compiled kernel runs. The time to trace it in Python is left out: each pass does that once,
-whatever its size. The picture with all effects is rendered before and after each other one, `runs` times; the cost is
-the median of the differences from the mean of both.
+Operations: their number, as Dr.Jit counts them.
 
-Compile seconds: the time that Dr.Jit and LLVM take to make the kernel. Dr.Jit keeps kernels in memory and on disk, and
-a process cannot turn that off. So each kernel contains a number that no kernel has had before (new_mark). Each is
-compiled once. The kernel with all effects is compiled FULL_COMPILATIONS times in between; differences smaller than
-those between these compilations count as noise.
+Seconds: the time that the compiled kernel runs. The time to trace the kernel in Python is left out: each pass traces
+once, whatever its size. The full picture is rendered just before and just after each picture without an effect. The
+mean of these two times, minus the time of the picture without the effect, is one difference. The cost is the median of
+`runs` such differences.
+
+Compile seconds: the time that Dr.Jit and LLVM take to compile the kernel. Dr.Jit stores compiled kernels in memory and
+on disk, and a process cannot turn that off. So each kernel contains a number that no kernel has had before (new_mark).
+The kernel of each picture without an effect is compiled once. The kernel of the full picture is compiled
+FULL_COMPILATIONS times, in between the others. A cost that is smaller than the range of these compile times counts as
+noise.
 """
 
 import secrets
@@ -43,36 +47,37 @@ LONGEST_SIDE = 256  # pixels of the longer side of the film
 # Samples per pixel: as many as take RENDER_SECONDS, but at most MOST_SAMPLES.
 MOST_SAMPLES, RENDER_SECONDS = 16, 0.1
 RUNS, FULL_COMPILATIONS = 8, 3
-# A spread misses the true median with a probability of at most CHANCE. That needs FEWEST_RUNS values.
+# The bounds in a Spread miss the true median with a probability of at most CHANCE. For that the sign test needs at
+# least FEWEST_RUNS values.
 CHANCE, FEWEST_RUNS = 0.01, 8
 
 
 def sign_test_trims(n: int, chance: float) -> list[int]:
-    """How many of n sorted values may be dropped at each end while the true median still lies within the others.
+    """The numbers k for which the k least and the k largest of n values may be dropped, in ascending order.
 
-    It lies outside with a probability of at most `chance`, by the sign test. The list holds all possible numbers, and
-    is empty if n values are too few.
+    The true median lies outside the values that are left with a probability of at most `chance`, by the sign test. The
+    list is empty if n values are too few.
     """
     beyond = [sum(comb(n, i) for i in range(k + 1)) / 2**n for k in range(n // 2)]
     return [k for k, missed in enumerate(beyond) if 2 * missed <= chance]
 
 
 def new_mark() -> int:
-    """A random number that no kernel has contained before. As a column of pixels it is far outside any film."""
+    """A random number that no kernel has contained before. It is larger than the number of any column of pixels."""
     return 2**31 + secrets.randbelow(2**31)
 
 
 def marked_columns(a: Arrays, x: Any, mark: int) -> Any:
-    """The columns x of pixels, unchanged, by code that contains the mark: a column of that number would become 0."""
+    """The columns x of pixels, unchanged. Their code contains the mark: it would set x to 0 if x were the mark."""
     return dr.select(x == a.U(mark), 0, x)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A measured number, as a median.
+    """A measured number with its uncertainty.
 
-    middle: the median
-    low, high: bounds of the true median
+    middle: the median of the measured values
+    low, high: bounds between which the true median lies
     """
 
     middle: float
@@ -81,7 +86,7 @@ class Spread:
 
     @staticmethod
     def of(values: list[float]) -> "Spread":
-        """The median of values, with two of them as bounds of the true median, by the sign test."""
+        """The median of values. Two of the values are the bounds, chosen by the sign test."""
         ordered, k = sorted(values), max(sign_test_trims(len(values), CHANCE))
         return Spread(median(values), ordered[k], ordered[-1 - k])
 
@@ -91,7 +96,7 @@ class Spread:
         return self.low <= 0 <= self.high
 
     def text(self, scale: float = 1) -> str:
-        """The number for the terminal, multiplied by `scale`; an upper bound if it may be 0."""
+        """Text for the terminal: the median times `scale` and its error, or only an upper bound if in_noise."""
         low, middle, high = (scale * x for x in (self.low, self.middle, self.high))
         if self.in_noise:
             return f"< {max(-low, high):.2f}"
@@ -100,9 +105,14 @@ class Spread:
 
 @dataclass(frozen=True)
 class Cost:
-    """The cost of one effect, or of the picture with all effects.
+    """The cost of one effect, or of the full picture.
 
-    along: the effects that were left out together with this one
+    For an effect, each number is that of the full picture minus that of the picture without the effect.
+
+    operations: number of operations of the kernel
+    seconds: time that the kernel runs
+    compile_seconds: time to compile the kernel
+    along: names of the other effects that are left out together with the effect
     """
 
     operations: int
@@ -117,7 +127,7 @@ class Cost:
         return report | {"left_out_with": list(self.along)}
 
     def texts(self) -> tuple[str, str, str]:
-        """Operations, milliseconds and compile seconds, for the terminal."""
+        """Texts for the terminal: operations, milliseconds of a run, and compile seconds."""
         return f"{self.operations:,}", self.seconds.text(1e3), self.compile_seconds.text()
 
 
@@ -125,10 +135,12 @@ class Cost:
 class Report:
     """The costs of a scene's effects.
 
-    scene_hash, width, height, spp, runs: the picture that was measured
-    features: all effects, each with whether the scene has it and why
-    costs: of the effects that the scene has, by name
-    total: of the picture with all effects
+    scene_hash: hash of the scene
+    width, height, spp: size of the measured picture (pixels), and its samples per pixel
+    runs: how often each picture was rendered
+    features: all effects that visray knows, each with whether the scene has it and why
+    costs: the cost of each effect that the scene has, by the effect's name
+    total: the cost of the full picture
     """
 
     scene_hash: str
@@ -141,7 +153,7 @@ class Report:
     total: Cost
 
     def as_json(self) -> dict[str, Any]:
-        """The report as json.dumps takes it."""
+        """The report as a dict for json.dumps."""
         measured = {name: c.as_json() for name, c in self.costs.items()}
         return {
             "scene_hash": self.scene_hash,
@@ -163,10 +175,10 @@ class Report:
         return table
 
     def _notes(self) -> str:
-        """The legend of the columns."""
+        """Text below the table: the meaning of the columns, and which effects were left out together."""
         lines = [
             "run: the compiled kernel, without the time to trace it in Python",
-            "compile: of a kernel that no cache holds",
+            "compile: the kernel, if it is in no cache",
             "< x: the effect may cost nothing, and costs less than x",
         ]
         lines += [f"{name}: left out together with {', '.join(c.along)}" for name, c in self.costs.items() if c.along]
@@ -175,9 +187,9 @@ class Report:
 
 @dataclass(frozen=True)
 class UncachedPicture:
-    """A prepared scene whose kernel no cache holds.
+    """A prepared scene whose kernel is in no cache before it is rendered.
 
-    mark: a number that only this kernel contains
+    mark: a number that only the kernel of this picture contains
     """
 
     prepared: Prepared
@@ -188,34 +200,38 @@ class UncachedPicture:
         return UncachedPicture(prepared, new_mark())
 
     def kernels(self) -> list[dict[str, Any]]:
-        """Renders the picture in one pass, and returns Dr.Jit's records of its kernels."""
+        """Renders the picture in one pass. Returns Dr.Jit's records of the kernels, a list of dicts."""
         prepared = self.prepared
         film = empty_film(prepared)
         with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
-            # The columns are marked anew each time: if they were kept, the next kernel would be traced in another
-            # order.
+            # The columns are marked again in each call: if marked columns were stored, Dr.Jit would trace the next
+            # kernel in another order.
             x = marked_columns(prepared.a, prepared.x, self.mark)
             exposed_once(replace(prepared, x=x), film, prepared.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])
 
     def seconds(self) -> float:
-        """The time that the kernels run."""
+        """Seconds that the kernels run in one rendering."""
         return clock.kernel_seconds(self.kernels())
 
     def compiled(self) -> tuple[int, float]:
-        """Operations and compile seconds of the kernel. Domain: the first rendering, when no cache holds the kernel."""
+        """Renders the picture. Returns the number of operations and the compile seconds of its largest kernel.
+
+        Domain: the first rendering, before the kernel is in a cache.
+        """
         k = max(self.kernels(), key=lambda k: k["operation_count"])
         return k["operation_count"], (k["codegen_time"] + k["backend_time"]) / 1e3
 
 
 def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool = False) -> Report:
-    """Measures the cost of each effect that the scene has, and of the picture with all of them.
+    """Measures the cost of each effect that the scene has, and of the full picture.
 
-    Ctrl-C raises KeyboardInterrupt after the kernel that runs.
+    Ctrl-C raises KeyboardInterrupt as soon as the current step has ended.
 
-    spp: samples per pixel; None: as many as take RENDER_SECONDS, but at most MOST_SAMPLES
+    spp: samples per pixel; None: as many as take RENDER_SECONDS, and at most MOST_SAMPLES
     runs: how often each picture is rendered, at least FEWEST_RUNS
+    progress: whether a progress bar is shown
     """
     if not isinstance(runs, int) or runs < FEWEST_RUNS:
         raise UserError(f"runs = {runs}: must be a whole number, at least {FEWEST_RUNS}, for the spread of a median")
@@ -230,15 +246,16 @@ def cost(scene: Scene, spp: int | None = None, runs: int = RUNS, progress: bool 
 
 
 def reduced_size(width: int, height: int, longest: int = LONGEST_SIDE) -> tuple[int, int]:
-    """The size of a film, scaled so that its longer side has at most `longest` pixels."""
+    """Width and height of a film, scaled down so that the longer side has at most `longest` pixels."""
     scale = longest / max(width, height, longest)
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
 def fitting_samples(scene: Scene) -> int:
-    """Number of samples per pixel that take about RENDER_SECONDS.
+    """Number of samples per pixel that take about RENDER_SECONDS, and at most MOST_SAMPLES.
 
-    It must be measured before all else: LLVM itself starts with the first kernel.
+    This must be called before other times are measured: the first kernel that is compiled also starts LLVM, which takes
+    time.
     """
     picture = UncachedPicture.of(prepare(adjusted(scene, spp=1)))
     picture.compiled()
@@ -246,7 +263,7 @@ def fitting_samples(scene: Scene) -> int:
 
 
 def prepared_without(scene: Scene, effect: str) -> Prepared:
-    """The scene, prepared without an effect."""
+    """The scene, prepared without an effect. If the effect is "area lights", point lights replace these lights."""
     if effect != "area lights":
         return prepare(scene, without=(effect,))
     shared = [f.name for f in fields(Light)]
@@ -258,7 +275,11 @@ def prepared_without(scene: Scene, effect: str) -> Prepared:
 
 
 class _Steps:
-    """Runs steps of work one by one and shows progress. After Ctrl-C it stops before the next step."""
+    """Runs steps of work one by one and shows progress.
+
+    Calling it with a function runs the function and returns its result; after Ctrl-C it raises KeyboardInterrupt
+    instead.
+    """
 
     def __init__(self, interrupts: Interrupts, bar: Bar):
         self.interrupts, self.bar, self.done = interrupts, bar, 0
@@ -275,7 +296,10 @@ class _Steps:
 def _measured(
     scene: Scene, effects: list[str], runs: int, progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Cost], Cost]:
-    """The costs of the effects by name, and of the picture with all of them."""
+    """The cost of each effect by name, and the cost of the full picture.
+
+    effects: names of the effects; runs, progress: see `cost`
+    """
     n, half = len(effects), len(effects) // 2
     with Bar("measuring", (n + 1) + (n + FULL_COMPILATIONS) + runs * (2 * n + 1), progress) as bar:
         step = _Steps(interrupts, bar)
@@ -302,9 +326,13 @@ def _cost(
     total: Cost,
     effects: list[str],
 ) -> Cost:
-    """The cost of an effect, from the numbers of the picture without it.
+    """The cost of an effect.
 
-    seconds: compile seconds of that picture; differences: of the run times, the full picture less that one
+    picture: the picture without the effect
+    operations, seconds: number of operations and compile seconds of that picture's kernel
+    differences: run times of the full picture minus run times of that picture (seconds)
+    total: the cost of the full picture
+    effects: names of all effects that the scene has
     """
     c, on = total.compile_seconds, picture.prepared.features
     noise, more = c.high - c.low, c.middle - seconds
@@ -316,9 +344,10 @@ def _cost(
 def _alternating_runs(
     step: _Steps, full: UncachedPicture, pictures_without: dict[str, UncachedPicture], runs: int
 ) -> tuple[list[float], dict[str, list[float]]]:
-    """Times of the full picture, and how much longer it takes than each picture without an effect.
+    """Run times of the full picture; and by how much it takes longer than each picture without an effect.
 
-    The full picture is rendered before and after each of the others; the difference is from the mean of both.
+    The full picture is rendered just before and just after each other picture. A difference is the mean of these two
+    times minus the time of the other picture. Units: seconds.
     """
     full_seconds: list[float] = []
     differences: dict[str, list[float]] = {effect: [] for effect in pictures_without}

@@ -1,4 +1,6 @@
-"""The report of `visray doctor`: what visray finds on this machine, and whether a test picture is right."""
+"""The report of `visray doctor`: versions, LLVM, backends and kernel cache of this machine, and whether a test picture
+is right.
+"""
 
 import os
 import platform
@@ -25,9 +27,10 @@ GOOD = "ready"
 
 
 def examine(render: Callable[[], np.ndarray]) -> dict[str, Any]:
-    """The report, as json.dumps takes it; `verdict` is `ready`, or says what is wrong.
+    """The report as a dict for json.dumps. Its entry `verdict` is `ready`, or a text that says what is wrong.
 
-    render: renders a test picture, (32, 32, 3); not called without a working LLVM, which would end the process
+    render: function that returns a test picture of shape (32, 32, 3). It is called only if a working LLVM is found;
+        without LLVM, Dr.Jit would end the process.
     """
     report: dict[str, Any] = {
         "platform": platform.platform(),
@@ -49,7 +52,10 @@ def examine(render: Callable[[], np.ndarray]) -> dict[str, Any]:
 
 
 def judge(render: Callable[[], np.ndarray]) -> str:
-    """`ready` if the test picture has the right shape and finite numbers that are not all equal; else what is wrong."""
+    """`ready` if the test picture is right, or else a text that says what is wrong.
+
+    Right: the shape is (SIZE, SIZE, 3), and the numbers are finite and not all equal.
+    """
     try:
         picture = np.asarray(render())
     except (UserError, RuntimeError) as error:
@@ -66,7 +72,7 @@ def judge(render: Callable[[], np.ndarray]) -> str:
 
 
 def table(report: dict[str, Any]) -> Table:
-    """The report for the terminal, in two columns."""
+    """The report as a table for the terminal, with two columns: name and value."""
     rows = Table(show_header=False, box=None, pad_edge=False)
     rows.add_column(style="bold", no_wrap=True)
     rows.add_column(overflow="fold")
@@ -80,7 +86,7 @@ def table(report: dict[str, Any]) -> Table:
 
 
 def kernel_cache() -> dict[str, Any]:
-    """Dr.Jit's cache of compiled kernels: its folder, number of files, size (MiB), and largest size allowed."""
+    """Dr.Jit's cache of compiled kernels, as a dict: folder, number of files, size (MiB), largest size allowed."""
     folder = _cache_folder()
     sizes = []
     for path in folder.glob("*.bin") if folder else ():
@@ -108,7 +114,7 @@ def _cache_folder() -> Path | None:
 
 
 def _llvm(library: llvm.LLVM | None) -> dict[str, Any]:
-    """The LLVM that is loaded: path, version, how it was chosen, vector width and processor."""
+    """The LLVM that is loaded, as a dict: path, version, how it was chosen, vector width and processor."""
     if library is None:
         return {"path": None, "version": None, "source": None}
     width, processor = _code_generation()
@@ -122,7 +128,10 @@ def _llvm(library: llvm.LLVM | None) -> dict[str, Any]:
 
 
 def _code_generation() -> tuple[int | None, str | None]:
-    """Vector width in single-precision numbers, and processor, as they stand in the code of a kernel."""
+    """Vector width (in single-precision numbers) and name of the processor, read from the code of a small kernel.
+
+    None if the code does not contain it.
+    """
     from drjit.llvm import Float
 
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):

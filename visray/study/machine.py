@@ -1,4 +1,4 @@
-"""The origin of measured figures: date, processor, versions."""
+"""When, where and with which versions figures were measured."""
 
 import platform
 from datetime import date
@@ -11,7 +11,7 @@ from visray.version import __version__
 
 
 def machine() -> dict[str, Any]:
-    """Date, processor, number of threads, and versions of packages and of LLVM."""
+    """Date, processor, number of threads, and versions of packages and of LLVM, as a dict for a report."""
     cpu, info = platform.processor() or platform.machine(), Path("/proc/cpuinfo")
     if info.exists():
         lines = info.read_text().splitlines()

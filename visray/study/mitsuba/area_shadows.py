@@ -14,18 +14,20 @@ from visray.study.mitsuba.report import AreaLightDifferences
 from visray.study.mitsuba.shadows import examples, near_edge, visibility
 from visray.study.mitsuba.visray_scene import Rays, VisrayScene
 
-# Points on a side of each light's grid; and shadow rays at most, so that fewer pixels are taken if there are more.
+# SIDE: number of points along each side of the grid on a light. MOST_RAYS: about the largest number of shadow rays; if
+# all pixels together need more, only every k-th pixel is compared.
 SIDE, MOST_RAYS = 4, 2**20
 
 
 def compare(
     scene: Scene, theirs: MitsubaScene, their_lights: dict[str, AreaLight], rays: Rays
 ) -> tuple[AreaLightDifferences, list[str]]:
-    """The differences over all area lights, and a line for each of the first mismatches.
+    """The differences over all area lights, and a list with a line of text for each of the first mismatches.
 
-    scene: with its area lights, all objects opaque
+    scene: the scene with its area lights; all objects are opaque
+    theirs: the same scene in Mitsuba
     their_lights: the lights that Mitsuba gets, by name
-    rays: through the pixels
+    rays: camera rays through the pixels' centres
     """
     our_lights = {name: light for name, light in scene.lights.items() if light.has_area}
     if not our_lights or not scene.settings.shadows:
@@ -56,10 +58,11 @@ def compare(
 def _compare_light(
     comparison: RayComparison, our_light: AreaLight, their_light: AreaLight, name: str
 ) -> tuple[np.ndarray, list[str]]:
-    """Six numbers of one light, and a line for each of the first mismatches.
+    """Six numbers for one light, as an array, and a list with a line of text for each of the first mismatches.
 
-    The numbers: shadow rays, rays that reach the light, rays near an edge, mismatches, compared pixels, and the sum
-    over these of the difference between the fractions of the light that they see.
+    The numbers are counts of: shadow rays, rays that reach the light, rays near an edge, mismatches, compared pixels.
+    The sixth is the sum over the compared pixels of |difference|, where the difference is between the fractions of the
+    light that are visible in visray and in Mitsuba.
     """
     ours, n = comparison.ours, len(comparison.our_hits.t)
     counts, lines = np.zeros(4), []
@@ -79,7 +82,10 @@ def _compare_light(
 
 
 def points(ours: VisrayScene, light: AreaLight) -> np.ndarray:
-    """Middles of the cells of a grid on an area light, relative to the centre. Shapes: (SIDE^2, 3)."""
+    """Middles of the cells of a grid of SIDE x SIDE cells on an area light, relative to the camera.
+
+    Shapes: (SIDE^2, 3).
+    """
     a, row = ours.a, visray_lighting.light_table(ours, light)
     v, u = (np.mgrid[:SIDE, :SIDE].reshape(2, -1) + 0.5) / SIDE
     return np.array(row.position + row.point_offset(a.W, a.D(u), a.D(v)), float).T - ours.centre

@@ -1,4 +1,8 @@
-"""Blinn-Phong as a Mitsuba BSDF, which Mitsuba does not have: `kd cos + ks (n.h)^shininess` on the viewer's side."""
+"""The Blinn-Phong model as a Mitsuba BSDF; Mitsuba itself has none.
+
+Its value is `kd cos + ks (n.h)^shininess` if light and viewer are on the same side of the surface, else 0. `cos` is the
+cosine between normal and direction to the light.
+"""
 
 from typing import Any
 
@@ -16,7 +20,9 @@ class BlinnPhong(mi.BSDF):
     """Blinn-Phong BSDF. Component 0 is the diffuse part, component 1 the highlight.
 
     Properties: kd, ks (three numbers each), shininess.
-    As in visray, neither part is divided by pi, and there is no highlight where the light is below the surface.
+    As in visray, neither part is divided by pi, and there is no highlight in lanes where the light is below the
+    surface. The methods have the parameters that Mitsuba prescribes: `si` is the hit, `wo` the direction to the light,
+    `active` the mask of lanes to evaluate.
     """
 
     def __init__(self, props: Any):
@@ -29,7 +35,7 @@ class BlinnPhong(mi.BSDF):
         self.m_flags = self.m_components[0] | self.m_components[1]
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """Light reflected to the viewer for light of strength 1 from `wo`, including the cosine."""
+        """Light reflected to the viewer if light of strength 1 arrives from `wo`. The cosine is included."""
         v, l = _to_viewer_side(si.wi, si.wi), _to_viewer_side(si.wi, wo)
         colour = mi.Color3f(0)
         if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, DIFFUSE):
@@ -40,7 +46,10 @@ class BlinnPhong(mi.BSDF):
         return dr.select(active & (l.z > 0), colour, 0)
 
     def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
-        """A cosine-distributed direction: ideal for the diffuse part, noisy for the highlight."""
+        """A cosine-distributed direction (BSDFSample3f), and the BSDF's value over the density.
+
+        This is ideal for the diffuse part, and noisy for the highlight.
+        """
         local = mi.warp.square_to_cosine_hemisphere(sample2)
         bs = mi.BSDFSample3f()
         bs.wo = _to_viewer_side(si.wi, local)
@@ -51,7 +60,7 @@ class BlinnPhong(mi.BSDF):
         return bs, dr.select(bs.pdf > 0, self.eval(ctx, si, bs.wo, active) / bs.pdf, 0)
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """Density of `sample`, per steradian."""
+        """Density with which `sample` returns the direction `wo`, per steradian."""
         l = _to_viewer_side(si.wi, wo)
         return dr.select(active & (l.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(l), 0)
 
@@ -60,7 +69,7 @@ class BlinnPhong(mi.BSDF):
 
 
 def _to_viewer_side(wi: Any, w: Any) -> Any:
-    """`w` in the frame whose normal points to the viewer's side."""
+    """The direction `w` in the frame whose normal points to the viewer's side. wi: direction to the viewer."""
     return mi.Vector3f(w.x, w.y, w.z * dr.sign(wi.z))
 
 

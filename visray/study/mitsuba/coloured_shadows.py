@@ -1,7 +1,7 @@
 """Coloured shadows by visray and by Mitsuba: the light that transparent objects let through to the visible points.
 
-Mitsuba has no such shadows. But for each object alone it finds where a shadow ray first hits it, from either end. As
-objects are convex, the path inside an object is the piece between the two hits.
+Mitsuba has no coloured shadows. But Mitsuba finds where a shadow ray first hits an object, from either end of the ray.
+The piece between these two hits is taken as the path inside the object. That is right for convex objects.
 """
 
 from dataclasses import dataclass, replace
@@ -18,14 +18,18 @@ from visray.study.mitsuba.shadow_rays import ShadowRays
 from visray.study.mitsuba.shadows import LightVisibility, ShadowComparison, moved_shadow_rays
 from visray.study.mitsuba.visray_scene import VisrayScene
 
-# Transmittance is a product over objects; each factor has a quotient, a difference and two products, in single
-# precision.
+# Number of roundings for each object: the transmittance is a product over objects, and each object takes a quotient, a
+# difference and two products in single precision.
 ROUNDINGS = 4
 
 
 @dataclass(frozen=True)
 class Transmittance:
-    """The share of light that shadow rays let through by Mitsuba, and a bound of its error. Shapes: (N, 3), (N)."""
+    """Mitsuba's transmittance of shadow rays.
+
+    share: fraction of the light that arrives, (N, 3)
+    error: bound of the error of the share, (N)
+    """
 
     share: np.ndarray
     error: np.ndarray
@@ -36,7 +40,7 @@ class InsidePath:
     """The path of shadow rays inside one object. Shapes: (N).
 
     hit: whether the ray hits the object
-    length: length of the path inside (world units)
+    length: length of the path inside the object (world units)
     error: bound of the error of the length (world units)
     """
 
@@ -48,12 +52,14 @@ class InsidePath:
 def compare(
     comparison: RayComparison, coloured: VisrayScene, shadows: ShadowComparison
 ) -> tuple[ColouredShadowDifferences, np.ndarray, list[np.ndarray]]:
-    """Compares transmittances, for all lights.
+    """Compares the transmittances of the shadow rays to all lights.
 
-    comparison, shadows: of the scene with all objects opaque
+    comparison: hits of camera rays, in the scene with all objects opaque
     coloured: the scene with its transparent objects
+    shadows: shadows in the scene with all objects opaque
 
-    Returns the differences, the pixels near an edge, and Mitsuba's transmittance for each light.
+    Returns the differences; a mask of the pixels near an edge, (N); and Mitsuba's transmittances, an array of shape
+    (N, 3) for each light.
     """
     near_edge, their_shares = np.zeros(len(comparison.our_hits.t), bool), []
     rays = rays_near_edge = 0
@@ -76,9 +82,12 @@ def compare(
 
 
 def _change(comparison: RayComparison, coloured: VisrayScene, light: LightVisibility, active: np.ndarray) -> np.ndarray:
-    """The largest change of visray's transmittance when shadow rays are moved by Mitsuba's rounding.
+    """The largest change of visray's transmittance if shadow rays are moved by Mitsuba's rounding. Shapes: (N).
 
-    inf where a ray may be parallel to its surface, so that its start is not certain. Shapes: (N).
+    It is inf for a ray that may be parallel to the surface on which it starts, because then its start is not certain;
+    and for a moved ray that the light reaches in one program only, because it lies at the border of a spot.
+
+    active: mask of the rays that are compared
     """
     unmoved = visray_lighting.transmittances(coloured, comparison.traced, light.our_rays, active)
     change = np.where(np.isinf(light.largest_margin) | (light.our_rays.length == 0), np.inf, 0)
@@ -118,7 +127,11 @@ def _their_transmittance(comparison: RayComparison, light: LightVisibility) -> T
 def _inside_path(
     comparison: RayComparison, i: int, light: LightVisibility, lanes: np.ndarray, shadow_rays: ShadowRays
 ) -> InsidePath:
-    """The path inside object i of shadow rays from the pixels `lanes`, which start off their surfaces by the margin."""
+    """The path of shadow rays inside object i.
+
+    lanes: indices of the pixels that the shadow rays belong to
+    shadow_rays: rays to the light without their first piece, which is as long as light.margin
+    """
     name, theirs, margin = comparison.ours.names[i], comparison.theirs, light.margin[lanes]
     primitive: Primitive = theirs.scene.objects[name]
     t, cosine = theirs.first_hit(shadow_rays, (name,))

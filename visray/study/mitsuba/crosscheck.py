@@ -1,4 +1,4 @@
-"""The check of a scene against Mitsuba: the same rays and the same picture by both programs, compared."""
+"""The check of a scene against Mitsuba: both programs trace the same rays and render the same picture."""
 
 from dataclasses import replace
 
@@ -29,10 +29,12 @@ LONGEST_SIDE, MOST_SHADOW_RAYS = 512, 2**21
 def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | None = None) -> Report:
     """Compares visray and Mitsuba: rays through pixel centres, shadow rays, random rays, and the picture.
 
-    Objects and effects that Mitsuba does not have are left out for both (omitted_effects.OMISSIONS).
+    Objects and effects that Mitsuba does not have are left out in both programs (omitted_effects.OMISSIONS).
 
     rays: number of random rays
-    other: a scene with objects and lights of the same names, which Mitsuba gets instead; tests of the check use it
+    seed: seed of the random rays
+    other: the scene that Mitsuba gets, with objects and lights of the same names; None: the same scene. Only tests of
+        the check use another scene.
     """
     if rays < 1:
         raise UserError(f"rays = {rays}: must be at least 1")
@@ -86,7 +88,11 @@ def _only_objects(scene: Scene, shapes: dict[str, MitsubaShapes]) -> Scene:
 
 
 def _reduced(scene: Scene) -> tuple[Scene, list[str]]:
-    """The scene with a film of at most LONGEST_SIDE pixels, or less for many lights; and a note if it is smaller."""
+    """The scene with a film that is small enough, and notes for the user: one if the film was made smaller, else none.
+
+    Small enough: the longer side has at most LONGEST_SIDE pixels, and all pixels together need at most about
+    MOST_SHADOW_RAYS shadow rays.
+    """
     size = np.array([scene.film.width, scene.film.height])
     shadow_rays = len(scene.lights) * size.prod()
     scale = min(LONGEST_SIDE / size.max(), np.sqrt(MOST_SHADOW_RAYS / max(shadow_rays, 1)))
@@ -98,10 +104,14 @@ def _reduced(scene: Scene) -> tuple[Scene, list[str]]:
 
 
 def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays:
-    """Rays from random origins in and around the bounds of the bounded objects.
+    """Rays from random origins in and around the common bounding box of all bounded objects.
 
-    Half of them aim at a random point in the bounding box of a random object, the others in any direction. In a scene
-    without bounded objects, the bounds of the camera, its target and the placed lights are used.
+    Half of the rays aim at a random point in the bounding box of a random object. The other half have random
+    directions. In a scene without bounded objects, the bounding box of the camera, its target and the lights that have
+    a position is used.
+
+    centre: the camera's position, which is the origin of the returned rays' coordinates
+    count: number of rays
     """
     rng = np.random.default_rng(seed)
     boxes = [box for primitive in scene.objects.values() if (box := bounding_box(primitive)) is not None]
@@ -123,9 +133,15 @@ def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays
 def _compare_pictures(
     comparison: RayComparison, scene: Scene, shadow_comparison: ShadowComparison
 ) -> tuple[ColouredShadowDifferences, PictureDifference, Image]:
-    """Compares both pictures where no edge of an object, a shadow or a texture is within rounding.
+    """Compares the pictures of both programs, and before them the coloured shadows if the scene has any.
 
-    comparison: of the scene with all objects opaque; if `scene` has coloured shadows, they are compared here too.
+    Pixels are not compared if an edge of an object, a shadow or a texture is so near that rounding may move the pixel
+    across it.
+
+    comparison, shadow_comparison: camera rays and shadow rays in the scene with all objects opaque
+
+    Returns the differences of coloured shadows, the difference of the pictures, and an image with the layers that
+    Report.difference lists.
     """
     ours, transmittances = comparison.ours, [light.their_lit[:, None] for light in shadow_comparison.lights]
     near_edge = np.any([np.zeros(len(comparison.our_hits.t), bool), *shadow_comparison.near_edge], axis=0)
@@ -135,8 +151,8 @@ def _compare_pictures(
         coloured, near_coloured_edge, transmittances = coloured_shadows.compare(comparison, ours, shadow_comparison)
         near_edge = near_edge | near_coloured_edge
     our_colours = ours.colours(comparison.traced)
-    # Both programs look textures up at visray's (u, v), to the rounding in which these are stored. The (u, v) of both
-    # are compared apart; on the facets of Mitsuba's meshes they are coarser than a picture's texels.
+    # Both programs look up textures at visray's (u, v), rounded to single precision as stored. Mitsuba's own (u, v) are
+    # compared by RayComparison; on the facets of Mitsuba's meshes, they are less accurate than the size of a texel.
     theirs, uv = comparison.theirs, comparison.our_hits.uv
     their_colours = theirs.colours(comparison.rays, comparison.si, comparison.their_hits, uv, transmittances)
     uv_error = gamma(2, "single") * np.abs(uv).max(1)

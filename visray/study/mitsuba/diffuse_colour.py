@@ -13,7 +13,7 @@ from visray.textures import CheckerTexture, ImageTexture, Texture
 
 
 class DiffuseColours:
-    """The diffuse colours kd of a scene's objects, in the order of `names`."""
+    """The diffuse colours kd of a scene's objects. Index i stands for the object names[i]."""
 
     def __init__(self, scene: Scene, names: tuple[str, ...]):
         materials = {"default": Material()} | scene.materials
@@ -24,7 +24,11 @@ class DiffuseColours:
         self.pixels = {id(t): read_image(t.file, t.encoding, f"textures.{n}.file") for n, t in images.items()}
 
     def colours(self, index: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """kd of objects at (u, v); black for index -1. Shapes: (N), (N, 2) -> (N, 3)."""
+        """kd of objects at (u, v); black for index -1.
+
+        index: the object in each lane
+        Shapes: (N), (N, 2) -> (N, 3).
+        """
         kd = self.kd[index]
         for i, texture in enumerate(self.textures):
             lanes = np.flatnonzero(index == i) if texture else ()
@@ -33,7 +37,7 @@ class DiffuseColours:
         return kd
 
     def uncertain(self, index: np.ndarray, uv: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Whether the colour changes by more than UNRESOLVED if u and v are off by `error`.
+        """Whether the colour changes by more than UNRESOLVED if u and v are both changed by `error`, up or down.
 
         Shapes: (N), (N, 2), (N) -> (N).
         """
@@ -55,9 +59,11 @@ class DiffuseColours:
 
 
 def _image_colour(pixels: np.ndarray, bilinear: bool, wrap: str, st: np.ndarray) -> np.ndarray:
-    """Colours of an image at st: (0, 0) is its lower left corner, (1, 1) its upper right one.
+    """Colours of an image at st: (0, 0) is the lower left corner of the image, (1, 1) the upper right corner.
 
-    Shapes: (H, W, 3), (N, 2) -> (N, 3).
+    bilinear: whether the four nearest texels are blended; otherwise the texel that contains st is taken
+    wrap: how the image continues outside, as in ImageTexture
+    Shapes: pixels (H, W, 3), st (N, 2) -> (N, 3).
     """
     size = np.array([pixels.shape[1], pixels.shape[0]])
     if not bilinear:
@@ -72,7 +78,10 @@ def _image_colour(pixels: np.ndarray, bilinear: bool, wrap: str, st: np.ndarray)
 
 
 def _texel(pixels: np.ndarray, wrap: str, cell: np.ndarray) -> np.ndarray:
-    """Texels by column from the left and row from below, which may lie outside the image. Shapes: (N, 2) -> (N, 3)."""
+    """Colours of texels. Shapes: cell (N, 2) -> (N, 3).
+
+    cell: column from the left and row from below. It may lie outside the image; then `wrap` says which texel is taken.
+    """
     size = np.array([pixels.shape[1], pixels.shape[0]])
     if wrap == "repeat":
         cell = cell % size

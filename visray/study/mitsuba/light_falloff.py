@@ -6,9 +6,9 @@ from visray.lights.light import Light
 
 
 def attenuation(light: Light, distance: np.ndarray) -> np.ndarray:
-    """1 / (a + b d + c d^2), or 1 where a = b = c = 0. Shapes: (N) -> (N).
+    """1 / (a + b d + c d^2) with d = distance, or 1 if a = b = c = 0. Shapes: (N) -> (N).
 
-    For lights that are infinitely far away, d counts as 0.
+    If the light is infinitely far away, d is 0.
     """
     d = distance if light.has_position else np.zeros_like(distance)
     total = light.a + light.b * d + light.c * d**2

@@ -1,6 +1,7 @@
 """The Mitsuba side of the check. Only this module and blinn_phong_bsdf import Mitsuba.
 
-The camera is the origin of Mitsuba's coordinates. The shift is done in double precision, before anything is rounded.
+The camera is the origin of Mitsuba's coordinates. Objects are moved there in double precision, before their numbers are
+rounded to single precision.
 """
 
 from typing import Any
@@ -24,8 +25,9 @@ from visray.study.mitsuba.visray_scene import FirstHits, Rays
 class MitsubaScene:
     """A scene that is loaded into Mitsuba.
 
-    names: the objects in the order of their indices
-    shapes: of each object by name, the shapes that stand for it
+    scene: the scene in visray's form
+    names: names of the objects in the order of their indices
+    shapes: by the name of an object, the Mitsuba shapes that stand for it
     centre: the camera's position
     """
 
@@ -41,18 +43,21 @@ class MitsubaScene:
         self.object_of, self.shape_of = self._registry()
 
     def _children(self, names: tuple[str, ...]) -> dict:
-        """Chosen objects as a dict for Mitsuba's load_dict."""
+        """The objects with the given names, as a dict for Mitsuba's load_dict."""
         bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
         children: dict = {"type": "scene", "embree_use_robust_intersections": True}
         for name in names:
             i, bsdf = self.names.index(name), bsdfs[self.scene.objects[name].material]
             for j, placed in enumerate(self.shapes[i]):
-                # Numbers serve as ids: Mitsuba forbids some of our names, and puts shapes into another order.
+                # Ids are made of numbers, because Mitsuba forbids some of visray's names. They are needed to find
+                # the shapes again, because Mitsuba puts them into another order.
                 children[f"{i}_{j}"] = _shape(placed.shape, f"{i}_{j}", bsdf)
         return children
 
     def _registry(self) -> tuple[np.ndarray, np.ndarray]:
-        """For each of Mitsuba's shape numbers, the object's index and the shape's index in it; -1 for no object."""
+        """Two arrays that are indexed by Mitsuba's shape numbers: the index of the object, -1 if the number stands for
+        no object; and the index of the shape among the shapes of its object.
+        """
         numbers = {s.id(): int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self.mitsuba.shapes()}
         object_of, shape_of = (np.full(1 + max(numbers.values(), default=0), -1) for _ in range(2))
         for key, number in numbers.items():
@@ -65,19 +70,23 @@ class MitsubaScene:
         return mi.Ray3f(o, d)
 
     def trace(self, rays: Rays) -> tuple[Any, FirstHits]:
-        """Traces rays. Returns Mitsuba's own record (SurfaceInteraction) and the first hits."""
+        """Traces rays. Returns Mitsuba's own record of the hits (SurfaceInteraction) and the first hits."""
         si = self.mitsuba.ray_intersect(self._mitsuba_rays(rays))
         number = dr.reinterpret_array(mi.UInt32, si.shape)
         dr.eval(si, number)
         number = np.array(number)
-        # Mitsuba's t counts lengths of d, which in single precision is not exactly 1.
+        # Mitsuba measures t in lengths of d, and in single precision this length is not exactly 1.
         t = np.array(si.t, float) * np.linalg.norm(rays.d.astype(float), axis=1)
         n = np.array(si.sh_frame.n, float).T
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
         return si, FirstHits(self.object_of[number], t, n, self._visray_uv(number, np.array(si.uv, float)))
 
     def _visray_uv(self, number: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """visray's (u, v) from Mitsuba's. Shapes: shape numbers (N), uv (2, N) -> (N, 2)."""
+        """visray's (u, v), computed from Mitsuba's; NaN for rays that hit nothing.
+
+        number: Mitsuba's shape number of each hit
+        Shapes: number (N), uv (2, N) -> (N, 2).
+        """
         result = np.full((len(number), 2), np.nan)
         order = np.argsort(number, kind="stable")
         for lanes in np.split(order, 1 + np.flatnonzero(np.diff(number[order]))):
@@ -89,18 +98,23 @@ class MitsubaScene:
         return result
 
     def unoccluded(self, shadow_rays: ShadowRays, margin: np.ndarray) -> np.ndarray:
-        """Whether nothing lies on shadow rays farther than `margin` from their start (world units). Shapes: (N)."""
+        """Whether no object lies on a shadow ray farther than `margin` from its start; always true without shadows.
+
+        margin: in world units, (N)
+        Shapes: (N).
+        """
         if not self.scene.settings.shadows:
             return np.ones(len(shadow_rays.p), bool)
         rest = shadow_rays.without_start(margin)
-        # Not by ray_test: it solves a sphere's equation relative to the ray's origin, and far away digits cancel.
+        # Mitsuba's ray_test is not used: it solves a sphere's equation relative to the ray's origin, so that digits
+        # cancel if the sphere is far away.
         hit = self.mitsuba.ray_intersect_preliminary(self._bounded_rays(rest))
         return ~np.array(hit.is_valid()) | (rest.length == 0)
 
     def first_hit(self, shadow_rays: ShadowRays, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """The first hit of shadow rays with the named objects alone.
+        """The first hit of shadow rays with the objects of the given names; other objects are ignored.
 
-        Returns the distance, inf for none, and the |cosine| of the ray with the normal. Shapes: (N), (N).
+        Returns the distance, inf without a hit, and |cosine| of the angle between ray and normal. Shapes: (N), (N).
         """
         if not len(shadow_rays.p):
             # Mitsuba ends the process if there are no rays at all.
@@ -118,10 +132,11 @@ class MitsubaScene:
     def colours(
         self, rays: Rays, si: Any, hits: FirstHits, uv: np.ndarray, transmittances: list[np.ndarray]
     ) -> np.ndarray:
-        """Radiance along camera rays, by Mitsuba's hits, shading frames and BSDFs. Shapes: (N, 3).
+        """Radiance along camera rays, computed from Mitsuba's hits, shading frames and BSDFs. Shapes: (N, 3).
 
-        uv: where textures are looked up, (N, 2)
-        transmittances: for each light, the share of its light that arrives at the hit, (N, 1) or (N, 3)
+        si, hits: Mitsuba's own record of the hits, and the first hits
+        uv: texture coordinates at which textures are looked up, (N, 2)
+        transmittances: for each light, the fraction of its light that arrives at the hit, (N, 1) or (N, 3)
         """
         scene = self.scene
         ka = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
@@ -137,7 +152,10 @@ class MitsubaScene:
         return colour
 
     def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
-        """Reflected light: Id times the diffuse part plus Is times the highlight, by Mitsuba's BSDF. Shapes: (N, 3)."""
+        """Reflected light of one light: Id times the diffuse part plus Is times the highlight. Shapes: (N, 3).
+
+        Both parts are computed by the BSDF in Mitsuba. l: unit directions to the light; kd: diffuse colours.
+        """
         wo = si.to_local(mi.Vector3f(*l.T.astype(np.float32)))
         context, bsdf, total = mi.BSDFContext(), si.bsdf(), 0
         for component, colour in ((DIFFUSE, light.Id * kd), (GLOSSY, np.array(light.Is, float))):
@@ -148,7 +166,7 @@ class MitsubaScene:
 
 
 def _sky(scene: Scene, rays: Rays) -> np.ndarray:
-    """Background colour of rays that hit nothing. Shapes: (N, 3)."""
+    """Background colour of rays that hit nothing; black if the film is transparent. Shapes: (N, 3)."""
     if scene.film.transparent:
         return np.zeros(rays.d.shape)
     sky = scene.background
@@ -157,9 +175,10 @@ def _sky(scene: Scene, rays: Rays) -> np.ndarray:
 
 
 def _loaded(children: dict) -> Any:
-    """Loads a Mitsuba scene."""
+    """The Mitsuba scene of a dict for load_dict."""
     level = mi.logger().log_level()
-    # Mitsuba warns of unequal scales by an absolute difference, so it warns of large shapes of equal scales too.
+    # Mitsuba warns if the scales of a shape are unequal. As it tests their absolute difference, it also warns of large
+    # shapes with equal scales.
     mi.set_log_level(mi.LogLevel.Error)
     try:
         # With optimize=True, meshes of one BSDF would be merged into one mesh.
@@ -169,12 +188,12 @@ def _loaded(children: dict) -> Any:
 
 
 def _bsdf(m: Material) -> Any:
-    """The BSDF of a material with kd = 1: the diffuse part is later multiplied by the colour at (u, v)."""
+    """The BSDF of a material, with kd = 1: `_reflected` multiplies the diffuse part by the colour at (u, v)."""
     return mi.load_dict({"type": "blinn_phong", "kd": [1.0, 1.0, 1.0], "ks": list(m.ks), "shininess": m.shininess})
 
 
 def _shape(shape: dict, name: str, bsdf: Any) -> Any:
-    """A shape for Mitsuba's load_dict: a dict, or a Mesh object for triangles."""
+    """A shape for Mitsuba's load_dict: a Mesh object if it consists of triangles, otherwise a dict."""
     if shape["type"] == "mesh":
         return _mesh(shape, name, bsdf)
     to_world = mi.ScalarTransform4f(shape["to_world"].tolist())

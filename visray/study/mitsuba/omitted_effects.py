@@ -10,7 +10,8 @@ from visray.materials import Material
 from visray.scene.scene import Occlusion, Scatter, Scene, Settings
 
 SHADING = Settings().shading
-# Coloured shadows need a Mitsuba scene for each transparent object, so they are compared up to this many.
+# Coloured shadows are compared only if the scene has at most this many transparent objects, because each of these needs
+# its own Mitsuba scene.
 MOST_TRANSPARENT = 64
 
 
@@ -18,9 +19,9 @@ MOST_TRANSPARENT = 64
 class Omission:
     """Effects that are not compared.
 
-    effects: their names, as `visray explain` lists them
-    instead: what the compared scene has instead, for the note to the user
-    switch_off: the scene without the effects
+    effects: names of the effects, as `visray explain` lists them
+    instead: what the compared scene has instead of the effects, as text for the user
+    switch_off: function that takes a scene and returns it without the effects
     """
 
     effects: tuple[str, ...]
@@ -43,7 +44,7 @@ def _without_area_lights(scene: Scene) -> Scene:
 
 OMISSIONS = (
     Omission(("sky occlusion", "near occlusion"), "all ambient light arrives", _with_settings(occlusion=Occlusion())),
-    # Coloured shadows stay: with depth 0, only paths end at the first surface.
+    # With depth 0, paths end at the first surface. Coloured shadows are still simulated.
     Omission(("reflection", "refraction", "nested media"), "settings.depth is 0", _with_settings(depth=0)),
     Omission(("scatter",), "settings.scatter.rays is 0", _with_settings(scatter=Scatter())),
     Omission(("defocus",), "camera.aperture is 0", _without_defocus),
@@ -56,7 +57,7 @@ OMISSIONS = (
 
 
 def without_omitted_effects(scene: Scene) -> tuple[Scene, list[str]]:
-    """The scene whose picture is compared, and a note for each effect that is not."""
+    """The scene whose picture is compared, and a list of notes for the user about the effects that are not compared."""
     notes, mode = [], scene.settings.shading
     if mode != SHADING:
         notes.append(f"not compared: the shading {mode} (settings.shading is {SHADING})")
@@ -71,13 +72,13 @@ def without_omitted_effects(scene: Scene) -> tuple[Scene, list[str]]:
         notes.append(f"not compared: coloured shadows ({len(transparent)} transparent objects count as opaque)")
         scene = opaque(scene)
     if not any(light.intensity for light in scene.lights.values()):
-        # visray traces no shadow rays then.
+        # visray traces no shadow rays if all lights are dark.
         scene = _with_settings(shadows=False)(scene)
     return scene, notes
 
 
 def without_extent(light: Light) -> Light:
-    """A point light in the middle of an area light; any other light as it is."""
+    """A point light in the middle of the light if it is an area light; otherwise the light itself."""
     if not light.has_area:
         return light
     shared = {f.name: getattr(light, f.name) for f in fields(Light)}

@@ -13,15 +13,16 @@ from visray.study.mitsuba.rounding import BOUND, ObjectRounding
 from visray.study.mitsuba.tessellation import Tessellation, facets_around, tessellate
 from visray.transforms import compose
 
-# A plane is made of nested squares, each twice as large as the one inside it. So the corners of a facet are about as
-# near as the points between them, and are rounded as finely. SMALLEST_SQUARE is the side of the first square, unless
-# the camera is farther away from the plane; LARGEST_SQUARE bounds the last one: products of three lengths in Embree
-# must stay below the largest single-precision number, 2^128.
+# A plane is made of nested squares, each twice as large as the next smaller square. So the corners of a facet are about
+# as near to the camera as the points between them, and their rounding is about as small. SMALLEST_SQUARE is half the
+# side of the innermost square, unless the camera is farther than this from the plane. LARGEST_SQUARE bounds half the
+# side of the outermost square: products of three lengths in Embree must stay below 2^128, the largest single-precision
+# number.
 SMALLEST_SQUARE, LARGEST_SQUARE = 2.0**-16, 2.0**40
 
 
 def mitsuba_shapes(scene: Scene) -> tuple[dict[str, MitsubaShapes], dict[str, str]]:
-    """The Mitsuba shapes of objects by name; and for objects that have none, the reason."""
+    """Two dicts by object name: the Mitsuba shapes of objects; and for objects without such shapes, the reason."""
     results = {name: primitive.mitsuba() for name, primitive in scene.objects.items()}
     return (
         {name: x for name, x in results.items() if isinstance(x, MitsubaShapes)},
@@ -33,11 +34,11 @@ def mitsuba_shapes(scene: Scene) -> tuple[dict[str, MitsubaShapes], dict[str, st
 class PlacedShape:
     """One Mitsuba shape of an object, relative to the centre, and bounds of its rounding.
 
-    shape: dict for Mitsuba, or the arrays of a mesh
-    uv: visray's (u, v) as a function of Mitsuba's
+    shape: dict for Mitsuba, or dict of the arrays of a mesh
+    uv: function from Mitsuba's (u, v) to visray's
     far, growth, smear, gap, slip: see ObjectRounding
-    blunt: the largest distance of a facet's corners over the facet's width; rounding turns the facet by so many times
-        the relative rounding of the corners
+    blunt: largest quotient of a facet's distance from the centre and the facet's width. If rounding changes the corners
+        by a relative error, the facet turns by at most `blunt` times this error.
     tilt: largest angle between the normals of the mesh and of the object (radians)
     """
 
@@ -69,6 +70,11 @@ def placed_shapes(objects: list[MitsubaShapes], centre: np.ndarray) -> list[list
 def _placed(
     shape: dict, uv: Callable, centre: np.ndarray, tessellated: Callable[[str, float | None], Tessellation]
 ) -> PlacedShape:
+    """One shape, moved so that `centre` is the origin.
+
+    shape: dict that Primitive.mitsuba returns; it is changed
+    tessellated: function from a kind of shape and its parameter to the triangles of the canonical shape
+    """
     if shape["type"] == "mesh":
         shape["vertices"] = shape["vertices"] - centre
         far, blunt = _far_and_blunt(shape["vertices"], shape["faces"])
@@ -83,7 +89,8 @@ def _placed(
         far, blunt = _far_and_blunt(corners, np.array([[0, 1, 2], [0, 2, 3]]))
         return PlacedShape(shape, uv, far.max(), blunt=blunt.max())
     if shape["type"] == "disk":
-        # The length of a disk's z axis means nothing. With the length of the x axis the map can be a similarity.
+        # The length of a disk's z axis has no effect. It gets the length of the x axis, so that a disk without shear
+        # passes the test for a similarity.
         to_world[:3, 2] *= np.linalg.norm(to_world[:3, 0]) / np.linalg.norm(to_world[:3, 2])
     if shape["type"] in ("sphere", "disk") and is_similarity(to_world[:3, :3]):
         native_uv = (lambda polar: uv(_square_from_polar(polar))) if shape["type"] == "disk" else uv
@@ -92,14 +99,21 @@ def _placed(
 
 
 def _square_from_polar(polar: tuple) -> tuple:
-    """Coordinates from 0 to 1 on the square around a disk, from Mitsuba's radius and angle, both from 0 to 1."""
+    """Coordinates x, y on the square around a disk, from Mitsuba's polar coordinates (radius, angle).
+
+    Units: all of them run from 0 to 1; the centre of the disk is at (0.5, 0.5).
+    """
     return tuple(0.5 + 0.5 * polar[0] * f(2 * np.pi * polar[1]) for f in (np.cos, np.sin))
 
 
 def _mesh(canonical: Tessellation, uv: Callable, to_world: np.ndarray) -> PlacedShape:
-    """A tessellated shape as a mesh. Its normals are given, so they do not turn with the facets.
+    """A tessellated shape as a mesh.
 
-    But the point that a ray hits on a narrow facet, and so its (u, v), is less certain than the point in the world.
+    The mesh has its own normals, so they do not turn if rounding turns a facet. But (u, v) are less certain than the
+    hit point: across a narrow facet they change quickly. `smear` bounds that.
+
+    canonical: the triangles of the shape before its transform
+    to_world: the transform, (4, 4)
     """
     linear = to_world[:3, :3]
     vertices, normals = canonical.vertices @ linear.T + to_world[:3, 3], canonical.normals @ np.linalg.inv(linear)
@@ -112,20 +126,23 @@ def _mesh(canonical: Tessellation, uv: Callable, to_world: np.ndarray) -> Placed
 
 
 def is_similarity(linear: np.ndarray) -> bool:
-    """Whether a linear map is made of rotation, reflection and uniform scale only."""
+    """Whether a linear map consists of rotation, reflection and uniform scale only. Shapes: (3, 3)."""
     square = linear.T @ linear
     scale = np.trace(square) / 3
-    # Twelve roundings in the product and the trace; ten times as many allow for those of the composed transforms.
+    # The product and the trace take 12 roundings. The tolerance is ten times as large, because the transforms from
+    # which the map was composed are rounded too.
     return bool(np.allclose(square, scale * np.eye(3), rtol=0, atol=120 * np.finfo(float).eps * scale))
 
 
 def is_mirroring(matrix: np.ndarray | None) -> bool:
-    """Whether a transform changes handedness."""
+    """Whether a transform turns left hands into right hands. Shapes: (3, 4). None: no transform."""
     return matrix is not None and bool(np.linalg.det(matrix[:, :3]) < 0)
 
 
 def _far_and_blunt(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each triangle the largest distance of its corners, and that distance over the triangle's width."""
+    """For each triangle: the distance of its farthest corner from the origin; and that distance over the triangle's
+    width, which is its least height. Shapes: vertices (N, 3), faces (M, 3) -> (M), (M).
+    """
     corners = vertices[faces]
     sides = np.roll(corners, -1, 1) - corners
     width = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / np.linalg.norm(sides, axis=2).max(1)
@@ -134,7 +151,7 @@ def _far_and_blunt(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray,
 
 
 def _plane(to_world: np.ndarray, uv: Callable) -> PlacedShape:
-    """A plane as nested squares about its foot, the point nearest to the centre."""
+    """A plane as a mesh of nested squares about its foot, which is the point of the plane nearest to the camera."""
     x, y, _, o = to_world[:3].T
     n = np.cross(x, y) / np.linalg.norm(np.cross(x, y))
     foot = n * (n @ o)
@@ -147,8 +164,8 @@ def _plane(to_world: np.ndarray, uv: Callable) -> PlacedShape:
     after = 4 * np.arange(len(sides) - 1)[:, None] + (np.arange(4) + 1) % 4
     rings = np.stack([inner, inner + 4, after + 4, inner, after + 4, after], -1).reshape(-1, 3)
     faces = np.concatenate([[[0, 1, 2], [0, 2, 3]], rings])
-    # The mesh stores (u, v) relative to the foot, so that single precision is finest near the camera. The (u, v) of the
-    # foot itself are added in double precision.
+    # The mesh stores (u, v) minus those of the foot, so that their rounding is smallest near the camera. The (u, v) of
+    # the foot are added in double precision.
     inverse = np.linalg.inv(to_world[:3, :3])[:2]
     foot_uv = inverse @ (foot - o)
     mesh = {"type": "mesh", "vertices": foot + from_foot, "faces": faces, "uv": from_foot @ inverse.T}

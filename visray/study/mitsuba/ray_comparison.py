@@ -26,16 +26,17 @@ class RayComparison:
     """The hits of the same rays by visray and by Mitsuba.
 
     ours, theirs: the scene in visray and in Mitsuba
-    rays: the rays that both trace
-    traced: visray's own records of the rays
+    rays: the rays that both programs trace
+    traced: visray's own records of the rays and hits
     our_hits, their_hits: first hits by visray and by Mitsuba
-    si: Mitsuba's own record of the hits
+    si: Mitsuba's own record of the hits (SurfaceInteraction)
     ray_error, allowed: bounds of rounding, see rounding.py
+
     Masks with one entry a ray:
-    beyond: visray hits a plane beyond the edge of Mitsuba's squares for it
-    tied: both hit different objects, whose surfaces are in the same place
-    mismatch: both hit different objects, and rounding does not explain it
-    same: both hit the same object, and rounding leaves no doubt
+    beyond: visray hits a plane so far away (LARGEST_SQUARE / 2) that the squares for it in Mitsuba may not reach there
+    tied: the programs hit two different objects whose surfaces are in the same place
+    mismatch: the programs hit different objects, or only one program hits, and rounding does not explain this
+    same: both programs hit the same object, and rounding cannot change that
     """
 
     def __init__(self, ours: VisrayScene, theirs: MitsubaScene, rays: Rays):
@@ -54,12 +55,12 @@ class RayComparison:
         self.same = same & ~self.allowed.edge & ~self.beyond
 
     def _beyond(self) -> np.ndarray:
-        """Whether visray hits a plane farther away than half the side of the largest of Mitsuba's squares for it."""
+        """The mask `beyond`."""
         unbounded = np.append(~self.theirs.rounding.bounded, False)[self.our_hits.index]
         return unbounded & (np.linalg.norm(self.rays.o, axis=1) + self.our_hits.t > LARGEST_SQUARE / 2)
 
     def _excuse_tied(self) -> None:
-        """Marks mismatches of surfaces in the same place as tied."""
+        """Marks mismatches between surfaces in the same place as `tied`, no longer as `mismatch`."""
         lanes = np.flatnonzero(self.mismatch & self.our_hits.hit & self.their_hits.hit)
         if lanes.size:
             rays, our_hits, their_hits = (select(x, lanes) for x in (self.rays, self.our_hits, self.their_hits))
@@ -67,10 +68,10 @@ class RayComparison:
             self.mismatch &= ~self.tied
 
     def _excuse_unstable(self) -> None:
-        """Marks mismatches as near an edge where Mitsuba's own answer changes for a ray that is moved by rounding.
+        """Marks a mismatch as near an edge if Mitsuba hits another object when the ray is moved by its rounding error.
 
-        This happens where a facet is seen edge-on: Embree then decides the side by a product that is all rounding, even
-        far beyond the facet's ends.
+        This happens if a ray is almost parallel to a facet. Embree then decides whether the ray hits by the sign of a
+        product that consists of rounding errors only, even if the ray passes far from the facet.
         """
         lanes = np.flatnonzero(self.mismatch)
         if lanes.size:
@@ -80,11 +81,11 @@ class RayComparison:
             self.mismatch &= ~self.allowed.edge
 
     def points(self) -> np.ndarray:
-        """Hit points relative to the centre; the rays' origins where they hit nothing. Shapes: (N, 3)."""
+        """Hit points relative to the camera; for rays that hit nothing, their origins. Shapes: (N, 3)."""
         return self.rays.o + np.where(self.our_hits.hit, self.our_hits.t, 0)[:, None] * self.rays.direction()
 
     def differences(self) -> RayDifferences:
-        """Counts of rays, and the largest differences."""
+        """Counts of rays, and the largest differences between the hits of both programs."""
         a, b, allowed, same = self.our_hits, self.their_hits, self.allowed, self.same
         size = np.linalg.norm(self.rays.o, axis=1) + np.where(a.hit, a.t, 0)
         dt, turn, duv = absolute_difference(a.t, b.t), angle(a.n, b.n), np.abs(a.uv - b.uv).max(1)
@@ -109,7 +110,7 @@ class RayComparison:
         )
 
     def examples(self, title: str) -> list[str]:
-        """A line for each of the first few mismatches."""
+        """A line of text for each of the first EXAMPLES mismatches. title: what a ray is called in the text."""
         names = (*self.ours.names, "nothing")
         lines = []
         for lane in np.flatnonzero(self.mismatch)[:EXAMPLES]:
@@ -121,12 +122,19 @@ class RayComparison:
 
 
 def select(record: Any, lanes: np.ndarray) -> Any:
-    """Chosen lanes of a record of arrays. Arrays with one entry, which all lanes share, stay as they are."""
+    """A copy of a record of arrays with chosen lanes only.
+
+    lanes: indices or mask of the chosen entries
+    Arrays with a single entry, which all lanes share, are not changed.
+    """
     values = {name: getattr(record, name) for name in record.__dataclass_fields__}
     return replace(record, **{name: v if len(v) == 1 else v[lanes] for name, v in values.items()})
 
 
 def largest(values: np.ndarray, mask: np.ndarray, bound: np.ndarray | None = None) -> float:
-    """The largest value where the mask holds, or the largest ratio of value to bound; 0 where it holds nowhere."""
+    """The largest value among the lanes of the mask; with `bound`, the largest quotient value / bound there.
+
+    It is 0 if the mask is false everywhere.
+    """
     chosen = values[mask]
     return float((chosen if bound is None else chosen / bound[mask]).max(initial=0.0))

@@ -11,7 +11,11 @@ from visray.output.image import Image
 
 @dataclass(frozen=True)
 class Tolerance:
-    """A measured value, and the limit it must not exceed."""
+    """A measured value, and the limit that it must not exceed.
+
+    name: title of a group and of the value, separated by ": "
+    unit: unit of value and limit, as text
+    """
 
     name: str
     value: float
@@ -27,21 +31,21 @@ class Tolerance:
 class RayDifferences:
     """Hits of the same rays by visray and by Mitsuba: counts, and the largest differences.
 
-    rays: how many rays both traced
-    hits: rays that hit an object by visray
-    near_edge: rays within rounding of an edge, where either answer is right
+    rays: number of rays that both programs traced
+    hits: rays that hit an object in visray
+    near_edge: rays so near to an edge that rounding decides what they hit; the answers of both programs count as right
     tied: rays that hit two surfaces in the same place
-    beyond: rays that hit a plane beyond the edge of Mitsuba's squares for it
-    hit_mismatches: of all other rays, those that hit something by one program only
+    beyond: rays that hit a plane so far away that the squares for it in Mitsuba may not reach there
+    hit_mismatches: of all other rays, those that hit something in one program only
     object_mismatches: of all other rays, those that hit different objects
 
     For rays that hit the same object:
-    dt: largest |difference of t| over |o| + t, with o relative to the camera
+    dt: largest |difference of t| / (|o| + t), with o relative to the camera
     angle: largest angle between normals (radians)
     uv: largest difference of u or v, without the uv_unresolved rays
-    uv_unresolved: rays at seams and poles, and very far away
-    dt_bound, angle_bound, uv_bound: largest ratio of the difference to the bound of its rounding at the ray; a ratio
-        above 1 is not explained by rounding
+    uv_unresolved: rays at seams, at poles, and very far away, where (u, v) are not certain
+    dt_bound, angle_bound, uv_bound: largest quotient of the difference and the bound of its rounding error at the same
+        ray; rounding does not explain a quotient above 1
     """
 
     rays: int
@@ -60,6 +64,7 @@ class RayDifferences:
     uv_bound: float
 
     def tolerances(self, title: str) -> list[Tolerance]:
+        """The values that must stay below limits. title: name of the group."""
         bound = "of the rounding bound"
         return [
             Tolerance(f"{title}: hit mismatches", self.hit_mismatches, 0, "rays"),
@@ -73,12 +78,12 @@ class RayDifferences:
 
 @dataclass(frozen=True)
 class ShadowDifferences:
-    """Shadow rays from the points that pixels see to the lights that they face: counts.
+    """Counts of shadow rays, from the points that pixels see to the lights that these points face.
 
-    rays: how many shadow rays both traced
-    reached: rays that reach the light by visray
-    near_edge: rays within rounding of a shadow's edge, or almost parallel to the surface
-    mismatches: of all other rays, those where the programs differ
+    rays: number of shadow rays that both programs traced
+    reached: rays that reach the light in visray
+    near_edge: rays that rounding may move across a shadow's edge, and rays almost parallel to the surface
+    mismatches: of all other rays, those that reach the light in one program only
     """
 
     rays: int
@@ -95,12 +100,12 @@ class ShadowDifferences:
 
 @dataclass(frozen=True)
 class ColouredShadowDifferences:
-    """Transmittance of shadow rays where transparent objects let light through.
+    """Transmittance of shadow rays through transparent objects.
 
-    rays: shadow rays that hit any object, by visray or by Mitsuba
-    near_edge: of them, rays within rounding of an edge
+    rays: number of shadow rays that hit any object, in visray or in Mitsuba
+    near_edge: of these rays, those that rounding may move across an edge
     difference: largest difference of transmittance over all other rays
-    bound: largest ratio of the difference to the bound of its rounding
+    bound: largest quotient of the difference and the bound of its rounding error
     """
 
     rays: int = 0
@@ -117,14 +122,15 @@ class ColouredShadowDifferences:
 
 @dataclass(frozen=True)
 class AreaLightDifferences:
-    """Shadow rays to a grid of points on each area light, the same points for both programs.
+    """Shadow rays to a grid of points on each area light. Both programs use the same points.
 
     lights: number of area lights
-    points: number of points on each
-    pixels: number of pixels whose points the shadow rays start from
+    points: number of grid points on each light
+    pixels: number of pixels; the shadow rays start at the points that these pixels see
     rays, reached, near_edge, mismatches: as in ShadowDifferences
-    compared: pixels none of whose rays is near an edge
-    difference: mean over these of the difference between the fractions of a light that a pixel sees
+    compared: number of pairs of a pixel and a light such that no ray between them is near an edge
+    difference: mean over these pairs of |difference|, where the difference is between the fractions of the light that
+        are visible in visray and in Mitsuba
     """
 
     lights: int = 0
@@ -147,12 +153,12 @@ class AreaLightDifferences:
 
 @dataclass(frozen=True)
 class PictureDifference:
-    """The difference of visray's picture and Mitsuba's with a Blinn-Phong BSDF.
+    """The difference between visray's picture and Mitsuba's picture with a Blinn-Phong BSDF.
 
     pixels: number of pixels
-    compared: pixels that are near no edge
-    rms: root mean square difference over the root mean square of visray's picture
-    most: largest difference of a channel
+    compared: number of pixels that are not near an edge
+    rms: root mean square of the difference, divided by the root mean square of visray's picture
+    most: largest |difference| of a channel
     """
 
     pixels: int
@@ -168,18 +174,18 @@ class PictureDifference:
 
 @dataclass(frozen=True)
 class Report:
-    """The outcome of a check.
+    """The result of a check.
 
-    width, height: size of the compared picture
-    seed: of the random rays
+    width, height: size of the compared picture (pixels)
+    seed: seed of the random rays
     objects: number of compared objects
-    left_out: objects that Mitsuba does not have, with the reason
-    notes: what else is not compared
-    examples: a line for each of the first mismatches
-    pixels, random: hits of the rays through the pixels' centres, and of random rays
-    shadows, tints, penumbras: shadow rays, coloured shadows, shadows of area lights
+    left_out: by name, the objects that Mitsuba does not have, with the reason
+    notes: lines of text about what else is not compared
+    examples: a line of text for each of the first mismatches
+    pixels, random: differences of the rays through the pixels' centres, and of random rays
+    shadows, tints, penumbras: differences of shadow rays, of coloured shadows, and of shadows of area lights
     picture: difference of the pictures
-    difference: image with the layers RGB = visray - Mitsuba, visray, mitsuba, and compared (1 or 0)
+    difference: image with the layers RGB (visray minus Mitsuba), visray, mitsuba, and compared (1 or 0)
     """
 
     width: int
@@ -210,7 +216,7 @@ class Report:
         return all(t.ok for t in self.tolerances)
 
     def as_json(self) -> dict[str, Any]:
-        """The report as json.dumps takes it, without the picture."""
+        """The report as a dict for json.dumps, without the image."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "difference"}
         entries = {k: asdict(v) if hasattr(v, "__dataclass_fields__") else v for k, v in values.items()}
         entries |= {k: list(v) for k, v in entries.items() if isinstance(v, tuple)}
@@ -218,7 +224,7 @@ class Report:
         return {"passed": self.passed, "tolerances": tolerances} | entries
 
     def table(self) -> Table:
-        """The report for the terminal: each value beside its limit, then counts and notes."""
+        """The report as a table for the terminal: each value beside its limit, then counts and notes."""
         title = f"{'passed' if self.passed else 'FAILED'}: {self.objects} objects against Mitsuba"
         table = Table("", "", "value", "limit", "", title=title)
         previous = ""

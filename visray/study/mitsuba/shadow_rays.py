@@ -11,9 +11,9 @@ from visray.lights.light import Light
 class ShadowRays:
     """Shadow rays to one light, in double precision.
 
-    p: where the rays start, relative to the centre of the check, (N, 3)
+    p: points where the rays start, relative to the camera, (N, 3)
     l: unit directions towards the light, (N, 3)
-    length: world units, inf for a whole ray to a light that is infinitely far away, (N)
+    length: length of the rays; inf if the light is infinitely far away and the ray was not shortened (world units), (N)
     infinite: whether the light is infinitely far away, (1)
     """
 
@@ -32,7 +32,10 @@ class ShadowRays:
 
     @staticmethod
     def to(p: np.ndarray, light: Light, centre: np.ndarray) -> "ShadowRays":
-        """Shadow rays from points p to the middle of a light, or against its direction."""
+        """Shadow rays from points p to the middle of a light. If it is infinitely far away, l is minus its direction.
+
+        centre: the camera's position
+        """
         if light.has_position:
             return ShadowRays.between(p, np.array(light.position, float) - centre)
         d = np.array(light.direction, float)
@@ -41,24 +44,30 @@ class ShadowRays:
 
     @property
     def end(self) -> np.ndarray:
-        """End points, finite where the lengths are. Shapes: (N, 3)."""
+        """End points. Shapes: (N, 3). Domain: rays of finite length."""
         return self.p + self.length[:, None] * self.l
 
     def without_start(self, by: np.ndarray) -> "ShadowRays":
-        """The same rays without a first piece of length `by`, or of their whole length if that is less. Shapes: (N)."""
+        """The same rays without a first piece of length `by`. Rays that are shorter than `by` get length 0.
+
+        Shapes: (N).
+        """
         by = np.clip(by, 0, self.length)
         return replace(self, p=self.p + by[:, None] * self.l, length=self.length - by)
 
     def without_end(self, by: np.ndarray) -> "ShadowRays":
-        """The same rays without a last piece of length `by`. Shapes: (N)."""
+        """The same rays without a last piece of length `by`. Rays that are shorter than `by` get length 0.
+
+        Shapes: (N).
+        """
         return replace(self, length=np.maximum(self.length - by, 0))
 
     def limited(self, length: np.ndarray) -> "ShadowRays":
-        """The same rays, cut off at a greatest length. Shapes: (N)."""
+        """The same rays, cut off so that none is longer than `length`. Shapes: (N)."""
         return replace(self, length=np.minimum(self.length, length))
 
     def moved(self, start: np.ndarray, slope: np.ndarray, e: np.ndarray) -> "ShadowRays":
-        """The rays moved along the vector e: by `start` where they start, plus `slope` times the distance from there.
+        """The rays, moved along the vector e: at distance s from its start, each point moves by (start + slope s) e.
 
         Shapes: start, slope (N), e (3).
         """

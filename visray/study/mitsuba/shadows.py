@@ -13,24 +13,26 @@ from visray.study.mitsuba.rounding import AXES, RayError
 from visray.study.mitsuba.shadow_rays import ShadowRays
 from visray.study.mitsuba.visray_lighting import LightArrival
 
-# Shadow rays to a light that is infinitely far away end at this many times the size of the scene. Only planes lie
-# beyond, and a ray that is parallel to a plane, but for its rounding, hits it somewhere.
+# Shadow rays to a light that is infinitely far away are cut off at HORIZON times the size of the scene. Only planes lie
+# beyond that. A ray that is parallel to a plane would hit the plane somewhere far away because of its rounding errors.
 HORIZON = 256
 
 
 @dataclass(frozen=True)
 class LightVisibility:
-    """One light as seen from the points that pixels see, by visray and by Mitsuba. Shapes: one entry a pixel.
+    """The visibility of one light from the points that pixels see, in both programs. Shapes: one entry a pixel.
 
-    our_light, their_light: the light for visray and for Mitsuba
+    our_light, their_light: the light in visray and in Mitsuba
     our_rays, their_rays: shadow rays to the light, shortened by `_shortened`
-    cut_off: the end pieces that were cut off and must be free of occluders, or None
-    touching: objects on whose surface the light lies, (K)
+    cut_off: the pieces that `_shortened` cut off at the end of our_rays and that must contain no occluder; None: no
+        pieces
+    touching: indices of the objects on whose surface the light lies, (K)
     facing: whether the point faces the light
-    cosine: of the light's direction with the normal by visray, 1 where the point does not face the light
-    margin: how far along the shadow ray Mitsuba may hit the point's own surface (world units)
-    largest_margin: the same with the least cosine that rounding allows; inf if the ray may be parallel to the surface
-    our_lit, their_lit: whether light arrives, by visray and by Mitsuba
+    cosine: cosine of the angle between normal and direction to the light in visray; 1 if the point does not face it
+    margin: distance from the start of the shadow ray up to which Mitsuba may hit the surface at its start (world units)
+    largest_margin: this distance for the least cosine that rounding allows; inf if the ray may be parallel to the
+        surface
+    our_lit, their_lit: whether light arrives, in visray and in Mitsuba
     """
 
     our_light: Light
@@ -47,17 +49,18 @@ class LightVisibility:
     their_lit: np.ndarray
 
     def differs(self) -> np.ndarray:
+        """Whether light arrives in one program only."""
         return self.facing & (self.our_lit != self.their_lit)
 
 
 @dataclass
 class ShadowComparison:
-    """The shadows of all lights, compared.
+    """The comparison of the shadows of all lights.
 
     differences: counts over all lights
     lights: a LightVisibility for each light
-    near_edge: for each light, the pixels near the edge of a shadow, (N)
-    examples: a line for each of the first mismatches
+    near_edge: for each light, a mask of the pixels near the edge of a shadow, (N)
+    examples: a line of text for each of the first mismatches
     """
 
     differences: ShadowDifferences
@@ -86,7 +89,7 @@ def compare(comparison: RayComparison) -> ShadowComparison:
 
 
 def examples(comparison: RayComparison, name: str, light: LightVisibility, mismatch: np.ndarray) -> list[str]:
-    """A line for each of the first few mismatches."""
+    """A line of text for each of the first EXAMPLES mismatches. name: name of the light."""
     lines = []
     for lane in np.flatnonzero(mismatch)[:EXAMPLES]:
         p = (comparison.ours.centre + comparison.points()[lane]).tolist()
@@ -98,7 +101,11 @@ def examples(comparison: RayComparison, name: str, light: LightVisibility, misma
 def visibility(
     comparison: RayComparison, our_light: Light, their_light: Light, arrival: LightArrival
 ) -> LightVisibility:
-    """The visibility of a light from the hit points; `arrival` is what visray's kernels say of it."""
+    """The visibility of a light from the hit points.
+
+    our_light, their_light: the light in visray and in Mitsuba
+    arrival: the light that arrives according to visray's kernels
+    """
     p = comparison.points()
     facing = comparison.our_hits.hit & ~comparison.beyond & (arrival.cosine > 0)
     cosine = np.where(facing, arrival.cosine, 1)
@@ -119,12 +126,12 @@ def visibility(
 def _shortened(comparison: RayComparison, shadow_rays: ShadowRays) -> tuple[ShadowRays, ShadowRays | None, np.ndarray]:
     """Shadow rays to a light, cut off at the horizon or before the surfaces on which the light lies.
 
-    A surface does not hide a light that lies on it. But by rounding Mitsuba's light may be off the surface, the surface
-    may be off as much, and the end of a moved ray is off by sqrt(3) times the largest error. So the rays end before all
-    of these.
+    A surface does not hide a light that lies on the surface. But rounding in Mitsuba may move the light away from the
+    surface, may move the surface as far, and a moved ray ends up to sqrt(3) times the largest error away. So the rays
+    are cut off before all these errors.
 
-    Returns the shortened rays, the pieces that were cut off up to the surfaces (None: no such pieces), and the objects
-    on which the light lies.
+    Returns the shortened rays; the pieces that were cut off before the surfaces (None: no such pieces); and the indices
+    of the objects on whose surface the light lies.
     """
     ours, rounding, objects = comparison.ours, comparison.theirs.rounding, np.arange(len(comparison.ours.names))
     if shadow_rays.infinite:
@@ -139,8 +146,8 @@ def _shortened(comparison: RayComparison, shadow_rays: ShadowRays) -> tuple[Shad
     cosine = np.abs(shadow_rays.l @ normals.T)
     moves = np.sqrt(3) * (largest_error.start(shadow_rays.p) + largest_error.slope() * shadow_rays.length)
     single = 2 * (tolerance[touching] + error.slope()[touching] * shadow_rays.length[:, None]) + moves[:, None]
-    # In double precision a shadow ray hits the surface on which the light lies no farther before the light than the
-    # rounding of their coordinates.
+    # `double` bounds the distance before the light at which a ray in double precision may hit the surface on which the
+    # light lies. It comes from the rounding of coordinates.
     size = np.linalg.norm(ours.centre + light) + np.linalg.norm(ours.centre + shadow_rays.p, axis=1)
     double = (gamma(32) * size)[:, None]
     single_end, double_end = (
@@ -151,10 +158,10 @@ def _shortened(comparison: RayComparison, shadow_rays: ShadowRays) -> tuple[Shad
 
 
 def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
-    """Whether visray's answer changes for shadow rays that are moved, or cut off, within Mitsuba's rounding.
+    """Whether visray's result changes if a shadow ray is moved, or cut off elsewhere, within Mitsuba's rounding error.
 
-    Where visray and Mitsuba differ, the occluder may be any object; so the error is that of the object with the largest
-    rounding. There Mitsuba's own answer must not change for moved rays either.
+    If visray and Mitsuba differ on a ray, the occluder may be any object. So the ray is moved by the largest error of
+    all objects. Such a ray is also near an edge if Mitsuba's result changes when the ray is moved. Shapes: (N).
     """
     ours, traced, differs = comparison.ours, comparison.traced, light.differs()
     error = comparison.ray_error.where(differs, comparison.theirs.rounding.largest_ray_error(len(differs)))
@@ -163,7 +170,8 @@ def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
         clear = visray_lighting.unoccluded(ours, traced, shadow_rays, light.facing, on_hit_surface)
         return clear & visray_lighting.sends_light(ours, light.our_light, shadow_rays)
 
-    # The kernel's own answer is not used: if it were wrong, all moved rays would differ from it and excuse it.
+    # The result of the picture's kernel (light.our_lit) is not used here: if it were wrong, all moved rays would differ
+    # from it, and the error would be taken for an edge.
     unmoved = lit(light.our_rays)
     changes = np.isinf(light.largest_margin) | (light.our_rays.length == 0)
     if light.cut_off is not None:
@@ -177,7 +185,7 @@ def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
     lanes = np.flatnonzero(differs & ~changes)
     if lanes.size:
         error_of_lanes, their_rays = select(error, lanes), select(light.their_rays, lanes)
-        # A ray that is moved behind its own surface starts as much farther above it.
+        # A moved ray may start below the surface. The margin grows by as much, so that the surface does not hide it.
         margin = light.margin[lanes] + np.sqrt(3) * error_of_lanes.start(their_rays.p) / light.cosine[lanes]
         for shadow_rays in moved_shadow_rays(their_rays, error_of_lanes):
             their_lit = comparison.theirs.unoccluded(shadow_rays, margin)
@@ -187,6 +195,6 @@ def near_edge(comparison: RayComparison, light: LightVisibility) -> np.ndarray:
 
 
 def moved_shadow_rays(shadow_rays: ShadowRays, error: RayError) -> list[ShadowRays]:
-    """Shadow rays whose ends are moved by the error along each of AXES."""
+    """The shadow rays, moved by the error along each of AXES: a list of six."""
     start, slope = error.start(shadow_rays.p), error.slope()
     return [shadow_rays.moved(start, slope, e) for e in AXES]

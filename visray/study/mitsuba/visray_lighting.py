@@ -1,6 +1,7 @@
-"""The visray side of light: what arrives at hit points, and whether given shadow rays are occluded.
+"""The visray side of light: the light that arrives at hit points, and whether given shadow rays are occluded.
 
-The first comes from the kernels of a picture; the second repeats their searches on shadow rays that are given.
+Arriving light is computed by the code that renders pictures. Occlusion is computed by the same search functions, but on
+shadow rays that the caller chooses.
 """
 
 from collections.abc import Iterator
@@ -26,11 +27,12 @@ from visray.study.mitsuba.visray_scene import TracedRays, VisrayScene, to_numpy
 
 @dataclass(frozen=True)
 class LightArrival:
-    """Light from one light at the hit points.
+    """The light that arrives at hit points from one light source.
 
     reached: whether any light arrives, (N)
-    cosine: of the light's direction with the normal; no light arrives where it is not positive, (N)
-    transmittance: the share of light that transparent objects let through, (N, 3); None where they count as opaque
+    cosine: cosine of the angle between normal and direction to the light. If it is not positive, no light arrives. (N)
+    transmittance: fraction of the light that transparent objects let through, (N, 3); None if the scene has no coloured
+        shadows
     """
 
     reached: np.ndarray
@@ -39,7 +41,7 @@ class LightArrival:
 
 
 def arriving_light(ours: VisrayScene, traced: TracedRays) -> Iterator[LightArrival]:
-    """The arrival of each light that is no area light, in the order of the scene."""
+    """A LightArrival for each light, in the order of the scene. Domain: scenes without area lights."""
     interaction = _interaction(ours, traced)
     n = len(traced.first_hits.t)
     for light in _lights(ours):
@@ -49,9 +51,9 @@ def arriving_light(ours: VisrayScene, traced: TracedRays) -> Iterator[LightArriv
 
 
 def arriving_light_of_point(ours: VisrayScene, traced: TracedRays, light: AreaLight, point: np.ndarray) -> LightArrival:
-    """The arrival of one point of an area light, by the kernel that samples many points.
+    """The light that arrives from one point of an area light, computed by the code that samples area lights.
 
-    point: relative to the centre, (3).
+    point: position relative to the camera, (3)
     """
     a, row = ours.a, light_table(ours, light)
     away = a.W(*(ours.centre + point).tolist()) - row.position
@@ -65,7 +67,11 @@ def arriving_light_of_point(ours: VisrayScene, traced: TracedRays, light: AreaLi
 
 
 class PinnedAreaLight:
-    """An area light whose samples all lie at one point, at the offset `away` from its middle."""
+    """An area light whose samples all lie at one point.
+
+    light: the area light, with Dr.Jit fields
+    away: vector from the middle of the light to that point
+    """
 
     def __init__(self, light: Any, away: Any):
         self.light, self.away = light, dr.make_opaque(away) or away
@@ -83,7 +89,7 @@ def _interaction(ours: VisrayScene, traced: TracedRays) -> Interaction:
 
 
 def _lights(ours: VisrayScene) -> list[PreparedLight]:
-    """All lights in the order of the scene. Lights that the kernel handles in a loop are taken out one by one."""
+    """All lights in the order of the scene, one by one, even if the kernel loops over many lights of one kind."""
     lights = {light.number: light for light in ours.kernel.lights}
     for batch in ours.kernel.looped_lights:
         columns = next(c for c in ours.prepared.packed.lights if c.kind is batch.kind)
@@ -94,21 +100,24 @@ def _lights(ours: VisrayScene) -> list[PreparedLight]:
 
 
 def light_table(ours: VisrayScene, light: Light) -> Any:
-    """A light with Dr.Jit fields, as the methods of its kind take it."""
+    """The light with Dr.Jit arrays as fields, which its methods for kernels need."""
     return stacked(ours.a, type(light), [light])
 
 
 def sends_light(ours: VisrayScene, light: Light, shadow_rays: ShadowRays) -> np.ndarray:
-    """Whether a light sends anything towards the points where shadow rays start. Shapes: (N)."""
+    """Whether a light sends any light along shadow rays to their starts, if nothing is in between. Shapes: (N)."""
     aim = light_table(ours, light).falloff(ours.triples(-shadow_rays.l))
     return np.ones(len(shadow_rays.p), bool) if aim is None else np.array(aim) > 0
 
 
 def objects_touching(ours: VisrayScene, p: np.ndarray, tolerance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Objects whose surface passes within `tolerance` of the point p, and the unit normals there.
+    """Indices of the objects whose surface passes within `tolerance` of the point p, and unit normals at p.
 
-    For flat shapes the whole plane counts. p is relative to the centre.
-    Shapes: p (3), tolerance (objects) -> (K), (K, 3).
+    The surface of a flat object is taken to be its infinite plane.
+
+    p: position relative to the camera, (3)
+    tolerance: distance for each object (world units), (number of objects)
+    Shapes: (K), (K, 3).
     """
     point = ours.a.W(*(ours.centre + p).tolist())
     levels = [batch.kind.surface_at(batch.placed, point) for batch in ours.kernel.batches]
@@ -122,9 +131,10 @@ def objects_touching(ours: VisrayScene, p: np.ndarray, tolerance: np.ndarray) ->
 def unoccluded(
     ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, active: np.ndarray, on_hit_surface: bool = True
 ) -> np.ndarray:
-    """Whether nothing lies on shadow rays; always true in a scene without shadows. Shapes: (N).
+    """Whether no object lies on a shadow ray; always true if the scene has no shadows. Shapes: (N).
 
-    on_hit_surface: the shadow rays start on the surfaces that the traced rays hit.
+    active: mask of the lanes that matter, (N)
+    on_hit_surface: whether the shadow rays start on the surfaces that the traced rays hit
     """
     if not ours.prepared.scene.settings.shadows:
         return np.ones(len(shadow_rays.p), bool)
@@ -132,7 +142,10 @@ def unoccluded(
 
 
 def transmittances(ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, active: np.ndarray) -> np.ndarray:
-    """The share of light that transparent objects let through on shadow rays from hit surfaces. Shapes: (N, 3)."""
+    """The transmittance of shadow rays that start on the surfaces that the traced rays hit. Shapes: (N, 3).
+
+    active: mask of the lanes that matter, (N)
+    """
     materials = tuple((batch.material.kt, batch.material.dmax) for batch in ours.kernel.batches)
     return to_numpy(transmittance(*_search(ours, traced, shadow_rays, True), ours.a.B(active), materials, False))
 
@@ -140,9 +153,10 @@ def transmittances(ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRay
 def _search(
     ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRays, on_hit_surface: bool
 ) -> tuple[RayOrigin, Ray, Target]:
-    """The origin, ray and target that the kernels search with.
+    """The origin, rays and target with which the kernels search for occluders.
 
-    The kernels search from a light to the point, but from the point to a light that is infinitely far away.
+    The kernels search from the light to the point. If the light is infinitely far away, they search from the point
+    towards the light.
     """
     a, n = ours.a, len(shadow_rays.p)
     inside = a.B(traced.inside())
@@ -150,14 +164,15 @@ def _search(
         ray = Ray(ours.triples(ours.centre + shadow_rays.p), ours.triples(shadow_rays.l))
         target = Target(a.D(shadow_rays.length), dr.zeros(a.D, n))
         if on_hit_surface:
-            # The search starts beyond the error of the point, so that surfaces flush with its own are not hit.
+            # The search starts farther away than the error of the point. So it does not hit other surfaces in the same
+            # place as the surface on which the ray starts.
             cosine = a.D(np.abs((traced.first_hits.n * shadow_rays.l).sum(1)))
             clearance = traced.surface.error / dr.select(cosine > 0, cosine, 1)
             ray = Ray(ray.o, ray.d, row=traced.hit.row, inside=inside, clearance=clearance, part=traced.hit.part)
     else:
         ray = Ray(ours.triples(ours.centre + shadow_rays.end), ours.triples(-shadow_rays.l))
         row = traced.hit.row if on_hit_surface else dr.opaque(a.U, NO_ROW, n)
-        # The part is not read where the end lies on no row.
+        # The part is not used if the ray's end lies on no row.
         error, part = traced.surface.error, traced.hit.part
         target = Target(a.D(shadow_rays.length), error, row, inside & on_hit_surface, part)
     return RayOrigin(ours.kernel.geometry, ray.o, shared=False), ray, target

@@ -1,7 +1,7 @@
-"""The visray side of the check: first hits, normals and colours along rays that are also sent through Mitsuba.
+"""The visray side of the check: first hits, normals and colours along rays that Mitsuba traces too.
 
-The rays are stored in single precision. All positions are relative to a centre, which is the camera: single precision
-is finest where coordinates are small.
+The rays are stored in single precision. All positions are relative to the camera (the centre of the check), because
+small coordinates have small rounding errors.
 """
 
 from dataclasses import dataclass
@@ -23,15 +23,15 @@ from visray.setup import Prepared, prepare
 class Rays:
     """Rays in single precision, relative to the centre of the check.
 
-    o: origins, (1, 3) if all rays share one, else (N, 3), float32
-    d: directions, of unit length to 2^-23, (N, 3), float32
+    o: origins, float32, (N, 3), or (1, 3) if all rays share one origin
+    d: directions, float32, (N, 3); their lengths are 1 to within 2^-23
     """
 
     o: np.ndarray
     d: np.ndarray
 
     def direction(self) -> np.ndarray:
-        """Directions in double precision, of unit length. Shapes: (N, 3)."""
+        """Unit directions in double precision. Shapes: (N, 3)."""
         d = self.d.astype(float)
         return d / np.linalg.norm(d, axis=1, keepdims=True)
 
@@ -40,10 +40,10 @@ class Rays:
 class FirstHits:
     """The first hit of each ray, in double precision.
 
-    index: number of the object, -1 for none, (N)
-    t: distance, inf for none, (N)
+    index: index of the object, -1 without a hit, (N)
+    t: distance, inf without a hit, (N)
     n: unit normal, (N, 3)
-    uv: texture coordinates, NaN where they are not known, (N, 2)
+    uv: texture coordinates, (N, 2); NaN if Mitsuba traced the ray and it hit nothing
     """
 
     index: np.ndarray
@@ -58,7 +58,11 @@ class FirstHits:
 
 @dataclass(frozen=True)
 class TracedRays:
-    """Rays that visray traced: its Dr.Jit records, and the first hits as NumPy arrays."""
+    """Rays that visray traced.
+
+    ray, hit, surface: visray's records of the rays, with Dr.Jit arrays
+    first_hits: the same hits as NumPy arrays
+    """
 
     ray: Ray
     hit: Hit
@@ -76,7 +80,11 @@ def to_numpy(v: Any) -> np.ndarray:
 
 
 class VisrayScene:
-    """A scene that is prepared for visray's kernels. `names` lists its objects in the order of their indices."""
+    """A scene that is prepared for visray's kernels.
+
+    names: names of the objects in the order of their indices
+    centre: the camera's position, (3)
+    """
 
     def __init__(self, scene: Scene):
         self.prepared: Prepared = prepare(scene)
@@ -85,7 +93,7 @@ class VisrayScene:
         self.centre = np.array(scene.camera.origin, float)
 
     def pixel_rays(self) -> Rays:
-        """Camera rays through the centres of all pixels, row by row."""
+        """Camera rays through the centres of all pixels, in the order of the film's rows."""
         film = self.prepared.scene.film
         y, x = np.divmod(np.arange(film.width * film.height, dtype=np.uint32), np.uint32(film.width))
         ray = integrator.camera_ray(self.kernel, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
@@ -96,9 +104,9 @@ class VisrayScene:
         return self.a.put(self.a.W, v.T.astype(float))
 
     def trace_from(self, o: np.ndarray, d: np.ndarray, source: np.ndarray | None = None) -> TracedRays:
-        """Traces rays from origins o, relative to the centre, in directions d.
+        """Traces rays from origins o, relative to the camera, in directions d.
 
-        source: objects whose surface the rays leave on the outer side, (N); None: the rays start anywhere.
+        source: index of the object whose surface the ray leaves on the outer side, (N); None: rays may start anywhere
         """
         a = self.a
         leaving = () if source is None else (a.U(source.astype(np.uint32)), dr.full(a.B, False, len(d)))
@@ -114,7 +122,7 @@ class VisrayScene:
         return TracedRays(ray, hit, surface, FirstHits(index, np.array(hit.t), to_numpy(surface.n), uv))
 
     def trace(self, rays: Rays) -> TracedRays:
-        """Traces rays of the check."""
+        """Traces rays that are stored in single precision."""
         return self.trace_from(rays.o.astype(float), rays.d.astype(float))
 
     def colours(self, traced: TracedRays) -> np.ndarray:

@@ -281,7 +281,7 @@ def test_it_speaks_plain_english(pages: dict[str, str]) -> None:
     """The headline says what to do; shares of time are percent."""
     r = study()
     assert advice(r) == (
-        "Use 12 sobol samples per pixel and a depth of 9 and 8 light samples: the same error in 60 % of the time."
+        "Use 12 sobol samples per pixel, a depth of 9 and 8 light samples: the same error in 60 % of the time."
     )
     assert halving(r) == "Half of the error takes 2.6 times the time (2.4 to 2.8), with 41 sobol samples per pixel."
     only = lambda knob, value: advice(replace(r, savings=(Price(knob, 1.0, Band(0.6, 0.5, 0.7), 0.1, value),)))  # noqa: E731

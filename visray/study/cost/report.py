@@ -78,7 +78,8 @@ def _choice(price: Price, report: Report) -> str:
     if price.knob == TOGETHER:
         turned = {a: v for a, v in report.joint[0].settings.items() if a != SPP and v != own.get(a)}
         sampler = turned.pop(SAMPLER, own.get(SAMPLER))
-        return " and ".join([_samples(sampler, value), *(_setting(a, v) for a, v in turned.items())])
+        *parts, last = _samples(sampler, value), *(_setting(a, v) for a, v in turned.items())
+        return f"{', '.join(parts)} and {last}"
     if is_samples(price.knob):
         return _samples(price.knob.removeprefix("samples, "), value)
     if price.knob.endswith(("samples", "rays")):

@@ -8,13 +8,13 @@
 A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
 """
 
-# ruff: noqa: E402, F401, F403 - the order matters here; the public names of lights and primitives are listed there
+# ruff: noqa: E402, F401, F403 - the order of imports matters; lights and primitives list their own public names
 import sys
 
 from visray import clock  # isort: skip
 from visray import llvm
 
-llvm.prepare()  # before anything imports Dr.Jit, which loads its LLVM at once
+llvm.prepare()  # before Dr.Jit is imported, because its import loads LLVM
 
 from visray import lights, primitives
 from visray.camera import Camera
@@ -77,20 +77,22 @@ __all__ = [
     "value",
 ]  # fmt: skip
 
-# Names of earlier versions, with the names of today.
+# From each name of an earlier version to its name today.
 _RENAMED = {"Gradient": "SkyGradient", "surfaces": "SURFACES"}
 
 
 def __dir__() -> list[str]:
-    """The public names. Python adds every imported submodule to a package; those are internal."""
+    """Public names, sorted. Submodules, which Python adds to the package when they are imported, are internal and left
+    out."""
     return sorted(__all__)
 
 
 def __getattr__(name: str) -> object:
-    """Raises the error for a name that does not exist. For a name of an earlier version, it says the new name."""
+    """Raises an error, because visray has no attribute `name`. For a name of an earlier version, the message says its
+    new name."""
     if name not in _RENAMED:
         raise AttributeError(f"module 'visray' has no attribute {name!r}")
     text = f"visray.{name} is now visray.{_RENAMED[name]}; use the new name"
-    # `from visray import Gradient` would replace an AttributeError with a text of its own.
+    # In `from visray import Gradient`, Python would replace the text of an AttributeError by its own.
     importing = sys._getframe(1).f_globals.get("__name__") == "importlib._bootstrap"
     raise ImportError(text) if importing else AttributeError(text)

@@ -1,4 +1,4 @@
-"""`python -m visray`: the command line."""
+"""Entry point of `python -m visray`: runs the command line."""
 
 from visray.cli import main
 

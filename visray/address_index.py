@@ -1,4 +1,7 @@
-"""Places of a scene's addresses in its packed arrays: for derivatives and updates."""
+"""Finds the numbers of a scene in its packed arrays, by address: for derivatives and updates.
+
+An address is the dotted name of a value in a scene, such as `objects.ball.radius` (scene/address.py).
+"""
 
 from dataclasses import dataclass, is_dataclass
 from typing import Any
@@ -14,11 +17,12 @@ from visray.scene.scene import Scene, SkyGradient
 
 @dataclass(frozen=True)
 class Slot:
-    """The place of one address in the packed arrays.
+    """The place where the packed arrays contain the value of one address: a number or a triple of numbers.
 
-    arrays: arrays that hold the number; a plain background has two, top and bottom
-    row: entry in the arrays
-    component: 0, 1 or 2, or None for the whole entry
+    arrays: the arrays that contain the value. A background of one colour is stored twice, as top and bottom of a sky,
+        and has two arrays; every other value has one.
+    row: index of the array entry
+    component: 0, 1 or 2 for one number of a triple; None for the whole entry
     """
 
     arrays: tuple[Any, ...]
@@ -26,12 +30,16 @@ class Slot:
     component: int | None
 
     def read(self, values: tuple | list) -> Any:
-        """The entry in `values`, which are shaped like `arrays`, summed over all of them."""
+        """Reads the entry at this place from `values`. Returns a number, or a NumPy array of three numbers.
+
+        values: one array for each of `self.arrays`, of the same shape, such as its gradient. If there are two, their
+            entries are added.
+        """
         entry = sum(np.array(v, float)[..., self.row] for v in values)
         return float(entry) if entry.ndim == 0 else entry if self.component is None else float(entry[self.component])
 
     def one_hot(self) -> list[np.ndarray]:
-        """Arrays that are 1 at the entry and 0 elsewhere."""
+        """NumPy arrays with the shapes of `self.arrays` that are 1 at this place and 0 elsewhere, as a list."""
         hot = [np.zeros(np.array(v).shape) for v in self.arrays]
         for h in hot:
             h[(Ellipsis, self.row) if self.component is None else (self.component, self.row)] = 1
@@ -39,20 +47,26 @@ class Slot:
 
 
 class AddressIndex:
-    """Finds the arrays and rows that hold an address of a scene: for derivatives and updates."""
+    """Maps the addresses of a scene to places in its packed arrays."""
 
     def __init__(self, scene: Scene, packed: Packed):
         self.scene, self.packed = scene, packed
 
     def row_of(self, section: tuple[Columns, ...] | tuple[LightColumns, ...], name: str) -> tuple[int, int]:
-        """The batch of an object or a light, and its row there."""
+        """Number of the batch that contains an object or a light, and the row in this batch. Raises KeyError if there
+        is none.
+
+        section: batches of all objects, or batches of all lights
+        name: name of the object or light
+        """
         for number, batch in enumerate(section):
             if (row := batch.names.row(name)) is not None:
                 return number, row
         raise KeyError(name)
 
     def slot(self, address: str) -> Slot:
-        """The place of the number at `address`. Raises UserError where a picture does not depend smoothly on it."""
+        """The place of the value at `address`. Raises UserError if the picture does not depend smoothly on this value,
+        or if the address names more than one number or triple."""
         parts, packed = address.split("."), self.packed
         head, name, field = (parts + ["", ""])[:3]
         if isinstance(value := addresses.value(self.scene, address), dict) or is_dataclass(value):
@@ -82,7 +96,11 @@ class AddressIndex:
         return Slot((getattr(table, field),), row, int(rest[0]) if rest else None)
 
     def _of_object(self, name: str, path: list[str]) -> Slot:
-        """The place of one of an object's numbers. path: the address after the object's name, split at dots."""
+        """The place of one value of an object. Raises UserError if the value has no derivative.
+
+        name: name of the object
+        path: rest of the address after this name, split at the dots
+        """
         obj = self.scene.objects[name]
         number, row = self.row_of(self.packed.batches, name)
         batch = self.packed.batches[number]

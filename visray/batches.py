@@ -1,4 +1,14 @@
-"""Batches as kernels read them: rows of one kind, placed in the world."""
+"""Batches as kernels read them: objects that share their code, placed in the world.
+
+Words of all code that runs in kernels:
+
+row: one object, as an entry of the kernel's tables. Rows are numbered through the whole scene, batch after batch.
+batch: rows of one kind that share their code, either all with a transform or all without one
+lane: one entry of a Dr.Jit array, for one ray or one pixel. A kernel computes all lanes in parallel; a packet is the
+    group of lanes that the processor computes with one instruction (SIMD).
+part: one smooth piece of a row's surface, such as a face of a box (ray.py)
+attached, detached: with derivatives, without derivatives (pytree.py)
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,12 +27,14 @@ from visray.pytree import detached, evaluated, rows
 class Batch:
     """Rows of one kind that share their code.
 
+    kind: class of the objects
     names: names of the rows
     first_row: number of the batch's first row among all rows of the scene
-    placed: the kind's own record of placed rows
+    placed: data of all rows that depends on no ray, as Primitive.placed returns it
     low, high: corners of each row's bounding box; None for unbounded kinds
     centre, radius: bounding ball of each row; None for unbounded kinds
-    coordinate_bound: no coordinate of a row is greater, up to a factor that the rounding bounds allow for
+    coordinate_bound: size of each row's world coordinates, from which rounding bounds are computed: |centre| + radius
+        for bounded kinds, |origin of the frame| for unbounded kinds, with geometry.l1_norm as | |
     material: material of each row
     texture: number of each row's texture, or NO_TEXTURE
     object: number of each row's object in the scene
@@ -45,23 +57,31 @@ class Batch:
         return len(self.names)
 
     def has(self, row: Any) -> Any:
-        """Whether a row of the scene belongs to the batch."""
+        """Mask of the lanes whose row belongs to this batch. row: number among all rows of the scene."""
         return (row >= self.first_row) & (row < self.first_row + len(self))
 
     def rows_at(self, i: Any) -> "Batch":
-        """Only the placed records and bounding balls of the rows with numbers `i` in the batch."""
+        """A batch of only the rows `i`, one for each lane. It contains their placed data and bounding balls, and None
+        elsewhere.
+
+        i: number of the row in this batch
+        """
         return Batch(
             self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
             coordinate_bound=None, material=None, texture=None, object=None,
         )  # fmt: skip
 
     def part(self, part: Any) -> Any:
-        """The part of a hit as the kind expects it: None for kinds with a single part."""
+        """The part of a hit as an argument for methods of the kind: `part`, or None if the kind has a single part."""
         return None if self.kind.parts == 1 else part
 
 
 def place(columns: Columns, first_row: int, materials: Material) -> Batch:
-    """Places a batch in the world and evaluates it. Derivatives flow through it."""
+    """The batch that `columns` describe, placed in the world and evaluated. Derivatives flow through it.
+
+    first_row: number of the batch's first row among all rows of the scene
+    materials: table of all materials of the scene
+    """
     numbers, outer = columns.numbers, columns.outer
     placed = numbers.placed(outer)
     low = high = centre = radius = None
@@ -79,7 +99,7 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
 
 
 def boxes(batch: Batch) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the rows' bounding boxes, enlarged by their own rounding. Shapes: (rows, 3) each."""
+    """Corners (low, high) of the rows' boxes, moved outwards by their rounding error. Shapes: (rows, 3) each."""
     low, high = np.array(batch.low, float).T, np.array(batch.high, float).T
     # Corners are sums of at most eight products of numbers no greater than the coordinate bound.
     error = gamma(16) * np.broadcast_to(np.array(batch.coordinate_bound, float), len(low))[:, None]

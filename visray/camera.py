@@ -14,12 +14,13 @@ class View:
     """The camera prepared for kernels.
 
     o: origin
-    pixel_right, pixel_down: steps from a pixel to its neighbours, on the image plane at distance 1
+    pixel_right, pixel_down: vectors from a pixel to its right and to its lower neighbour, on the image plane at
+        distance 1
     corner: top left corner of the picture on that plane, relative to o
     forward: unit direction of the view
-    lens_right, lens_up: radius of the lens to the right and up
-    inverse_focus: 1 over the distance of focus
-    target_distance: distance of the target
+    lens_right, lens_up: vectors from the centre of the lens to its right edge and to its upper edge
+    inverse_focus: 1 / distance of the plane in focus
+    target_distance: distance from o to the target
     """
 
     o: Any
@@ -37,8 +38,8 @@ class View:
 class Camera:
     """Looks from `origin` to `target`; `up` points upwards in the picture; `fov` is the vertical angle of view.
 
-    `aperture` is the diameter of the lens. Points not at distance `focus` along the view (0: the distance of the
-    target) are blurred. With aperture 0 everything is sharp.
+    `aperture` is the diameter of the lens. With aperture 0 everything is sharp; otherwise only points at distance
+    `focus` along the view are sharp. `focus` 0 means the distance of the target.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -51,16 +52,16 @@ class Camera:
     focus: LengthOrZero = 0.0
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
-        """Unit directions right, up and forward in the picture, and the distance of the target. Fields are Dr.Jit
-        arrays here, or scalars."""
-        # One difference for both results: in forward mode Dr.Jit refuses a derivative that reaches no output.
+        """Unit directions to the right, up and forward in the picture, and the distance of the target. The camera's
+        fields hold Dr.Jit arrays or Dr.Jit scalars here."""
+        # One difference serves both results, because in forward mode Dr.Jit refuses a derivative that no output uses.
         view = self.target - self.origin
         forward, target_distance = dr.normalize(view), dr.norm(view)
         right = dr.normalize(dr.cross(forward, self.up))
         return right, dr.cross(right, forward), forward, target_distance
 
     def view(self, width: int, height: int, a: Arrays) -> View:
-        """The camera for a picture of width x height pixels. Fields are Dr.Jit arrays here."""
+        """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here."""
         right, up, forward, target_distance = self.axes()
         columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
         pixel = 2 * dr.tan(self.fov * (0.5 * dr.pi / 180)) / rows

@@ -11,7 +11,7 @@ def now() -> float:
 
 
 def kernel_seconds(kernels: Iterable[dict[str, Any]]) -> float:
-    """Total running time in seconds of kernels in Dr.Jit's history."""
+    """Total running time of kernels, in seconds. kernels: entries of Dr.Jit's kernel history."""
     return sum(k["execution_time"] for k in kernels) / 1e3
 
 

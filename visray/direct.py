@@ -1,4 +1,4 @@
-"""Direct light at a surface point: from point lights, distant lights and area lights, with its shadows."""
+"""Direct light at a surface point: light from point lights, directional lights and area lights, with its shadows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,19 +16,19 @@ from visray.lights.light import Light
 from visray.pytree import rows
 from visray.ray import Ray, inverse_length
 
-# The first random dimension of lights: light i uses DIMENSION + i.
+# First random dimension of the lights (sampling.py): light i uses DIMENSION + i.
 DIMENSION = 16
 
 
 @dataclass(frozen=True)
 class LightSample:
-    """Light that travels from a light, or one point of it, to a surface point.
+    """Light that travels from a light, or from one point of it, to a surface point.
 
     l: unit direction to the light
-    cosine: between l and the surface's normal
-    arrives: whether any light arrives
-    weight: factor of attenuation and falloff, or None where it is 1
-    transmittance: share of the light that passes transparent objects, a colour; None where shadows are opaque
+    cosine: cosine of the angle between l and the surface's normal
+    arrives: mask of the lanes in which light arrives: the light is on the side of the normal, and not occluded
+    weight: attenuation times falloff, or None if it is 1
+    transmittance: share of the light that passes through transparent objects, a colour; None if shadows are opaque
     """
 
     l: Any
@@ -39,7 +39,10 @@ class LightSample:
 
 
 def direct(s: KernelScene, si: Interaction, reflected: Callable) -> Any:
-    """Reflected light from all lights: the sum of reflected(s, si, the light's row, light sample)."""
+    """Light from all lights that a surface point reflects, a colour: the sum of `reflected` over light samples.
+
+    reflected: function of (s, si, row of the light's numbers, light sample) that returns a colour
+    """
     colour = dr.zeros(s.a.V, 1)
     for light in s.lights:
         if light.kind.has_area:
@@ -52,7 +55,7 @@ def direct(s: KernelScene, si: Interaction, reflected: Callable) -> Any:
 
 
 def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Callable) -> Any:
-    """Reflected light from the lights of a batch, in a loop."""
+    """Light from the lights of one batch that a surface point reflects, a colour; computed in a loop."""
 
     def step(i: Any, colour: Any) -> tuple:
         row, points = rows(batch.table, i), rows(batch.points, i)
@@ -66,12 +69,13 @@ def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Calla
 
 
 def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
-    """Reflected light from an area light: the mean over samples of its points.
+    """Light from an area light that a surface point reflects, a colour: the mean of `reflected` over points of the
+    light.
 
-    With settings.area "centre", as in the original program, only the light's centre is shaded, and the mean of all
-    shadows weakens it.
+    With settings.area "centre", as in the original program, direction, distance and falloff are those of the light's
+    centre, and only the shadows are those of the points.
 
-    salt: number that makes the samples of looped lights differ
+    salt: number that makes the random points of each looped light differ
     """
     a, n, row = s.a, dr.width(si.surface.p), light.light
     dimension = si.sample.derived(salt).dimension(DIMENSION + light.number)
@@ -94,11 +98,13 @@ def _from_point(
     s: KernelScene, si: Interaction, row: Any, to_light: Any, origin: RayOrigin | None = None,
     centre: LightSample | None = None,
 ) -> LightSample:  # fmt: skip
-    """A light sample of one point of an area light, computed in the precision of shading.
+    """A light sample from one point of an area light, computed in the precision of shading.
 
-    to_light: vector from the surface point to the light's point
-    origin: start of shadow rays, or None where there are no shadows
-    centre: light sample of the light's centre, which is shaded instead; only the shadow is that of the point
+    row: numbers of the light
+    to_light: vector from the surface point to the point of the light
+    origin: origin of shadow rays; None if there are no shadows
+    centre: light sample from the light's centre, or None. If it is given, the result takes direction, cosine and weight
+        from it, and only the shadow from the point
     """
     a = s.a
     squared_distance = dr.squared_norm(to_light)
@@ -115,19 +121,20 @@ def _from_point(
         sample = LightSample(centre.l, centre.cosine, arrives & centre.arrives, centre.weight)
     if origin is None:
         return sample
-    # The error of the light's point: that of the vector to it, a sum with terms that may exceed the distance.
+    # Error of the point of the light. The vector to it is a sum whose terms may be larger than the distance.
     largest_coordinate = distance + a.F(row.radius_bound())
     error = gamma(8, a.precision) * largest_coordinate + a.F(gamma(9) * l1_norm(row.position))
     return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, may_touch=True), sample)
 
 
 def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
-    """The light sample of a light without an area."""
+    """The light sample from a light without an area."""
     if not light.kind.has_position:
         return _directional(s, si, light.light)
     a, row = s.a, light.light
     from_light = si.surface.p - row.position
-    # Single precision suffices for shadow rays that come near nothing. The falloff needs double: digits cancel in it.
+    # Single precision suffices for shadow rays that pass far from all objects. The falloff needs double, because digits
+    # cancel in it.
     starts_single = a.precision == "single"
     if starts_single:
         squared_distance = dr.squared_norm(a.V(from_light))
@@ -154,8 +161,9 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
         error = gamma(9) * (l1_norm(row.position) + a.D(distance))
         ray = replace(si.spawn_ray(-d, cosine), to_target=-from_light if starts_single else None)
         return _shadowed(s, si.origin, ray, Target(distance, error, may_touch=True), sample)
-    # The ray runs from the light to the point, so that all rays of a light share their origin. It counts as arrived at
-    # a surface flush with the one that is shaded: above it by at most the errors of the point and of the ray's end.
+    # The shadow ray runs from the light to the point, so that all shadow rays of a light share their origin. A surface
+    # above the point by at most the errors of the point and of the ray's end does not occlude: to within rounding it is
+    # the surface that is shaded.
     error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))
     target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=cosine)
     ray = Ray(row.position, d, to_target=from_light if starts_single else None)
@@ -163,7 +171,7 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
 
 
 def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
-    """The light sample of a directional light."""
+    """The light sample from a directional light. row: numbers of the light."""
     a = s.a
     d = -dr.normalize(row.direction)
     l = a.V(d)
@@ -180,7 +188,10 @@ def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
 
 
 def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
-    """1 / (a + b d + c d^2), or 1 where a = b = c = 0; None in scenes without attenuation."""
+    """1 / (a + b d + c d^2) at distance d, or 1 if a = b = c = 0; None in scenes without attenuation.
+
+    row: numbers of the light
+    """
     if not s.features["attenuation"]:
         return None
     weight = row.a + distance * (row.b + distance * row.c)
@@ -188,7 +199,12 @@ def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
 
 
 def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sample: LightSample) -> LightSample:
-    """The light sample after the shadows of the objects along the ray."""
+    """The light sample after the objects along a shadow ray have taken light from it.
+
+    origin, ray: the shadow ray
+    target: end of the shadow ray
+    sample: light sample before shadows
+    """
     if not s.features["coloured shadows"]:
         is_occluded = occluded(origin, ray, target, sample.arrives, s.brute_force)
         return LightSample(sample.l, sample.cosine, sample.arrives & ~is_occluded, sample.weight)

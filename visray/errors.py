@@ -2,8 +2,8 @@
 
 
 class UserError(Exception):
-    """One or more lines, each with the address, what is wrong, and what would be right. The command line prints them
-    and exits with status 2."""
+    """An error of one or more lines; each line says the address, what is wrong, and what would be right. The command
+    line prints the lines and exits with status 2."""
 
     def __init__(self, *lines: str):
         super().__init__("\n".join(lines))
@@ -11,4 +11,4 @@ class UserError(Exception):
 
 
 class GoalWarning(UserWarning):
-    """A picture has a larger error than was asked for."""
+    """The error of a picture is larger than was asked for, or it is unknown."""

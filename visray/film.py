@@ -1,4 +1,8 @@
-"""The film: sample counts, mean and variance of pixels. Saving, loading and merging lose no bit."""
+"""The film: the samples of a picture's pixels while it is rendered. An Image (output/image.py) is the finished result.
+
+A film keeps counts and moments of samples (moments.py), so it can always take more samples. Saving, loading and merging
+films lose no bit.
+"""
 
 import json
 import os
@@ -19,14 +23,16 @@ from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.version import __version__
 
-# Peak memory of a pixel with all layers: 411 measured, for 2000 x 2000 pixels rendered and written as EXR.
+# Bytes of memory per pixel at the peak, with all layers: 411 measured, for 2000 x 2000 pixels rendered and written as
+# EXR.
 BYTES_PER_PIXEL = 420
 
 
 class PictureIdentity:
-    """What a film's bits depend on, except for the machine. Films of the same picture have equal identities.
+    """Everything that the bits of a film depend on, except the machine. Films of the same picture have equal
+    identities.
 
-    The number of samples is part of it for the stratified sampler only, because it decides the strata.
+    The number of samples is included for the stratified sampler only, because it decides the strata.
 
     facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
     """
@@ -55,9 +61,10 @@ class PictureIdentity:
         }
 
     def check(self, other: "PictureIdentity", name: str) -> None:
-        """Raises UserError where a film of the `other` identity cannot be combined with a film of this one.
+        """Raises UserError if `other` is the identity of another picture, because films of two pictures cannot be
+        combined.
 
-        name: of the other film, for the message
+        name: what the message calls the film with the `other` identity
         """
         if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
             return
@@ -70,20 +77,22 @@ class PictureIdentity:
 
 
 def _shown(value: Any) -> str:
-    """A fact as text for messages; a size as `width x height`."""
+    """The value of a fact as text for messages; a size as `width x height`."""
     return " x ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Samples of pixels: of a whole picture or of some of its pixels. The bits depend on the picture's identity and on
-    the counts alone, not on how samples are cut into passes, or pixels into films.
+    """Samples of all pixels of a picture, or of some of them. A lane is one of these pixels.
+
+    The bits depend only on the picture's identity and on the counts. They do not depend on how samples are divided into
+    passes, or pixels into films.
 
     a: array types
-    moments: moments of the samples, lane by lane
+    moments: moments of the samples of each lane
     counts: number of samples of each lane. Shapes: (N)
     pixels: number (row * width + column) of each lane's pixel. Shapes: (N)
-    identity: of the picture; None for films that are neither saved nor merged
+    identity: identity of the picture; None for films that are neither saved nor merged
     """
 
     a: Arrays
@@ -98,19 +107,24 @@ class Film:
         return Film(a, Moments.empty(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, identity)
 
     def with_moments(self, moments: Moments, counts: np.ndarray | int) -> "Film":
-        """The same film with other moments, and the number of samples of each lane."""
+        """A film of the same pixels with other moments.
+
+        counts: number of samples in these moments, one for all lanes or one for each lane
+        """
         counts = np.broadcast_to(np.asarray(counts, np.int64), self.counts.shape)
         return replace(self, moments=moments, counts=counts)
 
     def check(self, identity: PictureIdentity, pixels: np.ndarray) -> None:
-        """Raises UserError where the film is not of the picture with this `identity`, or not of these pixels."""
+        """Raises UserError if the film is of another picture than the one with this `identity`, or of other pixels than
+        `pixels`."""
         identity.check(self.identity, "film")
         if not np.array_equal(self.pixels, pixels):
             raise UserError("film: has other pixels than are to be exposed; give a film of these, or begin anew")
 
     @cached_property
     def closed(self) -> Moments:
-        """The moments of all samples. The film itself keeps its open block, so that it can take more samples."""
+        """Moments of all samples, including those of the open block (moments.py). The film itself keeps this block
+        open, so that it can take more samples."""
         moments = self.moments.closed(self.a, self.a.put(self.a.U, self.counts.astype(np.uint32)))
         dr.eval(moments)
         return moments
@@ -127,11 +141,13 @@ class Film:
 
     @property
     def coverage(self) -> Any:
-        """Number of covered samples; 0 where the film is opaque. Shapes: (N)."""
+        """Number of covered samples of each lane, that is, of samples that hit an object; 0 if the film is opaque.
+        Shapes: (N)."""
         return self.closed.coverage
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the film to a file. A film loaded from it continues with the same bits."""
+        """Writes the film to a file. If it is loaded again and given more samples, the bits are those of a film that
+        was never saved."""
         arrays = {f"moments.{name}": np.array(x) for name, x in vars(self.moments).items()}
         facts = np.frombuffer(json.dumps(self.identity.facts).encode(), np.uint8)
         with replacing(path) as aside, open(aside, "wb") as file:
@@ -139,8 +155,11 @@ class Film:
 
     @staticmethod
     def load(a: Arrays, path: str | os.PathLike[str], identity: PictureIdentity | None = None) -> "Film":
-        """The film in a file. Raises UserError where the file holds no film, or a film of another picture than
-        `identity`, if given."""
+        """The film in a file. Raises UserError if the file is not a film, or is a film of another picture.
+
+        identity: identity of the expected picture; None accepts any picture of this version of visray, with the backend
+            and the precision of `a`
+        """
         name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -168,8 +187,8 @@ class Film:
 
     @staticmethod
     def merged(films: Sequence["Film"]) -> "Film":
-        """One film with the pixels of all, in the order of the picture's lanes. Raises UserError where they share
-        pixels, or are of different pictures."""
+        """One film with the pixels of several films, in the order of the picture's lanes. Raises UserError if two films
+        share a pixel or are of different pictures."""
         if not films or any(f.identity is None for f in films):
             raise UserError("films: there is none, or one that is of no picture; give the films of a picture's tiles")
         first = films[0]
@@ -195,9 +214,12 @@ class Film:
 
 
 def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
-    """The pixels' numbers (row * width + column), ordered by small square tiles.
+    """Numbers (row * width + column) of all pixels, ordered by small square tiles.
 
-    So sixteen neighbouring lanes see nearly the same objects, and a packet of lanes skips more of them.
+    With this order sixteen neighbouring lanes see nearly the same objects. A packet of lanes, which the processor
+    computes together, then skips more objects.
+
+    side: width and height of a tile in pixels
     """
     across, down = -(-width // side), -(-height // side)
     x = np.arange(across * side, dtype=np.int64).reshape(across, 1, side)[None]
@@ -207,7 +229,7 @@ def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
 
 
 def check_memory(width: int, height: int, films: int = 1) -> None:
-    """Raises UserError, with an estimate, where `films` films of this size do not fit into memory."""
+    """Raises UserError, with an estimate, if `films` films of this size do not fit into memory."""
     needed, free = films * width * height * BYTES_PER_PIXEL, available_memory()
     if free is not None and needed > free:
         raise UserError(
@@ -217,7 +239,8 @@ def check_memory(width: int, height: int, films: int = 1) -> None:
 
 
 def available_memory() -> int | None:
-    """Bytes of available memory, or None where the system does not report it."""
+    """Available memory in bytes. It is the total memory on systems that report only this, and None if nothing is
+    reported."""
     try:
         with open("/proc/meminfo") as info:
             return next(int(line.split()[1]) * 1024 for line in info if line.startswith("MemAvailable"))

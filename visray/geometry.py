@@ -1,7 +1,7 @@
-"""Frames, affine maps and rounding bounds: the arithmetic under every primitive.
+"""Frames, affine maps and rounding bounds: the arithmetic that all primitives are built on.
 
-All functions except those of plain numbers take Dr.Jit arrays of any backend and width: tables with one entry for each
-object, single rows, or one row for each lane.
+Functions take Dr.Jit arrays of any backend and width: tables with one entry for each object, single entries, or arrays
+with one entry for each lane (one ray or pixel). Functions that take plain numbers instead say so.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,15 @@ UNIT_ROUNDOFF = {"single": 2.0**-24, "double": 2.0**-53}
 
 
 def gamma(n: int, precision: str = "double") -> float:
-    """Bound on the relative error of n successive roundings: n u / (1 - n u). Source: Higham, lemma 3.1."""
+    """Bound on the relative error of n successive roundings: n u / (1 - n u), where u is the unit roundoff of
+    `precision`. Takes plain numbers. Source: Higham, lemma 3.1."""
     nu = n * UNIT_ROUNDOFF[precision]
     return nu / (1 - nu)
 
 
 def clearly_not_parallel(v: tuple[float, float, float], w: tuple[float, float, float]) -> bool:
-    """Whether two vectors are more than a millionth of a radian away from parallel. Uses plain numbers, no arrays.
+    """Whether the angle between two vectors differs from 0 and 180 degrees by more than a millionth of a radian. Takes
+    plain numbers, no arrays.
 
     Error: rounding changes the squared cross product by less than 1e-14 of the product of both squared lengths.
     """
@@ -35,8 +37,11 @@ def l1_norm(v: Any) -> Any:
 
 
 def face_forward(n: Any, d: Any) -> tuple[Any, Any]:
-    """The normal turned against a ray's direction, and whether it was turned: then the ray sees the surface from
-    inside.
+    """The normal on the side that a ray comes from, and a mask of the lanes in which n was turned for this. In these
+    lanes the ray sees the surface from inside.
+
+    n: outward normal
+    d: direction of the ray
     """
     from_inside = dr.dot(n, d) > 0
     return dr.select(from_inside, -n, n), from_inside
@@ -48,10 +53,11 @@ def triple(v: Any, x: Any, y: Any, z: Any) -> Any:
 
 
 def tangents(n: Any) -> tuple[Any, Any]:
-    """Two unit vectors (s, t) with s x t = n, chosen so that a texture on the plane stands upright.
+    """Two unit vectors s and t in the plane perpendicular to n, with s x t = n. They are the directions of u and v in a
+    plane; a texture then stands upright.
 
-    t is the direction in the plane nearest to world +y; where n is exactly +y or -y, s is +x. So on a floor, u runs
-    along +x and v along -z; on a wall, seen from the side of n, u runs right and v runs up.
+    t is the direction in the plane nearest to world +y; if n is exactly +y or -y, s is +x. So on a floor, u runs along
+    +x and v along -z; on a wall, seen from the side that n points to, u runs right and v runs up.
 
     Shapes: n (3, N).
     Domain: every unit n.
@@ -66,7 +72,11 @@ def tangents(n: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Frame:
-    """Affine map from local to world coordinates: p -> o + x p.x + y p.y + z p.z."""
+    """Affine map from local to world coordinates: p -> o + x p.x + y p.y + z p.z.
+
+    x, y, z: world vectors of the local axes
+    o: world point of the local origin
+    """
 
     x: Any
     y: Any
@@ -74,7 +84,7 @@ class Frame:
     o: Any
 
     def then(self, outer: "Frame | Similarity | None") -> "Frame":
-        """This map followed by `outer`."""
+        """This map followed by `outer`; only this map if `outer` is None."""
         if outer is None:
             return self
         return Frame(outer.vector(self.x), outer.vector(self.y), outer.vector(self.z), outer.point(self.o))
@@ -94,7 +104,7 @@ class Frame:
         return Inverse(rx * scale, ry * scale, rz * scale, self.o)
 
     def max_stretch(self) -> Any:
-        """Bound on |M v| / |v| for the linear part M; exact where the columns of M are orthogonal.
+        """Bound on |M v| / |v| for the linear part M; exact if the columns of M are orthogonal.
 
         Source: the spectral radius of M^T M is at most its largest row sum.
         """
@@ -105,15 +115,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Similarity:
-    """Affine map p -> o + scale p. A type of its own, because a sphere needs no more and saves three quarters of the
-    work.
-    """
+    """Affine map p -> o + scale p. It is a type of its own because spheres need no other map, and it saves three
+    quarters of the work of a Frame."""
 
     scale: Any
     o: Any
 
     def then(self, outer: "Frame | None") -> "Frame | Similarity":
-        """This map followed by `outer`."""
+        """This map followed by `outer`; only this map if `outer` is None."""
         if outer is None:
             return self
         axes = [self.scale * type(self.o)(*(1 if i == j else 0 for j in range(3))) for i in range(3)]
@@ -130,10 +139,10 @@ class Similarity:
 
 @dataclass(frozen=True)
 class Inverse:
-    """Inverse of a Frame.
+    """Inverse of a Frame: p -> M^-1 (p - o).
 
-    x, y, z: rows of the inverse linear part
-    o: origin of the frame, subtracted first
+    x, y, z: rows of M^-1
+    o: origin of the frame
     """
 
     x: Any
@@ -150,11 +159,11 @@ class Inverse:
         return self.vector(p - self.o)
 
     def normal(self, n: Any) -> Any:
-        """World gradient of a local gradient: multiplied by the transposed inverse."""
+        """World gradient of a function whose local gradient is n: the transposed inverse matrix times n."""
         return self.x * n.x + self.y * n.y + self.z * n.z
 
     def squared_length(self, v: Any) -> Any:
-        """Squared length of `v`, a vector already mapped to local coordinates."""
+        """Squared length of `v`, a vector in local coordinates."""
         return dr.squared_norm(v)
 
 
@@ -174,9 +183,9 @@ class SimilarityInverse:
         return self.scale * (p - self.o)
 
     def normal(self, n: Any) -> Any:
-        """World gradient of a local gradient."""
+        """World gradient of a function whose local gradient is n."""
         return self.scale * n
 
     def squared_length(self, v: Any) -> Any:
-        """Squared length of a local vector `v` whose world vector is unit. It is the same for all rays."""
+        """Squared length of `v`, a local vector whose world vector has length 1. All such vectors have the same."""
         return dr.square(self.scale)

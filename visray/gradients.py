@@ -1,8 +1,11 @@
-"""Derivatives of a picture with respect to numbers of its scene, named by address.
+"""Derivatives of a picture with respect to numbers of its scene.
 
-Searching is detached, shading is attached: which object is visible and which light is occluded is found without
-derivatives; the point that is hit and its shading carry them. So a derivative contains what happens inside each visible
-patch, but not what a moving silhouette or shadow edge adds. Where this is left out, `gradient` and `derivative` warn.
+The numbers are named by address, such as `objects.ball.radius` (scene/address.py). An array is attached if it carries
+derivatives, and detached if it does not.
+
+The search is detached and shading is attached: which object is visible and which light is occluded is found without
+derivatives; the point that is hit and its shading carry them. So a derivative contains what changes inside each visible
+patch, but not what a moving silhouette or shadow edge adds. `gradient` and `derivative` warn if such edges are in view.
 """
 
 import warnings
@@ -32,16 +35,16 @@ from visray.setup import prepare
 
 
 class EdgeWarning(UserWarning):
-    """A derivative leaves out the contribution of moving silhouettes or shadow edges."""
+    """A derivative does not contain what moving silhouettes or shadow edges add."""
 
 
 @dataclass(frozen=True)
 class AttachedPicture:
-    """A differentiable rendering.
+    """A rendered picture that carries derivatives.
 
     slots: place of each address in the packed arrays
-    picture: mean colour of each lane, attached to these arrays. Shapes: (3, H W)
-    order: pixel numbers in the order of lanes
+    picture: mean colour of each lane (one lane is one pixel), attached to these arrays. Shapes: (3, H W)
+    order: number (row * width + column) of each lane's pixel
     """
 
     slots: dict[str, Slot]
@@ -54,22 +57,23 @@ EDGE_MOVING_FIELDS = {"position", "direction", "angle", "width", "height", "norm
 
 
 def _moves(scene: Scene, address: str) -> bool:
-    """Whether a change at the address moves edges in the picture."""
+    """Whether a change of the value at the address moves edges in the picture."""
     movers = EDGE_MOVING_FIELDS | {"shininess"} if _stepped(scene.settings) else EDGE_MOVING_FIELDS
     return address.startswith(("objects.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
 
 
 def _stepped(settings: Settings) -> bool:
-    """Whether the reflected light jumps, as in a cartoon."""
+    """Whether the scene's shading mode reflects light in steps, as `toon` does."""
     model = modes.BY_NAME[settings.shading].model
     return model is not None and model.stepped
 
 
 def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], None], backend: str) -> AttachedPicture:
-    """The picture, attached to the arrays that `mark` enables. Raises UserError where no derivative exists, and warns
-    where edges move.
+    """Renders a picture with derivatives. Raises UserError if a derivative does not exist, and warns if moving edges
+    are in view.
 
-    mark: enables derivatives in the arrays of a slot
+    wrt: addresses of the numbers with respect to which derivatives are taken
+    mark: function that enables derivatives in the arrays of a slot
     """
     slots: dict[str, Slot] = {}
 
@@ -98,8 +102,11 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
 
 
 def _edges(s: KernelScene, x: Any, y: Any) -> str:
-    """Names of the edges in the picture, joined to a text; empty where there are none. Then a derivative is complete,
-    except for edges smaller than a pixel."""
+    """Names of the kinds of edges in view, as text. It is empty if there are none; a derivative is then complete,
+    except for edges smaller than a pixel.
+
+    x, y: columns and rows of the pixels
+    """
     ray = integrator.camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
     hit = closest(s.origin, ray)
     si = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(x)))
@@ -118,7 +125,7 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
         edges.append("texture edges")
     if _stepped(s.settings):
         edges.append("steps of a cartoon")
-    # Sampled rays and paths meet edges of their own, except where there is only one object.
+    # Rays to area lights, occlusion rays and paths meet further edges, unless there is only one object.
     sampled_edges = {
         "penumbras": "area lights",
         "occlusion": "sky occlusion",
@@ -131,14 +138,14 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
 
 
 def _fully_lit(b: LightSample) -> Any:
-    """Where all of the light arrives."""
+    """Mask of the lanes in which all light of a light sample arrives."""
     if (t := b.transmittance) is None:
         return b.arrives
     return b.arrives & (t.x == 1) & (t.y == 1) & (t.z == 1)
 
 
 def _has_steps(atlas: Atlas) -> bool:
-    """Whether the colour of a texture jumps, between squares or between pixels."""
+    """Whether the colour of a texture jumps, between the squares of a checker or between the pixels of an image."""
     return atlas.rows.a is not None or not np.all(np.array(atlas.rows.smooth))
 
 
@@ -151,10 +158,13 @@ def gradient(
     precision: str = "double",
     backend: str = "llvm",
 ) -> dict[str, Any]:
-    """Reverse mode: derivative of a loss with respect to each address, as a number or an array of three.
+    """Derivatives of a loss with respect to the numbers at some addresses, by reverse-mode differentiation. Returns a
+    dict from address to a number, or to an array of three if the address names a triple.
 
-    loss: maps the picture, a Dr.Jit triple of H * W entries row by row, to one number; by default the mean over pixels
-        and channels
+    wrt: the addresses, or a single one
+    loss: function from the picture to one number. The picture is a Dr.Jit triple whose H * W entries are the pixels,
+        row by row. By default the loss is the mean over pixels and channels
+    spp: samples per pixel; by default those of the scene
     """
     scene = adjusted(scene, precision=precision, spp=spp)
     wrt = [wrt] if isinstance(wrt, str) else list(wrt)
@@ -175,9 +185,13 @@ def gradient(
 def derivative(
     scene: Scene, address: str, *, spp: int | None = None, precision: str = "double", backend: str = "llvm"
 ) -> np.ndarray:
-    """Forward mode: derivative of every pixel with respect to the number at one address. Shapes: (H, W, 3).
+    """Derivative of every pixel with respect to the number at one address, by forward-mode differentiation. Shapes: (H,
+    W, 3).
 
-    For an address of three numbers, all three grow by the same amount; `.0`, `.1` or `.2` names a single one.
+    If the address names a triple, its three numbers grow by the same amount; `.0`, `.1` or `.2` after the address names
+    a single number.
+
+    spp: samples per pixel; by default those of the scene
     """
     scene = adjusted(scene, precision=precision, spp=spp)
 
@@ -196,10 +210,12 @@ def derivative(
 
 
 def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
-    """Central differences in double with the same samples, as a slow reference for `derivative`. Shapes: (H, W, 3).
+    """Derivative of every pixel by central differences in double precision, with the same samples in both pictures: a
+    slow reference for `derivative`. Shapes: (H, W, 3).
 
-    Error: step^2 times the third derivative, and 1e-16 / step of rounding. Unlike in `derivative`, the contribution of
-        edges is included.
+    step: change of the number in each direction, relative to its size if this is larger than 1
+    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding. Unlike `derivative`, the result
+        contains what moving edges add.
     """
     scene = adjusted(scene, precision="double", spp=spp)
     value = np.array(addresses.value(scene, address), float)

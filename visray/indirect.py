@@ -1,13 +1,19 @@
 """Indirect light: light that reaches a surface from other surfaces, by reflection, refraction and scattering.
 
-A path has one ray from each of its vertices. Where a surface both reflects and refracts, one of the two is chosen at
-random, with probability proportional to its strength. From a matte surface that the camera sees, settings.scatter.rays
-paths are followed.
+A path has one ray from each of its vertices. If a surface both reflects and refracts, one of the two is chosen at
+random, with probability proportional to its strength. At a matte surface that the camera sees, settings.scatter.rays
+paths start; at all other surfaces, one path continues.
+
+For surfaces that reflect or refract, the light I that leaves the surface is
 
     I = (1 - kt) local + kr reflected + kt refracted
-    I = local + kd (mean of the light over the hemisphere), for matte surfaces
 
-Beyond the critical angle, all refracted light is reflected instead (weight kt).
+and for matte surfaces, with weights proportional to the cosine in the mean,
+
+    I = local + kd (mean of the light over the hemisphere)
+
+Here `local` is the light of the surface without other surfaces (shading.py). Beyond the critical angle all refracted
+light is reflected instead, with weight kt.
 """
 
 from dataclasses import dataclass, replace
@@ -24,12 +30,13 @@ from visray.media import Interface, interface_at, local_weight, max_component
 from visray.ray import NO_ROW, Hit, Ray, unit
 from visray.shading import shade
 
+# Random dimensions (sampling.py): the choice between reflection and refraction, and the direction of scattering.
 LOBE, SCATTER = 5, 6
 
 
 def _strength(colour: Any) -> Any:
-    """Largest component of a colour, used as weight when one of several bounces is chosen. A strength of 0 counts as 1
-    where its derivative is asked for."""
+    """Largest component of a colour: the weight for choosing one of several bounces. If derivatives by the colour are
+    asked for, a strength of 0 becomes 1, so that the bounce is computed although it adds no light."""
     strength = max_component(colour)
     return dr.select(strength > 0, strength, 1) if dr.grad_enabled(colour) else strength
 
@@ -39,9 +46,9 @@ class Bounce:
     """The continuation of a path from a surface.
 
     ray: the next ray
-    weight: factor of the light that the next ray sees, a colour
-    alive: whether the path continues
-    scattered: whether the bounce is a scattering, and not a reflection or refraction
+    weight: colour by which the light along the next ray is multiplied
+    alive: mask of the lanes in which the path continues
+    scattered: mask of the lanes in which the bounce is scattering; elsewhere it is reflection or refraction
     """
 
     ray: Ray
@@ -51,8 +58,10 @@ class Bounce:
 
 
 def scattered(s: KernelScene, si: Interaction, j: Any) -> Bounce:
-    """A scattering at a matte surface. j: number of the ray in the set of the first surface; None at later vertices of
-    a path."""
+    """A bounce by scattering at a matte surface.
+
+    j: number of the path, if several paths start at this surface; None at later vertices of a path
+    """
     dimension = si.sample.dimension(SCATTER)
     u, v = dimension.point() if j is None else dimension.set_point(j, s.sample_sets["scatter"])
     d = warp.cosine(si.n, u, v)
@@ -72,10 +81,11 @@ def bounce(
 ) -> Bounce:
     """The continuation of a path at a surface.
 
-    interface: media at the surface, or None in scenes without refraction
-    specular_left: number of further reflections and refractions allowed
-    scatters_left: number of further scatterings allowed
-    j: number of the scattered ray in its set, or None at later vertices of a path
+    ray: ray that reaches the surface
+    interface: media at the surface; None in scenes without refraction
+    specular_left: number of reflections and refractions that are still allowed
+    scatters_left: number of scatterings that are still allowed
+    j: number of the path, if several paths start at this surface; None at later vertices of a path
     """
     a, effects, m = s.a, s.features, si.material
     kr = _strength(m.kr) if effects["reflection"] else a.F(0)
@@ -113,18 +123,18 @@ def bounce(
 
 
 def _either(use_x: Any, x: Bounce, y: Bounce) -> Bounce:
-    """Bounce x where `use_x` holds, else bounce y."""
+    """Bounce x in lanes where `use_x` is true, else bounce y. x is a scattering, y a reflection or refraction."""
     ray = _ray(*(dr.select(use_x, p, q) for p, q in zip(_state(x.ray), _state(y.ray))))
     return Bounce(ray, dr.select(use_x, x.weight, y.weight), use_x | y.alive, use_x)
 
 
 def miss_radiance(s: KernelScene, d: Any) -> Any:
-    """Light seen by a secondary ray that hits nothing."""
+    """Light along a ray after a bounce that hits nothing. d: direction of the ray."""
     return s.ambient if s.settings.misses == "ambient" else background(s, d)
 
 
 def background(s: KernelScene, d: Any) -> Any:
-    """Light of the sky in direction d: linear in d.y, from bottom to top."""
+    """Light of the background in direction d. It changes linearly with d.y, from `bottom` at -1 to `top` at 1."""
     if not s.features["background"]:
         return s.a.V(0)
     up = 0.5 * s.a.F(d.y) + 0.5
@@ -132,17 +142,22 @@ def background(s: KernelScene, d: Any) -> Any:
 
 
 def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Interface | None) -> Any:
-    """The light that reaches a surface from other surfaces, as seen along the ray.
+    """The light that reaches a surface from other surfaces and leaves it towards the camera. Shapes: (3, N).
 
-    One loop over the vertices of one path after the other; unrolled where derivatives are asked for.
+    first: the surface that the camera ray hits
+    ray: the camera ray
+    first_interface: media at this surface; None in scenes without refraction
+
+    One loop runs over the vertices of all paths, one path after the other. It is unrolled if derivatives are asked for.
     """
     a, settings, rays, n = s.a, s.settings, s.sample_sets["scatter"], dr.width(first.surface.p)
     specular_left, scatters_left = (dr.full(a.U, 0, n) + limit for limit in s.bounce_limits)
-    # Values that never change are no loop state (as in integrator.sample): without scattering there is only one path.
+    # Values that never change are not part of the loop state (as in integrator.sample). Without scattering there is
+    # only one path; its number, and the number of scatterings left, never change.
     first_path = dr.zeros(a.U, n) if s.features["scatter"] else None
     scatters_left = scatters_left if s.features["scatter"] else None
     first_bounce = bounce(s, first, ray, first_interface, specular_left, scatters_left, a.U(0))
-    # Only from a matte surface that the camera sees, more than one path starts.
+    # Several paths start only at a matte surface that the camera sees.
     splits = first_bounce.alive & first_bounce.scattered
     path_count = dr.select(splits, rays.count, 1)
     path_weight = dr.select(splits, dr.rcp(a.F(rays.count)), 1)
@@ -189,17 +204,19 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
 
 
 def _state(ray: Ray) -> tuple:
-    """The arrays of a ray as loop state; the part is included only where hits have parts."""
+    """The arrays of a ray, as a tuple for the state of a loop: o, d, row, inside, clearance, and part unless it is
+    None."""
     state = ray.o, ray.d, ray.row, ray.inside, ray.clearance
     return state if ray.part is None else (*state, ray.part)
 
 
 def _ray(o: Any, d: Any, row: Any, inside: Any, clearance: Any, part: Any = None) -> Ray:
-    """The ray with these arrays as loop state."""
+    """The ray with the arrays that `_state` returns."""
     return Ray(o, d, row, inside, clearance, part=part)
 
 
 def _limits_after(a: Any, b: Bounce, specular_left: Any, scatters_left: Any) -> tuple:
-    """Numbers of further reflections and refractions, and of scatterings (or None), after a bounce."""
+    """Numbers of bounces that are still allowed after bounce b: of reflections and refractions, and of scatterings
+    (None if none are simulated)."""
     remaining = None if scatters_left is None else scatters_left - dr.select(b.scattered, a.U(1), 0)
     return specular_left - dr.select(b.scattered, a.U(0), 1), remaining

@@ -1,4 +1,5 @@
-"""Radiance and data layers along camera rays, composed from the effects that are present."""
+"""Radiance and data layers along camera rays. The code of an effect is in the kernel only if the scene needs this
+effect."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,24 +19,25 @@ from visray.ray import NO_ROW, NOTHING_KNOWN, Hit, Ray, unit
 from visray.sampling import SampleState
 from visray.shading import shade
 
-# Random dimension of the lens.
+# Random dimension of the point on the lens (sampling.py).
 LENS = 1
 
 
 def camera_direction(s: KernelScene, x: Any, y: Any) -> Any:
-    """Unit direction through the point (x, y) of the picture, in pixels from its top left corner; in single where
-    shading is single."""
+    """Unit direction of the camera ray through the point (x, y) of the picture, in pixels from its top left corner. It
+    is in single precision if shading is."""
     d = dr.normalize(s.view.corner + x * s.view.pixel_right + y * s.view.pixel_down)
     return d if s.a.precision == "single" else unit(d, s.a.W)
 
 
 def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
-    """Ray through the point (x, y) of the picture, in pixels from its top left corner."""
+    """Ray of a pinhole camera through the point (x, y) of the picture, in pixels from its top left corner."""
     return Ray(s.view.o, camera_direction(s, x, y)).exact()
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
-    """Ray from the lens point for (u, v) in the unit square to the point in focus of the camera ray through (x, y)."""
+    """Ray of a camera with a lens. It starts at the lens point for (u, v) in the unit square. It runs to the point in
+    focus on the pinhole's ray through the point (x, y) of the picture."""
     a = s.a
     disk_x, disk_y = warp.disk(a.D(u), a.D(v))
     offset = disk_x * s.view.lens_right + disk_y * s.view.lens_up
@@ -45,7 +47,7 @@ def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
 
 
 def single_sample_state(s: KernelScene, n: int) -> SampleState:
-    """Random numbers of n pixels with a single sample each, for callers that give none."""
+    """Random numbers for n pixels with a single sample each. They are used if the caller passes none."""
     a = s.a
     plan = sampling.SamplePlan.of(a, 0, 1, 0, 1)
     lanes = dr.arange(a.U, n)
@@ -53,7 +55,11 @@ def single_sample_state(s: KernelScene, n: int) -> SampleState:
 
 
 def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
-    """The colour along a camera ray, and its coverage: 1 where something is hit, else that of the film's background."""
+    """The colour along a camera ray, and its coverage (alpha): 1 if an object is hit; otherwise 0 if the film is
+    transparent, else 1.
+
+    state: random numbers of the sample
+    """
     effects = s.features
     state = state or single_sample_state(s, max(dr.width(ray.d), dr.width(ray.o)))
     origin = RayOrigin(s.geometry, ray.o, shared=False) if effects["defocus"] else s.origin
@@ -69,11 +75,15 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
 
 
 def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: Moments) -> Moments:
-    """The moments of the pixels (x, y) after one more pass: one lane a pixel, a symbolic loop over blocks, and inside
-    it one over the samples of a block.
+    """The moments of the pixels (x, y) after one more pass. Each lane is one pixel.
 
-    Values that no sample changes are no loop state, because Dr.Jit would trace the whole loop once more to remove them.
-    The ray of the next sample is generated while the current one is traced: neither waits for the other.
+    plan: samples that the pass takes
+    moments: moments before the pass
+
+    A symbolic loop runs over blocks of samples (moments.py), and an inner one over the samples of a block. Values that
+    no sample changes are not part of the loop state, because Dr.Jit would trace the whole loop once more to remove
+    them. The ray of the next sample is generated while the current sample is traced, so that neither has to wait for
+    the other.
     """
     a, end, has_coverage = s.a, plan.first + plan.count, s.features["coverage"]
     pixels = _Pixels(s, plan, x, y)
@@ -103,8 +113,11 @@ def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: M
 
 
 def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:
-    """Mean colour of the samples of one pass over the pixels (x, y), with derivatives. One loop over all samples, with
-    sums as its only state: Dr.Jit 1.5 differentiates no loops inside loops."""
+    """Mean colour of the samples of one pass over the pixels (x, y), with derivatives. Shapes: (3, N).
+
+    One loop runs over all samples, with sums as its only state, because Dr.Jit 1.5 does not differentiate loops inside
+    loops.
+    """
     a, n = s.a, dr.width(x)
     pixels = _Pixels(s, plan, x, y)
 
@@ -123,18 +136,18 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
 
 
 class _Pixels:
-    """Samples of the pixels (x, y) in a pass: their random numbers and rays."""
+    """Random numbers and camera rays for the samples of the pixels (x, y) in one pass."""
 
     def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any):
         self.s, self.plan, self.key = s, plan, sampling.pixel_key(plan, x, y)
         self.left, self.top = s.a.F(x), s.a.F(y)
 
     def state(self, index: Any, stratum: Any) -> SampleState:
-        """Random numbers of the sample with this index and stratum."""
+        """Random numbers of the sample with this index and stratum, in each lane."""
         return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, stratum)
 
     def ray(self, state: SampleState) -> tuple[Any, Any]:
-        """Direction and origin of a sample's ray. The origin is None where all rays share it."""
+        """Direction and origin of a sample's camera ray. The origin is None if all camera rays share it."""
         offset_x, offset_y = state.pixel()
         x, y = self.left + offset_x, self.top + offset_y
         if not self.s.features["defocus"]:
@@ -144,10 +157,11 @@ class _Pixels:
 
 
 def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
-    """Layers of the first hit along the ray through each pixel's centre, by name (visray/output/layers.py).
+    """Layers of the first hit on the ray through each pixel's centre: a dict from the name of a layer
+    (output/layers.py) to its values.
 
-    Where nothing is hit, distances are inf and all other layers 0. The certificate's layers exist only in scenes with
-    kinds that search for their roots.
+    If nothing is hit, distances are inf and all other values are 0. The layers of the certificate are present only if
+    the scene contains kinds whose crossings are searched roots (polynomial surfaces and tori).
     """
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
@@ -164,14 +178,14 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
         "P": shown(a.V(si.surface.p)),
         "UV": (shown(si.u), shown(si.v)),
         "albedo": shown(si.material.kd),
-        # NO_ROW + 1 is 0: no object.
+        # 0 means no object: NO_ROW + 1 is 0 in 32 bits.
         "id": object_of(s, hit) + 1,
     }
     return layers | certificate(s, ray, hit, si.surface.p)
 
 
 def object_of(s: KernelScene, hit: Hit) -> Any:
-    """Number in the scene of the object that is hit, NO_ROW where nothing is hit."""
+    """Number in the scene of the object that is hit; NO_ROW if nothing is hit."""
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
@@ -181,11 +195,12 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
 
 
 def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
-    """The certificate's layers, for kinds that search for their roots; empty in scenes without such kinds.
+    """Layers of the certificate: a dict of two arrays that say how surely crossings of polynomial surfaces and tori are
+    known. It is empty in scenes without such kinds.
 
     unresolved: number of pieces of the ray in which rounding hides whether there is a crossing
     residual: distance of the visible point p from its surface, to first order, in units in the last place of the
-        largest coordinate of p and the ray's origin
+        largest coordinate of p and of the ray's origin
     """
     a, searched = s.a, [b for b in s.batches if b.kind.finds_roots]
     if not searched:

@@ -1,5 +1,8 @@
-"""Surface interactions: the surface point of a hit, its normal, material and (u, v), with derivatives. A detached
-search has found the row; it is evaluated again here, attached to derivatives."""
+"""Surface interactions: the surface point of a hit, its normal, its material and its texture coordinates u and v.
+
+The search finds the hit without derivatives (detached). Here the row that is hit is evaluated again with derivatives
+(attached).
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,17 +24,17 @@ from visray.sampling import SampleState
 
 @dataclass(frozen=True)
 class Interaction:
-    """A hit with all that shading needs. Parameters named `si` (surface interaction) hold one.
+    """A hit with all data that shading needs. Parameters named `si` (surface interaction) hold one.
 
     o, d: origin and direction of the ray
-    hit: what the ray hits
+    hit: result of the search
     surface: surface point with its outward normal
-    n: normal turned against the ray
+    n: unit normal on the side that the ray comes from
     from_inside: whether the ray sees the surface from inside
     material: material at the point, with the texture's colour as kd
     u, v: texture coordinates
-    origin: rays that start at the point; None where no rays do
-    sample: random numbers of the sample; None where none are needed
+    origin: the point as origin of further rays; None if no rays start there
+    sample: random numbers of the sample; None if none are needed
     """
 
     o: Any
@@ -47,17 +50,19 @@ class Interaction:
     sample: SampleState | None
 
     def spawn_ray(self, d: Any, cosine: Any) -> Ray:
-        """A ray from the point, on the side of the normal n.
+        """A ray that starts at the point, on the side of the normal n.
 
-        d: direction
-        cosine: between d and n
-        Surfaces flush with this one are not met: those at a height above it of at most the error of the point.
+        d: unit direction
+        cosine: cosine of the angle between d and n
+
+        The ray ignores other surfaces whose height above the point is at most the error of the point, because to within
+        rounding they lie on the same surface.
         """
         return Ray(self.surface.p, d, self.hit.row, self.from_inside, self.surface.error, cosine, self.hit.part)
 
 
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
-    """The interaction of a ray with what it hits."""
+    """The interaction at the hit of a ray. sample: random numbers of the sample, if further rays start there."""
     surface, material, u, v = surface_of(s, ray, hit)
     d = s.a.V(ray.d if ray.d_single is None else ray.d_single)
     n, from_inside = face_forward(surface.n, d)
@@ -66,14 +71,15 @@ def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = No
 
 
 def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
-    """The surface point of a hit, its material and its (u, v).
+    """The surface point of a hit, its material, and its texture coordinates u and v.
 
-    The derivative of t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d).
+    The derivative of t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d), where g is
+    the gradient of f.
     """
     a, n, textured = s.a, dr.width(ray.d), s.features["textures"]
     # Lanes without a hit compute at the ray's origin, so that no inf or NaN enters a derivative.
     t = dr.select(hit.valid, hit.t, 0)
-    # Without derivatives, p is the same for all rows, so no branch needs to return it.
+    # Without derivatives, p does not depend on the row, so no branch needs to return it.
     p = dr.fma(t, ray.d, ray.o)
     attached_p = dr.zeros(a.W, n) if s.attached else None
     normals = dr.zeros(a.V, n), dr.zeros(a.W, n) if s.features["paths"] else None
@@ -121,16 +127,21 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
 
 
 def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
-    """Distance of a hit, with derivatives."""
+    """Distance of a hit along its ray, with derivatives."""
     ray = ray.exact()
     return dr.dot(surface_of(s, ray, hit)[0].p - ray.o, ray.d)
 
 
 def _row_of(s: KernelScene, table: tuple, size: int, in_batch: Any, index: Any) -> tuple:
-    """A row of a table for each lane, selected by branches, because a packet of lanes needs few of the rows.
+    """The row of a table that each lane needs, as a tuple of the same structure.
 
-    Large tables are gathered instead, and all tables where derivatives are asked for: Dr.Jit 1.5 returns zero
-    derivatives for values from outside a loop that pass through a branch inside it.
+    A small table is read by branches, because the lanes of a packet need few of its rows. A large table is gathered
+    from memory, and so is every table if derivatives are asked for: Dr.Jit 1.5 returns zero derivatives for values from
+    outside a loop that pass through a branch inside it.
+
+    size: number of rows in the table
+    in_batch: mask of the lanes that hit a row of the table
+    index: number of this row in the table
     """
     if s.attached or size > policy.MAX_INLINED:
         return rows(table, dr.select(in_batch, index, 0))
@@ -142,8 +153,11 @@ def _row_of(s: KernelScene, table: tuple, size: int, in_batch: Any, index: Any) 
 
 
 def _surface(s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any, part: Any) -> tuple:
-    """At the point p = o + t d of a row: p with derivatives (None where none are asked for), the unit normal, the same
-    in double where paths continue (else None), u and v."""
+    """Surface data at the points p = o + t d on rows of a batch. Returns a tuple of p with derivatives (None if none
+    are asked for), the unit normal, the same normal in double (None if no path continues), u and v.
+
+    placed: placed data of each lane's row
+    """
     kind, part = batch.kind, batch.part(part)
     f, g = kind.surface_at(placed, p, part)
     if dr.grad_enabled((f, p)):

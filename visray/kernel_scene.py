@@ -1,7 +1,8 @@
 """A scene as kernels read it: one record, made from the packed numbers.
 
-Structure is Python, values are opaque: the kinds, lights and effects of a scene determine the code of a kernel, and
-every number enters it as data.
+The kinds, lights and effects of a scene determine the code of a kernel. All numbers enter it as opaque data: the code
+does not contain them, so that new numbers compile no new kernel. Lights and rows are unrolled if the kernel contains
+code for each of them, and looped if the same code runs for one after the other.
 """
 
 from collections import Counter
@@ -25,21 +26,21 @@ from visray.quantities import Arrays
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
 
-# Lights are unrolled in the kernel up to this number of pairs of a light and a row; more lights are looped over. Shadow
+# Lights are unrolled if there are at most this many pairs of a light and a row; otherwise they are looped over. Shadow
 # rays of unrolled lights are faster, but each pair takes 10 ms to compile.
 MAX_UNROLLED_PAIRS = 96
 
 
 @dataclass(frozen=True)
 class PreparedLight:
-    """One light, unrolled in the kernel or taken from a loop.
+    """One light as kernels read it.
 
     kind: class of the light
-    light: its row of numbers
-    points: points that are sampled together; None for lights without an area
-    samples: number of samples, as a Python integer; 0 in a loop
-    number: number of the light in the scene
-    origin: shared origin of its shadow rays; None for lights whose shadow rays start at the points they light
+    light: numbers of the light: one row of the kind's table
+    points: set of its sample points; None for lights without an area
+    samples: number of its sample points, as a Python integer; 0 for looped lights
+    number: number of the light in the scene; for looped lights, of the first light of their batch
+    origin: its position as the origin of its shadow rays; None if its shadow rays start at the points that it lights
     """
 
     kind: type[Light]
@@ -56,8 +57,8 @@ class LightBatch:
 
     kind: class of the lights
     table: numbers of the lights
-    points: sample sets of area lights, or None
-    count: number of lights, opaque
+    points: sets of sample points of area lights; None for other lights
+    count: number of lights, as opaque data
     number: number of the first light in the scene
     """
 
@@ -70,25 +71,25 @@ class LightBatch:
 
 @dataclass(frozen=True)
 class KernelScene:
-    """Everything of a scene that kernels read. Parameters named `s` hold one.
+    """All data of a scene that kernels read. Parameters named `s` hold one.
 
     a: array types
     features: effects that are simulated
     settings: settings of the scene
     geometry: batches and the tree over them
     view: the camera
-    origin: rays that start at the camera
+    origin: the camera as origin of rays
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
     sky: background
     ambient: ambient light of the scene
     lights_ambient: ambient light of all lights together
-    occlusion_distance: length of the rays of near occlusion
+    occlusion_distance: distance beyond which surfaces do not count in near occlusion
     zero_material: material with all numbers 0
-    bounce_limits: largest number of reflections and refractions, and of scatterings, of a path
-    atlas: pictures of the textures, or None
-    sample_sets: rays of a point that are stratified together, by effect
-    coverage: coverage of a sample that hits nothing
+    bounce_limits: largest numbers of bounces of a path: of reflections and refractions, and of scatterings
+    atlas: images of the textures, or None
+    sample_sets: for "sky", "near" and "scatter", the set of rays from a point that are stratified together
+    coverage: coverage (alpha) of a sample that hits nothing: 0 if the film is transparent, else 1
     transparent: whether the film is transparent
     attached: whether derivatives are asked for
     brute_force: whether every row is tested, without guards or trees, as a reference for tests
@@ -122,16 +123,20 @@ class KernelScene:
 
     @property
     def rays_leave_surfaces(self) -> bool:
-        """Whether rays start at the points that are shaded."""
+        """Whether rays start at the points that are shaded: shadow rays or occlusion rays. Paths are not considered."""
         effects = self.features
         from_points = any(l.origin is None for l in self.lights) or self.looped_lights
         return bool(from_points and effects["shadows"]) or effects["sky occlusion"] or effects["near occlusion"]
 
     def loop(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
-        """`state` after body(j, *state) for j from 0 to n - 1. count: n as opaque data.
+        """The state after n steps: in step j = 0, 1, ..., n - 1 the state becomes body(j, *state).
 
-        Usually a symbolic loop. It is unrolled where derivatives are asked for, because Dr.Jit 1.5 has none for loops
-        inside loops.
+        n: number of steps; used only if the loop is unrolled
+        count: the same number as opaque data; used otherwise
+        active: mask of the lanes that take part; not used if the loop is unrolled
+
+        The loop is symbolic, that is, a loop of the kernel. It is unrolled if derivatives are asked for, because Dr.Jit
+        1.5 does not differentiate loops inside loops.
         """
         if self.attached:
             for j in range(n):
@@ -151,10 +156,10 @@ def kernel_scene(
     brute_force: bool = False,
     previous: tuple[Packed, KernelScene] | None = None,
 ) -> KernelScene:
-    """The scene as kernels read it, evaluated. Derivatives flow through it.
+    """The scene as kernels read it, with all arrays evaluated. Derivatives flow through it.
 
-    previous: packed numbers of a scene with the same structure, and the KernelScene made from them; batches with the
-        same columns are reused
+    previous: packed numbers of a scene with the same structure, and the KernelScene that was made from them. Its
+        batches are reused if their columns are unchanged. None: nothing is reused
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
@@ -194,7 +199,7 @@ def kernel_scene(
 
 
 def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Packed, KernelScene] | None) -> Geometry:
-    """All batches placed in the world, and the tree over them."""
+    """All batches placed in the world, and the tree over them. previous: as in kernel_scene."""
     batches: list[Batch] = []
     reusable = {}
     if previous is not None and previous[0].materials is packed.materials:
@@ -209,7 +214,8 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Pac
     return Geometry.of(a, tuple(batches), settings.accelerator)
 
 
-# Effects that read a field of a material; the other fields are read by all.
+# The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
+# other fields are always read.
 FIELD_READERS = {
     "kr": ("reflection", "scatter"),
     "kt": ("refraction", "coloured shadows", "scatter"),
@@ -219,13 +225,13 @@ FIELD_READERS = {
 
 
 def _needed(material: Material, features: Features) -> Material:
-    """The materials without the fields that no effect reads."""
+    """The materials, with None for each field that no effect of the scene reads."""
     unused = [name for name, effects in FIELD_READERS.items() if not any(features[e] for e in effects)]
     return replace(material, **dict.fromkeys(unused))
 
 
 def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
-    """Ambient light of all lights together."""
+    """Sum of the ambient light of all lights, a colour."""
     total = a.V(0)
     for table in (l.numbers for l in lights):
         colours = table.intensity * table.Ia
@@ -237,8 +243,8 @@ def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
     """Whether there are too many lights to unroll them.
 
     lights: number of lights
-    sizes: number of rows in each batch; for large batches only the guards are unrolled, which takes a quarter of the
-        time
+    sizes: number of rows in each batch. Of a large batch only the guards are unrolled, which takes a quarter of the
+        compile time
     """
     sizes = [n for n in sizes if n <= policy.MAX_UNROLLED_SHARED]
     unrolled_rows = sum(n if n <= policy.MAX_UNROLLED else n // 4 for n in sizes)
@@ -246,7 +252,7 @@ def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
 
 
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
-    """For each kind of ray in a scene: how it finds what it hits, and why."""
+    """For each family of rays in a scene, such as camera rays: how they find what they hit, and why."""
     effects, kinds = features, [type(light) for light in scene.lights.values()]
     batch_sizes = Counter(map(batch_key, scene.objects.values()))
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
@@ -267,7 +273,10 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
 
 
 def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
-    """The lights that are unrolled, and the batches of lights that are looped over."""
+    """Two tuples: the lights that are unrolled, and the batches of lights that are looped over.
+
+    attached: whether derivatives are asked for; then no light is looped over
+    """
     loops = not attached and _too_many_lights(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
     unrolled, looped = {}, []
     for columns in packed.lights:

@@ -1,9 +1,9 @@
 """Finds a libLLVM that Dr.Jit can use, before Dr.Jit is imported.
 
-Dr.Jit loads libLLVM at its import, and takes the first one that it meets. With LLVM 15 and 16, which distributions
-ship, the process aborts in the middle of a render, and no exception can be caught. So the library is chosen here, by
-its version, and passed on in DRJIT_LIBLLVM_PATH. Where none is usable, that variable names a path that does not exist,
-because Dr.Jit on its own would load one that aborts.
+Dr.Jit loads a libLLVM when it is imported: the first one that it finds. With LLVM 15 and 16, which many distributions
+ship, the process aborts in the middle of a render, and no exception can be caught. So this module chooses a library by
+its version and passes its path on in DRJIT_LIBLLVM_PATH. If no library is usable, the variable is set to a path that
+does not exist, because otherwise Dr.Jit would load a library with which it aborts.
 """
 
 import os
@@ -53,7 +53,7 @@ class LLVM:
 
     path: path of the file
     version: its version, as far as it is known
-    source: where it comes from: the variable, the Python environment or the system
+    source: where it was found: in the variable, the Python environment or the system
     """
 
     path: str
@@ -63,11 +63,11 @@ class LLVM:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The result of a search.
+    """The result of a search for a libLLVM.
 
     llvm: the library, or None
-    refused: a line for each library that is not usable
-    imported_before: whether Dr.Jit was imported before; then nothing was searched, and nothing can be changed
+    refused: one line for each library that was found and is not usable
+    imported_before: whether Dr.Jit was imported before visray; then nothing was searched, and nothing can be changed
     """
 
     llvm: LLVM | None
@@ -79,7 +79,8 @@ _result: SearchResult | None = None
 
 
 def prepare() -> SearchResult:
-    """Searches once, and sets DRJIT_LIBLLVM_PATH. Must be called before drjit or mitsuba is imported."""
+    """Searches for a libLLVM in the first call, sets DRJIT_LIBLLVM_PATH, and returns the result. Must be called before
+    drjit or mitsuba is imported."""
     global _result
     if _result is None:
         if "drjit" in sys.modules:
@@ -91,7 +92,7 @@ def prepare() -> SearchResult:
 
 
 def library() -> LLVM | None:
-    """The libLLVM that Dr.Jit uses or will use, or None where there is no usable one."""
+    """The libLLVM that Dr.Jit uses or will use; None if there is no usable one."""
     result = prepare()
     if not result.imported_before:
         return result.llvm
@@ -101,7 +102,7 @@ def library() -> LLVM | None:
 
 
 def require() -> LLVM:
-    """The libLLVM in use, with the version it reports. Raises UserError where a render would fail or abort."""
+    """The libLLVM in use, with the version that it reports itself. Raises UserError if a render would fail or abort."""
     result = prepare()
     if not result.imported_before and result.llvm is None:
         raise UserError(_advice(result.refused))
@@ -120,16 +121,17 @@ def require() -> LLVM:
 
 
 def loaded_version() -> tuple[int, ...] | None:
-    """Version of the libLLVM that Dr.Jit has loaded, or None. Imports Dr.Jit."""
+    """Version of the libLLVM that Dr.Jit has loaded; None if it has loaded none. Imports Dr.Jit."""
     # Not at the top: the import loads libLLVM, so it must come after the search.
     version = import_module("drjit.detail").llvm_version()
     return tuple(version) if version[0] > 0 else None
 
 
 def search() -> SearchResult:
-    """Searches the variable, then the Python environment, then the system. Loads nothing into this process.
+    """Searches for a libLLVM in the variable, then in the Python environment, then in the system. Loads nothing into
+    this process.
 
-    A library that the variable names is never replaced by another, because the user has asked for it.
+    If the variable names a library, no other library replaces it, because the user has asked for it.
     """
     named = os.environ.get(VARIABLE)
     if named and named != NOWHERE:
@@ -162,15 +164,15 @@ def judge(path: str, source: str) -> LLVM | str:
 
 
 def version_in_name(path: str) -> tuple[int, ...] | None:
-    """Version in the name of the file behind `path`, or None where the name contains none."""
+    """Version in the name of the file that `path` leads to; None if the name contains no version."""
     resolved = os.path.realpath(path)
     match = _IN_NAME.match(os.path.basename(resolved)) or _IN_FOLDER.search(resolved)
     return tuple(int(number) for number in match[1].split(".")) if match else None
 
 
 def _reported_version(path: str) -> tuple[int, ...] | str:
-    """Version that the library itself reports, or what is wrong with it. A separate process loads it, because loading
-    may abort."""
+    """Version that the library itself reports, or a text that says what is wrong with the library. A separate process
+    loads it, because loading may abort."""
     try:
         run = subprocess.run(
             [sys.executable, "-I", "-S", "-c", _VERSION_SCRIPT, path],
@@ -190,7 +192,7 @@ def _reported_version(path: str) -> tuple[int, ...] | str:
 
 
 def _environment() -> Iterator[str]:
-    """Libraries in the Python environment: from a Python package or from conda."""
+    """Paths of libraries in the Python environment: from a Python package or from conda."""
     try:
         files = metadata.distribution(WHEEL).files or []
     except metadata.PackageNotFoundError:
@@ -202,7 +204,7 @@ def _environment() -> Iterator[str]:
 
 
 def _system() -> Iterator[str]:
-    """Libraries of the operating system or its package manager, for this processor."""
+    """Paths of libraries of the operating system or its package manager, for this processor."""
     if sys.platform == "darwin":
         roots = ("/opt/homebrew", "/usr/local")
         patterns = [f"{root}/{home}/lib/" for root in roots for home in ("opt/llvm*", "Cellar/llvm*/*")]
@@ -220,7 +222,7 @@ def _system() -> Iterator[str]:
 
 
 def _ldconfig() -> Iterator[str]:
-    """Libraries in the dynamic linker's cache, for 64-bit processes."""
+    """Paths of libraries in the cache of the dynamic linker, for 64-bit processes."""
     program = shutil.which("ldconfig") or shutil.which("ldconfig", path="/sbin:/usr/sbin")
     if program is None:
         return
@@ -232,7 +234,7 @@ def _ldconfig() -> Iterator[str]:
 
 
 def _distinct(paths: Iterable[str]) -> list[str]:
-    """The files behind `paths` whose name is that of a libLLVM, each once, in order."""
+    """The files that `paths` lead to, if their names are those of a libLLVM; each file once, in order."""
     resolved = (os.path.realpath(path) for path in paths if _LIBRARY.match(os.path.basename(path)))
     return list(dict.fromkeys(path for path in resolved if os.path.isfile(path)))
 

@@ -1,4 +1,4 @@
-"""Media on both sides of a refracting surface, where transparent solids may be nested or overlap."""
+"""Media on both sides of a refracting surface. Transparent solids may be nested or overlap."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,9 +18,9 @@ from visray.ray import NO_ROW
 class Interface:
     """The interface between two media at a refracting surface.
 
-    ratio: index of refraction on the viewer's side divided by that on the other side
-    hidden: whether the surface is invisible, because it lies inside a smaller transparent solid, whose index holds
-        there; None in scenes without nested media
+    ratio: index of refraction on the viewer's side divided by the index on the other side
+    hidden: mask of the lanes in which the surface is invisible, because it lies inside a smaller transparent solid,
+        whose index holds there; None in scenes without nested media
     """
 
     ratio: Any
@@ -28,7 +28,8 @@ class Interface:
 
 
 def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -> Any:
-    """Weight of the surface's own colour: 1 - kt, or 0 where the surface is hidden; None where all weights are 1."""
+    """Weight of the surface's own colour: 1 - kt, or 1 if settings.local is "full"; 0 in lanes in which the surface is
+    hidden. None if all weights are 1."""
     if not s.features["refraction"]:
         return None
     kt = si.material.kt
@@ -40,11 +41,11 @@ def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -
 
 @dataclass(frozen=True)
 class Medium:
-    """The medium on one side of a surface.
+    """The medium on one side of a surface. A solid fills this side, or air.
 
     ior: index of refraction
-    size: radius of the bounding ball of the solid that fills the side; inf outside all solids
-    row: row of this solid, NO_ROW outside all solids
+    size: radius of the solid's bounding ball; inf for air
+    row: row of the solid; NO_ROW for air
     """
 
     ior: Any
@@ -52,18 +53,22 @@ class Medium:
     row: Any
 
     def with_solid(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
-        """The medium with one more solid considered. Of overlapping solids the index of the smaller one holds; of
-        equally large ones, that of the first.
+        """The medium after one more solid is considered. If solids overlap, the smallest one counts; of equally large
+        solids, the first.
 
-        where: lanes in which the solid fills the side
+        where: mask of the lanes in which the solid fills this side
+        ior, size, row: those of the solid
         """
         replaces = where & ((size < self.size) | ((size == self.size) & (row < self.row)))
         return Medium(*(dr.select(replaces, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
 
 
 def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
-    """The interface at a surface. Where transparent solids overlap, the index of the smaller one holds, by their
-    bounding balls. So an inner solid counts, wherever it stands in the scene file."""
+    """The interface at a surface; None in scenes without refraction.
+
+    If transparent solids overlap, the one with the smallest bounding ball counts. So an inner solid counts, whatever
+    its place in the scene file.
+    """
     if not s.features["refraction"]:
         return None
     a, n = s.a, dr.width(si.surface.p)
@@ -79,7 +84,7 @@ def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
         far_side = far_side.with_solid(in_batch & ~si.from_inside, *solid)
         if s.features["nested media"]:
             near_side, far_side = _nested_media(s, si, batch, near_side, far_side)
-    # A flat object has no inside: light passes straight through it, except where a solid begins or ends flush with it.
+    # A flat object has no inside: light passes straight through it, unless a solid's surface lies at the same point.
     ratio = near_side.ior / far_side.ior
     if not s.features["nested media"]:
         return Interface(ratio, None)
@@ -89,8 +94,11 @@ def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
 def _nested_media(
     s: KernelScene, si: Interaction, batch: Batch, near_side: Medium, far_side: Medium
 ) -> tuple[Medium, Medium]:
-    """The media on both sides (viewer's side first) with all other solids of a batch considered. A solid whose surface
-    lies flush with the point fills one side or the other, depending on whether the ray leaves or enters it there."""
+    """The media on both sides (viewer's side first) after all other solids of a batch are considered.
+
+    A solid whose surface contains the point, to within rounding, fills only one side: the viewer's side if the ray
+    leaves the solid there, the other side if the ray enters it.
+    """
     size = len(batch)
 
     def step(i: Any, *state: Any) -> tuple:

@@ -1,8 +1,10 @@
-"""Running moments of samples, lane by lane. The bits do not depend on how the samples are cut into passes.
+"""Running moments of samples: for each lane (one pixel) mean, squared differences and coverage. The bits do not depend
+on how the samples are divided into passes.
 
 Samples are summed in blocks of BLOCK consecutive indices, in the precision of shading, as differences from the block's
-first sample; so no digits cancel where a pixel hardly varies. Full blocks are joined in double, in the order of
-indices. A pass may begin and end inside a block: the open block is carried along unchanged.
+first sample; so no digits cancel in a pixel that hardly varies. Full blocks are joined in double, in the order of
+indices. The block that is not yet full is the open block. A pass may begin and end inside a block; the sums of the open
+block are carried along unchanged.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -18,22 +20,22 @@ BLOCK = 16
 
 
 def index_in_block(index: Any) -> Any:
-    """Position of a sample in its block; 0 for the first one."""
+    """Position of a sample in its block; 0 for the first one. index: index of the sample in its pixel."""
     return index & (BLOCK - 1)
 
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over the samples of each lane. A sample is covered if it hits an object. Shapes: (3, N), but (N) for
-    coverage.
+    """Sums over the samples of each lane. A sample is covered if it hits an object. Shapes: (N) for both coverages, (3,
+    N) for all others.
 
     mean: mean colour of the samples in full blocks, in double
-    squares: sum of their squared differences from the mean, in double
-    coverage: number of covered samples in full blocks, in double; None in kernels that need none
-    reference: first sample of the open block, in the precision of shading, as all below
-    total: sum of differences from the reference
-    open_squares: sum of their squares
-    open_coverage: number of covered samples in the open block; None in kernels that need none
+    squares: sum of squared differences of these samples from the mean, in double
+    coverage: number of covered samples in full blocks, in double; None in kernels that do not count them
+    reference: first sample of the open block; in the precision of shading, as all fields below
+    total: sum of differences of the open block's samples from the reference
+    open_squares: sum of squares of these differences
+    open_coverage: number of covered samples in the open block; None in kernels that do not count them
     """
 
     mean: Any
@@ -51,14 +53,13 @@ class Moments:
 
     @staticmethod
     def types(a: Arrays) -> tuple:
-        """The types of all arrays."""
+        """The types of all arrays, in the order of the fields."""
         return a.W, a.W, a.D, a.V, a.V, a.V, a.F
 
     @staticmethod
     def empty(a: Arrays, n: int) -> "Moments":
-        """Moments of n lanes without samples. Evaluated like all later ones, so that the first pass has the same
-        kernel.
-        """
+        """Moments of n lanes without samples. They are evaluated like all later ones, so that the first pass has the
+        same kernel."""
         moments = Moments(*(dr.opaque(kind, 0, n) for kind in Moments.types(a)))
         dr.eval(moments)
         return moments
@@ -66,9 +67,9 @@ class Moments:
     def with_sample(self, first: Any, colour: Any, covered: Any) -> "Moments":
         """The moments with one more sample.
 
-        first: whether the sample is the first of a block
-        colour: its colour
-        covered: 1 where it counts as covered, else 0
+        first: mask of the lanes in which the sample is the first of a block
+        colour: colour of the sample
+        covered: 1 if the sample is covered, else 0
         """
         reference = dr.select(first, colour, self.reference)
         delta = colour - reference
@@ -81,9 +82,9 @@ class Moments:
         )
 
     def block_joined(self, a: Arrays, where: Any, before: Any, count: Any) -> "Moments":
-        """The moments with the open block joined to the full ones, and a new block opened.
+        """The moments after the open block is joined to the full blocks, and a new block is opened.
 
-        where: lanes in which the block is joined
+        where: mask of the lanes in which this happens; all others are unchanged
         before: number of samples in full blocks
         count: number of samples in the open block
         Domain: count > 0.
@@ -105,8 +106,11 @@ class Moments:
         )
 
     def closed(self, a: Arrays, counts: Any) -> "Moments":
-        """The moments of all samples, `counts` in each lane: the open block is joined as if it were full. For reading
-        only: further samples continue from the moments with the open block."""
+        """The moments of all samples: the open block is joined as if it were full. The result is only read; further
+        samples are added to the moments with the open block.
+
+        counts: number of samples of each lane
+        """
         k = index_in_block(counts)
         joined = self.block_joined(a, k > 0, counts - k, dr.maximum(k, 1))
         return Moments(joined.mean, joined.squares, joined.coverage, None, None, None, None)

@@ -1,6 +1,7 @@
 """Ambient occlusion: the share of ambient light that reaches a point, by rays over the hemisphere above it.
 
-Rays are drawn with density proportional to the cosine with the normal, so that all have equal weight.
+All rays have equal weight. Their density is proportional to the cosine of the angle to the normal, or, if
+settings.occlusion.hemisphere is "box", that of the original program (warp.box).
 """
 
 from typing import Any
@@ -15,11 +16,12 @@ from visray.interaction import Interaction, attached_distance
 from visray.kernel_scene import KernelScene
 from visray.ray import Ray
 
+# Random dimensions (sampling.py) of the rays of both kinds. The third number for "box" comes from dimension + TURN.
 SKY, NEAR, TURN = 2, 3, 6
 
 
 def sky(s: KernelScene, si: Interaction) -> Any:
-    """Visible share of the sky: the share of rays that hit nothing."""
+    """Visible share of the sky: the share of rays that hit nothing. Shapes: (N)."""
 
     def step(j: Any, visible: Any) -> tuple:
         ray = _ray(s, si, SKY, j)
@@ -33,7 +35,8 @@ def sky(s: KernelScene, si: Interaction) -> Any:
 
 
 def near(s: KernelScene, si: Interaction) -> Any:
-    """Mean over rays of the distance to the first hit, as a share of settings.occlusion.distance, at most 1."""
+    """Mean over rays of min(t / D, 1), where t is the distance of the first hit and D is settings.occlusion.distance.
+    Shapes: (N)."""
 
     def step(j: Any, total: Any) -> tuple:
         ray = _ray(s, si, NEAR, j)
@@ -46,7 +49,12 @@ def near(s: KernelScene, si: Interaction) -> Any:
 
 
 def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
-    """Mean of the values that `step` adds up; 1 where there are no rays."""
+    """Mean over the rays of a set; 1 if the set has no rays. Shapes: (N).
+
+    name: name of the set: "sky" or "near"
+    n: number of rays
+    step: function of (j, total) that adds the value of ray j to the total
+    """
     count = s.sample_sets[name].count
     start = (dr.zeros(s.a.F, dr.width(si.surface.p)),)
     total = s.loop(n, count, si.hit.valid, start, step)[0]
@@ -54,7 +62,10 @@ def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
 
 
 def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
-    """Ray number j of its set, over the hemisphere on the viewer's side."""
+    """Ray j from the surface point, in the hemisphere on the viewer's side.
+
+    dimension: SKY for a ray of the set "sky", NEAR for a ray of the set "near"
+    """
     rays = s.sample_sets["sky" if dimension == SKY else "near"]
     u, v = si.sample.dimension(dimension).set_point(j, rays)
     n = si.n
@@ -66,6 +77,6 @@ def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
 
 
 def _above(s: KernelScene, si: Interaction) -> RayOrigin:
-    """Rays that start at the point, in the hemisphere above it."""
+    """The surface point as origin of rays in the hemisphere above it."""
     hemisphere = s.a.F32(1), s.a.F32(0)
     return si.origin.toward(DirectionCone(s.a.V32(dr.detach(si.n)), *hemisphere))

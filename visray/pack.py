@@ -1,7 +1,8 @@
-"""The numbers of a scene as arrays: read by kernels, differentiated (address_index.py), and updated (repack.py).
+"""Packs the numbers of a scene into arrays, which kernels read, derivatives are taken by (address_index.py), and
+updates change (repack.py).
 
-`pack` turns a Scene into columns: one batch for objects that share their code, and one for lights that do. Names become
-numbers. `Packed` is a Dr.Jit PyTree, so derivatives are taken by its arrays.
+`pack` turns a Scene into columns: one batch for objects that share their code, and one for lights that do. A row is one
+object, as an entry of these arrays. References by name become numbers. `Packed` is a Dr.Jit PyTree (pytree.py).
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ NO_TEXTURE = 0xFFFFFFFF
 
 
 class Names:
-    """Names of a batch's rows: a list, or a prefix and a number."""
+    """Names of a batch's rows: either listed, or made of a prefix and the row's number, such as t0, t1, t2."""
 
     def __init__(self, listed: tuple[str, ...] = (), prefix: str = "", count: int | None = None):
         self.listed, self.prefix, self.count = listed, prefix, len(listed) if count is None else count
@@ -42,7 +43,7 @@ class Names:
         return {name: row for row, name in enumerate(self.listed)}
 
     def row(self, name: str) -> int | None:
-        """The row with this name, or None."""
+        """The row with this name; None if there is none."""
         if self.listed:
             return self._rows.get(name)
         number = name.removeprefix(self.prefix)
@@ -52,13 +53,13 @@ class Names:
 
 @dataclass(frozen=True)
 class Columns:
-    """Rows of one kind that share their code, as arrays. They come from the objects of a scene, or from any other
+    """Objects that share their code, as arrays with one entry for each row. They come from a scene, or from any other
     source of columns.
 
-    kind: class of the rows; rows with a transform and rows without form two batches
+    kind: class of the objects; objects with a transform and objects without one form two batches
     names: names of the rows
-    numbers: the kind's table
-    outer: transforms of the rows, or None
+    numbers: the kind's fields, as arrays
+    outer: transforms of the rows; None if they have none
     material, texture: number of each row's material and texture
     object: number of each row's object, in the order of the scene
     """
@@ -81,7 +82,7 @@ class LightColumns:
 
     kind: class of the lights
     names: names of the lights
-    numbers: table of the kind
+    numbers: the kind's fields, as arrays
     samples: number of samples of each light, as Python integers
     scene_index: number of each light in the scene
     """
@@ -95,8 +96,8 @@ class LightColumns:
 
 @dataclass(frozen=True)
 class Packed:
-    """All numbers of a scene. Arrays have one entry for each row, material, or light of a kind; camera, background,
-    ambient light and occlusion have one entry."""
+    """All numbers of a scene. Arrays have one entry for each row, material, or light of a kind. Camera, background,
+    ambient light and occlusion have a single entry."""
 
     batches: tuple[Columns, ...]
     lights: tuple[LightColumns, ...]
@@ -108,7 +109,7 @@ class Packed:
 
 
 def batch_key(obj: Primitive) -> tuple[type[Primitive], bool]:
-    """What objects of one batch share: their kind, and whether they have a transform."""
+    """Key that is equal for objects of one batch: their kind, and whether they have a transform."""
     return obj.kind, bool(obj.transform)
 
 
@@ -137,12 +138,15 @@ def pack(scene: Scene, a: Arrays) -> Packed:
 
 
 def materials_of(scene: Scene) -> dict[str, Material]:
-    """The materials by name, with the default one first."""
+    """The materials by name; the default material is the first."""
     return {"default": Material()} | scene.materials
 
 
 def object_columns(scene: Scene, a: Arrays, kind: type[Primitive], members: list[tuple[int, str]]) -> Columns:
-    """Columns of some objects that share their code, given by number in the scene and name."""
+    """Columns of objects that share their code.
+
+    members: number in the scene and name of each object
+    """
     numbers, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
     objects = [scene.objects[name] for name in names]
     materials = materials_of(scene)
@@ -165,7 +169,10 @@ def object_columns(scene: Scene, a: Arrays, kind: type[Primitive], members: list
 
 
 def _light_columns(scene: Scene, a: Arrays, kind: type[Light], members: list[tuple[int, str]]) -> LightColumns:
-    """Columns of some lights of one kind, given by number in the scene and name."""
+    """Columns of lights of one kind.
+
+    members: number in the scene and name of each light
+    """
     lights = [scene.lights[name] for _, name in members]
     return LightColumns(
         kind=kind,

@@ -1,5 +1,8 @@
-"""Durations of passes over a film, and how long the next pass should be. Each pass is traced once in Python, which must
-take a small share of its time; and Ctrl-C waits for a pass to end, so a pass must not be long."""
+"""Durations of passes, and how long the next pass should be. A pass takes some samples for the pixels of a film.
+
+Python traces each pass once, that is, records its operations for the kernel. This must take a small share of the pass's
+time, so a pass must not be short. Ctrl-C waits for a pass to end, so a pass must not be long.
+"""
 
 from dataclasses import dataclass
 from math import inf
@@ -11,7 +14,7 @@ from visray import clock
 
 # A pass should run PASS_SECONDS, or RUN_PER_TRACE times as long as its tracing takes, whichever is longer.
 PASS_SECONDS, RUN_PER_TRACE = 0.5, 8
-# A pass has at most this many times the samples of the pass that was measured.
+# A pass takes at most this many times the samples of the pass that was measured.
 GROWTH = 64
 # A pass is planned for at most this share of the seconds left, because its samples may take longer than those before.
 SAFE_SHARE = 0.5
@@ -22,8 +25,8 @@ class PassTimer:
     """Measured durations of passes.
 
     trace_seconds: seconds that tracing a pass takes
-    sample_seconds: seconds that one sample takes, or None before the first measurement
-    timed_samples: number of samples in the pass that `sample_seconds` was measured on
+    sample_seconds: seconds that one sample of one pixel takes; None before the first measurement
+    timed_samples: number of samples in the pass that `sample_seconds` was measured on, over all pixels
     """
 
     trace_seconds: float = 0.0
@@ -35,38 +38,42 @@ class PassTimer:
         Returns the seconds that the pass ran.
 
         begun: when tracing began (clock.now)
-        samples: number of samples in the pass
+        samples: number of samples in the pass, over all pixels
+        moments: the pass's result, traced but not yet computed
         """
         self.trace_seconds = clock.now() - begun
         ran = timed_eval(moments)
-        # In a much smaller pass, other costs than its samples dominate.
+        # A much smaller pass is not measured, because other costs than its samples dominate there.
         if self.sample_seconds is None or 4 * samples >= self.timed_samples:
             self.sample_seconds, self.timed_samples = ran / samples, samples
         return ran
 
     def predicted_seconds(self, samples: float) -> float:
-        """Seconds that a pass of this many samples takes. Domain: after a first pass."""
+        """Seconds that a pass of this many samples will take. Domain: after a first pass."""
         return self.trace_seconds + samples * self.sample_seconds
 
     def next_seconds(self, left: float = inf) -> float:
-        """Seconds that the next pass should run; 0 where the time left is too short for a pass that is worth tracing.
+        """Seconds that the next pass should run; 0 if the time left is too short for a pass that is worth tracing.
 
-        left: seconds left
+        left: seconds left for all further passes; inf if there is no limit
         """
         if left < 2 * self.trace_seconds or left <= 0:
             return 0.0
         return min(max(PASS_SECONDS, RUN_PER_TRACE * self.trace_seconds), SAFE_SHARE * (left - self.trace_seconds))
 
     def next_samples(self) -> float:
-        """Number of samples that the next pass should take. Domain: after a first pass."""
+        """Number of samples that the next pass should take, over all pixels. Domain: after a first pass."""
         return min(
             self.next_seconds() / self.sample_seconds if self.sample_seconds else inf, GROWTH * self.timed_samples
         )
 
 
 def timed_eval(arrays: Any) -> float:
-    """Computes arrays, and returns the seconds that their kernels ran. Kernels may already run inside dr.eval, together
-    with compilation, so only Dr.Jit's own history can separate the two."""
+    """Computes arrays, and returns the seconds that their kernels ran.
+
+    Kernels may already run inside dr.eval, together with compilation. Only Dr.Jit's own history of kernels can separate
+    the two. If the caller already records this history, the result includes compilation.
+    """
     history_in_use = dr.flag(dr.JitFlag.KernelHistory)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         if not history_in_use:

@@ -1,4 +1,5 @@
-"""Rendering of a prepared scene into a film, pass after pass."""
+"""Renders a prepared scene into a film, in passes. A pass takes some samples for the pixels of the film, with one
+kernel."""
 
 from dataclasses import replace
 
@@ -13,27 +14,28 @@ from visray.setup import Prepared
 
 
 def subset(prepared: Prepared, lanes: np.ndarray) -> Prepared:
-    """The scene prepared for some of its pixels. lanes: their numbers, or a mask."""
+    """The prepared scene with only some of its pixels. lanes: numbers of the lanes to keep, or a mask (one lane is one
+    pixel)."""
     x, y = (prepared.a.put(prepared.a.U, np.array(v)[lanes]) for v in (prepared.x, prepared.y))
     return replace(prepared, order=prepared.order[lanes], x=x, y=y)
 
 
 def empty_film(prepared: Prepared) -> films.Film:
-    """A film without samples for the pixels of a prepared scene."""
+    """A film without samples, for the pixels of a prepared scene."""
     return films.Film.empty(prepared.a, prepared.order, films.PictureIdentity(prepared.scene, prepared.a))
 
 
 def expose(
     prepared: Prepared, progress: bool = False, interrupts: Interrupts | None = None, film: films.Film | None = None
 ) -> tuple[films.Film, int]:
-    """The film after all samples, and the number of samples of a pixel: fewer than asked for after Ctrl-C, but at least
-    one pass.
+    """Takes all samples that the scene's settings ask for. Returns the film, and the number of samples that each pixel
+    has at least; after Ctrl-C this number is smaller than asked for, but the samples of at least one pass are taken.
 
-    film: a film of the same picture and pixels to continue from, or None
+    progress: whether a progress bar is shown
+    film: film to continue, of the same picture and pixels; None starts an empty film
 
-    The bits are those of all samples taken at once. They do not depend on the cut into passes and films, nor on the
-    number of threads.
-    Error: none (tests/test_same_bits.py).
+    The result is bit for bit that of a single pass with all samples. It does not depend on how samples are divided into
+    passes or pixels into films, nor on the number of threads (tests/test_same_bits.py).
     """
     interrupts, timer = interrupts or Interrupts(), PassTimer()
     if film is None:
@@ -52,8 +54,8 @@ def expose(
 
 
 def first_pass_samples(prepared: Prepared) -> int:
-    """Number of samples in a first pass over all pixels. It should take a fraction of a second, estimated from the rays
-    of a sample and the kinds of objects."""
+    """Number of samples that the first pass should take, over all pixels. The pass should last a fraction of a second,
+    estimated from the number of rays per sample and the kinds of objects."""
     s = prepared.kernel
     effects, settings = s.features, s.settings
     rays = 1 + sum(getattr(light, "samples", 1) for light in prepared.scene.lights.values())
@@ -69,8 +71,9 @@ def first_pass_samples(prepared: Prepared) -> int:
 def exposed_once(
     prepared: Prepared, film: films.Film, targets: int | np.ndarray, timer: PassTimer | None = None
 ) -> films.Film:
-    """The film after one more pass, which brings its lanes to `targets` samples.
+    """The film after one more pass.
 
+    targets: number of samples that each lane has after the pass, one for all lanes or one for each lane
     timer: records how long the pass takes
     Domain: no lane has more samples than its target.
     """
@@ -80,7 +83,7 @@ def exposed_once(
     if not samples:
         return film
     if (first == first[0]).all() and (missing == missing[0]).all():
-        # Equal numbers for all lanes have a kernel of their own, which loads nothing from memory for each lane.
+        # If the numbers are equal in all lanes, another kernel is used, which loads none of them from memory.
         first, missing = int(first[0]), int(missing[0])
     plan = SamplePlan.of(prepared.a, settings.seed, settings.spp, first, missing)
     film = film.with_moments(integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments), targets)

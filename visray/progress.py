@@ -1,4 +1,5 @@
-"""Long work: a progress bar that appears after two seconds, and Ctrl-C that stops the work at a safe point."""
+"""Feedback and interruption of long work: a progress bar that appears after two seconds, and Ctrl-C that stops the work
+at a safe point."""
 
 import signal
 import threading
@@ -16,7 +17,7 @@ class Bar:
     """Progress bar on standard error, with the estimated time left; a context manager.
 
     title: text before the bar
-    total: number of steps, which may change
+    total: total number of steps, which may change
     shown: whether the bar may appear
     """
 
@@ -33,7 +34,7 @@ class Bar:
             self.bar.stop()
 
     def update(self, done: int) -> None:
-        """Reports that `done` steps are done."""
+        """Reports that `done` of the steps are finished."""
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
                 return

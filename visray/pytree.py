@@ -1,5 +1,9 @@
 """Trees of arrays (PyTrees): nested tuples and records (dataclasses) of Dr.Jit arrays.
 
+A table is a tree whose arrays have one entry for each row, that is, for each object. A kernel reads it and computes on
+arrays with one entry for each lane, that is, for each ray or pixel (batches.py).
+An array is attached if it carries derivatives, and detached if it does not.
+
 Dr.Jit accepts frozen dataclasses everywhere except as the state of loops and branches, because it would assign to their
 fields there. These functions turn records into plain tuples of arrays and back, and take rows out of tables.
 """
@@ -13,16 +17,17 @@ import drjit as dr
 
 @dataclass(frozen=True)
 class Shared:
-    """Arrays of any widths that all rows of a table share, such as a vertex buffer. Functions that take rows, or pass
-    records through loops and branches, leave them unchanged."""
+    """Arrays of any widths that all rows of a table share, such as a vertex buffer. The functions below that take rows,
+    or pass records through loops and branches, leave such arrays unchanged."""
 
     value: Any
 
 
 def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
-    """The tree with f applied to each array. Everything else stays as it is: None, numbers, names, classes.
+    """A copy of the tree with f applied to each array. All other values (None, numbers, names, classes) stay as they
+    are.
 
-    shared: whether f is applied inside Shared as well
+    shared: whether f is applied to arrays inside Shared too
     """
     if dr.is_array_v(tree):
         return f(tree)
@@ -38,29 +43,34 @@ def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
 
 
 def rows(tree: Any, index: Any, active: Any = True) -> Any:
-    """Entries of a table (a tree of arrays of equal width) at `index`: one row for each lane, or a single row."""
+    """The entries of a table at `index`: a tree with one row for each lane, or with a single row.
+
+    tree: tree of arrays of equal width
+    index: numbers of the rows
+    active: mask of the lanes that read a row; all other lanes get zeros
+    """
     return mapped(lambda x: dr.gather(type(x), x, index, active), tree)
 
 
 def leaves(tree: Any, shared: bool = False) -> tuple:
-    """The arrays of a tree, in order."""
+    """The arrays of a tree, in order, as a tuple. shared: whether arrays inside Shared are included."""
     arrays: list = []
     mapped(lambda x: arrays.append(x) or x, tree, shared)
     return tuple(arrays)
 
 
 def rebuilt(tree: Any, arrays: tuple) -> Any:
-    """The tree with its arrays replaced by others, in the order of `leaves`."""
+    """A copy of the tree with its arrays replaced by `arrays`, which are in the order of `leaves`."""
     source = iter(arrays)
     return mapped(lambda _: next(source), tree)
 
 
 def detached(tree: Any) -> Any:
-    """The tree without derivatives."""
+    """A copy of the tree without derivatives."""
     return mapped(dr.detach, tree, shared=True)
 
 
 def evaluated(tree: Any) -> Any:
-    """The tree, after all its arrays are computed."""
+    """The same tree, after Dr.Jit has computed all its arrays."""
     dr.eval(leaves(tree, shared=True))
     return tree

@@ -1,8 +1,9 @@
 """Field types of the scene, and array types of the kernels.
 
-Each field of a kind (`Sphere.radius`, `PointLight.position`) is declared once, with one of the types below. The type
-states three things: what a scene file may contain (read by pydantic), how many numbers it is, and its precision in a
-kernel: `geometry` is always double, `shading` is single or double, as the render asks.
+Each field of a kind of object, light or material (`Sphere.radius`, `PointLight.position`) is declared once, with one of
+the types below. The type states three things: what a scene file may contain (read by pydantic), how many numbers the
+field has, and its precision in a kernel: `geometry` is always double, `shading` is single or double, as
+settings.precision says.
 
 `Arrays` is the only access to Dr.Jit's array types: no other module names a backend.
 """
@@ -26,7 +27,7 @@ class Quantity(NamedTuple):
 
     size: number of components, 1 or 3
     precision: "geometry" or "shading"
-    unit: unit and limits, for messages and the schema
+    unit: unit and limits, as messages and the schema show them
     """
 
     size: int
@@ -80,7 +81,7 @@ Count = Annotated[int, Field(strict=True, gt=0)]
 
 @cache
 def quantities(kind: type) -> Mapping[str, Quantity]:
-    """The numeric fields of a kind, in the order of declaration."""
+    """The numeric fields of a kind: a dict from name to Quantity, in the order of declaration."""
     table = {}
     for f in fields(kind):
         annotations = [m for m in getattr(f.type, "__metadata__", ()) if isinstance(m, Quantity)]
@@ -118,10 +119,11 @@ class Arrays:
     Q32: Any
 
     def put(self, kind: Any, values: np.ndarray) -> Any:
-        """Copies NumPy values into an array of `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
+        """Copies NumPy values into an array of type `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
 
-        Dr.Jit would read NumPy's memory in place and compile a new kernel for each memory alignment, and it optimises a
-        plain copy away. A gather whose index is unknown at tracing does copy, and reads at any alignment.
+        Without a copy Dr.Jit would read NumPy's memory in place, and compile a new kernel for each memory alignment. A
+        plain copy is optimised away. A gather is not, if its index is unknown at tracing, and it reads at any
+        alignment.
         """
         values = np.ascontiguousarray(values)
         if values.shape[-1] == 1:
@@ -131,13 +133,13 @@ class Arrays:
         index = dr.arange(self.U, values.shape[-1]) + dr.opaque(self.U, 0)
         if values.ndim == 1:
             return dr.gather(kind, kind(values), index)
-        # Row by row: for a whole matrix, Dr.Jit writes its width into the kernel as a literal.
+        # Component by component, because for a whole matrix Dr.Jit writes its width into the kernel as a literal.
         number = dr.value_t(kind)
         return kind(*(dr.gather(number, number(row), index) for row in values))
 
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
-        """The array types of a backend, with shading in `precision`."""
+        """The array types of a backend, with shading in the given precision."""
         if backend == "llvm":
             llvm.prepare()
         lib = import_module(BACKENDS[backend])
@@ -148,8 +150,8 @@ class Arrays:
 
 
 def stacked(a: Arrays, kind: type, records: list) -> Any:
-    """One instance of `kind` whose quantities are arrays with one entry for each of the records; its other fields are
-    None."""
+    """A record of type `kind` that holds several records as arrays. Its quantities are arrays with one entry for each
+    record; its other fields are None."""
     table = object.__new__(kind)
     for name in kind.__dataclass_fields__:
         object.__setattr__(table, name, None)

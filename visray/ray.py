@@ -3,11 +3,15 @@
 Single letters with one meaning everywhere: o origin, d unit direction, t distance, p point, n normal, l direction to
 the light, v direction to the eye, h half vector; F, V, D, W array types (quantities.Arrays).
 
-Rows are the objects of a scene, numbered batch after batch. A `part` is one smooth piece of a row's surface: a side of
-a box, a cap of a cylinder, a factor of a polynomial. Rows with a single part carry None instead of a number.
+A row is one object, as an entry of the kernel's tables (batches.py). A part is one smooth piece of a row's surface: a
+side of a box, a cap of a cylinder, a factor of a polynomial. Parts are numbered from 0. In scenes without kinds of
+several parts, None stands for the number.
+A crossing is a point at which a ray passes through the surface of one row. A hit is the crossing that a search over all
+rows returns.
 
-There is no epsilon: a ray never starts off the surface that it leaves. Instead, a ray names the row and the part that
-it leaves, and the side on which it runs (`inside`). With this, the row reports only its other crossings.
+There is no epsilon: the origin of a ray is not moved away from the surface that the ray leaves. Instead, the ray names
+the row and the part that it leaves, and the side on which it runs (`inside`). The test of that row then reports only
+other crossings, and not the one at the start.
 """
 
 from dataclasses import dataclass, replace
@@ -20,17 +24,19 @@ NO_ROW = 0xFFFFFFFF
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray in world space, in double precision.
+    """A ray in world space. Its direction may be in single precision until `exact` refines it.
 
-    o: origin, one for all lanes, or one for each lane
-    d: direction, unit to 2^-52; or in single precision, until `exact` refines it
-    row, part: surface that the ray leaves, or None
-    inside: whether the ray runs into that row, for closed kinds
-    clearance: crossings nearer than clearance / cosine are ignored, because they lie flush with the surface that the
-        ray leaves; None where the ray leaves no surface
-    cosine: between d and the normal of the surface that the ray leaves; None where `clearance` is already divided
-    to_target: vector in double of which the single-precision d is the direction, or None; `exact` normalises it
-    d_single: direction in single precision from which `exact` computed d, good enough for shading; None where d came in
+    o: origin, in double; one for all lanes, or one for each lane
+    d: unit direction; in double its length is 1 to within 4 roundings (`unit`)
+    row, part: the surface that the ray leaves; None if it leaves no surface
+    inside: whether the ray runs into the object that it leaves; for closed kinds
+    clearance: crossings with other rows at a distance below clearance / cosine are ignored, because to within rounding
+        they lie on the surface that the ray leaves; None if it leaves no surface
+    cosine: cosine of the angle between d and the normal of the surface that the ray leaves; None if `clearance` is
+        already divided by it
+    to_target: vector in double from o to the ray's target. It is given if d is its direction in single; `exact` then
+        computes d from it. None otherwise
+    d_single: direction in single from which `exact` has computed d, precise enough for shading; None if d came in
         double
     """
 
@@ -45,7 +51,8 @@ class Ray:
     d_single: Any = None
 
     def exact(self) -> "Ray":
-        """The same ray with direction and clearance in double. Rays may start in single, as few of them need more."""
+        """The same ray with direction and clearance in double. Rays may start with a direction in single precision,
+        because few of them need more."""
         d = self.d if type(self.d) is type(self.o) else unit(self.d, type(self.o))
         if self.to_target is not None:
             d = self.to_target * inverse_length(self.to_target, type(self.d.x))
@@ -56,8 +63,11 @@ class Ray:
         return replace(self, d=d, clearance=clearance, cosine=None, to_target=None, d_single=d_single)
 
     def begin(self, known: "KnownEnds") -> Any:
-        """Distance beyond which an exact ray meets a row; 0 for the row that the ray leaves, which excludes its own
-        crossing."""
+        """Distance from which crossings of an exact ray with a row count: its clearance, or 0 if the ray starts on this
+        row, because the kind itself then excludes the crossing at the start.
+
+        known: facts about the ends of the ray, for this row
+        """
         if self.clearance is None:
             return 0
         return self.clearance if known.on_start is None else dr.select(known.on_start, 0, self.clearance)
@@ -67,9 +77,9 @@ class Ray:
 class Hit:
     """The result of a search along a ray.
 
-    t: distance, inf where nothing is hit
-    row: number of the row, NO_ROW where nothing is hit
-    part: part of the row's surface, or None
+    t: distance of the hit. If nothing is hit, it is the distance at which the search ended, usually inf
+    row: number of the row that is hit, among all rows of the scene; NO_ROW if nothing is hit
+    part: part of the row's surface; None in scenes in which every kind has a single part
     """
 
     t: Any
@@ -78,22 +88,22 @@ class Hit:
 
     @property
     def valid(self) -> Any:
-        """Whether anything is hit."""
+        """Mask of the lanes in which something is hit."""
         return self.row != NO_ROW
 
 
 @dataclass(frozen=True)
 class KnownEnds:
-    """Facts about both ends of a ray segment, for the one row that the segment is tested against. A mask is None where
-    it holds for no ray.
+    """Facts about both ends of a ray segment, for the one row that the segment is tested against. A mask is None if it
+    would be false in all lanes.
 
-    on_start: the segment begins on the row's surface
-    inside: from there it runs into the row
-    start_part: part of the surface on which it begins
-    on_end: the segment ends on the row's surface
-    inward: it reaches its end from inside the row
-    end_part: part of the surface on which it ends
-    end_error: bound on the distance between the computed end and the true point; None where there is no end
+    on_start: mask: the segment begins on the row's surface
+    inside: mask: the segment runs into the row from there
+    start_part: part of the surface on which the segment begins
+    on_end: mask: the segment ends on the row's surface
+    inward: mask: the segment reaches its end from inside the row
+    end_part: part of the surface on which the segment ends
+    end_error: bound on the distance between the computed end and the true point; None if the ray is endless
     """
 
     on_start: Any = None
@@ -112,10 +122,10 @@ NOTHING_KNOWN = KnownEnds()
 class Crossing:
     """First crossing of a ray segment with a row's surface.
 
-    met: whether there is a crossing
-    t: distance, inf where there is none
-    part: part of the surface, or None for kinds with a single part
-    enters: whether the ray is outside before the crossing, or along the whole segment where there is none
+    met: mask of the lanes that have a crossing
+    t: distance; inf without a crossing
+    part: part of the surface; None for kinds with a single part
+    enters: whether the ray is outside before the crossing; without a crossing, whether the whole segment is outside
     unresolved: number of pieces of the ray on which the search cannot decide whether there is a crossing; normally 0
     """
 
@@ -133,7 +143,7 @@ class Surface:
     p: position, in double
     n: outward unit normal, in the precision of shading
     error: bound on the distance between p and the true point, in world units
-    exact: the same normal in double, where rays continue from the point; else None
+    exact: the same normal in double if paths continue from the point; else None
     """
 
     p: Any
@@ -143,10 +153,11 @@ class Surface:
 
 
 def unit(d: Any, w: Any) -> Any:
-    """The direction `d` as a vector of type `w`, unit to 2^-52 and exactly parallel to d. Domain: d is unit to its own
-    precision.
+    """The direction `d` as a vector of type `w`, normalised by one step in the precision of `w`.
 
-    Error: one third-order step; with |d|^2 = 1 + e it leaves 5/16 e^3, and e <= 2^-21 in single.
+    Domain: d has length 1 to within its own precision.
+    Error: the length is 1 to within 4 roundings, and each component is that of a parallel vector to within one rounding
+        (tests/test_ray.py). With |d|^2 = 1 + e the step itself leaves 5/16 e^3, and |e| <= 2^-21 in single.
     """
     d = w(d)
     e = dr.squared_norm(d) - 1
@@ -154,11 +165,12 @@ def unit(d: Any, w: Any) -> Any:
 
 
 def inverse_length(v: Any, fast: Any) -> Any:
-    """1/|v|, accurate to 2^-52 for |v| from 1e-18 to 1e18; 0 for v = 0.
+    """1 / |v|; 0 for v = 0.
 
-    fast: single-precision type whose reciprocal root is refined by one third-order step; None computes root and
-        division in double, which costs eight times as much.
-    Error: both ways agree to 4 ulp (tests/test_ray.py).
+    fast: type in single precision whose reciprocal square root is refined by one third-order step. If it is None, root
+        and division are computed in double, which takes eight times as long.
+    Domain: v = 0, or |v| from 1e-18 to 1e18.
+    Error: relative, at most gamma(5); the two ways agree to 4 ulp (tests/test_ray.py).
     """
     squared = dr.squared_norm(v)
     if fast is None:

@@ -1,4 +1,4 @@
-"""Packed numbers after an update of some addresses: only what changes is packed again."""
+"""Packed numbers after the values at some addresses have changed. Only what changes is packed again."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,10 +15,10 @@ from visray.scene.scene import Scene, SkyGradient
 
 
 def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a: Arrays) -> Packed | None:
-    """The packed numbers of `new`, a scene that differs from `old` at the given addresses only. Unchanged arrays are
+    """The packed numbers of `new`, a scene that differs from `old` only at the given addresses. Unchanged arrays are
     shared with `packed`.
 
-    Returns None where more than numbers change, so that everything must be packed again.
+    Returns None if more than numbers changes, so that everything must be packed again.
     """
     paths = [address.split(".") for address in addressed]
     sections = {section for section, *_ in paths}
@@ -36,7 +36,8 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
 
 
 def _structure(scene: Scene) -> tuple:
-    """Names and kinds in a scene, without objects. Where they change, more than numbers changes."""
+    """What must not change if only numbers are to be packed again, except for objects: names and kinds of lights, names
+    and textures of materials, and the kind of background."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
@@ -46,7 +47,10 @@ def _structure(scene: Scene) -> tuple:
 
 
 def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a: Arrays) -> tuple[Columns, ...] | None:
-    """The batches with new numbers for some objects; None where one of these objects belongs to another batch now."""
+    """The batches with new numbers for some objects; None if one of these objects now belongs to another batch.
+
+    names: names of these objects
+    """
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     for name in names:
         before, after = old.objects[name], new.objects[name]
@@ -62,7 +66,7 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
 
 
 def _scattered(columns: Columns, replacement: Columns, indices: Any) -> Columns:
-    """The columns with the rows at `indices` replaced by `replacement`."""
+    """The columns after their rows `indices` are replaced by the rows of `replacement`, in the same order."""
     source = iter(leaves(replacement))
 
     def put(x: Any) -> Any:

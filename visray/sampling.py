@@ -1,7 +1,10 @@
 """Random numbers of samples: seeded, decorrelated between pixels, stratified within a pixel.
 
-Everything that changes between renders (seed, sample count, first sample of a pass) is opaque data, so a new value
-compiles no new kernel.
+Each purpose, such as the position in the pixel or on the lens, has its own random dimension: one pair of numbers in the
+unit square for each sample. Strata are equal squares that divide the unit square.
+
+Everything that changes between renders (seed, sample count, first sample of a pass) is opaque data: the code does not
+contain it, so a new value compiles no new kernel.
 """
 
 from dataclasses import dataclass
@@ -13,12 +16,13 @@ import numpy as np
 
 from visray.quantities import Arrays
 
-# 2^32 divided by the golden ratio: its multiples run through all 32-bit numbers without a short cycle.
+# 2^32 divided by the golden ratio (1.618...), an odd number: its multiples modulo 2^32 run through all 32-bit numbers.
 _ODD = 0x9E3779B9
 
 
 def hash32(x: Any) -> Any:
-    """Well-mixed 32-bit hash. Source: Wellons' hash-prospector, the function of least bias with two multiplications."""
+    """A well-mixed 32-bit hash. Source: Wellons' hash-prospector, the function with the least bias of those with two
+    multiplications."""
     x = x ^ (x >> 16)
     x = x * 0x21F0AAAD
     x = x ^ (x >> 15)
@@ -28,17 +32,20 @@ def hash32(x: Any) -> Any:
 
 @dataclass(frozen=True)
 class SamplePlan:
-    """The samples that one pass takes, as opaque numbers: one for all lanes, or one for each lane.
+    """The samples that one pass takes, as opaque numbers: one for all lanes, or one for each lane (one lane is one
+    pixel).
 
-    Sample first + i of a pixel falls in stratum (start + i step) modulo strata, counted from the pixel's own first
-    stratum. So where a sample falls depends on its index, and not on the pass that takes it.
+    Sample first + i of a pixel falls in stratum (start + i step) modulo strata, counted from a first stratum that
+    differs from pixel to pixel. So the stratum of a sample depends only on its index, and not on the pass that takes
+    it.
 
     seed: seed of the render
     first: index of the first sample
     count: number of samples
-    strata: number of the pixel's strata, side * side
-    side: number of strata along each side
-    step, start: order in which a pixel visits its strata
+    strata: number of strata of a pixel, side * side
+    side: number of strata along each side of the pixel
+    step: how far the strata of two successive samples are apart
+    start: stratum of the first sample, first * step modulo strata
     """
 
     seed: Any
@@ -51,14 +58,14 @@ class SamplePlan:
 
     @staticmethod
     def of(a: Arrays, seed: int, spp: int, first: int | np.ndarray, count: int | np.ndarray) -> "SamplePlan":
-        """The plan of samples `first` to `first + count - 1` out of `spp`.
+        """The plan of samples `first` to `first + count - 1` of a render with `spp` samples per pixel.
 
-        first, count: of all lanes, or of each. Shapes: () or (N).
+        first, count: one number for all lanes, or one for each lane. Shapes: () or (N).
         """
         side = isqrt(spp)
         strata = side * side
-        # A step without a common divisor with `strata` visits each stratum once. This one is the nearest to strata
-        # divided by the golden ratio.
+        # A step without a common divisor with `strata` visits each stratum once. This is the first such step from
+        # strata / 1.618 (the golden ratio) upwards.
         step = (
             next(s for s in range(max(1, round(strata * 0.618)), 2 * strata + 2) if gcd(s, strata) == 1) % strata or 1
         )
@@ -71,7 +78,7 @@ class SamplePlan:
 
     @staticmethod
     def per_lane(a: Arrays, seeds: Any, first: Any, count: Any) -> "SamplePlan":
-        """A plan whose seed, first and count differ from lane to lane. Domain: samplers without strata."""
+        """A plan whose seed, first and count differ between lanes. Domain: samplers without strata."""
         one, zero = dr.opaque(a.U, 1), dr.opaque(a.U, 0)
         return SamplePlan(seeds, first, count, one, dr.opaque(a.F, 1), zero, zero)
 
@@ -82,22 +89,27 @@ def pixel_key(plan: SamplePlan, x: Any, y: Any) -> Any:
 
 
 def first_stratum(plan: SamplePlan, key: Any, real: Any) -> Any:
-    """Stratum of a pass's first sample, from 0 to strata - 1."""
+    """Number of the stratum of a pass's first sample, from 0 to strata - 1.
+
+    key: hash of the pixel
+    real: floating-point type for the computation
+    """
     u = real(key >> 8) * 2.0**-24
     stratum = type(key)(u * real(plan.strata)) + plan.start
     return dr.select(stratum >= plan.strata, stratum - plan.strata, stratum)
 
 
 def next_stratum(plan: SamplePlan, stratum: Any) -> Any:
-    """Stratum of the next sample."""
+    """Number of the stratum of the sample after one in `stratum`."""
     stratum = stratum + plan.step
     return dr.select(stratum >= plan.strata, stratum - plan.strata, stratum)
 
 
 def jittered(stratum: Any, unstratified: Any, side: Any, h: Any, real: Any) -> tuple[Any, Any]:
-    """A point of the unit square, jittered by a hash inside a stratum; anywhere in the square where `unstratified`.
+    """A random point in a stratum of the unit square; where `unstratified` is true, in the whole square.
 
-    stratum: number of the stratum out of side * side
+    stratum: number of the stratum, from 0 to side * side - 1
+    side: number of strata along each side of the square
     h: hash of the sample
     real: floating-point type of the result
     Domain: side^2 < 2^22, so that the row of a stratum is exact in single precision.
@@ -110,10 +122,11 @@ def jittered(stratum: Any, unstratified: Any, side: Any, h: Any, real: Any) -> t
 
 
 def scrambled(x: Any, seed: Any) -> Any:
-    """Owen scrambling of a number whose bits are in reverse order: each bit is flipped by a hash of the bits below it.
+    """Owen scrambling of a number whose bits are in reverse order: each bit is flipped or not, by a hash of the bits
+    below it.
 
-    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The factor here is a hash of the seed,
-        where theirs is part of the seed itself: with theirs, points of small indices are not uniform over seeds
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The multiplier in the second line is a hash
+        of the seed. Theirs is a part of the seed itself, and then points of small indices are not uniform over seeds
         (tests/test_sampling.py).
     """
     x = x ^ (x * 0x3D20ADEA)
@@ -123,19 +136,23 @@ def scrambled(x: Any, seed: Any) -> Any:
 
 
 def pascal(x: Any) -> Any:
-    """Sobol's second dimension of the index x, with bits in reverse order: a product with Pascal's triangle modulo 2.
-    That matrix is a Kronecker product of five equal ones."""
+    """The second coordinate of point x of the Sobol sequence, as 32 bits in reverse order.
+
+    The bits of x are multiplied by Pascal's triangle modulo 2, a matrix that is the Kronecker product of five equal 2 x
+    2 matrices; each pass of the loop applies one of them.
+    """
     for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
         x = x ^ ((x >> shift) & mask)
     return x
 
 
 def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
-    """A point of an Owen-scrambled (0, 2)-sequence. Any 2^k points from a multiple of 2^k on are stratified in every
-    way.
+    """A point of an Owen-scrambled (0, 2)-sequence. If a multiple of 2^k is the first index, the next 2^k points have
+    exactly one point in each cell of every division of the square into 2^k equal rectangles with sides 2^-i and
+    2^(i-k).
 
-    shuffled: whether the points are visited in an order of their own, so that sequences of different seeds can be
-        paired
+    shuffled: whether the points are visited in an order that depends on the seed, so that points of different seeds can
+        be combined
     """
     if shuffled:
         index = dr.brev(scrambled(dr.brev(index), seed ^ 0xA511E9B3))
@@ -146,12 +163,12 @@ def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class SampleSet:
-    """A number of points that are stratified together, such as light samples, or the rays of one surface point. Opaque:
-    one entry, or one for each set.
+    """Points that are stratified together, such as the samples of an area light, or the rays from one surface point.
+    Fields are opaque, with one entry, or with one for each of several sets.
 
     count: number of points
     strata: number of strata, side * side
-    side: number of strata along each side
+    side: number of strata along each side of the unit square
     """
 
     count: Any
@@ -166,7 +183,7 @@ class SampleSet:
 
     @staticmethod
     def table(a: Arrays, counts: list[int]) -> "SampleSet":
-        """Sets of several sizes, with one entry each."""
+        """Sets with the given numbers of points, as arrays with one entry for each set."""
         count = np.array(counts)
         side = np.array([max(isqrt(x), 1) for x in counts])
         integers = (a.put(a.U, v.astype(np.uint32)) for v in (count, side * side))
@@ -180,9 +197,9 @@ class SampleState:
     sampler: name of the sampler
     real: floating-point type of the numbers
     plan: samples of the pass
-    key: hash of the pixel and of the path vertex
+    key: hash of the pixel, the seed, and the salts of `derived`
     index: index of the sample within its pixel
-    stratum: stratum that the sample falls in
+    stratum: number of the stratum that the sample falls in
     """
 
     sampler: str
@@ -202,40 +219,43 @@ class SampleState:
         return jittered(self.stratum, self.index >= self.plan.strata, self.plan.side, h, self.real)
 
     def derived(self, salt: Any) -> "SampleState":
-        """Random numbers for a further vertex of a path: as many dimensions again, independent of all others."""
+        """Further random numbers of the sample: all dimensions again, independent of those with another salt.
+
+        salt: number of a path vertex, or of a light that the kernel loops over
+        """
         return SampleState(self.sampler, self.real, self.plan, hash32(self.key + salt * _ODD), self.index, self.stratum)
 
     def dimension(self, number: int) -> "Dimension":
-        """The pairs of numbers for one purpose. Different numbers give independent pairs."""
+        """The random dimension with this number. Different numbers give independent pairs."""
         return Dimension(self, hash32(self.key ^ ((number * 0x632BE5AB) & 0xFFFFFFFF)))
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """Pairs of random numbers in the unit square for one purpose, of one sample of each pixel.
+    """A random dimension: pairs of random numbers in the unit square for one purpose, for one sample of each pixel.
 
     state: the sample
-    key: hash of the pixel, the path vertex and the purpose
+    key: hash of the key of the sample and the number of the dimension
     """
 
     state: SampleState
     key: Any
 
     def point(self) -> tuple[Any, Any]:
-        """One pair, independent of all others."""
+        """The pair of the sample. Pairs of different dimensions are independent."""
         state = self.state
         if state.sampler == "sobol":
             return sobol(state.index, self.key, True, state.real)
         return jittered(state.stratum, True, state.plan.side, hash32(self.key + (state.index + 1) * _ODD), state.real)
 
     def set_number(self, j: Any, points: SampleSet) -> Any:
-        """One number for pair j of a set, independent of the strata."""
+        """A third random number for pair j of a set, without strata."""
         state = self.state
         h = hash32(self.key + (state.index * points.count + j + 1) * _ODD)
         return state.real(h >> 8) * 2.0**-24
 
     def set_point(self, j: Any, points: SampleSet) -> tuple[Any, Any]:
-        """Pair j of a set whose pairs are stratified together."""
+        """Pair j of a set. The pairs of a set are stratified together."""
         state = self.state
         index = state.index * points.count + j
         if state.sampler == "sobol":

@@ -1,4 +1,4 @@
-"""A scene prepared for rendering: packed into arrays, placed in the world, with its pixels in the order of lanes."""
+"""A scene prepared for rendering: packed into arrays, placed in the world, and its pixels ordered as lanes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -21,16 +21,17 @@ from visray.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scene prepared for rendering.
+    """A scene prepared for rendering. One lane is one pixel.
 
     scene: the scene
     a: array types
     features: effects that its kernel simulates
     packed: numbers of the scene as arrays
-    kernel: record that kernels read
-    order: pixel numbers (row * width + column) in the order of lanes
-    x, y: columns and rows of the pixels, in the same order
-    identities: names in the scene and the identity (id) of what they name, to detect changes in place
+    kernel: the scene as kernels read it
+    order: number (row * width + column) of each lane's pixel
+    x, y: column and row of each lane's pixel
+    identities: names in the scene, each with the id() of its value, to detect that a dict of the scene was changed in
+        place
     """
 
     scene: Scene
@@ -44,8 +45,13 @@ class Prepared:
     identities: tuple
 
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
-        """The scene with other values at some addresses. Only what changes is checked, packed and placed again. Where
-        only numbers change, no kernel is compiled, except where a camera or light comes to lie on a surface."""
+        """The prepared scene with other values at some addresses. Only what changes is checked, packed and placed
+        again.
+
+        If only numbers change, no kernel is compiled, except if a camera or light comes to lie on a surface.
+
+        assignments: dict from address to new value
+        """
         if not isinstance(assignments, Mapping) or not all(isinstance(a, str) and a for a in assignments):
             raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
         if _identities(self.scene) != self.identities:
@@ -54,13 +60,15 @@ class Prepared:
         return self._with(scene, repacked(self.packed, self.scene, scene, assignments, self.a))
 
     def adjusted(self, scene: Scene) -> "Prepared":
-        """The same for a scene that differs from this one only in its settings, or in the size of its film."""
+        """The scene `scene`, prepared. Domain: it differs from `self.scene` only in its settings or in the size of its
+        film."""
         if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
             return self
         return self._with(scene, self.packed if scene.film == self.scene.film else None)
 
     def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
-        """Prepared from other packed numbers. None: everything is prepared again, as where another kernel is needed."""
+        """The scene `scene`, prepared with the packed numbers `packed`. If these are None, or if `scene` needs another
+        kernel, everything is prepared again."""
         effects, previous = features(scene), self.kernel
         if packed is None or effects != self.features or scene.settings.precision != self.scene.settings.precision:
             return prepare(scene, self.a.backend, brute_force=previous.brute_force)
@@ -81,10 +89,11 @@ def prepare(
 ) -> Prepared:
     """Prepares a scene for rendering.
 
-    everything: all effects are simulated, even where they are zero; a reference that `features` is tested against
-    brute_force: every row is tested, without guards or trees; a reference that the search is tested against
-    wrt: addresses that derivatives are taken by
-    attach: enables derivatives in the packed numbers, before anything is computed from them
+    everything: whether all effects are simulated, even those that are zero; a reference that `features` is tested
+        against
+    brute_force: whether every row is tested, without guards or trees; a reference that the search is tested against
+    wrt: addresses of the numbers with respect to which derivatives are taken
+    attach: function that enables derivatives in the packed numbers, before anything is computed from them
     without: names of effects that are left out
     """
     a = arrays(backend, scene.settings.precision)
@@ -98,13 +107,13 @@ def prepare(
 
 
 def _identities(scene: Scene) -> tuple:
-    """All names in a scene, with the identity (id) of what each names."""
+    """All names in a scene, each with the id() of its value."""
     sections = scene.textures, scene.materials, scene.lights, scene.objects
     return tuple((name, id(value)) for section in sections for name, value in section.items())
 
 
 def arrays(backend: str, precision: str) -> Arrays:
-    """The array types of a backend. Raises UserError where it is not available."""
+    """The array types of a backend. Raises UserError if the backend is not available."""
     if backend not in BACKENDS:
         raise UserError(f"backend = {backend!r}: is none of {', '.join(BACKENDS)}")
     if backend == "llvm":
@@ -115,7 +124,7 @@ def arrays(backend: str, precision: str) -> Arrays:
 
 
 def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
-    """The pixel numbers in the order of lanes, and the pixels' columns and rows."""
+    """Number (row * width + column), column and row of each lane's pixel, as three arrays."""
     order = films.tile_order(width, height)
     y, x = np.divmod(order, width)
     x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))

@@ -2,9 +2,11 @@
 
     I = Ig ka sky + sum over lights of [ Ia ka near + att S (Id kd max(n.l, 0) + Is ks max(n.h, 0)^shininess) ]
 
-n is the unit normal turned to the viewer, l the unit direction to the light, v to the viewer, and h the unit vector
-halfway between l and v. There is no highlight where n.l <= 0. sky and near: the shares of the ambient light that
-occlusion leaves. S: what shadows leave. att: what distance and the light's aim leave.
+Vectors have length 1: n is the normal turned to the viewer, l points to the light, v to the viewer, and h is halfway
+between l and v. There is no highlight if n.l <= 0.
+Ig is the scene's ambient light. Ia, Id and Is are the light's ambient, diffuse and specular colours, and ka, kd and ks
+those of the material. sky and near are the shares of ambient light that occlusion leaves (occlusion.py). S is the share
+of light that passes all objects on its way. att is attenuation by distance times the light's falloff.
 
 Other modes replace the diffuse term and the highlight, or show a property of the surface (modes.py).
 """
@@ -24,12 +26,12 @@ def power(x: Any, exponent: Any, bits: int, fraction: bool, real: Any) -> Any:
 
     The integer part is detached: the derivative by the exponent, x^e ln x, comes from the fractional part alone.
 
-    bits: binary digits of the largest exponent. fraction: whether exponents may have a fractional part; must be True
-    for derivatives by the exponent. real: the array type.
-
+    bits: number of binary digits of the largest exponent
+    fraction: whether exponents may have a fractional part; must be True for derivatives by the exponent
+    real: array type
     Domain: 0 <= x <= 1.
-    Error: relative; gamma(exponent) for the integer part, because each squaring doubles the error before it, which is
-    as much as one rounding of x makes in its power; plus the errors of exp2 and log2 for the fractional part.
+    Error: relative; gamma(n) for an integer part n, because each squaring doubles the relative error, as it doubles the
+        exponent, and adds one rounding. A fractional part adds the errors of exp2 and log2.
     """
     integer = dr.detach(dr.floor(exponent))
     n = dr.uint32_array_t(dr.detached_t(real))(integer)
@@ -51,7 +53,8 @@ def shade(s: KernelScene, si: Interaction) -> Any:
 
 
 def lit(s: KernelScene, si: Interaction) -> Any:
-    """Light that leaves the surface towards the ray's origin: ambient light, and that of all lights."""
+    """Light that leaves the surface towards the ray's origin, a colour: reflected ambient light plus reflected light of
+    all lights."""
     a, on, m = s.a, s.features, si.material
     colour = dr.zeros(a.V, 1)
     if on["ambient"]:
@@ -65,7 +68,11 @@ def lit(s: KernelScene, si: Interaction) -> Any:
 
 
 def reflected(s: KernelScene, si: Interaction, light: Any, sample: LightSample) -> Any:
-    """Reflected light of one light sample: diffuse term and highlight, times what distance and shadows leave."""
+    """Reflected light of one light sample, a colour: diffuse term plus highlight, multiplied by attenuation, falloff
+    and transmittance; black if no light arrives.
+
+    light: numbers of the light
+    """
     a, on, m = s.a, s.features, si.material
     model = modes.BY_NAME[s.settings.shading].model
     colour = dr.zeros(a.V, 1)

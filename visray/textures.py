@@ -1,4 +1,7 @@
-"""Textures: colour over (u, v). A new kind is one class here, its name in KINDS, and its colour in images/lookup.py."""
+"""Textures: colours as functions of the texture coordinates u and v.
+
+A new kind is one class here, its name in KINDS, and its colour in images/lookup.py.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -14,7 +17,8 @@ Pair = tuple[_Coordinate, _Coordinate]
 
 @dataclass(frozen=True, kw_only=True)
 class Texture:
-    """The texture is looked up at `scale` (u, v) + `offset`: a scale of (2, 1) repeats it twice along u."""
+    """A texture is looked up at the coordinates `scale` times (u, v) plus `offset`. For example, a scale of (2, 1)
+    repeats it twice along u."""
 
     __pydantic_config__ = STRICT
 
@@ -26,8 +30,9 @@ class Texture:
 class ImageTexture(Texture):
     """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
 
-    `filter`: the nearest pixel, or a blend of four. `wrap`: beyond its edges the picture repeats, keeps the colour of
-    the edge (`clamp`), or is mirrored (`mirror`). `encoding`: by default, PNG and JPEG are read as sRGB and EXR as
+    `filter`: `nearest` takes the colour of the nearest pixel, `bilinear` blends four pixels. `wrap`: beyond its edges
+    the picture repeats (`repeat`), keeps the colour of the edge (`clamp`), or is mirrored (`mirror`). `encoding`: how
+    numbers of the file become colours, `srgb` or `linear`; with `auto`, PNG and JPEG are read as sRGB and EXR as
     linear.
     """
 
@@ -40,7 +45,8 @@ class ImageTexture(Texture):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckerTexture(Texture):
-    """Squares of two colours, two along each unit of u and of v. Colour `a` is where u and v are both in (0, 1/2)."""
+    """Squares of two colours `a` and `b`, two squares along each unit of u and of v. The square with u and v from 0 to
+    1/2 has colour `a`."""
 
     type: Literal["checker"] = "checker"
     a: Color = (0.8, 0.8, 0.8)

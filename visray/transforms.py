@@ -1,7 +1,7 @@
 """Transforms of an object: a list of steps, applied in order.
 
-Each step gives `affine`, its 3 x 4 matrix, and `bounds`: the least and the greatest factor by which it changes lengths,
-and how far it moves the origin. `bounds` uses plain numbers, no arrays.
+Each step has two methods. `affine` returns its 3 x 4 matrix. `bounds` returns a lower and an upper bound on the factor
+by which it changes lengths, and a bound on the distance by which it moves the origin; it uses plain numbers, no arrays.
 """
 
 import math
@@ -25,7 +25,8 @@ Row = tuple[Real, Real, Real, Real]
 
 
 def _sizes(rows: tuple[Row, Row, Row]) -> tuple[float, float]:
-    """Volume (absolute determinant) and Frobenius norm of the linear part."""
+    """Volume (absolute determinant) and Frobenius norm of the linear part of a matrix. rows: the rows of its 3 x 4
+    matrix."""
     (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows
     squared_norm = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
     return abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)), math.sqrt(squared_norm)
@@ -34,8 +35,8 @@ def _sizes(rows: tuple[Row, Row, Row]) -> tuple[float, float]:
 def _clearly_invertible(rows: tuple[Row, Row, Row]) -> bool:
     """Whether a quick test proves that the matrix is invertible.
 
-    Its least factor of a length is at least volume / norm^2; the test asks for 1e-10 norm. Error: rounding changes the
-    volume by at most 1e-15 norm^3.
+    The matrix shortens no vector to less than volume / norm^2 of its length. The test asks for at least 1e-10 norm.
+    Error: rounding changes the volume by at most 1e-15 norm^3.
     """
     volume, norm = _sizes(rows)
     cube = norm * norm * norm
@@ -123,7 +124,8 @@ STEPS = {"translate": Translate, "scale": Scale, "rotate": Rotate, "matrix": Mat
 
 
 def _kind(step: Any) -> str | None:
-    """Name of the class of a step, by the first key that names one. Only errors of that class are then reported."""
+    """Name of the class of a step, by the first key that belongs to a class; None if none does. Only errors of this
+    class are then reported."""
     if isinstance(step, dict):
         return next((STEPS[key].__name__ for key in step if key in STEPS), None)
     return type(step).__name__ if type(step) in STEPS.values() else None
@@ -151,9 +153,8 @@ def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:
 
 
 def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
-    """The bounds of all steps together: least and greatest factor of a length, and distance by which the origin
-    moves.
-    """
+    """The bounds of all steps together: lower and upper bound on the factor by which lengths change, and bound on the
+    distance by which the origin moves."""
     least, greatest, shift = 1.0, 1.0, 0.0
     for step in steps:
         low, high, moved = step.bounds()

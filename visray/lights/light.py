@@ -1,11 +1,11 @@
 """The interface of all lights.
 
-A light shines from one point (point, spot), from infinitely far (directional), or from all points of a shape (area
-lights). Light from an area light is the mean over `samples` of its points, each with its own direction, distance and
+A light shines from one point (point, spot), from infinitely far away (directional), or from all points of a shape (area
+lights). The light of an area light is the mean over `samples` of its points, each with its own direction, distance and
 shadow.
 
-A kind is one file. Area lights say where their points are (`point_offset`); `falloff` weakens a light away from its
-axis. Fields are Dr.Jit arrays in these methods.
+A kind of light is one class in one file. An area light says where its points are (`point_offset`). `falloff` weakens a
+light in some directions. Fields are Dr.Jit arrays in these methods.
 """
 
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ Samples = Annotated[int, Field(strict=True, gt=0, le=2**16)]
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """`Ia`, `Id`, `Is` are a light's ambient, diffuse and specular colours, all scaled by `intensity`.
+    """`Ia`, `Id`, `Is` are a light's ambient, diffuse and specular colours, all multiplied by `intensity`.
 
-    At distance d the diffuse and specular parts are weakened by 1 / (a + b d + c d^2); a = b = c = 0 means no
+    At distance d the diffuse and specular parts are multiplied by 1 / (a + b d + c d^2); a = b = c = 0 means no
     attenuation. Lights themselves are invisible.
     """
 
@@ -43,29 +43,31 @@ class Light:
     has_area: ClassVar[bool] = False
 
     def flaws(self) -> list[tuple[str, str]]:
-        """Errors that no single field can show: pairs of a field name and a message."""
+        """Errors that concern several fields together, as pairs of a field's name and a message."""
         return []
 
     def falloff(self, d: Any) -> Any:
-        """Share of the light sent in the unit direction `d`, or None where it is 1 in all directions."""
+        """Factor from 0 to 1 that multiplies the light in the unit direction `d`, which points away from the light;
+        None if it is 1 in all directions."""
         return None
 
     def falloff_reference(self, d: np.ndarray) -> np.ndarray:
-        """The same share in NumPy, computed in another way: the reference for `visray check`. Shapes: (N, 3) -> (N)."""
+        """The same factor in NumPy, computed by another formula: the reference for `visray check`. Shapes: (N, 3) ->
+        (N)."""
         return np.ones(len(d))
 
 
 @dataclass(frozen=True, kw_only=True)
 class AreaLight(Light):
-    """A light with an area: every point sends the same light in all directions, and `samples` of them are taken."""
+    """A light with an area. Each point sends the same light in all directions; `samples` of the points are used."""
 
     samples: Samples = 16
 
     has_area: ClassVar[bool] = True
 
     def point_offset(self, w: Any, u: Any, v: Any) -> Any:
-        """Vector of type `w` from the light's centre to its point for (u, v) in the unit square. Equal areas of the
-        square map to equal areas of the light."""
+        """Vector of type `w` from the light's centre to one of its points, given by (u, v) in the unit square. Equal
+        areas of the square map to equal areas of the light."""
         raise TypeError(f"{type(self).__name__} has no points")
 
     def radius_bound(self) -> Any:

@@ -12,7 +12,7 @@ from visray.quantities import Point, Vector
 
 @dataclass(frozen=True, kw_only=True)
 class RectangleLight(AreaLight):
-    """A parallelogram centred at `position`, with sides `width` and `height`."""
+    """A parallelogram with centre `position`. The vectors `width` and `height` are its sides. It shines both ways."""
 
     type: Literal["rectangle"] = "rectangle"
     position: Point

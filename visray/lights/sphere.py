@@ -10,7 +10,8 @@ from visray.warp import sphere
 
 @dataclass(frozen=True, kw_only=True)
 class SphereLight(AreaLight):
-    """A sphere about `position`, with `radius`. All points of its surface shine, and none hides another."""
+    """A sphere about `position`, with `radius`. All points of its surface shine; the sphere does not shadow its own
+    light."""
 
     type: Literal["sphere"] = "sphere"
     position: Point

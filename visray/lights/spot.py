@@ -17,10 +17,11 @@ HalfAngle = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class SpotLight(Light):
-    """A light that shines from `position` along `direction` into a cone; `angle` lies between its axis and its edge.
+    """A light that shines from `position` along `direction` into a cone. `angle` is the angle between the cone's axis
+    and its edge.
 
-    Within the cone the light is ((cos t - cos angle) / (1 - cos angle))^exponent, with t the angle from the axis: a
-    hard edge for exponent 0, softer for larger exponents.
+    Within the cone the light is multiplied by ((cos t - cos angle) / (1 - cos angle))^exponent, where t is the angle
+    from the axis: a hard edge for exponent 0, a softer one for larger exponents.
     """
 
     type: Literal["spot"] = "spot"
@@ -40,9 +41,9 @@ class SpotLight(Light):
         return dr.select(lit, power, 0)
 
     def falloff_reference(self, d: np.ndarray) -> np.ndarray:
-        """From the difference of the cosines.
+        """Computed from the difference of the cosines.
 
-        Error: 2^-52 / 1.5e-8 of the share, because 1 - cos(angle) is at least 1.5e-8 (0.01 degrees).
+        Error: 2^-52 / 1.5e-8 of the factor, because 1 - cos(angle) is at least 1.5e-8 (angle = 0.01 degrees).
         """
         axis, edge = np.array(self.direction, float), np.cos(np.radians(self.angle))
         inside = d @ axis / np.linalg.norm(axis) - edge

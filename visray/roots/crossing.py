@@ -19,26 +19,28 @@ def first_crossing(
     known: KnownEnds = NOTHING_KNOWN,
     tolerance: Any = None,
 ) -> Crossing:
-    """The first crossing of the segment with the surface of a polynomial. Its part is the number of the factor.
+    """The first crossing of a segment with the surface f = 0 of a polynomial f.
 
-    `enters` holds where f is not below zero at the start, and in inactive lanes. A crossing within rounding of an end
-    that is known to lie on the surface is not reported.
+    The part of the crossing is the number of the factor that is zero there. The field `enters` is true in lanes where f
+    is not negative at the start of the segment, and in inactive lanes. If an end of the segment is known to lie on the
+    surface, a crossing within rounding of this end is not reported.
 
     constants: values of the program's constants.
-    active: lanes that search.
-    tolerance: greatest error of s, where that is more than rounding. Degrees 1 and 2 ignore it. None: the last digit,
-        and no code for a tolerance.
+    active: mask of the lanes that search.
+    tolerance: greatest error of s that is allowed, if it is greater than rounding. Factors of degree 1 and 2 ignore it.
+        None: s is exact to its last digit, and the kernel contains no code for a tolerance.
     """
     factors = [on_chord(f, constants, segment) for f in program.factors]
     active = active & (segment.first < segment.last)
     at_start = [f.value(segment.first) for f in factors]
     errors = [f.error_at(segment.first) for f in factors]
-    # Where the value at the start is within rounding of zero, the sign is that of the polynomial just after the start.
+    # If the value at the start is within rounding of zero, the sign just after the start is taken.
     negatives = [f.starts_below(x, dr.abs(x) <= e) for x, e, f in zip(at_start, errors, factors)]
     floors = [0 * x for x in at_start]
     if known.on_start is not None:
         nearest = _nearest(at_start, errors)
-        # On the surface the true value is zero, so all of the computed value is rounding of the point and of the value.
+        # On the surface the true value is zero, so the whole computed value is the rounding error of the point and of
+        # the evaluation.
         floors = [dr.select(known.on_start & n, dr.abs(x) + e, 0) for n, x, e in zip(nearest, at_start, errors)]
     if known.on_end is not None:
         at_end = [f.value(segment.last) for f in factors]
@@ -48,7 +50,7 @@ def first_crossing(
         floors = [dr.maximum(floor, size) for floor, size in zip(floors, sizes)]
     below = reduce(operator.xor, negatives) ^ (program.sign < 0)
     if known.on_start is not None:
-        # The side that is known decides, whatever the computed sign at the start.
+        # If the side on which the ray starts is known, it replaces the computed sign at the start.
         wrong = known.on_start & (below != known.inside)
         negatives = [negative ^ (wrong & n) for negative, n in zip(negatives, nearest)]
         below = below ^ wrong
@@ -64,7 +66,10 @@ def first_crossing(
 
 
 def _nearest(values: list, errors: list) -> list:
-    """For each value, whether it is the nearest to zero in units of its error. Exactly one is, in each lane."""
+    """A list of masks, one per value: whether this value is the nearest to zero, measured in units of its error bound.
+
+    In each lane, exactly one of the masks is true.
+    """
     if len(values) == 1:
         return [True]
     sizes = [dr.select(e > 0, dr.abs(v) / e, 0) for v, e in zip(values, errors)]

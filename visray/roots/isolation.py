@@ -1,4 +1,8 @@
-"""Root isolation: an interval of a chord in which a polynomial has its first root and no other."""
+"""Root isolation: finds an interval of a chord that contains the first root of a polynomial and no other root.
+
+The chord is the part of a ray's line inside the ball or box that bounds the surface. Its points have the coordinate s,
+from -1 to 1.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,10 +15,11 @@ import drjit as dr
 
 from visray.roots.number_types import Univariate, roundoff
 
-# An interval is not divided further once it is narrower than this many roundings of its distance from the middle of the
-# chord (or of 2^-30). Below that width, rounding no longer tells places s apart.
+# An interval about s is not divided further if it is narrower than this number times the unit roundoff times |s| (or
+# times 2^-30, if |s| is smaller). In narrower intervals, too few different values of s exist.
 NARROWEST = 32
-# An interval is not halved for smaller errors if its Bernstein coefficients differ by at most this many error bounds.
+# An interval in which no sign is certain is halved only if its Bernstein coefficients differ by more than this number
+# of error bounds.
 FLAT = 4
 
 
@@ -22,9 +27,9 @@ FLAT = 4
 class IsolatedRoot:
     """An interval [low, high] of a chord that contains the first root and no other.
 
-    exists: lanes that have a root.
-    unresolved: number of places where it is not known whether there is a root, because a negative value could be noise
-        or the interval became too narrow.
+    exists: mask of the lanes that have a root.
+    unresolved: number of places on which the search cannot decide whether there is a root: either a negative value
+        could be a rounding error, or the interval became too narrow.
     """
 
     low: Any
@@ -35,25 +40,27 @@ class IsolatedRoot:
 
 @cache
 def conversion(d: int) -> list[list[float]]:
-    """The matrix from coefficients of powers s^k to Bernstein coefficients on [-1, 1], degree d.
+    """The matrix that converts coefficients of the powers s^k to Bernstein coefficients on [-1, 1], for degree d.
 
-    Shapes: (d + 1, d + 1), a column per power.
+    Shapes: (d + 1, d + 1); each column belongs to one power.
     """
     comb = math.comb
 
     def entry(i: int, k: int) -> Fraction:
-        # s = 2 u - 1 with u from 0 to 1, and u^j has the Bernstein coefficients C(i, j) / C(d, j).
+        # With s = 2 u - 1, u runs from 0 to 1, and u^j has the Bernstein coefficients C(i, j) / C(d, j).
         return sum(Fraction(comb(k, j) * 2**j * comb(i, j) * (-1) ** (k - j), comb(d, j)) for j in range(k + 1))
 
     return [[float(entry(i, k)) for k in range(d + 1)] for i in range(d + 1)]
 
 
 def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
-    """Bernstein coefficients on [middle - half, middle + half] of the polynomial with coefficients c.
+    """Bernstein coefficients on the interval [middle - half, middle + half] of the polynomial with coefficients c.
+
+    c: coefficients of the powers of s, the constant one first.
 
     Domain: the interval lies in [-1, 1].
-    Error: a few roundings of the sum of |c|, because no entry of `conversion` is above 1 (tests/test_roots.py). The
-    usual expansion about an end of the interval would have an error 3^d times as large.
+    Error: a few unit roundoffs times the sum of |c|, because no entry of `conversion` is above 1 (tests/test_roots.py).
+    The usual expansion about an end of the interval would have an error up to 3^d times as large.
     """
     d, c = len(c) - 1, list(c)
     for i in range(d):
@@ -67,7 +74,7 @@ def bernstein(c: tuple, middle: Any, half: Any) -> list[Any]:
 
 
 def to_bernstein(c: Sequence) -> list[Any]:
-    """Bernstein coefficients on [-1, 1] of the polynomial with coefficients c."""
+    """Bernstein coefficients on [-1, 1] of the polynomial with coefficients c of the powers of s."""
     d, b = len(c) - 1, [None] * len(c)
     for i in range(d // 2 + 1):
         row = conversion(d)[i]
@@ -76,7 +83,7 @@ def to_bernstein(c: Sequence) -> list[Any]:
             even = dr.fma(row[k], c[k], even) if row[k] else even
         for k in range(3, d + 1, 2):
             odd = dr.fma(row[k], c[k], odd) if row[k] else odd
-        # Row d - i of the matrix is row i with the signs of the odd powers changed.
+        # Row d - i of the matrix is row i, except that the entries of odd powers have the opposite sign.
         b[i], b[d - i] = even + odd, even - odd
     return b
 
@@ -84,23 +91,27 @@ def to_bernstein(c: Sequence) -> list[Any]:
 def isolate(
     c: tuple, noise: Callable, accurate_bernstein: Callable, first: Any, last: Any, active: Any
 ) -> IsolatedRoot:
-    """The first root on [first, last] of a polynomial that counts as positive at `first`: where it becomes negative.
+    """Isolates the first root on [first, last] of a polynomial that counts as positive at `first`.
 
-    c: coefficients of the powers of s.
-    noise(r): error bound of the values for |s| <= r.
-    accurate_bernstein(middle, half): Bernstein coefficients on an interval and their error bound, computed with more
-        care. Called where coefficients are negative by no more than the noise.
+    This root is the place where the polynomial becomes negative.
 
-    The march divides the chord into intervals. Where the signs of the Bernstein coefficients change more than once, the
-    first part of the interval, on which the convex hull of the coefficients is positive, is passed over, and the rest
-    is halved. Where the accurate coefficients could still be negative, the interval is halved as long as they differ by
-    more than their error.
+    c: coefficients of the powers of s, the constant one first.
+    noise(r): function that returns an error bound of the polynomial's values for |s| <= r.
+    accurate_bernstein(middle, half): function that returns the Bernstein coefficients on the interval
+        [middle - half, middle + half], computed more accurately than from c, and their error bound. It is called if the
+        least coefficient is negative, but not by more than the noise.
+    active: mask of the lanes that search.
+
+    A loop goes from interval to interval. If the signs of the Bernstein coefficients change more than once, the loop
+    skips the first piece of the interval, in which the convex hull of the coefficients is positive, and halves what is
+    left. If the accurate coefficients could still be negative, the interval is halved as long as they differ by more
+    than their error.
     """
     d, n = len(c) - 1, max(map(dr.width, (*c, first, last, active)))
     number, count = type(c[0]), dr.uint32_array_t(type(c[0]))
 
     def step(a: Any, w: Any, going: Any, isolated: Any, unsure: Any, unresolved: Any) -> tuple:
-        # The interval is [a, a + w]. unsure: a passed interval could be negative.
+        # The interval is [a, a + w]. unsure: the polynomial could be negative in an interval that was left behind.
         half = 0.5 * w
         middle = a + half
         b, error = bernstein(c, middle, half), noise(dr.abs(middle) + half)
@@ -127,14 +138,17 @@ def isolate(
         for i in range(2, d + 1):
             slope = (b[i] - b[0]) * (d / i)
             steepest = dr.select(slope < steepest, slope, steepest)
-        # The straight line from b[0] with the steepest slope lies below all coefficients. It is positive up to here.
+        # The straight line from b[0] with the steepest slope lies below all coefficients. It is positive before the
+        # share `clear` of the interval.
         clear = dr.select((b[0] > error) & ~blurred, -b[0] / steepest, 0)
         end = a + w
         new_a = dr.select(leave, end, dr.fma(clear, w, a))
         rest = end - new_a
         left = last - end
         w = dr.select(leave, dr.select(2 * w < left, 2 * w, left), dr.select(take, rest, 0.5 * rest))
-        # A passed interval that could be negative either leads to the next root, or hides two roots of its own.
+        # The polynomial could be negative in an interval that was left behind. If a root is isolated next, both belong
+        # to this root. If a certainly positive interval comes next, the interval before may hide a pair of roots, and
+        # counts as unresolved.
         clean = leave & (least >= 0)
         unresolved += dr.select((unsure & clean) | (narrow & ~take & (changes > 0)), count(1), 0)
         unsure = (unsure & ~clean & ~take) | (leave & (least < 0))
@@ -148,7 +162,7 @@ def isolate(
 
 
 def _range(b: Sequence) -> tuple[Any, Any]:
-    """The least and the greatest of some numbers."""
+    """(the least, the greatest) of several arrays, lane by lane."""
     least = most = b[0]
     for x in b[1:]:
         least, most = dr.select(x < least, x, least), dr.select(x > most, x, most)
@@ -156,15 +170,16 @@ def _range(b: Sequence) -> tuple[Any, Any]:
 
 
 def isolate_by_formula(c: tuple, noise: Callable, first: Any, last: Any, active: Any) -> tuple[IsolatedRoot, Any]:
-    """The first root by formula, for degrees 1 and 2: (isolating interval, s). Otherwise as `isolate`.
+    """(isolated root, s): the first root of a polynomial of degree 1 or 2, and its place s by a formula.
 
-    On each side of the extremum there is at most one root.
+    The parameters are those of `isolate`. On each side of a parabola's extremum there is at most one root, so the
+    extremum is an end of the isolating interval.
     """
     zero = 0 * c[0]
     square = zero if len(c) < 3 else c[2]
     extremum = -0.5 * c[1] / square
     extremum = dr.select((square > 0) & (extremum > first) & (extremum < last), extremum, last)
-    # How far the polynomial is below zero at its extremum and at the last end, with error bounds.
+    # Pairs (depth of the polynomial below zero, error bound), at the extremum and at the last end.
     depths = [(-Univariate(*c)(s), noise(dr.abs(s))) for s in (extremum, last)]
     at_extremum, at_last = (depth > error for depth, error in depths)
     blurred = ~(at_extremum | at_last) & ((depths[0][0] > 0) | (depths[1][0] > 0))

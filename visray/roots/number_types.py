@@ -1,4 +1,8 @@
-"""Number types that a program is evaluated with: polynomials in s, size bounds, and dual numbers."""
+"""Number types on which a program can run: polynomials in s, bounds on absolute values, and dual numbers.
+
+A program is a list of operations that evaluate a polynomial f(x, y, z) (polynomials/program.py). The coordinate s, from
+-1 to 1, gives a place on a chord, the part of a ray's line inside the ball or box that bounds the surface.
+"""
 
 from typing import Any
 
@@ -13,7 +17,7 @@ def roundoff(x: Any) -> float:
 
 
 class Univariate:
-    """A polynomial in s, the place along a chord. c: coefficients, the constant one first."""
+    """A polynomial in s. c: its coefficients, the constant one first."""
 
     def __init__(self, *c: Any):
         self.c = c
@@ -38,7 +42,7 @@ class Univariate:
         return Univariate(*product)
 
     def _squared(self) -> "Univariate":
-        """The square, with each product of two different coefficients computed once."""
+        """The square. Each product of two different coefficients is computed once and doubled."""
         c, n, square = self.c, len(self.c), []
         for k in range(2 * n - 1):
             pairs = [(i, k - i) for i in range(max(0, k - n + 1), (k + 1) // 2)]
@@ -64,19 +68,19 @@ class Univariate:
         return Univariate(*(k * x for k, x in enumerate(self.c[1:], 1)))(s)
 
 
-# The size of a polynomial with at most this many coefficients is summed up. For longer ones the size that follows from
-# their operands is used.
+# If a polynomial has at most this many coefficients, its size is computed from them. Otherwise the bound that follows
+# from the sizes of its operands is used, which is faster and less sharp.
 FEW = 5
 
 
 class BoundedPolynomial:
-    """A polynomial in s with bounds that hold for |s| <= 1, by running error analysis.
+    """A polynomial in s with bounds for |s| <= 1. Each operation also computes the bounds (running error analysis).
 
     polynomial: the computed polynomial.
-    error: bound on its error.
-    size: bound on its absolute value.
+    error: bound on the error of its values.
+    size: bound on the absolute values of its values. None: computed from the coefficients.
 
-    A coefficient of a product carries the errors of both operands, and one rounding per term.
+    The error of a product contains the errors of both operands, and one rounding for each term of a coefficient.
     Source: Higham, section 3.3.
     """
 
@@ -92,7 +96,7 @@ class BoundedPolynomial:
         return self._rounded(self.polynomial - other.polynomial, other)
 
     def _rounded(self, polynomial: Univariate, other: "BoundedPolynomial") -> "BoundedPolynomial":
-        """A sum or difference of this and another polynomial, with its bounds."""
+        """Adds bounds to `polynomial`, which is the sum or the difference of self and `other`."""
         size = self.size + other.size
         return BoundedPolynomial(polynomial, dr.fma(roundoff(size), size, self.error + other.error), size)
 
@@ -108,7 +112,12 @@ class BoundedPolynomial:
 
 
 class Magnitude:
-    """A bound x on the sum of the sizes of all terms of a number. Its rounding error is relative to this bound."""
+    """A bound on the absolute value of a number. Running a program on bounds adds up the absolute values of all terms.
+
+    The rounding error of the program's value is proportional to this sum.
+
+    x: the bound.
+    """
 
     def __init__(self, x: Any):
         self.x = x
@@ -129,7 +138,7 @@ class DualNumber:
     """A number with its derivatives, for differentiation in forward mode.
 
     x: the value.
-    slopes: derivatives by x, y and z; None where a derivative is zero by structure.
+    slopes: derivatives by the coordinates x, y and z; None for a derivative that is zero in every lane.
     """
 
     def __init__(self, x: Any, slopes: tuple):
@@ -151,15 +160,15 @@ class DualNumber:
         return DualNumber(self.x * other.x, tuple(slopes))
 
     def _pairs(self, other: "DualNumber") -> zip:
-        """Derivatives of both numbers, paired by axis."""
+        """Pairs (derivative of self, derivative of other), one pair per coordinate."""
         return zip(self.slopes, other.slopes)
 
 
 def _sum(p: Any, q: Any) -> Any:
-    """p + q, where None is zero."""
+    """p + q; None stands for zero."""
     return q if p is None else p if q is None else p + q
 
 
 def _product(p: Any, x: Any) -> Any:
-    """p x, where None is zero."""
+    """The product p x; None stands for zero."""
     return None if p is None else p * x

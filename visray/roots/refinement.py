@@ -1,4 +1,4 @@
-"""Root refinement: an isolated root to the last digit, or to a tolerance."""
+"""Root refinement: computes an isolated root to its last digit, or to a tolerance."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,23 +8,26 @@ import drjit as dr
 from visray.roots.isolation import IsolatedRoot
 from visray.roots.number_types import roundoff
 
-# An interval end at which f does not have the expected sign is moved outwards by at least this part of the chord. This
-# happens at triple roots, where f and the isolated polynomial differ by the cube root of the rounding.
+# If f does not have the expected sign at an end of the interval, this end is moved outwards by at least this length in
+# s. This happens at triple roots: there, the root of f and the root of the isolated polynomial can differ by the cube
+# root of the rounding error.
 WIDENED = 3e-4
 
 
 def refine(
     f: Callable, root: IsolatedRoot, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
 ) -> Any:
-    """The zero of f in each interval, where f counts as positive at the low end and negative at the high end.
+    """The place s in each isolating interval at which f changes from positive to negative.
 
-    Inverse quadratic interpolation where it is certain to converge well, bisection elsewhere.
+    A step is an inverse quadratic interpolation if it is certain to converge well, and a bisection otherwise.
 
-    f: function of s, of order 1 or less.
-    at_low, at_high: values that count as those of f at the ends.
-    bounds: no end is moved beyond these.
-    flat: a value of at most this size has no sign of its own. It counts as positive until a larger value is found.
-    tolerance: greatest error of s, where that is more than its last digit; None: the last digit.
+    f: function of s. Its values are of order 1 or smaller.
+    root: the isolating intervals.
+    at_low, at_high: values that stand for f at the low ends (positive) and at the high ends (negative).
+    bounds: (least, greatest) s; no end of an interval is moved beyond them.
+    flat: values with an absolute value up to this bound are within rounding of zero. They count as positive until a
+        value above the bound is found on the positive side. None: every value has its own sign.
+    tolerance: greatest error of s that is allowed, if it is greater than the last digit. None: exact to the last digit.
 
     Source: Chandrupatla 1997, with a single division.
     """
@@ -56,8 +59,8 @@ def refine(
 
     middle = 0.5 * (root.low + root.high)
     a, b, fa, fb = close_in(root.high, root.low, at_high, at_low, middle, root.exists)
-    # Where the search has closed in on an end, f does not have the sign of the isolated polynomial there. Then that end
-    # is moved and the search is repeated.
+    # If the search ends at an end of the interval, f does not have the sign of the isolated polynomial there. Then this
+    # end is moved and the search is repeated.
     move_low = root.exists & (fa != 0) & (b == root.low)
     move_high = root.exists & (fa != 0) & (b == root.high)
     more = dr.maximum(root.high - root.low, WIDENED)
@@ -66,13 +69,13 @@ def refine(
     if tolerance is None:
         state = high, low, at_high, at_low, 0.5 * (low + high)
     else:
-        # With a tolerance the end may just not have been evaluated yet. It is evaluated next, and the other end keeps
-        # its place.
+        # With a tolerance, the search may stop at an end only because f was never evaluated there. So the next step
+        # evaluates f there. The root lies between the newest point and the moved end in any case.
         state = a, dr.select(move_low, low, high), fa, fb, b
     again = close_in(*state, move_low | move_high)
     a, b, fa, fb = (dr.select(move_low | move_high, new, old) for new, old in zip(again, (a, b, fa, fb)))
     b_is_better = dr.abs(fa) < dr.abs(fb)
     if tolerance is not None:
-        # A root near the start of the segment is placed beyond the start, because a root at the start is not reported.
+        # A root at the start of the segment would not be reported. So the start itself is never returned as the root.
         b_is_better = (b_is_better | (b == bounds[0])) & (a != bounds[0])
     return dr.select(b_is_better, a, b)

@@ -1,4 +1,4 @@
-"""The signed distance of points to a polynomial surface, to first order, and the normal there."""
+"""The signed distance of points to a polynomial surface, to first order, and the normal at these points."""
 
 import operator
 from functools import reduce
@@ -10,14 +10,17 @@ from visray.polynomials import Factor, Program, interpret
 from visray.roots.chord import value_error
 from visray.roots.number_types import DualNumber
 
-# A shorter gradient has lost its digits to underflow, as at a point of high multiplicity.
+# A gradient shorter than this counts as zero, because underflow may have taken its digits. This happens at singular
+# points of high multiplicity.
 SMALLEST = 2.0**-500
 
 
 def has_normal(program: Program, constants: tuple, q: Any, reach: Any) -> Any:
-    """Whether the gradients of all factors at q are certainly not zero.
+    """Mask of the points q at which the gradients of all factors are certainly not zero.
 
-    A gradient counts if it changes f by more than rounding over the distance `reach`.
+    A gradient is certainly not zero if, over the distance `reach`, it changes f by more than the rounding error of f.
+
+    constants: values of the program's constants.
     """
     certain = []
     for factor in program.factors:
@@ -27,7 +30,7 @@ def has_normal(program: Program, constants: tuple, q: Any, reach: Any) -> Any:
 
 
 def _with_gradient(factor: Factor, constants: tuple, q: Any) -> DualNumber:
-    """The value of a factor at q, with its gradient."""
+    """The value of a factor at q, and its gradient as the slopes of the dual number."""
     axes = (DualNumber(x, tuple(x * 0 + 1 if i == j else None for j in range(3))) for i, x in enumerate(q))
     return interpret(factor.code, tuple(DualNumber(x, (None,) * 3) for x in constants), tuple(axes))
 
@@ -35,8 +38,10 @@ def _with_gradient(factor: Factor, constants: tuple, q: Any) -> DualNumber:
 def signed_distance(program: Program, constants: tuple, q: Any, step: Any, part: Any = None) -> tuple[Any, Any]:
     """(f, g): signed distance of the point q to the surface, to first order, and the unit normal g = df/dq.
 
-    part: number of the factor that q lies on. The nearest factor counts if part is None or no factor.
-    step: step of the finite differences that give the normal where the gradient is zero, at a singular point.
+    constants: values of the program's constants.
+    step: step of the finite differences that give the normal at a singular point, where the gradient is zero.
+    part: number of the factor on whose surface q lies. If it is None, or not the number of a factor, the factor whose
+        surface is nearest to q is taken.
     """
     levels = []
     for factor in program.factors:
@@ -56,9 +61,10 @@ def signed_distance(program: Program, constants: tuple, q: Any, step: Any, part:
 
 
 def _normalised(factor: Factor, constants: tuple, q: Any, step: Any, f: Any, g: Any) -> tuple[Any, Any]:
-    """A function and its gradient, both divided by the gradient's length.
+    """(f, g), both divided by the length of g. f: value of a factor at q. g: its gradient.
 
-    Where the gradient is zero, f becomes 0 if its value is within rounding of zero, and infinite otherwise.
+    In lanes where g is zero, the normal comes from finite differences with this step, and f becomes 0 if it is within
+    rounding of zero, else infinite.
     """
     length = dr.norm(g)
     flat = ~(dr.detach(length) > SMALLEST)
@@ -70,7 +76,7 @@ def _normalised(factor: Factor, constants: tuple, q: Any, step: Any, f: Any, g: 
             high, low = (interpret(factor.code, dr.detach(constants), side) for side in sides)
             normal.append(high - low)
         longest = dr.maximum(dr.maximum(dr.abs(normal[0]), dr.abs(normal[1])), dr.abs(normal[2]))
-        # At a centre of symmetry all differences are zero and there is no normal. Then z is taken.
+        # At a centre of symmetry all differences are zero, and there is no normal. Then the z axis is taken.
         normal = [dr.select(longest > 0, x / longest, default) for x, default in zip(normal, (0, 0, 1))]
         far = dr.select(dr.abs(f) <= value_error(factor, constants, map(dr.abs, p)), 0, dr.copysign(dr.inf, f))
         return dr.normalize(type(p)(*normal)), dr.detach(far)

@@ -1,6 +1,8 @@
 """Polynomials f(x, y, z): from text to programs that kernels evaluate.
 
-Text is parsed into an expression, factorized into square-free factors, and compiled into one program per factor.
+The steps are: text is parsed into an expression (a tree); the expression is divided into square-free factors; each
+factor is compiled into a list of operations, its code. A polynomial is square-free if no factor occurs in it twice. A
+constant is an expression without x, y and z.
 """
 
 from visray.polynomials.error import PolynomialError

@@ -1,7 +1,7 @@
-"""The catalogue of known polynomial surfaces. It holds data only.
+"""The catalogue of known polynomial surfaces. It contains only data.
 
-Expressions consist of + - * / ^, x y z, numbers, pi, phi, sqrt(number) and parameters. They are products and powers as
-in the literature; expanded they would be many times less accurate.
+Expressions consist of + - * / ^, x y z, numbers, pi, phi (the golden ratio), sqrt(number) and parameters. They keep the
+products and powers of the literature, because the expanded polynomials would be evaluated much less accurately.
 """
 
 from collections.abc import Iterable
@@ -16,12 +16,12 @@ class KnownSurface:
     """A surface f = 0 inside a sphere.
 
     title: name of the surface.
-    expression: f.
-    radius, centre: the sphere.
-    source: where the surface is from.
-    compact: the sphere contains the whole surface. Otherwise the sphere cuts it, and the cut is open.
+    expression: text of f.
+    radius, centre: the sphere that is the default clip.
+    source: where the surface was published.
+    compact: whether the sphere contains the whole surface. Otherwise the sphere cuts the surface and leaves it open.
     parameters: default values of the parameters in f.
-    singular: some of the real singular points in the sphere, as numbers or expressions without x, y, z.
+    singular: some of the real singular points in the sphere. A coordinate is a number or an expression without x, y, z.
     """
 
     title: str
@@ -35,7 +35,7 @@ class KnownSurface:
 
 
 def _signed(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points with all combinations of signs of their coordinates."""
+    """The points, and all points that differ from them only in the signs of coordinates."""
     signed = {}
     for p in points:
         for signs in product(*(("",) if c == "0" else ("", "-") for c in p)):
@@ -44,12 +44,18 @@ def _signed(*points: tuple[str, str, str]) -> tuple[Point, ...]:
 
 
 def _permuted(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points with all cyclic permutations of their coordinates."""
+    """The points, and all points with cyclically permuted coordinates."""
     return tuple(dict.fromkeys(q for a, b, c in points for q in ((a, b, c), (b, c, a), (c, a, b))))
 
 
 def _chebyshev(n: int, values: dict[int, str], odd: Iterable[int]) -> tuple[Point, ...]:
-    """The nodes of T_n(x) + T_n(y) + T_n(z) + 1: coordinates cos(i pi / n), where two i are odd and one is even."""
+    """The nodes (singular points) of T_n(x) + T_n(y) + T_n(z) + 1, with the Chebyshev polynomial T_n.
+
+    Their coordinates are cos(i pi / n), where two of the three numbers i are odd and one is even.
+
+    values: text of cos(i pi / n) for each i from 1 to n - 1.
+    odd: the odd numbers i.
+    """
     return tuple(
         tuple(values[i] for i in indices)
         for indices in product(range(1, n), repeat=3)
@@ -68,7 +74,7 @@ _COS8 |= {8 - i: "-" + v for i, v in _COS8.items() if i < 4}
 
 
 def _sum(form: str, last: str) -> str:
-    """The sum of a form in x, y and z, and a last term."""
+    """Text of the sum of `form` with x, y and z in place of {0}, and of the text `last`."""
     return " + ".join(form.format(v) for v in "xyz") + last
 
 
@@ -89,8 +95,8 @@ _DECIC = (
     "*(x^4 + y^4 + z^4 - 2*x^2*y^2 - 2*x^2*z^2 - 2*y^2*z^2)"
     " + (3 + 5*phi)*(x^2 + y^2 + z^2 - 1)^2*(x^2 + y^2 + z^2 - (2 - phi))^2"
 )
-# alpha is the root of 7 a^3 + 7 a + 1. The grammar cannot express it exactly; as a double it has an error of at most
-# 2^-56. That changes f by no more than the rounding of double, so the nodes are nodes only to within rounding.
+# alpha is the real root of 7 a^3 + 7 a + 1. The grammar cannot express alpha exactly. As a double it has an error of at
+# most 2^-56, which changes f by no more than rounding to double does. So the nodes are exact only to within rounding.
 _LABS = (
     "x*(x^6 - 21*x^4*y^2 + 35*x^2*y^4 - 7*y^6) + 7*z*((x^2 + y^2)^3 - 8*z^2*(x^2 + y^2)^2 + 16*z^4*(x^2 + y^2))"
     " - 64*z^7 - (z + 49*alpha^2 - 7*alpha + 50)*((z + 1)*(x^2 + y^2) - (12/7*alpha^2 + 384/49*alpha + 8/7)*z^3"
@@ -110,7 +116,7 @@ _KLEIN = "(x^2 + y^2 + z^2 + 2*y - 1)*((x^2 + y^2 + z^2 - 2*y - 1)^2 - 8*z^2) + 
 _SEXTIC_NODES = _signed(("1", "1", "1")) + _signed(
     *_permuted(("0", "(phi - 1)", "phi"), ("1", "0", "0"), ("1/2", "phi/2", "(phi - 1)/2"))
 )
-# Points on the curve where f has a zero of multiplicity 3: x^2 + 9/4 y^2 = 1, z = 0.
+# Points of the curve x^2 + 9/4 y^2 = 1, z = 0, on which f has zeros of multiplicity 3.
 _HEART_EQUATOR = _signed(("1", "0", "0"), ("0", "2/3", "0"), ("3/5", "8/15", "0"), ("4/5", "2/5", "0"))
 _HUNT_EDGE = _signed(
     ("sqrt(64/7)", "0", "sqrt(27/7)"), ("2", "6/sqrt(5)", "3/sqrt(5)"), ("0", "sqrt(64/5)", "sqrt(1/5)")

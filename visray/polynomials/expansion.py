@@ -1,4 +1,8 @@
-"""Expansion of polynomials into terms, for factorization, and Horner's scheme for polynomials written as terms."""
+"""Expansion of polynomials into terms, which factorization needs, and Horner's scheme for sums of terms.
+
+A term is a product of powers of the variables with a coefficient. Terms are stored in a dict from exponents to
+coefficients: {(2, 0, 1): 5} is 5 x^2 z. A constant is an expression without x, y and z.
+"""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -24,15 +28,15 @@ Terms = dict[Exponents, Any]
 
 
 class TooLong(Exception):
-    """An expansion exceeds its budget."""
+    """The error for an expansion that takes too many products, or has too many terms."""
 
 
 def expand(expression: Expression, constant: Callable[[Expression], Terms], size: int, budget: int) -> Terms:
-    """The terms of an expression: a dict from exponents to coefficients.
+    """The terms of an expression, a dict from exponents to coefficients.
 
-    constant: gives the terms of a subexpression without x, y and z.
+    constant: function that returns the terms of a constant.
     size: number of variables; x, y and z come first.
-    budget: most products of two terms. Raises TooLong beyond it.
+    budget: greatest number of products of two terms. If more are needed, TooLong is raised.
     """
     spent = 0
 
@@ -82,9 +86,10 @@ Coefficients = dict[tuple[int, int, int], Expression]
 
 
 def monomial_terms(expression: Expression) -> Coefficients | None:
-    """The terms of a simplified expression that is written as a sum of monomials; None if it is not.
+    """The terms of a simplified expression, a dict from exponents to coefficients.
 
-    Equal monomials are added.
+    The result is None if the expression is not written as a sum of monomials. The coefficients of equal monomials are
+    added.
     """
     coefficients: dict[tuple[int, int, int], list[Expression]] = {}
     for term in expression.parts if isinstance(expression, Sum) else [expression]:
@@ -101,7 +106,7 @@ def _without_zeros(terms: Coefficients) -> Coefficients:
 
 
 def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | None:
-    """(exponents, coefficient) of a monomial; None if the term is no monomial."""
+    """(exponents, coefficient) of a term; None if the term is not a monomial."""
     if isinstance(term, Negative) and term.degree:
         inner = _monomial(term.of)
         return inner and (inner[0], negate(inner[1]))
@@ -120,14 +125,17 @@ def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | Non
 
 
 def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> Coefficients:
-    """The terms in coordinates q = p - centre: x^n becomes (x + centre's x)^n, expanded."""
+    """The terms of the same polynomial in coordinates q = p - centre.
+
+    Each x^n becomes the expanded form of (x + c)^n, where c is the x coordinate of the centre; and so for y and z.
+    """
     for axis, c in enumerate(centre):
         if not c:
             continue
         coefficients: dict[tuple[int, int, int], list[Expression]] = {}
         for e, coefficient in terms.items():
             n = e[axis]
-            # Rational coefficients become numbers at once, because nested sums would be evaluated again and again.
+            # Rational coefficients are computed at once. As nested sums they would have to be evaluated many times.
             plain = not coefficient.parametric and not coefficient.irrational
             value = rational(coefficient, {}) if plain and n else Fraction(0)
             for k in range(n):
@@ -140,7 +148,7 @@ def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -
 
 
 def _added(parts: list[Expression]) -> Expression:
-    """The sum of constants, with all rational ones as one number."""
+    """The sum of constants, as an expression. All rational numbers among them are added to one number."""
     plain = [p for p in parts if not p.parametric and not p.irrational]
     summands = [p for p in parts if p.parametric or p.irrational]
     if plain:
@@ -149,9 +157,10 @@ def _added(parts: list[Expression]) -> Expression:
 
 
 def horner(terms: Coefficients) -> Expression:
-    """The terms as an expression in Horner's scheme.
+    """The sum of the terms as an expression in Horner's scheme, which needs few multiplications.
 
-    The variable that occurs in most terms is factored out, by its least power there; and so on for the rest.
+    Take the variable that occurs in the most terms. Its lowest power in these terms is factored out of them. The same
+    is done with what is left inside, and with the other terms.
     """
     often, axis = max((sum(e[k] > 0 for e in terms), -k) for k in range(3))
     axis = -axis
@@ -167,12 +176,12 @@ def horner(terms: Coefficients) -> Expression:
 
 
 def _power(axis: int, n: int) -> Expression:
-    """x^n, y^n or z^n."""
+    """The expression x^n, y^n or z^n, for the axis 0, 1 or 2."""
     return Power(Axis(axis), n) if n > 1 else Axis(axis)
 
 
 def _term(exponents: tuple[int, int, int], coefficient: Expression) -> Expression:
-    """A monomial as an expression."""
+    """A monomial as an expression. exponents: the powers of x, y and z."""
     powers = tuple(_power(k, n) for k, n in enumerate(exponents) if n)
     if coefficient == negate(ONE):
         return Negative(Product(powers)) if powers else coefficient

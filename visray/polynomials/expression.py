@@ -1,4 +1,7 @@
-"""Expressions: polynomials in x, y and z as trees, in the form in which they were written."""
+"""Expressions: polynomials in x, y and z as trees, in the form in which they were written.
+
+A constant is an expression without x, y and z. It may contain parameters, pi, phi (the golden ratio) and square roots.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -7,16 +10,21 @@ from math import isqrt
 from typing import Any
 
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798")
-# Irrational constants are approximated by rationals to this many bits (77 digits), far more than a double has.
+# Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
 BITS = 256
 
 
 class Expression:
-    """A node of an expression. It is a constant if its degree, as written, is 0."""
+    """A node of an expression tree. It is a constant if its degree is 0.
+
+    degree: degree of the expression as it is written, even if its highest terms cancel.
+    parametric: whether it contains a parameter.
+    irrational: whether it contains pi, phi or a square root.
+    """
 
     degree = 0
-    parametric = False  # contains a parameter
-    irrational = False  # contains pi, phi or a square root
+    parametric = False
+    irrational = False
 
 
 @dataclass(frozen=True)
@@ -28,7 +36,7 @@ class Number(Expression):
 
 @dataclass(frozen=True)
 class NamedConstant(Expression):
-    """One of the constants pi and phi."""
+    """One of the constants pi and phi, by its name. phi is the golden ratio (1 + sqrt(5)) / 2."""
 
     name: str
     irrational = True
@@ -36,7 +44,7 @@ class NamedConstant(Expression):
 
 @dataclass(frozen=True)
 class Parameter(Expression):
-    """A named number whose value is given separately."""
+    """A parameter, by its name. Its value is stored apart from the expression."""
 
     name: str
     parametric = True
@@ -44,7 +52,7 @@ class Parameter(Expression):
 
 @dataclass(frozen=True)
 class Axis(Expression):
-    """A coordinate: x, y or z for the index 0, 1 or 2."""
+    """A coordinate: x, y or z if the index is 0, 1 or 2."""
 
     index: int
     degree = 1
@@ -84,7 +92,7 @@ class Negative(_Unary):
 
 @dataclass(frozen=True)
 class Power(_Unary):
-    """An expression to a power that is a natural number."""
+    """A power of an expression. The exponent is a natural number."""
 
     exponent: int
 
@@ -119,20 +127,20 @@ class Product(_Nary):
 
 
 def _set_facts(node: Expression, degree: int, parts: tuple[Expression, ...]):
-    """Sets the degree of a node, and what it contains according to its operands."""
+    """Sets the fields degree, parametric and irrational of a node. parts: the operands of the node."""
     object.__setattr__(node, "degree", degree)
     object.__setattr__(node, "parametric", any(p.parametric for p in parts))
     object.__setattr__(node, "irrational", any(p.irrational for p in parts))
 
 
-ONE = Product(())  # the coefficient of a monomial that is written without one
+ONE = Product(())  # the coefficient of a monomial that is written without a coefficient
 
 
 def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Expression], Any]) -> Any:
-    """The value of an expression in another arithmetic.
+    """The value of an expression in another arithmetic, such as floats or numbers modulo a prime.
 
-    number: converts a rational number.
-    leaf: gives the value of a coordinate, a parameter, pi, phi or a square root.
+    number: function that converts a rational number to this arithmetic.
+    leaf: function that returns the value of a coordinate, a parameter, pi, phi or a square root.
     """
     match node:
         case Number(value):
@@ -165,9 +173,10 @@ def evaluate(
 ) -> Any:
     """The value of an expression in any arithmetic with + - * / and powers.
 
-    parameter: gives the value of a parameter by its name.
-    number: converts a rational number.
-    sqrt: takes the square root of a value that contains a parameter. Other roots are computed here, to BITS.
+    parameter: function that returns the value of a parameter, by its name.
+    number: function that converts a rational number to this arithmetic.
+    sqrt: function that returns a square root in this arithmetic. It is needed only for roots that contain a parameter.
+        All other roots are computed as rationals with BITS correct bits.
     axes: values of x, y and z.
     """
 
@@ -187,7 +196,12 @@ def evaluate(
 
 
 def rational(node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> Fraction:
-    """The value of an expression at a point as a rational: exact, or correct to BITS if it is irrational."""
+    """The value of an expression at a point, as a rational number.
+
+    It is exact, except that pi, phi and square roots are correct to BITS bits only.
+
+    point: values of x, y and z; not needed for constants.
+    """
 
     def leaf(n: Expression) -> Fraction:
         match n:
@@ -205,7 +219,7 @@ def rational(node: Expression, parameters: dict[str, Fraction], point: tuple = (
 
 
 def square_root(value: Fraction) -> Fraction:
-    """The square root of a rational: exact for squares of rationals, else correct to BITS."""
+    """The square root of a rational number. It is exact if it is rational, and correct to BITS bits otherwise."""
     n, d = value.numerator, value.denominator
     if isqrt(n) ** 2 == n and isqrt(d) ** 2 == d:
         return Fraction(isqrt(n), isqrt(d))
@@ -214,21 +228,22 @@ def square_root(value: Fraction) -> Fraction:
 
 
 def is_zero(node: Expression) -> bool:
-    """Whether a constant is 0 for all values of the parameters."""
+    """Whether a constant is 0 and contains no parameter."""
     return not node.parametric and is_negligible(rational(node, {}), node, {})
 
 
 def is_negligible(value: Fraction, node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
-    """Whether a value of an expression is 0, up to the rounding of its irrational constants."""
+    """Whether `value` is 0, up to the rounding of irrational constants. It is the value of `node` at `point`."""
     if not value or not node.irrational:
         return not value
-    # Irrational constants are correct to BITS. Where they cancel in a sum, the rest is below half as many bits.
+    # Irrational constants are correct to BITS bits. If a sum of them is 0, its computed value is tiny: less than
+    # 2^(-BITS/2) times the sum of the absolute values of its terms.
     sizes = {name: abs(v) for name, v in parameters.items()}
     return abs(value) < rational(_positive(node), sizes, tuple(map(abs, point))) / (1 << BITS // 2)
 
 
 def _positive(node: Expression) -> Expression:
-    """The expression with all signs positive."""
+    """The expression with every minus replaced by a plus. Its value bounds the sum of all terms' absolute values."""
     match node:
         case Number(value):
             return Number(abs(value))

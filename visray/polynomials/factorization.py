@@ -1,4 +1,11 @@
-"""Factorization of a polynomial into square-free factors. A factor keeps its written form where that is possible."""
+"""Factorization of a polynomial into square-free factors, with their multiplicities.
+
+A polynomial is square-free if no factor occurs in it twice. The multiplicity of a factor is the number of times that it
+occurs in the polynomial. A factor keeps the form in which it is written, if that is possible.
+
+Most questions are decided along a random line and modulo a prime (modular.py): there, a polynomial is a short list of
+numbers.
+"""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -12,17 +19,17 @@ from visray.polynomials.simplify import simplify
 from visray.polynomials.symbolic import drop_cancelled_terms
 from visray.polynomials.sympy_factors import multiplicity_parts, rational_factors, repeated_factor_error
 
-# If this many primes fail to prove a polynomial irreducible, it most likely is reducible.
+# If this many primes do not prove that a polynomial is irreducible, it very probably has proper factors.
 PRIMES = 14
 
 
 @dataclass(frozen=True)
 class SquareFreeFactor:
-    """A factor without repeated factors of its own.
+    """A square-free factor of a polynomial.
 
     expression: the factor.
-    degree: its degree along a generic line.
-    even: whether its multiplicity in the polynomial is even.
+    degree: degree of the factor along a line in general position.
+    even: whether the factor's multiplicity in the polynomial is even. Then the factor does not change the sign of f.
     """
 
     expression: Expression
@@ -31,8 +38,10 @@ class SquareFreeFactor:
 
 
 def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[tuple[SquareFreeFactor, ...], int]:
-    """(factors, sign): sign times the product of all factors that are not even has the sign of the polynomial
-    everywhere."""
+    """(factors, sign): the square-free factors of a polynomial f, and a sign, 1 or -1.
+
+    At every point, f has the sign of: sign times the product of the factors of odd multiplicity.
+    """
     expression = simplify(expression)
     line = _along(expression, parameters)
     if not line:
@@ -49,7 +58,7 @@ def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[
 
 
 def _along(expression: Expression, parameters: dict[str, Fraction], p: int = 0) -> list[int]:
-    """Coefficients along a random line, modulo the prime p, or modulo a suitable prime if p is 0."""
+    """Coefficients of the expression along a random line, modulo the prime p. If p is 0, a suitable prime is chosen."""
     return modular.restrict_to_line(expression, parameters, p or _prime(expression, parameters), 1)
 
 
@@ -62,8 +71,7 @@ def _prime(expression: Expression, parameters: dict[str, Fraction]) -> int:
 
 
 def _written_factors(expression: Expression) -> list[tuple[Expression, int]]:
-    """The factors of an expression that is written as a product or a power, with multiplicities and without
-    constants."""
+    """Pairs (factor, multiplicity) of an expression that is written as a product or a power. Constants are left out."""
     match expression:
         case _ if not expression.degree:
             return []
@@ -77,9 +85,9 @@ def _written_factors(expression: Expression) -> list[tuple[Expression, int]]:
 
 
 def _add(factors: list[list], factor: Expression, n: int, parameters: dict[str, Fraction]):
-    """Adds a factor of multiplicity n to the list [[factor, multiplicity], ...].
+    """Adds a factor of multiplicity n to `factors`, a list of [factor, multiplicity].
 
-    If a factor in the list differs from it by a constant only, that one's multiplicity grows.
+    If the list already contains this factor, perhaps times a constant, the multiplicity in the list is increased by n.
     """
     for entry in factors:
         if entry[0] == factor:
@@ -95,7 +103,10 @@ def _add(factors: list[list], factor: Expression, n: int, parameters: dict[str, 
 
 
 def _coprime(factors: list[list], parameters: dict[str, Fraction]) -> list[list]:
-    """The factors, divided further so that no two share a factor. They can share one only if they contain roots."""
+    """The list of [factor, multiplicity], divided further so that no two factors have a common factor.
+
+    Usually only factors that contain square roots can have a common factor here.
+    """
     product = Product(tuple(f for f, _ in factors))
     p = _prime(product, parameters)
     if len(factors) == 1 or modular.is_square_free(_along(product, parameters, p), p):
@@ -108,7 +119,7 @@ def _coprime(factors: list[list], parameters: dict[str, Fraction]) -> list[list]
 
 
 def _square_free_factors(expression: Expression, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
-    """The square-free factors of one written factor, with their multiplicities."""
+    """Pairs (square-free factor, multiplicity) of one factor of the written polynomial."""
     p = _prime(expression, parameters)
     line = _along(expression, parameters, p)
     degree = len(line) - 1
@@ -131,9 +142,10 @@ def _square_free_factors(expression: Expression, parameters: dict[str, Fraction]
 
 
 def _checked(expression: Expression, n: int, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
-    """The square-free factors of a factor that was found for constants treated as variables.
+    """Pairs (square-free factor, multiplicity) of a factor with multiplicity n.
 
-    At the actual values of the constants it may still have repeated factors, or a lower degree.
+    The factor was found while irrational constants and parameters were treated as variables. With their actual values,
+    it may have repeated factors or a lower degree.
     """
     p = _prime(expression, parameters)
     line = _along(expression, parameters, p)
@@ -147,10 +159,13 @@ def _checked(expression: Expression, n: int, parameters: dict[str, Fraction]) ->
 
 
 def _irreducible(expression: Expression, parameters: dict[str, Fraction], degree: int) -> bool:
-    """Whether some primes prove that the expression has no proper factor.
+    """Whether the tested primes prove that the expression has no proper factor over the rationals.
 
-    A factor over the rationals is also a factor modulo every prime, and along every line along which the expression
-    keeps its degree. So the expression is irreducible if no degree is possible for a factor modulo all tested primes.
+    A factor over the rationals is also a factor modulo a prime and along a line, if the expression keeps its degree
+    there. So each prime allows only some degrees for a factor. If no degree except 0 and `degree` is allowed by all
+    primes, there is no proper factor.
+
+    degree: degree of the expression.
     """
     possible = (1 << degree + 1) - 1  # bit k: a factor of degree k is possible
     tried = 0
@@ -176,7 +191,10 @@ def _irreducible(expression: Expression, parameters: dict[str, Fraction], degree
 
 
 def _sign(expression: Expression, factors: tuple[SquareFreeFactor, ...], parameters: dict[str, Fraction]) -> int:
-    """The sign of the polynomial over that of the product of its odd factors, at a point where none of them is 0."""
+    """The sign (1 or -1) of the polynomial divided by its factors of odd multiplicity, found at one point.
+
+    At this point, neither the polynomial nor one of these factors is 0.
+    """
     odd = [f.expression for f in factors if not f.even]
     for k in range(1, 100):
         point = (Fraction(3 * k, 7), Fraction(5, 11 * k), Fraction(-2 * k, 13))

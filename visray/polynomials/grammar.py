@@ -1,4 +1,7 @@
-"""The grammar of polynomials: parses text such as "(x^2 + 9/4*y^2 + z^2 - 1)^3 - x^2*z^3". Nothing is ever executed."""
+"""The grammar of polynomials: parses text such as "(x^2 + 9/4*y^2 + z^2 - 1)^3 - x^2*z^3".
+
+Python's own parser makes a syntax tree of the text, and `_Reader` converts the tree. The text is never executed.
+"""
 
 import ast
 import re
@@ -38,7 +41,7 @@ from visray.polynomials.literals import (
 
 MAX_LENGTH = 20_000
 MAX_DEPTH = 100
-# Most bits of one exact constant, and of all constants of one text together.
+# Greatest number of bits of one exact constant, and of all constants in one text together.
 MAX_BITS, MAX_ALL_BITS = 1 << 15, 1 << 18
 IRRATIONAL_BITS = 600
 EXAMPLE = "write for example x^2 + y^2 + z^2 - 1"
@@ -61,7 +64,10 @@ _HINTS = {
 
 
 def parse(text: str, parameters: dict[str, float]) -> Expression:
-    """Parses a polynomial in x, y, z and the parameters. Raises PolynomialError with the place and the remedy."""
+    """The expression of a polynomial in x, y, z and the parameters, from its text.
+
+    If the text is wrong, PolynomialError is raised. Its message says where, and what would be right.
+    """
     exact = exact_parameters(parameters)
     if len(text) > MAX_LENGTH:
         raise PolynomialError(f"it is {len(text)} characters long; at most {MAX_LENGTH}")
@@ -76,7 +82,7 @@ def parse(text: str, parameters: dict[str, float]) -> Expression:
     _check_brackets(tokens)
     text = re.sub(r"\s", " ", text)
     lead = len(text) - len(text.lstrip())
-    # For each character of the text that Python parses, its place in the original text.
+    # Python parses a changed text, in which ** stands for ^. For each of its characters: the position in the original.
     place = [k for k, c in enumerate(text) for _ in range(2 if c == "^" else 1)][lead:]
     python = text.replace("^", "**").strip()
     try:
@@ -95,17 +101,20 @@ def parse(text: str, parameters: dict[str, float]) -> Expression:
 
 
 def _near(text: str, at: int) -> str:
-    """The text around a place, for a message."""
+    """The text around the position `at`, for a message."""
     return repr(text[max(0, at - 5) : at + 6].strip())
 
 
 def _deep() -> PolynomialError:
-    """The error for nesting above the limit."""
+    """The error for a text that is nested more deeply than MAX_DEPTH."""
     return PolynomialError(f"it is nested too deeply; at most {MAX_DEPTH} levels")
 
 
 def _check_missing_signs(tokens: list[re.Match]):
-    """Raises PolynomialError for 2x and 2(x + 1), which Python would read as something else or not at all."""
+    """Raises PolynomialError for a missing multiplication sign after a number, as in 2x or 2(x + 1).
+
+    Python's parser would not explain this error, or would read another number, such as the hexadecimal 0x1.
+    """
     for token, after in pairwise(tokens):
         if not token["number"] or not re.match(r"[A-Za-z_(]", after[0]):
             continue
@@ -117,9 +126,9 @@ def _check_missing_signs(tokens: list[re.Match]):
 
 
 def _check_brackets(tokens: list[re.Match]):
-    """Raises PolynomialError for a bracket without its partner, and for a text that breaks off.
+    """Raises PolynomialError for a bracket without a partner, and for a text that ends with an operator.
 
-    Python does not say where.
+    Python's parser does not say where such an error is.
     """
     opened = []
     for token in tokens:
@@ -136,9 +145,11 @@ def _check_brackets(tokens: list[re.Match]):
 
 
 class _Reader:
-    """Converts the syntax tree that Python makes of a text.
+    """Converts a syntax tree of Python to an expression.
 
-    bits: number of bits of all constants so far.
+    text: the text that Python parsed.
+    parameters: values of the parameters, by name.
+    bits: sum of the numbers of bits of all constants converted so far.
     """
 
     def __init__(self, text: str, parameters: dict[str, Fraction]):
@@ -147,15 +158,15 @@ class _Reader:
         self.bits = 0
 
     def source(self, node: ast.expr) -> str:
-        """The text of a node, as Python parsed it."""
+        """The piece of the parsed text that belongs to a node."""
         return self.text[node.col_offset : node.end_col_offset]
 
     def shown(self, node: ast.expr) -> str:
-        """The text of a node, for a message."""
+        """The piece of text that belongs to a node, shortened and with ^ for **, for a message."""
         return shortened(self.source(node).replace("**", "^"))
 
     def expression(self, node: ast.expr, depth: int) -> Expression:
-        """A node as an expression. depth: its nesting."""
+        """The expression of a node. depth: number of levels above the node; at most MAX_DEPTH are allowed."""
         if depth > MAX_DEPTH:
             raise _deep()
         match node:
@@ -181,7 +192,11 @@ class _Reader:
         )
 
     def terms(self, node: ast.expr, depth: int) -> list[Expression]:
-        """The terms of a sum. Python nests a sum to the left, once per term, so a loop walks it and no recursion."""
+        """The terms of a sum, as expressions.
+
+        In Python's tree, a sum of n terms has n - 1 levels. A loop goes down these levels, so they do not count as
+        depth.
+        """
         terms = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
             term = self.expression(node.right, depth + 1)
@@ -191,7 +206,7 @@ class _Reader:
         return terms[::-1]
 
     def factors(self, node: ast.expr, depth: int) -> list[Expression]:
-        """The factors of a product; divisors become reciprocals."""
+        """The factors of a product, as expressions. A divisor becomes the factor 1 / divisor."""
         factors = []
         while isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Mult, ast.Div)):
             factor = self.expression(node.right, depth + 1)
@@ -201,7 +216,10 @@ class _Reader:
         return factors[::-1]
 
     def divisor(self, of: Expression, node: ast.expr) -> Expression:
-        """The reciprocal of a divisor, which must be a constant other than 0."""
+        """The expression 1 / of. PolynomialError is raised unless `of` is a constant other than 0.
+
+        node: syntax tree of the divisor.
+        """
         if of.degree:
             raise PolynomialError(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
         if not rational(of, self.parameters) or is_zero(of):
@@ -209,7 +227,7 @@ class _Reader:
         return Reciprocal(of)
 
     def power(self, node: ast.BinOp, depth: int) -> Expression:
-        """A power; its exponent must be a whole number."""
+        """The expression of a power. PolynomialError is raised if the exponent is not a whole number."""
         of, exponent = self.expression(node.left, depth + 1), node.right
         written = self.source(exponent)
         if not (isinstance(exponent, ast.Constant) and written.isdecimal()):
@@ -225,7 +243,10 @@ class _Reader:
         return self.checked(Power(of, n), node)
 
     def checked(self, expression: Expression, node: ast.expr) -> Expression:
-        """The expression. Raises PolynomialError if it is a constant that is too long, too large or too small."""
+        """Returns the expression unchanged. Raises PolynomialError for a constant that is too long, large or small.
+
+        node: syntax tree of the expression, for the message.
+        """
         if expression.degree:
             return expression
         bits = _bits(expression)
@@ -240,11 +261,11 @@ class _Reader:
         return expression
 
     def unwieldy(self, node: ast.expr) -> PolynomialError:
-        """The error for a constant with too many bits."""
+        """The error for a constant that has too many bits. node: its syntax tree."""
         return PolynomialError(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
 
     def named(self, name: str) -> Expression:
-        """A coordinate, a constant or a parameter, by its name."""
+        """The coordinate, the constant or the parameter with this name, as an expression."""
         if name in AXES:
             return Axis(AXES.index(name))
         if name in CONSTANTS:
@@ -262,14 +283,14 @@ class _Reader:
         raise PolynomialError(f"unknown name {shortened(name)}; {hint}")
 
     def hint(self, name: str) -> str:
-        """The nearest known name, and all known names."""
+        """Text for a message about an unknown name: the most similar known name, and all known names."""
         choices = [*RESERVED, *self.parameters]
         near = [c for c in choices if c.casefold() == name.casefold()] or get_close_matches(name, choices, 1)
         listed = f"one of {', '.join(choices)}"
         return f"did you mean {near[0]}? ({listed})" if near else listed
 
     def root(self, node: ast.Call, depth: int) -> Expression:
-        """A square root; its argument must be a constant that is not negative."""
+        """The expression of a square root. PolynomialError is raised unless its argument is a constant >= 0."""
         function = node.func
         if not isinstance(function, ast.Name):
             raise PolynomialError(f"a sign is missing before a bracket in {self.shown(node)}; write * for a product")
@@ -296,7 +317,7 @@ class _Reader:
 
 
 def _bits(node: Expression) -> int:
-    """About the number of bits of a constant when it is computed exactly."""
+    """Estimate of how many bits a constant has when it is computed exactly."""
     match node:
         case Number(value):
             return value.numerator.bit_length() + value.denominator.bit_length()

@@ -1,4 +1,4 @@
-"""Names, numbers and limits that all forms of a polynomial's text share."""
+"""Names, numbers and limits that the two text forms of a polynomial share (grammar.py and monomials.py)."""
 
 import re
 from fractions import Fraction
@@ -8,7 +8,7 @@ from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import Number
 
 MAX_DEGREE = 32
-# Constants lie between 2^-1000 and 2^1000 (about 1e-301 and 1e301), where doubles have all their digits.
+# The size of a constant is 0 or between 2^-1000 and 2^1000 (about 1e-301 and 1e301). There, doubles have full accuracy.
 MAX_EXPONENT = 1000
 AXES, CONSTANTS = ("x", "y", "z"), ("phi", "pi")
 RESERVED = (*AXES, *CONSTANTS, "sqrt")
@@ -16,7 +16,7 @@ LITERAL = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 
 def exact_parameters(parameters: dict[str, float]) -> dict[str, Fraction]:
-    """The parameters as rationals. Raises PolynomialError for a name or a value that is not allowed."""
+    """The parameters as rational numbers. Raises PolynomialError for a name or a value that is not allowed."""
     for name, value in parameters.items():
         if name in RESERVED:
             raise PolynomialError(
@@ -30,17 +30,17 @@ def exact_parameters(parameters: dict[str, float]) -> dict[str, Fraction]:
 
 
 def too_high(degree: int) -> PolynomialError:
-    """The error for a degree above the limit."""
+    """The error for a polynomial whose degree is above MAX_DEGREE."""
     shown = degree if degree < 10**6 else "over a million"
     return PolynomialError(f"its degree, as written, is {shown}; at most {MAX_DEGREE}")
 
 
 def literal(text: str) -> Number | None:
-    """The exact value of a decimal literal; None if the text is no literal."""
+    """The exact value of a decimal number such as 1.5e3; None if the text is not a decimal number."""
     match = LITERAL.fullmatch(text)
     if not match:
         return None
-    # The size is checked before the number is computed: 1e999999999 would not fit in memory.
+    # The size is checked before the number is computed, because a number such as 1e999999999 does not fit in memory.
     if len(match[1]) > MAX_EXPONENT or len(match[2] or "") > 5 or abs(int((match[2] or "e0")[1:])) > MAX_EXPONENT:
         raise PolynomialError(f"the number {shortened(text)} has too many digits; it is 0 or between 1e-301 and 1e301")
     value = Fraction(text)
@@ -52,10 +52,10 @@ def literal(text: str) -> Number | None:
 
 
 def is_allowed_size(value: Fraction) -> bool:
-    """Whether a constant has an allowed size. Domain: value != 0."""
+    """Whether the size of a constant is between 2^-MAX_EXPONENT and 2^MAX_EXPONENT, roughly. Domain: value != 0."""
     return abs(abs(value.numerator).bit_length() - value.denominator.bit_length()) <= MAX_EXPONENT
 
 
 def shortened(text: str) -> str:
-    """A text short enough for a message."""
+    """The text, cut to at most 20 characters for a message."""
     return text if len(text) <= 20 else text[:17] + "..."

@@ -1,4 +1,8 @@
-"""Polynomials along random lines modulo a prime: exact arithmetic on numbers of a fixed size."""
+"""Polynomials along random lines and modulo a prime: exact arithmetic with integers of bounded size.
+
+Along a line (x, y, z) = start + t step, an expression is a polynomial in t. Such a polynomial is stored as the list of
+its coefficients modulo a prime p, the constant one first. The polynomial 0 is the empty list.
+"""
 
 from collections.abc import Iterator
 from fractions import Fraction
@@ -8,21 +12,22 @@ from random import Random
 
 from visray.polynomials.expression import Axis, Expression, NamedConstant, Number, Parameter, Root, fold
 
-# Modulo a prime p = -1 mod 8 * 3 * 5 * ... * 23 each of the primes 2, 3, ..., 23 is a square. The square root by the
-# power (p + 1) / 4 is itself a square, so roots multiply as positive real numbers do: sqrt(12) is 2 sqrt(3).
+# Let p be a prime with p + 1 divisible by 8 * 3 * 5 * ... * 23. Modulo p, each of the primes 2, 3, ..., 23 is a square.
+# The square root a^((p + 1) / 4) of a is itself a square. So products of roots are correct, as for positive real
+# numbers: sqrt(12) is 2 sqrt(3).
 _STEP = 8 * 3 * 5 * 7 * 11 * 13 * 17 * 19 * 23
 _MERSENNE = (1 << 61) - 1
-# Every other prime is a square modulo half of all primes, independently of the rest. So square roots of 8 more primes
-# need about 2^8 tries.
+# Any other prime number is a square modulo half of all primes p, independently of other prime numbers. So an expression
+# with square roots of 8 such numbers needs about 2^8 tries.
 MAX_TRIES = 1000
 
 
 class UndefinedModulo(Exception):
-    """A constant of the expression is not defined modulo this prime; it may be modulo another."""
+    """The error for a constant that does not exist modulo this prime. It may exist modulo another prime."""
 
 
 class Residues:
-    """Numbers modulo a prime p, one for each point of a line."""
+    """Numbers modulo a prime p: one number for each of several points on a line."""
 
     __slots__ = ("p", "values")
 
@@ -57,10 +62,11 @@ def inverse(value: int, p: int) -> int:
 def restrict_to_line(
     expression: Expression, parameters: dict[str, Fraction], p: int, seed: int, free: bool = False
 ) -> list[int]:
-    """Coefficients modulo p of the expression along a random line, from low to high.
+    """Coefficients modulo p of the expression along a random line, the constant one first.
 
-    seed: chooses the line and the number that stands for pi.
-    free: phi and square roots are random numbers too, as if they were variables.
+    seed: seed of the random numbers, which choose the line and the value of pi modulo p.
+    free: whether phi and square roots also get random values, as if they were variables. Otherwise they get their true
+        values modulo p; if one does not exist, UndefinedModulo is raised.
     """
     random = Random(seed)
     starts = [random.randrange(p) for _ in range(3)]
@@ -95,7 +101,7 @@ def restrict_to_line(
 
 
 def _root(value: int, p: int) -> int:
-    """The square root of a value modulo p. Raises UndefinedModulo if there is none."""
+    """The square root of a value modulo p. Raises UndefinedModulo if the value has no square root."""
     root = pow(value, (p + 1) // 4, p)
     if root * root % p != value % p:
         raise UndefinedModulo
@@ -103,7 +109,7 @@ def _root(value: int, p: int) -> int:
 
 
 def suitable_prime(expression: Expression, parameters: dict[str, Fraction]) -> int:
-    """A prime near 2^61 modulo which all constants of the expression are defined."""
+    """A prime near 2^61 modulo which all constants of the expression exist. Raises UndefinedModulo if none is found."""
     candidates = (_STEP * k - 1 for k in count((1 << 61) // _STEP))
     primes = chain([] if expression.irrational else [_MERSENNE], filter(is_prime, candidates))
     for p in islice(primes, MAX_TRIES):
@@ -118,7 +124,7 @@ def suitable_prime(expression: Expression, parameters: dict[str, Fraction]) -> i
 
 
 def _constants(expression: Expression) -> Iterator[Expression]:
-    """The largest subexpressions without x, y and z."""
+    """All subexpressions without x, y and z that are not contained in a larger such subexpression."""
     if not expression.degree:
         yield expression
         return
@@ -128,7 +134,7 @@ def _constants(expression: Expression) -> Iterator[Expression]:
 
 @cache
 def is_prime(n: int) -> bool:
-    """Whether n is prime, by the Miller-Rabin test with bases that decide it with certainty. Domain: n < 2^64."""
+    """Whether n is a prime. Uses the Miller-Rabin test, which is certain with these bases. Domain: n < 2^64."""
     bases = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
     if n < 2 or any(n % b == 0 for b in bases):
         return n in bases
@@ -141,8 +147,10 @@ def is_prime(n: int) -> bool:
 
 
 def _interpolate(values: list[int], p: int) -> list[int]:
-    """Coefficients of the polynomial modulo p with these values at 0, 1, 2, ..., by Newton's divided differences and
-    Horner's scheme."""
+    """Coefficients modulo p of the polynomial that has the given values at 0, 1, 2, ...
+
+    Computed by Newton's divided differences and Horner's scheme.
+    """
     differences = list(values)
     for k in range(1, len(values)):
         by = inverse(k, p)
@@ -156,14 +164,14 @@ def _interpolate(values: list[int], p: int) -> list[int]:
 
 
 def without_leading_zeros(a: list[int]) -> list[int]:
-    """Removes the leading zeros from a list of coefficients; the polynomial 0 becomes empty."""
+    """The same list without zero coefficients of the highest powers, which are removed from its end."""
     while a and not a[-1]:
         a.pop()
     return a
 
 
 def divide(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
-    """Quotient and remainder of two polynomials modulo p."""
+    """(quotient, remainder) of the polynomials a and b modulo p. Domain: b is not 0."""
     a, quotient, by = list(a), [0] * max(0, len(a) - len(b) + 1), inverse(b[-1], p)
     for k in range(len(quotient) - 1, -1, -1):
         factor = quotient[k] = a[k + len(b) - 1] * by % p
@@ -174,7 +182,7 @@ def divide(a: list[int], b: list[int], p: int) -> tuple[list[int], list[int]]:
 
 
 def gcd(a: list[int], b: list[int], p: int) -> list[int]:
-    """The greatest common divisor of two polynomials modulo p, with leading coefficient 1."""
+    """The greatest common divisor of two polynomials modulo p, scaled to the leading coefficient 1."""
     while b:
         a, b = b, divide(a, b, p)[1]
     by = inverse(a[-1], p)
@@ -182,18 +190,22 @@ def gcd(a: list[int], b: list[int], p: int) -> list[int]:
 
 
 def is_square_free(a: list[int], p: int) -> bool:
-    """Whether a polynomial modulo p has no repeated factor. Domain: degree below p."""
+    """Whether no factor occurs twice in a polynomial modulo p. Domain: its degree is below p."""
     return len(gcd(a, [k * c % p for k, c in enumerate(a)][1:], p)) == 1
 
 
 def factor_degrees(a: list[int], p: int) -> list[int]:
-    """Degrees of the irreducible factors of a square-free polynomial modulo p, by distinct-degree factorization."""
+    """The degrees of the irreducible factors of a polynomial modulo p, by distinct-degree factorization.
+
+    Domain: square-free polynomials.
+    """
     degrees, power = [], [0, 1]
     for k in count(1):
         if 2 * k > len(a) - 1:
             return degrees + [len(a) - 1] * (len(a) > 1)
         power = _power_modulo(divide(power, a, p)[1], p, a)
-        # All factors whose degree divides k divide t^(p^k) - t; those of lower degree were removed before.
+        # t^(p^k) - t is the product of all irreducible polynomials whose degree divides k. Factors of a lower degree
+        # were removed from `a` before, so the common divisor is the product of the factors of degree k.
         rest = power + [0] * (2 - len(power))
         part = gcd(a, without_leading_zeros([rest[0], (rest[1] - 1) % p, *rest[2:]]), p)
         if len(part) > 1:
@@ -202,7 +214,7 @@ def factor_degrees(a: list[int], p: int) -> list[int]:
 
 
 def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
-    """The power a^n modulo the number n and the polynomial `modulus`."""
+    """The power a^n of the polynomial a, modulo the polynomial `modulus`. Coefficients are also taken modulo n."""
     result = [1]
     for bit in bin(n)[2:]:
         result = _multiply_modulo(result, result, modulus, n)
@@ -212,7 +224,7 @@ def _power_modulo(a: list[int], n: int, modulus: list[int]) -> list[int]:
 
 
 def _multiply_modulo(a: list[int], b: list[int], modulus: list[int], p: int) -> list[int]:
-    """The product of a and b modulo the number p and the polynomial `modulus`."""
+    """The product of the polynomials a and b, modulo the polynomial `modulus` and the prime p."""
     product = [0] * (len(a) + len(b) - 1) if a and b else []
     for i, x in enumerate(a):
         for j, y in enumerate(b):

@@ -1,4 +1,4 @@
-"""Reads lists of monomials such as "0.9x2", "-3y2" and "-1". Their sum is the polynomial."""
+"""Parses lists of monomials such as ["0.9x2", "-3y2", "-1"]. Their sum is the polynomial: 0.9 x^2 - 3 y^2 - 1."""
 
 import re
 
@@ -14,7 +14,7 @@ MAX_ENTRIES = 10_000
 
 
 def parse(entries: list[str]) -> Expression:
-    """The sum of the monomials. A PolynomialError holds the index of the entry with the error."""
+    """The sum of the monomials, as an expression. The `part` of a PolynomialError is the index of the wrong entry."""
     if not entries:
         raise PolynomialError('there is no monomial; write for example ["x2", "y2", "z2", "-1"]')
     if len(entries) > MAX_ENTRIES:
@@ -23,9 +23,9 @@ def parse(entries: list[str]) -> Expression:
 
 
 def _monomial(entry: str, part: int) -> Expression:
-    """One monomial. part: its index, for errors."""
+    """The expression of one monomial. part: its index in the list, for errors."""
     match = _MONOMIAL.fullmatch(entry)
-    # An exponent follows its letter at once or after ^, because "x 2" could also be a product.
+    # An exponent must follow its letter directly or after ^, because "x 2" could also mean a product.
     if not match or not (match[2] or match[3]) or (not match[2] and match[3].lstrip().startswith("*")):
         raise PolynomialError(
             'is not a monomial; write a number and then powers of x, y and z, as in "-0.5x2y"; '

@@ -1,4 +1,11 @@
-"""Programs: the operations by which kernels evaluate a polynomial, with all its numbers kept apart from them."""
+"""Programs: the operations with which kernels evaluate a polynomial f(x, y, z).
+
+A program consists of operations only; the values of its constants are stored apart from it. So polynomials that differ
+only in their numbers share one program, and one kernel. A constant is an expression without x, y and z.
+
+f is divided into square-free factors. The multiplicity of a factor is the number of times that it occurs in f. A factor
+of even multiplicity does not change the sign of f.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,19 +22,20 @@ from visray.polynomials.literals import exact_parameters
 from visray.polynomials.simplify import simplify, translate
 
 Source = str | tuple[str, ...] | list[str]
-# The bound on |f| must lie in this range, so that sums and products of values of f do not overflow or underflow.
+# The bound on a factor's absolute value must be in this range, so that sums and products of values stay in the range of
+# doubles.
 LARGEST, SMALLEST = 1e140, 1e-140
 MAX_PRODUCTS = 3_000_000
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A square-free factor of a polynomial.
+    """A square-free factor of a polynomial, as operations.
 
-    degree: its degree along a generic line.
+    degree: degree of the factor along a line in general position.
     code: operations that refer to earlier ones by index: ("constant", j), ("axis", k), ("add", i, j), ("sub", i, j),
         ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one gives the value.
-    even: whether its multiplicity in the polynomial is even.
+    even: whether the factor's multiplicity in the polynomial is even.
     """
 
     degree: int
@@ -40,7 +48,7 @@ class Program:
     """The structure of a polynomial f. Polynomials that differ only in the values of their numbers have equal programs.
 
     factors: the square-free factors of f.
-    sign: sign times the product of all factors that are not even has the sign of f everywhere.
+    sign: 1 or -1. At every point, f has the sign of: sign times the product of the factors of odd multiplicity.
     constant_count: number of constants in the code of all factors.
     """
 
@@ -65,14 +73,18 @@ class Compiled:
 
 
 def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Compiled:
-    """Compiles a polynomial, given as text or as a list of monomials, in coordinates q = p - centre."""
+    """Compiles a polynomial. Its program takes coordinates q = p - centre instead of p = (x, y, z).
+
+    source: text, or a list of monomials.
+    parameters: values of the named parameters.
+    """
     source = source if isinstance(source, str) else tuple(source)
     return _build(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
 
 
 @lru_cache(maxsize=256)
 def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Compiled:
-    """As `build`, with arguments that can be cached."""
+    """As `build`, but with arguments that the cache can store. parameters: pairs (name, value), sorted."""
     square_free, sign = _factorize(source, parameters)
     values = {name: Fraction(value) for name, value in parameters}
     middle = tuple(map(Fraction, centre))
@@ -85,17 +97,17 @@ def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, f
 
 @lru_cache(maxsize=256)
 def _factorize(source: str | tuple, parameters: tuple) -> tuple:
-    """The factorization, which is the same for every centre."""
+    """(square-free factors, sign) of a polynomial, as `factorize` returns them. It is cached for all centres."""
     return factorize(read(source, dict(parameters)), exact_parameters(dict(parameters)))
 
 
 def read(source: Source, parameters: dict[str, float]) -> Expression:
-    """Parses a polynomial that is given as text or as a list of monomials."""
+    """The expression of a polynomial that is given as text or as a list of monomials."""
     return grammar.parse(source, parameters) if isinstance(source, str) else monomials.parse(list(source))
 
 
 def _double(value: Fraction) -> float:
-    """A constant rounded to double."""
+    """The value of a constant, rounded to double. Raises PolynomialError if it is outside the range of doubles."""
     # A product of constants may overflow or become subnormal although none of the constants does.
     if value and not -1022 < abs(value.numerator).bit_length() - value.denominator.bit_length() < 1023:
         raise PolynomialError("its constants multiply to a number beyond the doubles; write it in another unit")
@@ -103,9 +115,10 @@ def _double(value: Fraction) -> float:
 
 
 def _recentred(expression: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
-    """A simplified expression in coordinates about a centre.
+    """The expression in coordinates about a centre, simplified.
 
-    A sum of monomials becomes Horner's scheme. Any other expression keeps its form.
+    A sum of monomials is rewritten by Horner's scheme. Any other expression keeps its form. Domain: simplified
+    expressions.
     """
     terms = monomial_terms(expression)
     return simplify(translate(expression, centre) if terms is None else horner(recentre(terms, centre)))
@@ -136,7 +149,10 @@ class _Constants:
 
 
 def _code(expression: Expression, constants: _Constants) -> tuple[tuple, ...]:
-    """The operations that evaluate an expression. Equal operations are emitted once."""
+    """The operations that evaluate an expression, as in Factor.code. Equal operations occur once.
+
+    constants: the constants of the program so far; new ones are added.
+    """
     indices: dict[tuple, int] = {}
     sums: dict[Expression, int] = {}
 
@@ -176,7 +192,7 @@ def _code(expression: Expression, constants: _Constants) -> tuple[tuple, ...]:
     def total(parts: tuple[Expression, ...]) -> int:
         minus = [isinstance(p, Negative) and p.degree > 0 for p in parts]
         terms = [emit(p.of if m else p) for p, m in zip(parts, minus)]
-        # A sum starts with a positive term if it has one, so that no term has to be negated first.
+        # If there is a term without a minus, the sum starts with it, so that no term has to be negated first.
         first = minus.index(False) if False in minus else 0
         value = terms[first]
         for k, (term, m) in enumerate(zip(terms, minus)):
@@ -193,8 +209,9 @@ def interpret(
 ) -> Any:
     """The value of a factor, by running its code in any arithmetic with + - *.
 
-    constants, axes: values of the constants, and of x, y and z.
-    power: function of a value and an exponent; squaring by default.
+    constants: values of the program's constants.
+    axes: values of x, y and z.
+    power: function that returns value^exponent from a value and an exponent; by default power_by_squaring.
     """
     power = power or power_by_squaring
     results: list[Any] = []
@@ -231,9 +248,9 @@ def power_by_squaring(value: Any, n: int) -> Any:
 
 
 def magnitude_bounds(compiled: Compiled, reach: float) -> tuple[float, ...]:
-    """A bound on |factor| for each factor, where no coordinate of q is above `reach` in size."""
+    """For each factor, a bound on its absolute value at all points q whose coordinates are at most `reach` in size."""
     sizes = [abs(v) for v in compiled.values]
-    # A difference has the bound of the sum, and -a has that of a.
+    # The bound on a difference is that on the sum, and the bound on -a is that on a.
     bounding = {"sub": lambda i, j: ("add", i, j), "neg": lambda i: ("pow", i, 1)}
     bounds = []
     for factor in compiled.program.factors:
@@ -243,7 +260,10 @@ def magnitude_bounds(compiled: Compiled, reach: float) -> tuple[float, ...]:
 
 
 def check_sizes(compiled: Compiled, reach: float):
-    """Raises PolynomialError if a factor could overflow or underflow in double. reach: as in magnitude_bounds."""
+    """Raises PolynomialError if the values of a factor may be too large or all too small for doubles.
+
+    reach: greatest absolute value of a coordinate of the points at which the polynomial is evaluated.
+    """
     for size in magnitude_bounds(compiled, reach):
         if not size <= LARGEST:
             raise PolynomialError(f"its values reach {size:g}, too large for doubles; write it in a larger unit")
@@ -254,7 +274,10 @@ def check_sizes(compiled: Compiled, reach: float):
 
 
 def exact_terms(source: Source, parameters: dict[str, float] | None = None) -> dict[tuple[int, int, int], Fraction]:
-    """The terms of the expanded polynomial, for tests and studies. Irrational constants are rationals of 77 digits."""
+    """The terms of the expanded polynomial, a dict from exponents to coefficients, for tests and studies.
+
+    Irrational constants are replaced by rational numbers with 77 correct digits.
+    """
     values = exact_parameters(parameters or {})
     expression = simplify(read(source, parameters or {}))
     try:
@@ -263,6 +286,6 @@ def exact_terms(source: Source, parameters: dict[str, float] | None = None) -> d
         raise PolynomialError("it is too long to be expanded") from None
     if not expression.irrational:
         return terms
-    # A term that cancels up to the rounding of irrational constants does not count.
+    # A term whose coefficient is 0 up to the rounding of irrational constants is left out.
     largest = max(map(abs, terms.values()), default=Fraction(0))
     return {e: c for e, c in terms.items() if abs(c) > largest / (1 << BITS // 2)}

@@ -1,4 +1,7 @@
-"""Rewrites expressions without expanding them: simplification, negation, and a change of origin."""
+"""Functions that rewrite expressions without expanding them: simplification, negation, and a change of origin.
+
+A constant is an expression without x, y and z.
+"""
 
 from fractions import Fraction
 
@@ -6,8 +9,8 @@ from visray.polynomials.expression import ONE, Axis, Expression, Negative, Numbe
 
 
 def simplify(node: Expression) -> Expression:
-    """The expression with nested sums and products flattened, constants merged and signs pulled out. Nothing is
-    expanded."""
+    """The expression in a simpler form: nested sums and products become one, constants are collected, and minus signs
+    are moved to the front of products and sums. Nothing is expanded."""
     if node.degree == 0:
         return node
     match node:
@@ -23,7 +26,7 @@ def simplify(node: Expression) -> Expression:
 
 
 def negate(node: Expression) -> Expression:
-    """The negative of an expression. A leading constant takes the sign."""
+    """The negative of an expression. The first factor of a product takes the sign if it is a constant."""
     match node:
         case Negative(of):
             return of
@@ -35,7 +38,7 @@ def negate(node: Expression) -> Expression:
 
 
 def _power(of: Expression, n: int) -> Expression:
-    """The power of a simplified expression, simplified."""
+    """The power of a simplified expression, in simplified form."""
     if n == 1:
         return of
     match of:
@@ -47,7 +50,7 @@ def _power(of: Expression, n: int) -> Expression:
 
 
 def _sum(parts: list[Expression]) -> Expression:
-    """The sum of simplified expressions, simplified. Its constant comes last."""
+    """The sum of simplified expressions, in simplified form. All constants are collected in its last term."""
     terms, constants = [], []
     for p in parts:
         inner = [p]
@@ -65,7 +68,7 @@ def _sum(parts: list[Expression]) -> Expression:
 
 
 def _product(parts: list[Expression]) -> Expression:
-    """The product of simplified expressions, simplified. Its constant comes first."""
+    """The product of simplified expressions, in simplified form. All constants are collected in its first factor."""
     factors, constants, minus = [], [], False
     for p in parts:
         if isinstance(p, Negative) and p.degree:
@@ -83,7 +86,10 @@ def _product(parts: list[Expression]) -> Expression:
 
 
 def translate(node: Expression, centre: tuple[Fraction, Fraction, Fraction]) -> Expression:
-    """The expression in coordinates q = p - centre: each x becomes x + centre's x, unless that is 0."""
+    """The expression in coordinates q = p - centre.
+
+    x is replaced by (x + c), where c is the x coordinate of the centre, unless c is 0. The same is done for y and z.
+    """
     match node:
         case Axis(index) if centre[index]:
             return Sum((node, Number(centre[index])))

@@ -1,4 +1,8 @@
-"""Expansion into terms over x, y, z and the constants that are not rational, as if these were variables too."""
+"""Expansion of expressions into terms, in which constants that are not rational are treated as variables.
+
+Such a constant is called an atom: a parameter, pi, phi (the golden ratio), a square root, or the reciprocal of an
+expression of these. So the variables of a term are x, y, z and the atoms.
+"""
 
 from fractions import Fraction
 
@@ -20,13 +24,14 @@ from visray.polynomials.expression import (
 )
 from visray.polynomials.simplify import negate, simplify
 
-# Most products that an expansion may take, and most terms that it may have. Together they limit it to about a second.
+# Greatest number of products that an expansion may take, and of terms that it may have. So an expansion takes at most
+# about a second.
 MAX_PRODUCTS = 200_000
 MOST_TERMS = 600
 
 
 def _atoms(expression: Expression) -> list[Expression]:
-    """The constants of an expression that are not rational numbers, or that divide by such a number."""
+    """The atoms in an expression, each once: parameters, pi, phi, square roots, and reciprocals that contain one."""
     match expression:
         case NamedConstant() | Parameter() | Root():
             return [expression]
@@ -40,9 +45,11 @@ def _atoms(expression: Expression) -> list[Expression]:
 
 
 def symbolic_terms(expression: Expression, budget: int = MAX_PRODUCTS) -> tuple[Terms, list[Expression]]:
-    """(terms, atoms): the terms of an expression over x, y, z and its atoms, the irrational constants and parameters.
+    """(terms, atoms): a dict from exponents to rational coefficients, and the list of atoms.
 
-    budget: most products of two terms. Raises TooLong beyond it.
+    The exponents of a term are those of x, y, z and then of each atom.
+
+    budget: greatest number of products of two terms. If more are needed, TooLong is raised.
     """
     atoms = _atoms(expression)
     size = 3 + len(atoms)
@@ -85,7 +92,7 @@ def symbolic_terms(expression: Expression, budget: int = MAX_PRODUCTS) -> tuple[
 
 
 def _coefficients(terms: Terms, atoms: list[Expression]) -> Coefficients:
-    """Terms over x, y and z with expressions of the atoms as coefficients. A factor of 1 or -1 is left out."""
+    """The terms of the same polynomial in x, y and z only. Their coefficients are expressions of the atoms."""
     summands: dict[tuple[int, int, int], list[Expression]] = {}
     for e, c in terms.items():
         powers = tuple(Power(a, n) if n > 1 else a for a, n in zip(atoms, e[3:]) if n)
@@ -98,14 +105,17 @@ def _coefficients(terms: Terms, atoms: list[Expression]) -> Coefficients:
 
 
 def _coefficient(parts: list[Expression]) -> Expression:
-    """The sum of the parts, as one simplified expression."""
+    """The sum of the parts, as one expression. A single part is simplified, unless it is 1 or -1."""
     if len(parts) > 1:
         return Sum(tuple(parts))
     return parts[0] if parts[0] in (ONE, negate(ONE)) else simplify(parts[0])
 
 
 def drop_cancelled_terms(expression: Expression, parameters: dict[str, Fraction], degree: int) -> Expression:
-    """The expression without its highest terms, which cancel. degree: what remains."""
+    """The expression, written anew without its terms of the highest degrees, which cancel.
+
+    degree: degree of the polynomial without these terms.
+    """
     try:
         terms, atoms = symbolic_terms(expression)
     except TooLong:
@@ -117,5 +127,5 @@ def drop_cancelled_terms(expression: Expression, parameters: dict[str, Fraction]
 
 
 def from_terms(terms: Terms, atoms: list[Expression]) -> Expression:
-    """The terms over x, y, z and the atoms as an expression, by Horner's scheme."""
+    """The sum of the terms as an expression in Horner's scheme. terms, atoms: as symbolic_terms returns them."""
     return simplify(horner(_coefficients(terms, atoms)))

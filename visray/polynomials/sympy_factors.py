@@ -1,4 +1,7 @@
-"""Factors of polynomials and their multiplicities, by sympy. It is imported only when needed, as it takes 0.4 s."""
+"""Factors of polynomials and their multiplicities, found by sympy.
+
+sympy is imported only when it is needed, because its import takes 0.4 s.
+"""
 
 from collections import Counter
 from fractions import Fraction
@@ -19,22 +22,25 @@ from visray.polynomials.expression import (
 )
 from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
 
-# Most terms of a polynomial that is factored because it must be (True), or only to make rendering faster (False).
+# Greatest number of terms of a polynomial that is factored. True: factoring is necessary, because a factor is repeated.
+# False: factoring only makes rendering faster.
 MAX_TERMS = {True: MOST_TERMS, False: 300}
 MAX_ALGEBRAIC_TERMS = 60
 
 
 def repeated_factor_error() -> PolynomialError:
-    """The error for a repeated factor that is too expensive to find."""
+    """The error for a polynomial with a repeated factor that would take too long to find."""
     return PolynomialError("a factor in it is repeated, and it is too long to find which; write it as a power, (...)^2")
 
 
 def rational_factors(
     expression: Expression, parameters: dict[str, Fraction], needed: bool
 ) -> list[tuple[Expression, int]]:
-    """Factors over the rationals with multiplicities, with parameters and irrational constants as variables.
+    """Pairs (factor, multiplicity) of the expression over the rational numbers.
 
-    needed: the polynomial has repeated factors; see MAX_TERMS. Raises TooLong if it has too many terms.
+    Parameters and irrational constants are treated as variables. TooLong is raised if there are too many terms.
+
+    needed: whether factoring is necessary, because a factor is repeated; see MAX_TERMS.
     """
     terms, atoms = symbolic_terms(expression)
     if len(terms) > MAX_TERMS[needed]:
@@ -57,7 +63,7 @@ def rational_factors(
                 full[k] = i
             inner[tuple(full)] = Fraction(int(c.p), int(c.q))
         if any(any(e[:3]) for e in inner):
-            # The most frequent coefficient becomes 1, which costs no operation.
+            # The factor is scaled so that its most frequent coefficient becomes 1, because a product with 1 is free.
             often = Counter(map(abs, inner.values())).most_common(1)[0][0]
             factors.append(({e: c / often for e, c in inner.items()}, n))
     factors.sort(key=lambda f: (max(sum(e[:3]) for e in f[0]), len(f[0]), sorted(f[0].items())))
@@ -65,9 +71,10 @@ def rational_factors(
 
 
 def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) -> list[tuple[Expression, int]]:
-    """The square-free parts of each multiplicity, at the actual values of the constants.
+    """Pairs (square-free factor, multiplicity) of the expression, with the actual values of its constants.
 
-    Square roots are algebraic numbers here, parameters are numbers, and pi is a variable.
+    Each multiplicity has one factor, the product of all irreducible factors with this multiplicity. Square roots are
+    exact algebraic numbers here, parameters are rational numbers, and pi is a variable.
     """
     try:
         terms, atoms = symbolic_terms(expression)
@@ -125,7 +132,7 @@ def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) 
 
 
 def _number(c) -> Fraction:
-    """A real number of sympy as a rational, correct to BITS if it is irrational."""
+    """A real number of sympy as a rational number. An irrational number is correct to about BITS bits."""
     if c.is_Rational:
         return Fraction(int(c.p), int(c.q))
     return Fraction(str(c.evalf(BITS * 3 // 10)))

@@ -1,4 +1,8 @@
-"""The certificate of polynomial surfaces and tori: sums over a picture for its metadata, and warnings."""
+"""The certificate of polynomial surfaces and tori: how well a picture's crossings of rays with such surfaces are known.
+
+This module computes facts about it for the metadata of a picture, and warns. The layers `unresolved` and `residual`
+contain it for each pixel (integrator.certificate).
+"""
 
 import warnings
 from typing import Any
@@ -7,19 +11,24 @@ import numpy as np
 
 from visray.setup import Prepared
 
-# A residual above this many units in the last place is neither rounding nor the blur of a singular point.
+# Residuals are distances of points from their surface, in units in the last place (ulp). Rounding errors, and the lower
+# accuracy near singular points, do not give residuals above this limit.
 LARGEST_RESIDUAL = 1e9
-# At edges a few rays are always within rounding of a crossing; a larger share of the pixels gets a warning.
+# At the edges of surfaces there are always a few rays for which rounding hides whether they hit. There is a warning if
+# their number is a larger share of the pixels.
 LARGEST_UNRESOLVED = 1e-3
 ADVICE = "a tighter clip helps, or f written in products and powers"
 
 
 class RootWarning(UserWarning):
-    """Double precision does not tell where some rays meet a surface."""
+    """Warning that double precision does not suffice to find where some rays hit a surface."""
 
 
 def certificate_facts(layers: dict[str, np.ndarray]) -> dict[str, Any]:
-    """Facts for the metadata: how many parts of rays are unresolved, and the largest residual in ulps."""
+    """Dict of facts for the metadata: the number of unresolved parts of rays, and the largest residual in ulps.
+
+    layers: layers of the picture by name.
+    """
     facts = {}
     if "unresolved" in layers:
         facts["unresolved"] = int(layers["unresolved"].sum())
@@ -30,14 +39,19 @@ def certificate_facts(layers: dict[str, np.ndarray]) -> dict[str, Any]:
 
 
 def warn_of_roots(facts: dict[str, Any], prepared: Prepared) -> None:
-    """Warns where crossings with a surface are not known to rounding. The warning names the caller of the caller."""
+    """Warns if many parts of rays are unresolved, or if a residual is large.
+
+    facts: facts of certificate_facts.
+
+    The warning shows the line of code that called vr.render.
+    """
     pixels = len(prepared.order)
     if facts.get("unresolved", 0) > LARGEST_UNRESOLVED * pixels:
         text = f"{facts['unresolved']} parts of rays could not be told from rounding; {ADVICE}"
         warnings.warn(text, RootWarning, stacklevel=3)
     if facts.get("residual_ulps", 0) <= LARGEST_RESIDUAL:
         return
-    # With a `tolerance` the user has chosen to be less exact.
+    # If an object has a `tolerance`, the user has chosen to be less exact.
     if not any(getattr(shape, "tolerance", 0) for shape in prepared.scene.objects.values()):
         text = f"what is seen is up to {facts['residual_ulps']:.2g} ulp off its surface; {ADVICE}"
         warnings.warn(text, RootWarning, stacklevel=3)

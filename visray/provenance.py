@@ -1,4 +1,4 @@
-"""How a picture was made: the facts in the metadata of an Image, and the camera's matrices."""
+"""Provenance: facts about how a picture was made, for the metadata of an Image."""
 
 import json
 import platform
@@ -14,10 +14,10 @@ from visray.version import __version__
 
 
 def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str, Any]:
-    """Facts for the metadata of a picture; those about its samples and its error are not among them.
+    """Dict of the facts about a picture, except those about its samples and its error.
 
-    scene_hash: the hash of the scene as the caller gave it, before settings were changed for the goal.
-    seconds: the time of the render.
+    scene_hash: hash of the scene that was given by the caller. The prepared scene may have another sampler.
+    seconds: duration of the render.
     """
     s = prepared.scene.settings
     return {
@@ -40,9 +40,11 @@ def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str,
 
 
 def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
-    """The matrices worldToCamera and worldToNDC, which multiply a row vector from the right.
+    """The matrices worldToCamera and worldToNDC, as a dict of lists of rows. They multiply a row vector v from the
+    right: v M.
 
-    Camera space: x right, y up, z along the view. NDC: (0, 0) top left to (1, 1) bottom right.
+    In camera space x points to the right, y up, and z along the view direction. In NDC the picture extends from (0, 0)
+    at the top left to (1, 1) at the bottom right.
     """
     c, f = scene.camera, scene.film
     right, up, forward, _ = (np.array(v, float) for v in scalars(c).axes())

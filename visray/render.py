@@ -1,4 +1,8 @@
-"""Renders a scene: from a scene to an Image with layers and metadata."""
+"""Renders a scene to an Image with layers and metadata.
+
+A lane is one pixel in the arrays of a kernel. The order of lanes is not the order of pixels in a picture
+(Prepared.order). A layer is one kind of data of a picture, such as RGB or N (output/layers.py).
+"""
 
 import warnings
 from collections.abc import Sequence
@@ -30,8 +34,8 @@ from visray.setup import Prepared
 from visray.setup import prepare as prepare_checked
 
 ANYWHERE = Files()
-# Seconds per pixel, after the last sample: to put the layers together, to write a PNG file, and to write an EXR file
-# (per channel). Measured on one machine; they only reserve time for --time.
+# Seconds per pixel that work after the last sample takes: assembling the layers, writing a PNG file, and writing one
+# channel of an EXR file. Measured on one machine. They are only used to keep time for this work if a time is given.
 LAYERING, PNG, CHANNEL = 6e-7, 4e-7, 3e-8
 
 
@@ -52,21 +56,25 @@ def render(
     files: Files = ANYWHERE,
     begun: float | None = None,
 ) -> Image:
-    """Renders a scene, a prepared scene (vr.prepare) or a scene file. Ctrl-C keeps the passes that are done.
-
-    The metadata of the Image say how the picture was made.
+    """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
+    taken so far.
 
     setup: the setup file of a scene in the format of the original VisRayTrace.
-    spp, size, seed, precision: replace what the scene says.
-    threads: of the LLVM backend.
+    spp: samples per pixel. Like `size` (width, height), `seed` and `precision`, it replaces the value of the scene.
+    threads: number of threads of the LLVM backend.
+    backend: "llvm", "cuda" or "metal".
     layers: names of the layers to make. The layers of the first hit need a kernel of their own.
-    error: takes samples, instead of spp of them, until the error is no larger, with a confidence of 95 %. The error is
+    progress: whether a progress bar is shown.
+    error: the error to reach. Samples are taken until the error is no larger, with a confidence of 95 %. The error is
         the root mean square over pixels and channels, in linear light, divided by the picture's mean luminance.
-    time: the best picture within this many seconds, preparation and compilation included. With both error and time,
-        the goal that is met first ends the render. Pixels with more noise get more samples, without bias (adaptive/).
-    files: where the picture will be written. An error below their rounding is refused, and time is reserved to write
-        them.
-    begun: the moment from which `time` counts (clock.now); by default the call.
+    time: seconds that the render may take, including preparation and compilation. The picture is as good as possible in
+        this time. With both `error` and `time`, the render ends when one of them is reached.
+    files: files that the picture will be written to. An error below their rounding is refused, and a part of `time` is
+        kept for writing them.
+    begun: the moment from which `time` counts (clock.now); None means the moment of the call.
+
+    With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image
+    say how the picture was made.
     """
     now = clock.now()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
@@ -79,7 +87,7 @@ def render(
     scene_hash = scene.hash()
     if goal:
         goal = replace(goal, reserve=_seconds_to_finish(scene.film.width * scene.film.height, layers, files))
-        # Strata need the number of samples beforehand.
+        # Stratified samples need their number beforehand.
         scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
     if threads is not None:
         set_threads(threads)
@@ -102,7 +110,10 @@ def render(
 
 
 def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -> None:
-    """Raises a UserError if a layer needs a goal that is not there, or if a file cannot be written."""
+    """Raises a UserError if a layer needs a goal and there is none, or if a file cannot be written.
+
+    goal: the error or the time to reach, or None.
+    """
     adaptive_only = set(layers) & set(names_from("adaptive"))
     if goal is None and adaptive_only and layers != NAMES:
         names = ", ".join(sorted(adaptive_only))
@@ -114,10 +125,10 @@ def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -
 def _layers_of_spp(
     prepared: Prepared, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Takes the samples that the scene asks for; returns the layers, and facts for the metadata."""
+    """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata."""
     film, spp = expose(prepared, progress, interrupts)
     values, facts = developed(prepared, film)
-    # Frees the film: with many pixels the layers of the first hit may need its memory.
+    # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
     return values | _first_hit_layers(prepared, layers), {"spp": spp} | facts
 
@@ -125,8 +136,8 @@ def _layers_of_spp(
 def _layers_for_goal(
     prepared: Prepared, goal: Goal, files: Files, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Takes samples until the goal is reached; returns the layers, and facts for the metadata."""
-    # Before the samples, because its kernel takes time too.
+    """Takes samples until the goal is reached. Returns the layers by name, and facts for the metadata."""
+    # The first hit comes before the samples, because it takes a part of the time that the goal allows.
     first_hit = _first_hit_layers(prepared, layers)
     try:
         adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
@@ -137,7 +148,12 @@ def _layers_for_goal(
 
 
 def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts: Interrupts) -> None:
-    """Warns if the error is not known, or larger than asked. The warning names the caller of the caller."""
+    """Warns if the error is not known, or is larger than the error that was asked for.
+
+    rgb: layer RGB. facts: facts for the metadata. interrupts: whether Ctrl-C was pressed.
+
+    The warning shows the line of code that called vr.render.
+    """
     if not rgb.any():
         warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=3)
     elif not (goal.seconds or interrupts.requested) and facts["error_high"] > goal.error:
@@ -146,7 +162,10 @@ def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts
 
 
 def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
-    """Names of layers, all of which exist; otherwise a UserError. A single string is one name."""
+    """Names of layers as a tuple. Raises a UserError if there is no layer of a name.
+
+    layers: the names; a single string is one name.
+    """
     layers = (layers,) if isinstance(layers, str) else tuple(layers)
     for name in layers:
         if name not in BY_NAME:
@@ -155,14 +174,18 @@ def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
 
 
 def _seconds_to_finish(pixels: int, layers: tuple[str, ...], files: Files) -> float:
-    """Seconds from the last sample to the last file written."""
+    """Estimated seconds from the last sample until all files are written. `pixels`: number of pixels."""
     channels = sum(len(BY_NAME[name].channels) for name in layers)
     writing = [PNG if Path(p).suffix.lower() == ".png" else CHANNEL * channels for p in files.paths]
     return (LAYERING + sum(writing)) * pixels
 
 
 def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
-    """The scene, validated, with another size and other settings; None keeps what the scene has."""
+    """The validated scene with another size of the film and other settings.
+
+    size: width and height in pixels; None keeps the size.
+    settings: values of fields of Settings by name, such as spp; None keeps the value.
+    """
     scene = checked(scene)
     changed = {k: v for k, v in settings.items() if v is not None}
     if changed:
@@ -175,20 +198,21 @@ def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: A
 
 
 def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
-    """Prepares a scene, or the scene of a file, to be rendered many times: validates, packs and places it once.
+    """Prepares a scene, or the scene in a file, to be rendered many times. It is validated and turned into the arrays
+    of a kernel only once.
 
     prepared = vr.prepare(scene)
     for x in (0.0, 0.1, 0.2):
         prepared = prepared.updated({"objects.ball.center.0": x})
         image = vr.render(prepared)
 
-    An update pays only for what changes.
+    `updated` computes again only what changes.
     """
     return prepare_checked(checked(load(scene) if isinstance(scene, (str, Path)) else scene), backend)
 
 
 def explain(scene: Scene) -> Features:
-    """The effects that a scene calls for and those it does not, each with a reason; how its rays find objects."""
+    """The effects that a scene needs and those that it does not, each with the reason; and how rays find objects."""
     scene = checked(scene)
     on = features(scene)
     return replace(on, rays=ray_families(scene, on))
@@ -202,9 +226,11 @@ def set_threads(threads: int) -> None:
 
 
 def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
-    """Raises a UserError if a pixel is not a finite number; it names the pixel and the object that it shows.
+    """Raises a UserError if a colour is not finite. The message names the pixel and the object that the pixel shows.
 
-    Shapes: mean (3, N), in the order of lanes.
+    mean: colours of the pixels, in the order of lanes.
+
+    Shapes: mean (3, N).
     """
     bad = np.flatnonzero(~np.isfinite(mean).all(0))
     if not bad.size:
@@ -218,9 +244,9 @@ def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
 
 
 def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The film's layers (colour, coverage, variance), and the facts about its error.
+    """The layers of a film by name (colour, coverage, variance), and a dict of facts about the error.
 
-    The fact `error_at_most` is the error of independent samples; other samplers stay below it.
+    The fact `error_at_most` is the error that independent samples would have. With other samplers the error is smaller.
     """
     transparent = prepared.scene.film.transparent
     layers = {"RGB": np.array(film.mean)}
@@ -236,7 +262,7 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
 
 
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:
-    """The layers of the first hit, if any of the given layers needs them; else none."""
+    """Dict of the layers of the first hit by name. It is empty if no layer in `layers` comes from the first hit."""
     needed = set(layers) & set(names_from("first hit"))
     if set(layers) & set(names_from("certificate")) and any(b.kind.finds_roots for b in prepared.kernel.batches):
         needed.add("certificate")
@@ -244,24 +270,34 @@ def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, 
 
 
 def _first_hit(prepared: Prepared) -> dict[str, Any]:
-    """The layers of the first hit at every pixel's centre, computed."""
+    """Dict of the layers of the first hit along the ray through each pixel's centre, computed at once."""
     layers = integrator.first_hit(prepared.kernel, prepared.x, prepared.y)
     dr.eval(layers)
     return layers
 
 
 def rasters(prepared: Prepared, values: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The given layers, of those that have values, as pictures. values: layers in the order of lanes."""
+    """Dict of layers as pictures, by name.
+
+    values: layers by name, with pixels in the order of lanes.
+    layers: names of the layers that are wanted. Those without values are left out.
+    """
     return {name: _raster(prepared, name, values[name]) for name in NAMES if name in layers and name in values}
 
 
 def _raster(prepared: Prepared, name: str, values: Any) -> np.ndarray:
-    """One layer as a picture. Shapes: values (N,) or (n, N), in the order of lanes; result (H, W) or (H, W, n)."""
+    """One layer as a picture.
+
+    name: name of the layer.
+    values: values of the layer, with pixels in the order of lanes.
+
+    Shapes: values (N,) or (n, N); result (H, W) or (H, W, n).
+    """
     width, height = prepared.scene.film.width, prepared.scene.film.height
     if isinstance(values, tuple):
         values = np.stack([np.array(v) for v in values])
     flat = np.array(values)
     flat = flat.T if flat.ndim == 2 else flat
     picture = np.empty(flat.shape, BY_NAME[name].memory_dtype)
-    picture[prepared.order] = flat  # where all pixels are equal, a single entry stands for them
+    picture[prepared.order] = flat  # if all pixels are equal, `flat` may have a single entry for all of them
     return picture.reshape(height, width, *picture.shape[1:])

@@ -1,1 +1,1 @@
-"""Adaptive sampling: pictures to a given error, or as good as a given time allows."""
+"""Adaptive sampling: renders a picture until its error is small enough, or as well as possible in a given time."""

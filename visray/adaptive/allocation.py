@@ -1,11 +1,16 @@
 """Allocation of samples to pixels: pixels with more variance around them get more samples.
 
-The square of a pixel's error is modelled as scale * weight^2 * samples^-power. A pixel's weight is the square root of
-the mean variance of the samples in the pixels around it. Its own samples are left out: the number of samples of a pixel
-must not depend on their values. Otherwise a pixel would stop early where its few samples happen to agree because they
-have missed something, and its mean would be biased.
+The model of a pixel's squared error is scale * weight^2 * samples^-power. The weight of a pixel is the square root of
+the mean variance of the samples in the pixels around it. The pixel's own samples are left out, because the number of
+its samples must not depend on their values. Otherwise a pixel whose first samples have all missed a bright object would
+stop early, and the mean of its samples would be biased.
 
-Pixels of equal weight and equal sample count form a class. Choices are made on the few classes, not on all pixels.
+Weights and sample counts are rounded to powers, so that there are few different ones:
+
+    step    logarithm of a weight to base 2^(1 / STEPS), a whole number
+    level   logarithm of a sample count to base 2, a whole number
+    class   all pixels with the same step and the same level; computations run over the few classes, not over pixels
+    budget  one whole number for the whole picture: by weight alone, a pixel gets 2^((step + budget) / STEPS) samples
 """
 
 from collections.abc import Callable
@@ -15,30 +20,31 @@ import numpy as np
 
 from visray.adaptive.dual_buffer import window_sums
 
-# A weight is rounded to a power of 2^(1 / STEPS) between 2^-WEIGHT_RANGE and 2^WEIGHT_RANGE.
+# Weights are rounded to powers of 2^(1 / STEPS), and clamped to the range from 2^-WEIGHT_RANGE to 2^WEIGHT_RANGE.
 STEPS, WEIGHT_RANGE = 8, 40
-# A pixel has at most 2^LARGEST_LEVEL samples in each half, since they run one after the other.
+# A pixel has at most 2^LARGEST_LEVEL samples in each half, because the samples of a pixel run one after the other.
 LARGEST_LEVEL = 18
-# error^2 ~ samples^-power. The power is 1 for independent samples, and larger for stratified ones. Before it is
-# measured a steep one is assumed: to estimate the error once more takes less time than samples that were not needed.
+# error^2 is proportional to samples^-power. The power is 1 for independent samples, and larger for stratified samples.
+# Before it is measured, it is assumed to be large. Then a round may take too few samples, and another round follows.
+# That costs less time than too many samples.
 POWER, LEAST_POWER, GREATEST_POWER = 1.5, 1.0, 1.8
-# A pixel gets at least 2^-FLOOR_LEVELS of the mean sample count by weights alone, rounded down to a power of two. With
-# fewer, most of the error is in isolated pixels whose surroundings have missed something, and so few pixels estimate it
-# badly: on scenes/penumbra.json a floor of an eighth took 3.5 times as long to be sure of an error of 0.001, and it was
-# faster on no scene.
+# Each pixel gets at least a floor of samples: the mean count by weight alone, times 2^-FLOOR_LEVELS, rounded down to a
+# power of two. With a lower floor, most of the error lies in a few isolated pixels whose neighbours have missed
+# something, and so few pixels do not suffice to estimate the error. On scenes/penumbra.json a floor of an eighth took
+# 3.5 times as long to ensure an error of 0.001, and it was faster on no scene.
 FLOOR_LEVELS = 1
-# Weights of a window of 5 x 5 pixels, along each side. Where a pixel's few samples miss a small object, samples of
-# pixels nearby hit it.
+# Weights along each side of a window of 5 x 5 pixels. If the few samples of a pixel miss a small object, samples of
+# nearby pixels hit it.
 WINDOW = np.array([1, 4, 6, 4, 1]) / 16
 CENTER_WEIGHT = WINDOW[2] ** 2
 
 
-# Classes of pixels: of each class the step of its weight, its level, and its number of pixels.
+# Classes of pixels, as three arrays: step, level and number of pixels of each class.
 Classes = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def neighbour_means(variances: np.ndarray) -> np.ndarray:
-    """Weighted mean of the variances around each pixel, without its own; 1 for a picture of one pixel.
+    """Weighted mean of the variances around each pixel, without the pixel's own variance; 1 if there is no other pixel.
     Shapes: (H, W)."""
     total, mass = (window_sums(x, WINDOW) - CENTER_WEIGHT * x for x in (variances, np.ones(variances.shape)))
     return np.divide(np.maximum(total, 0), mass, out=np.ones(mass.shape), where=mass > 0)
@@ -46,15 +52,14 @@ def neighbour_means(variances: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Allocation:
-    """Samples of each pixel, in each half of the dual buffer.
+    """Number of samples of each pixel, now and for any budget. All counts are samples in one half of the dual buffer;
+    the other half has the same.
 
-    steps: logarithm of each pixel's weight, in steps of 1 / STEPS to base 2. Shape: (N).
-    levels: logarithm to base 2 of the samples that each pixel has. Shape: (N).
-    power, scale: of the model error^2 = scale * weight^2 * samples^-power, with the mean over all pixels.
-    classes: pixels counted by step and level.
-
-    One number for the whole picture, the budget, decides how many samples there are: by weight alone a pixel gets
-    2^((steps + budget) / STEPS) of them.
+    steps: step of each pixel's weight. Shape: (N).
+    levels: level of the number of samples that each pixel has now. Shape: (N).
+    power, scale: parameters of the model. The mean of scale * weight^2 * samples^-power over all pixels is the mean
+        square error of the picture.
+    classes: the classes of pixels.
     """
 
     steps: np.ndarray
@@ -68,10 +73,10 @@ class Allocation:
 
     @staticmethod
     def of(variances: np.ndarray, counts: np.ndarray) -> "Allocation":
-        """Allocation by the variances around each pixel, relative to the picture's luminance. All pixels are alike if
-        all variances are 0. Shapes: (N).
+        """Allocation with weights from variances. If all variances are 0, all weights are equal.
 
-        counts: samples that each pixel has, powers of two.
+        variances: mean variance around each pixel, divided by the square of the picture's luminance. Shape: (N).
+        counts: number of samples that each pixel has, a power of two. Shape: (N).
         """
         variances = variances if variances.any() else np.ones_like(variances)
         with np.errstate(divide="ignore"):
@@ -80,7 +85,11 @@ class Allocation:
         return Allocation(np.clip(steps, -largest, largest).astype(np.int32), _levels(counts))
 
     def update(self, square: float, counts: np.ndarray) -> None:
-        """Fits the model to a measured mean square error. `counts`: samples of each pixel by now. Shape: (N)."""
+        """Fits the model to a measured mean square error.
+
+        square: the measured mean square error.
+        counts: number of samples that each pixel has now. Shape: (N).
+        """
         levels = _levels(counts)
         before, now = self.classes, self._count(levels)
         known = self.scale * self._relative_square(before, self.power)
@@ -92,27 +101,32 @@ class Allocation:
         self.scale, self.levels, self.classes = (square / total if total > 0 else 0.0), levels, now
 
     def targets(self, budget: int) -> np.ndarray:
-        """Samples of each pixel for a budget; never fewer than it has. Shape: (N)."""
+        """Number of samples that each pixel should have at a budget, and never fewer than the pixel has already.
+        Shape: (N)."""
         levels = np.maximum(self._levels_by_weight(self.steps, self.levels, budget), self._least_level(budget))
         return np.left_shift(1, levels, dtype=np.int64)
 
     def noisy(self) -> np.ndarray:
-        """Mask of the pixels of largest weight that get half of all samples together. Shape: (N)."""
+        """Mask of the noisy pixels: the pixels of largest weight that together get half of all samples. Shape: (N)."""
         steps, _, pixels = self.classes
         order = np.argsort(-steps)
         share = np.cumsum((pixels * 2.0 ** (steps / STEPS))[order])
         return self.steps >= steps[order][np.searchsorted(share, share[-1] / 2)]
 
     def weighted_mean(self, values: np.ndarray) -> float:
-        """Mean of a value over pixels, weighted by the samples that they are to get. Shape: (N)."""
+        """Mean of values over all pixels, each weighted with the number of samples that the pixel gets by weight alone.
+
+        values: one value per pixel. Shape: (N).
+        """
         weights = 2.0 ** (self.steps / STEPS)
         return float((weights * values).sum() / weights.sum())
 
     def smallest_budget(self, enough: Callable[[float, float, int], bool]) -> int:
-        """Smallest budget that is enough, or the one that gives all pixels the most samples.
+        """Smallest budget that is enough. If none is, the largest one, which gives all pixels 2^LARGEST_LEVEL samples.
 
-        enough: is called with the mean samples of a pixel, the mean square error expected with them, and the smallest
-        number of samples of a pixel.
+        enough: function that returns whether a budget is enough. It is called with three numbers for that budget: the
+            mean number of samples of a pixel, the expected mean square error, and the smallest number of samples of a
+            pixel.
         """
         steps, levels, pixels = self.classes
         low, high = -STEPS * WEIGHT_RANGE, STEPS * (WEIGHT_RANGE + LARGEST_LEVEL)
@@ -125,33 +139,37 @@ class Allocation:
         return low
 
     def _levels_by_weight(self, steps: np.ndarray, levels: np.ndarray, budget: int) -> np.ndarray:
-        """Levels for a budget by weight alone; never below `levels`."""
+        """Levels of pixels or classes at a budget by weight alone, without the floor; never below `levels`.
+
+        steps, levels: step and present level of each pixel or class.
+        """
         by_weight = np.clip((steps + budget + STEPS // 2) // STEPS, 0, LARGEST_LEVEL)
         return np.maximum(np.where(steps > -STEPS * WEIGHT_RANGE, by_weight, 0), levels)
 
     def _least_level(self, budget: int) -> int:
-        """Smallest level of any pixel: a pixel may vary although the pixels around it do not."""
+        """Level of the floor at a budget, the least level of any pixel. A pixel may be noisy although the pixels around
+        it are not."""
         steps, levels, pixels = self.classes
         return int(np.log2(_mean_samples(self._levels_by_weight(steps, levels, budget), pixels))) - FLOOR_LEVELS
 
     def _count(self, levels: np.ndarray) -> Classes:
-        """Classes of the pixels, given the level of each. Shape: levels (N)."""
+        """Classes of the pixels. `levels`: level of each pixel. Shape: levels (N)."""
         pixels = np.bincount((self.steps + STEPS * WEIGHT_RANGE) * (LARGEST_LEVEL + 1) + levels)
         used = np.flatnonzero(pixels)
         return used // (LARGEST_LEVEL + 1) - STEPS * WEIGHT_RANGE, used % (LARGEST_LEVEL + 1), pixels[used]
 
     @staticmethod
     def _relative_square(classes: Classes, power: float) -> float:
-        """Mean of weight^2 samples^-power over all pixels: the mean square error over `scale`."""
+        """Mean of weight^2 * samples^-power over all pixels: the mean square error of the model, divided by `scale`."""
         steps, levels, pixels = classes
         return float((pixels * 2.0 ** (2 * steps / STEPS - power * levels)).sum() / pixels.sum())
 
 
 def _mean_samples(levels: np.ndarray, pixels: np.ndarray) -> float:
-    """Mean samples of a pixel, where pixels[i] pixels have the level levels[i]."""
+    """Mean number of samples of a pixel if pixels[i] pixels have the level levels[i]."""
     return float((pixels * 2.0**levels).sum() / pixels.sum())
 
 
 def _levels(counts: np.ndarray) -> np.ndarray:
-    """Logarithms to base 2 of sample counts."""
+    """Levels of sample counts: their logarithms to base 2."""
     return np.rint(np.log2(counts)).astype(np.int32)

@@ -1,4 +1,9 @@
-"""Depth bias: the light that a picture lacks because paths end at settings.depth."""
+"""Depth bias: the light that a picture lacks because paths end at settings.depth.
+
+It is estimated on test pixels, a small random choice of the picture's pixels. They are rendered with two depths, the
+depth in question and a much larger one, the reference depth. Each is rendered in the two halves of a dual buffer
+(dual_buffer.py).
+"""
 
 from dataclasses import dataclass, replace
 
@@ -9,10 +14,11 @@ from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, window_sums
 from visray.passes import subset
 from visray.setup import Prepared
 
-# Number of test pixels, at most and at least; samples of each in each half, at most, and where test pixels are few.
+# Largest and smallest number of test pixels. Largest number of samples of a test pixel in each half; also if few paths
+# continue.
 PIXELS, LEAST_PIXELS, SAMPLES, MORE_SAMPLES = 2**13, 2**8, 16, 32
-# Samples that search for pixels with continuing paths, at least and at most, and the side of the window of pixels
-# around such a pixel that also counts.
+# Smallest and largest number of samples in the search for pixels whose paths continue. The search also chooses all
+# pixels in a window around each pixel that it finds; WINDOW is the side of this window.
 LEAST_SEARCH, MOST_SEARCH, WINDOW = 2**12, 2**16, 5
 
 
@@ -20,8 +26,9 @@ LEAST_SEARCH, MOST_SEARCH, WINDOW = 2**12, 2**16, 5
 class DepthBias:
     """Estimated mean square of the depth bias over pixels and channels.
 
-    depth: the depth at which paths end. square: the estimate. low, high: interval that contains the true mean square
-    with a probability of 95 %.
+    depth: depth at which paths end.
+    square: the estimate. It may be slightly negative.
+    low, high: interval that contains the true mean square with a probability of 95 %.
     """
 
     depth: int
@@ -34,17 +41,23 @@ def depth_biases(
     buffer: DualBuffer, depths: tuple[int, ...], reference_depth: int, seconds: float = np.inf, pixels: int = PIXELS,
     count: int | None = None,
 ) -> list[DepthBias]:  # fmt: skip
-    """Bias of each of these depths, as the difference from `reference_depth`, estimated on test pixels.
+    """Estimated bias of each of several depths, as a list.
 
-    Half of the test pixels are random pixels whose paths continue beyond the smallest of the depths, as far as a quick
-    search finds them; the other half are random pixels among the rest. If `seconds` are too few for the search, there
-    are fewer test pixels, all of them random.
-
-    Both depths use the same samples, so that only the bias differs. The product of the differences of the two halves
-    estimates its square without bias, unlike the square of their mean.
-
+    buffer: dual buffer with a pilot of the picture.
+    depths: the depths.
+    reference_depth: depth that counts as free of bias.
+    seconds: time that the estimate may take.
     pixels: largest number of test pixels.
-    count: samples of each in each half, by default as many as `buffer` has; more where few paths continue.
+    count: number of samples of a test pixel in each half; by default as many as `buffer` has, at most SAMPLES. If few
+        paths continue, a pixel with such paths gets more.
+
+    A quick search finds pixels with paths that continue beyond the smallest of the depths. Half of the test pixels are
+    drawn at random from these pixels, and the other half from the rest. If the time is short, there are fewer test
+    pixels. If it is too short for the search, all test pixels are drawn from the whole picture.
+
+    The two depths are rendered with the same samples, so that the difference of a pixel contains only the bias. The
+    product of the differences in the two halves is an unbiased estimate of the squared bias. The square of their mean
+    would not be unbiased.
     """
     n, prepared = buffer.n, buffer.prepared
     count = count or min(int(buffer.counts.min()), SAMPLES)
@@ -62,7 +75,7 @@ def depth_biases(
     if continues.any():
         counts[continues] = max(count, min(count * most // 2 // int(continues.sum()), MORE_SAMPLES))
     lanes = np.flatnonzero(weights)
-    # Another seed than in the search: the samples that chose the pixels must not also estimate their bias.
+    # The seed is not that of the search, because the samples that chose a pixel must not estimate its bias as well.
     scene = replace(prepared.scene, settings=replace(settings, seed=(settings.seed + 2**31) % 2**32))
     tested = subset(replace(prepared, scene=scene), lanes)
     a, b = _means(tested, counts[lanes], reference_depth)
@@ -76,31 +89,35 @@ def depth_biases(
 
 
 def _continuing(prepared: Prepared, depth: int, reference_depth: int) -> np.ndarray:
-    """Lanes near which paths continue beyond a depth.
+    """Numbers of the lanes in whose window some path continues beyond a depth.
 
-    One sample of every fourth pixel finds where there are paths at all; then more samples there find where they
-    continue. Such pixels may be few, and only few of a pixel's samples may continue.
+    The search has two steps, because such pixels may be few, and only few samples of such a pixel may continue. First,
+    one sample of every fourth pixel finds where paths have any reflection or refraction. Then more samples of these
+    pixels find the paths that continue beyond the depth.
     """
     n = len(prepared.order)
     lanes = np.arange(n)
     if depth:
-        # Lanes are in tiles of 4 x 4 pixels, so every fourth lane is one column of each tile. One bounce more than
-        # `depth` is compared, since the last bounce that is followed may show a black mirror.
+        # Lanes are in tiles of 4 x 4 pixels, so every fourth lane is one column of each tile. The depth 0 is compared
+        # with depth + 1, not with depth, because the last surface of a path may be a mirror, which looks black.
         lanes = _differing(prepared, lanes[:: WINDOW - 1], (0, depth + 1), 1)
     samples = _search_samples(n)
-    # Of very many lanes only some are searched; the window around these covers the others.
+    # If there are very many lanes, only some are searched. The windows around these lanes cover the others.
     searched = lanes[:: max(len(lanes) // samples, 1)]
     count = int(np.clip(samples // max(len(searched), 1), 1, MORE_SAMPLES))
     return _differing(prepared, searched, (depth, reference_depth), count)
 
 
 def _search_samples(n: int) -> int:
-    """Number of samples that search for continuing paths in a picture of n pixels; few compared with its own."""
+    """Number of samples for the search in a picture of n pixels. They are few compared with the picture's samples."""
     return int(np.clip(n // 16, LEAST_SEARCH, MOST_SEARCH))
 
 
 def _differing(prepared: Prepared, lanes: np.ndarray, depths: tuple[int, int], count: int) -> np.ndarray:
-    """Lanes in the window around one of these lanes whose mean of `count` samples differs between two depths."""
+    """Numbers of the lanes in the windows around those of the given lanes whose colour differs between two depths.
+
+    count: number of samples of each given lane.
+    """
     if not len(lanes):
         return lanes
     film, tested = prepared.scene.film, subset(prepared, lanes)
@@ -113,12 +130,20 @@ def _differing(prepared: Prepared, lanes: np.ndarray, depths: tuple[int, int], c
 
 
 def _means(prepared: Prepared, counts: np.ndarray, depth: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of both halves at another depth. `counts`: samples of each pixel in each half. Shapes: (N); (3, N)."""
+    """Mean colours of the pixels in both halves, rendered with another depth.
+
+    counts: number of samples of each pixel in each half.
+
+    Shapes: counts (N); result (3, N) twice.
+    """
     return _rendered(prepared, depth, np.tile(counts, 2)).means()
 
 
 def _rendered(prepared: Prepared, depth: int, targets: np.ndarray) -> DualBuffer:
-    """Dual buffer rendered at another depth. The depth is data of the kernel, so nothing is compiled."""
+    """Dual buffer, rendered with another depth. No kernel is compiled, because the depth is an input of the kernel.
+
+    targets: number of samples of each lane of the dual buffer. Shape: (2 N).
+    """
     limits = (dr.opaque(prepared.a.U, depth), prepared.kernel.bounce_limits[1])
     buffer = DualBuffer(replace(prepared, kernel=replace(prepared.kernel, bounce_limits=limits)))
     buffer.extend(targets)

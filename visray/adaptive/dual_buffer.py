@@ -1,8 +1,11 @@
 """Dual buffer: two halves A and B of a picture with separate samples, and the error estimated from their difference.
 
-The picture is (A + B) / 2. The two halves of a pixel are independent, as long as its number of samples does not depend
-on their values (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of the pixel's variance, whatever the
-sampler. It is a poor estimate for one pixel and a good one for the mean over all pixels.
+The picture is (A + B) / 2. The values A and B of a pixel are independent, as long as the number of the pixel's samples
+does not depend on the values of these samples (allocation.py). Then (A - B)^2 / 4 is an unbiased estimate of the
+variance of (A + B) / 2, with any sampler. It is a poor estimate for one pixel, and a good one for the mean over all
+pixels.
+
+A lane is one entry of a Dr.Jit array: here one pixel in one half. N is the number of pixels.
 """
 
 from collections.abc import Callable, Collection
@@ -22,11 +25,11 @@ from visray.passes import first_pass_samples
 from visray.sampling import SamplePlan
 from visray.setup import Prepared
 
-# Quantile of the normal distribution for an interval of 95 %.
+# Quantile of the normal distribution: the interval from -QUANTILE to QUANTILE has a probability of 95 %.
 QUANTILE = 1.959964
-# Rule of three: an event that does not occur in n tries has a probability below UNSEEN / n, with 95 % confidence.
+# Rule of three: if an event does not occur in n tries, its probability is below UNSEEN / n, with a confidence of 95 %.
 UNSEEN = 3.0
-# Most samples of a lane in one pass. They run one after the other, and the time limit or Ctrl-C waits for them.
+# Largest number of samples of a lane in one pass. They run one after the other, and Ctrl-C waits for them.
 MOST_SAMPLES = 2**12
 
 
@@ -38,8 +41,8 @@ class Estimate:
     low, high: interval that contains the true error with a probability of 95 %.
     square: mean square error, not divided by the luminance.
     luminance: mean luminance of the picture.
-    factor: ratio of the mean square errors at `high` and at `error`, without `unseen`.
-    unseen: mean square error at `high` of light that no sample may have met.
+    factor: upper bound of the true mean square error, without `unseen`, divided by `square`.
+    unseen: mean square error by light that perhaps no sample has met; it is contained only in `high`.
     """
 
     error: float
@@ -52,9 +55,9 @@ class Estimate:
 
     @staticmethod
     def of(a: np.ndarray, b: np.ndarray, samples: float = np.inf) -> "Estimate":
-        """Estimate from the pixels of both halves. Shapes: (3, N).
+        """Estimate from the colours of all pixels in both halves. Shapes: (3, N).
 
-        samples: samples of each pixel in both halves together; infinite: no light is unseen.
+        samples: number of samples of each pixel, in both halves together. If infinite, no light is unseen.
         """
         squares = np.square(a - b).mean(0) / 4
         sums = squares.sum(), np.square(squares).sum(), (LUMINANCE @ (a + b)).sum() / 2
@@ -64,23 +67,25 @@ class Estimate:
     def from_sums(n: int, squares: float, fourths: float, luminance: float, samples: float) -> "Estimate":
         """Estimate from sums over n pixels.
 
-        squares, fourths: sums of x = (a - b)^2 / 4 and of x^2. luminance: sum of luminance.
+        squares, fourths: sums of x and of x^2 over pixels (see below).
+        luminance: sum of the luminance of the pixels.
         samples: smallest number of samples of a pixel, in both halves together.
 
-        Let a and b be the errors of the two halves of a pixel. Its true square error is (a + b)^2 / 4 and the estimate
-        is x = (a - b)^2 / 4. They differ by a b, whose mean square is at most twice that of x. Where few pixels have
-        most of the error, the sum of x is uncertain, and so is the estimate of its spread: hence an interval by a
-        factor, not by a difference.
+        Let a and b be the errors of a pixel in the two halves. The true square error of the pixel is (a + b)^2 / 4. Its
+        estimate is x = (a - b)^2 / 4, which needs only the difference of the two halves. The true square error and x
+        differ by a b, and the mean square of a b is at most twice the mean square of x. If few pixels have most of the
+        error, the sum of x is uncertain, and the estimate of its spread is uncertain too. So the ends of the interval
+        are square / factor and square * factor, not square +- a difference.
 
-        The upper end also contains `unseen`, the error by light that all samples may have missed. On average UNSEEN
-        samples of the whole picture would meet such light; all miss it with a probability of 5 %. Each of them would
-        change one pixel by luminance / samples, if the light is as bright as the picture. Where no sample has met any
-        light, nothing is known of the error, and `high` is 1.
+        The upper end also contains `unseen`, the error by light that all samples may have missed. We assume light that
+        UNSEEN samples of the whole picture would meet on average: the probability that all samples miss it is 5 %. If
+        the light is as bright as the picture, each sample that meets it changes one pixel by luminance / samples. If no
+        sample has met any light, nothing is known about the error, and `high` is 1.
         """
         square, light = squares / n, luminance / n
-        # Pixels that are not numbers give an estimate that is not a number, which the caller reports.
+        # If a pixel is not a number, the estimate is not a number either, and the caller reports it.
         with np.errstate(invalid="ignore"):
-            # Equal pixels give about n degrees of freedom, since then n fourths / squares^2 is 3 or less.
+            # If all pixels have equal errors, there are about n degrees of freedom: n fourths / squares^2 is 3 or less.
             factor = ratio_quantile(max(2 * squares**2 / fourths - 1, 1.0)) if squares > 0 < fourths else 1.0
             unseen = UNSEEN * light**2 / (samples**2 * n)
             scale = 1 / light if light > 0 else 1.0
@@ -90,14 +95,14 @@ class Estimate:
 
 
 def ratio_quantile(d: float) -> float:
-    """97.5 % quantile of the ratio of two independent mean squares of normal numbers with d degrees of freedom each.
+    """97.5 % quantile of the ratio of two independent mean squares, each of d normal random numbers.
 
-    The density of the ratio's logarithm x is proportional to cosh(x / 2)^-d.
+    The density of x, the logarithm of the ratio, is proportional to cosh(x / 2)^-d.
 
     Domain: d >= 1.
-    Error: below 1e-4, relative to the quantile's logarithm (tests/test_adaptive.py).
+    Error: the relative error of the logarithm of the quantile is below 1e-4 (tests/test_adaptive.py).
     """
-    # Wide enough for d = 1; the density is narrower for larger d.
+    # The range is wide enough for d = 1. For larger d the density is narrower.
     x = np.linspace(0, 60 / np.sqrt(d), 4001)
     density = np.exp(-d * (np.logaddexp(x / 2, -x / 2) - np.log(2)))
     cumulative = np.concatenate([[0], np.cumsum(density[1:] + density[:-1])])
@@ -105,13 +110,16 @@ def ratio_quantile(d: float) -> float:
 
 
 class DualBuffer:
-    """Film of both halves. Lanes 0 to N - 1 are the pixels of half A, lanes N to 2 N - 1 those of half B.
+    """Film of both halves. Lanes 0 to N - 1 are the pixels in half A, lanes N to 2 N - 1 the pixels in half B.
 
-    Its bits depend on the seed and on the number of samples of each lane, not on the passes that took them.
-    Error: none (tests/test_same_bits.py).
+    Its bits depend on the seed and on the number of samples of each lane. They do not depend on how the samples are
+    divided into passes (tests/test_same_bits.py).
 
-    pace: measured duration of samples, to choose the size of passes.
-    rates: for each lane, seconds per sample in its last pass; noisier lanes take longer. Shape: (2 N).
+    prepared: the prepared scene.
+    n: number of pixels, N.
+    film: the samples of all lanes.
+    pace: measured duration of samples, from which the size of a pass is chosen.
+    rates: seconds per sample of each lane in its last pass. Noisy lanes take longer. Shape: (2 N).
     """
 
     def __init__(self, prepared: Prepared):
@@ -127,17 +135,17 @@ class DualBuffer:
         return self.film.counts
 
     def compile(self) -> None:
-        """Compiles the kernel of a pass, by a few samples that are discarded."""
+        """Compiles the kernel of a pass: takes a few samples and discards them."""
         lanes = np.arange(min(2 * self.n, 32))
         DualBuffer(self.prepared).run_pass(lanes, np.ones(2 * self.n, np.int64))
 
     def extend(self, targets: np.ndarray, seconds_left: Callable[[], float] = lambda: np.inf) -> bool:
-        """Takes samples in passes until each lane has its target. Lanes that lack most samples come first.
+        """Takes samples in passes until each lane has the number of samples that `targets` says. Lanes that lack most
+        samples come first. Returns whether all lanes have their targets.
 
         targets: number of samples of each lane. Shape: (2 N).
-        seconds_left: called before each pass; the pass must not take longer.
-
-        Returns whether all lanes have their target.
+        seconds_left: function that is called before each pass, and returns how long this pass may take. If the time is
+            too short for a pass, no more samples are taken.
         """
         while (targets > self.counts).any():
             if not self._extend(np.minimum(targets, self.counts + MOST_SAMPLES), seconds_left):
@@ -145,10 +153,10 @@ class DualBuffer:
         return True
 
     def _extend(self, targets: np.ndarray, seconds_left: Callable[[], float]) -> bool:
-        """Does the same as `extend`, where no lane lacks more samples than fit into one pass."""
+        """Does the same as `extend`. Domain: no lane lacks more than MOST_SAMPLES samples."""
         lanes = np.flatnonzero(targets > self.counts)
-        # Neighbours in this list run side by side in vector lanes, so they should lack equally many samples. Lanes that
-        # do stay in the order of pixel tiles.
+        # Neighbours in this list run at the same time in one vector register, so they should lack the same number of
+        # samples. Lanes that lack the same number stay in the order of pixel tiles.
         lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
         while len(lanes):
             span, pace = self.pace.next_seconds(seconds_left()), self.pace
@@ -166,9 +174,14 @@ class DualBuffer:
         return True
 
     def run_pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
-        """Takes samples of some lanes in one pass, until each has its target. Shapes: lanes any; targets (2 N)."""
+        """Takes samples of some lanes in one pass, until each of these lanes has its target.
+
+        lanes: numbers of the lanes. targets: number of samples of each lane.
+
+        Shapes: lanes (n), with any n; targets (2 N).
+        """
         begun = clock.now()
-        # A single lane would need a kernel of its own; it is written twice with the same value.
+        # A single lane would need a kernel of its own, so it is computed twice. Both write the same value.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
         counts, moments = self.counts.copy(), self.film.moments
         before, counts[lanes] = counts[lanes], targets[lanes]
@@ -182,9 +195,13 @@ class DualBuffer:
         self.film = self.film.with_moments(moments, counts)
 
     def _sample(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
-        """Moments of some lanes before and after `count` more samples, and the lanes as a Dr.Jit array.
+        """Moments of some lanes before and after more samples, and the lanes as a Dr.Jit array.
 
-        first: number of each lane's first new sample. Shapes: lanes, first, count alike.
+        lanes: numbers of the lanes.
+        first: index of the first new sample of each of these lanes.
+        count: number of new samples of each of these lanes.
+
+        Shapes: the same for all three.
         """
         prepared, a, n = self.prepared, self.prepared.a, self.n
         index = a.put(a.U, lanes.astype(np.uint32))
@@ -198,16 +215,16 @@ class DualBuffer:
         return old, integrator.sample(prepared.kernel, plan, x, y, old), index
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels of half A and of half B. Shapes: (3, N)."""
+        """Mean colours of the pixels in half A and in half B. Shapes: (3, N) each."""
         mean = np.array(self.film.mean)
         return mean[:, : self.n], mean[:, self.n :]
 
     def mean(self) -> np.ndarray:
-        """Pixels of the picture. Shape: (3, N)."""
+        """Colours of the pixels in the picture: the mean of both halves. Shape: (3, N)."""
         return sum(self.means()) / 2
 
     def estimate(self) -> Estimate:
-        """Estimated error of the picture: that of Estimate.of, with the sums computed by Dr.Jit."""
+        """Estimated error of the picture. It is the same as by Estimate.of, but Dr.Jit computes the sums."""
         a, lanes = self.prepared.a, dr.arange(self.prepared.a.U, self.n)
         left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
         squares = dr.squared_norm(left - right) / 12
@@ -217,10 +234,13 @@ class DualBuffer:
         return Estimate.from_sums(self.n, *(float(x[0]) for x in sums), 2 * int(self.counts.min()))
 
     def layers(self, names: Collection[str]) -> dict[str, np.ndarray]:
-        """Layers of the picture, in the order of lanes: RGB and samples, and those of A, variance and error that are
-        in `names`. Shapes: (3, N) or (N).
+        """Dict of layers of the picture by name, with pixels in the order of lanes. Shapes: (3, N) or (N) each.
 
-        error: standard error of a pixel. It is averaged over 3 x 3 pixels, since one pixel alone estimates it badly.
+        names: names of the layers that are wanted. RGB and samples are always present. A, variance and error are
+            present only if they are wanted; variance needs at least two samples of each pixel in each half.
+
+        The layer `error` is the standard error of a pixel. Its square is averaged over 3 x 3 pixels, because a single
+        pixel gives a poor estimate.
         """
         counts, film = self.counts.reshape(2, -1), self.prepared.scene.film
         layers = {"RGB": self.mean(), "samples": counts.sum(0)}
@@ -243,19 +263,26 @@ class DualBuffer:
 
 
 def half_seed(seed: int, half: int) -> int:
-    """Seed of half A (0) or B (1): another one for each seed, and far from the small numbers that scenes use."""
+    """Seed of the samples in one half. It differs between the halves and between seeds, and it is far from the small
+    numbers that scenes use as seeds.
+
+    seed: the scene's seed. half: 0 for A, 1 for B.
+    """
     return (seed * 0x9E3779B1 + half * 0x7FEB352D + 0x85EBCA6B) % 2**32
 
 
 def smoothed(x: np.ndarray) -> np.ndarray:
-    """Mean over the 3 x 3 pixels around each pixel; at edges, over those inside the picture. Shapes: (H, W)."""
+    """Mean over the 3 x 3 pixels around each pixel, at edges over those inside the picture. Shapes: (H, W)."""
     return window_sums(x, np.ones(3)) / window_sums(np.ones(x.shape), np.ones(3))
 
 
 def window_sums(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted sum over a window around each pixel; pixels outside the picture count as 0.
+    """Weighted sum over a square window around each pixel. Pixels outside the picture count as 0.
 
-    weights: along each side of the window; an odd number of them. Shapes: x (H, W).
+    x: one number per pixel.
+    weights: weights of the columns, and of the rows, of the window. The weight of a pixel is the product of both.
+
+    Shapes: x (H, W); weights (n), with n odd; result (H, W).
     """
     reach = len(weights) // 2
     for axis in (0, 1):

@@ -1,7 +1,7 @@
-"""Error floor: the errors that more samples do not reduce, by the depth of paths and by the rounding of files.
+"""Error floor: the part of a picture's error that more samples do not reduce.
 
-They are part of a picture's error. An error asked for below the floor is refused, with a message that says what would
-be right.
+It has two causes: paths end at settings.depth, and files round colours. If a user asks for an error below the floor,
+visray refuses, with a message that says what would be right.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,27 @@ from visray.output.rounding import rounding
 
 # Largest settings.depth of a scene.
 DEEPEST = 1000
-# Share of the remaining seconds for the estimate of the depth bias.
+# Share of the remaining time that the estimate of the depth bias may take.
 DEPTH_SHARE = 0.05
-# Factor for the number of test pixels where the first estimate of the depth bias is too uncertain.
+# Factor by which the number of test pixels grows if the first estimate of the depth bias is too uncertain.
 MORE_PIXELS = 8
 LARGER = "ask for a larger error"
 FILES = {
     ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
     ".exr": ("half precision of EXR", LARGER),
 }
-# Least number of roundings in a sample's colour that are the same for all samples of a flat surface: light times
-# material, twice, and their sum.
+# Least number of roundings in the colour of a sample that are the same for all samples of a flat surface: those of two
+# products of light and material, and of their sum.
 ROUNDINGS = 4
 
 
 @dataclass(frozen=True)
 class Files:
-    """Files that a picture is written to: their paths, and the display curve of PNG files."""
+    """Files that a picture will be written to.
+
+    paths: paths of the files.
+    gamma, exposure: display curve and exposure in stops of PNG files.
+    """
 
     paths: Sequence[str | Path] = ()
     gamma: Gamma = "srgb"
@@ -46,7 +50,8 @@ class Files:
 class Floor:
     """Error floor, as mean squares over pixels and channels.
 
-    depth: the depth bias. rounding: the mean square of the most exact file's rounding.
+    depth: the depth bias.
+    rounding: mean square of the rounding error of a file, the one with the smallest such error.
     """
 
     depth: DepthBias
@@ -59,20 +64,21 @@ class Floor:
 
     @property
     def low(self) -> float:
-        """Lower end of the 95 % interval."""
+        """Lower end of the 95 % interval of the mean square."""
         return max(self.depth.low, 0.0) + self.rounding
 
     @property
     def high(self) -> float:
-        """Upper end of the 95 % interval."""
+        """Upper end of the 95 % interval of the mean square."""
         return max(self.depth.high, 0.0) + self.rounding
 
 
 def file_rounding(buffer: DualBuffer, files: Files) -> tuple[float, str]:
-    """Mean square of the rounding of the most exact file, and its suffix; 0 and "" where there are no files."""
+    """Mean square of the rounding error of the file that rounds least, and the suffix of this file. If there are no
+    files, 0 and ""."""
     if not files.paths:
         return 0.0, ""
-    # The pixels may stay in the order of lanes: the error of a file does not depend on their order.
+    # The pixels may stay in the order of lanes, because the error of a file does not depend on their order.
     picture = buffer.mean().T[None]
     errors = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
     suffix, least = min(errors.items(), key=lambda pair: pair[1])
@@ -82,15 +88,18 @@ def file_rounding(buffer: DualBuffer, files: Files) -> tuple[float, str]:
 def checked_floor(
     buffer: DualBuffer, estimate: Estimate, error: float | None, files: Files, seconds: float = np.inf
 ) -> Floor:
-    """Error floor of a picture. Raises UserError if the depth bias, the precision of shading or the rounding of all
-    files may exceed the error that is asked for.
+    """Error floor of a picture. Raises UserError if the depth bias, the rounding of shading, or the rounding of every
+    file may exceed the error that is asked for.
 
-    buffer: a pilot of the picture. estimate: its estimated error. error: the error that is asked for, or None.
+    buffer: dual buffer with a pilot of the picture.
+    estimate: estimated error of the pilot.
+    error: the error that is asked for, or None.
+    files: files that the picture will be written to.
     seconds: time left for the whole picture.
     """
     scene = buffer.prepared.scene
     settings, on = scene.settings, buffer.prepared.features
-    # Limited, so that its square does not overflow.
+    # The error is clamped so that its square does not overflow.
     absolute = np.inf if error is None else min(float(error), 1e100) * estimate.luminance
     if error is not None:
         check_precision(error, settings.precision)
@@ -100,13 +109,13 @@ def checked_floor(
         format_name, remedy = FILES[suffix]
         raise UserError(f"error = {error:g}: {format_name} alone is off by {least:.2g}; {remedy}")
     depth = settings.depth
-    # A depth of 0 switches reflection and refraction off: then the scene has none, and there is no bias.
+    # If the scene has no reflection and no refraction, there is no bias. A depth of 0 switches both off.
     if not (on["reflection"] or on["refraction"]):
         return Floor(DepthBias(depth, 0.0, 0.0, 0.0), file_square)
     reference_depth = min(8 * depth + 8, 2 * DEEPEST)
     (bias,) = depth_biases(buffer, (depth,), reference_depth, DEPTH_SHARE * seconds)
     if bias.low <= absolute**2 / 2 < bias.high and seconds == np.inf:
-        # The interval is too wide for a decision.
+        # The interval is too wide to decide whether the error can be reached.
         (bias,) = depth_biases(buffer, (depth,), reference_depth, pixels=MORE_PIXELS * PIXELS, count=SAMPLES)
     if bias.high > absolute**2:
         deeper = sorted({min(n, DEEPEST) for n in (2 * depth + 2, 4 * depth + 4)})
@@ -121,7 +130,10 @@ def checked_floor(
 
 
 def check_precision(error: float, precision: str) -> None:
-    """Raises a UserError if an error is below the rounding of a precision of shading."""
+    """Raises a UserError if the error that is asked for is below the rounding error of shading.
+
+    precision: precision of shading, "single" or "double".
+    """
     finest = rounded(ROUNDINGS, precision)
     if error < finest:
         remedy = f"{LARGER}, or use double" if precision == "single" else LARGER

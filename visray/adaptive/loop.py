@@ -1,19 +1,21 @@
 """The loop of adaptive sampling: pilot, allocation and rounds of samples, until the error or the time is reached.
 
-A pilot takes equally many samples of each pixel in both halves of the dual buffer (dual_buffer.py). The variance around
-a pixel in the pilot fixes the pixel's share of all further samples (allocation.py). Then the budget, one number for the
-whole picture, rises in rounds until the error is reached or the time is spent.
+The pilot takes the same number of samples of each pixel, in both halves of the dual buffer (dual_buffer.py). The
+variance around a pixel in the pilot determines the pixel's share of all further samples (allocation.py). Then the
+budget, one number for the whole picture, rises in rounds until the error is reached or the time is used up.
 
-A pixel's own samples influence its number of samples only through the budget, which depends on all pixels alike. So the
-picture has no bias except by the budget, of order 1 / pixels.
+The samples of a pixel influence the number of its samples only through the budget, which depends on all pixels equally.
+The bias of the picture by this influence is of order 1 / number of pixels. There is no other bias.
 
-Sample counts are powers of two of Owen-scrambled Sobol points: the first 2^k points of the sequence are stratified for
-each k.
+Samples are Owen-scrambled Sobol points, and sample counts are powers of two, because the first 2^k points of such a
+sequence are stratified for each k.
 
-A picture rendered to a given error has the same bits in each run, with any number of threads: all decisions depend on
-the samples, and only the seconds of the forecast on the clock. In a given time, or until Ctrl-C, the number of samples
-depends on the machine, so pictures differ from run to run. Still, a lane with equally many samples has equal bits.
-Error: none (tests/test_same_bits.py).
+If a picture is rendered to a given error, it has the same bits in each run, with any number of threads: all decisions
+depend on the samples, and only the seconds of the forecast depend on the clock. If it is rendered in a given time or
+until Ctrl-C, the number of samples depends on the machine, and pictures differ from run to run. Even then, a pixel with
+the same number of samples has the same bits (tests/test_same_bits.py).
+
+A lane is one pixel in one half of the dual buffer.
 """
 
 import sys
@@ -33,11 +35,11 @@ from visray.passes import first_pass_samples
 from visray.progress import Bar, Interrupts
 from visray.setup import Prepared
 
-# The pilot is at most PILOT_SHARE of all samples, but its lanes have from SHORTEST_PILOT to LONGEST_PILOT samples.
+# The pilot takes at most PILOT_SHARE of all samples, and from SHORTEST_PILOT to LONGEST_PILOT samples of each lane.
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
-# After Ctrl-C the first samples are finished if that takes at most so many seconds; else there is no picture.
+# After Ctrl-C the first samples are finished if this takes at most so many seconds. Otherwise there is no picture.
 FINISHING_SECONDS = 2.0
-# A round aims at this share of the allowed mean square error, so that the estimate after it is rarely above.
+# A round aims at this share of the allowed mean square error, so that the error after the round is rarely too large.
 MARGIN = 0.98
 
 
@@ -45,7 +47,9 @@ MARGIN = 0.98
 class Forecast:
     """Forecast after the pilot.
 
-    spp: mean samples per pixel at the end. error: error at the end. seconds: duration of the whole render.
+    spp: mean number of samples of a pixel at the end.
+    error: error of the picture at the end.
+    seconds: duration of the whole render.
     """
 
     spp: float
@@ -58,7 +62,7 @@ class Forecast:
 
 
 class NotANumber(Exception):
-    """Raised where a pixel is not a number. `mean`: the pixels of the picture. Shape: (3, N)."""
+    """Raised if a pixel is not a number. `mean`: colours of the picture's pixels. Shape: (3, N)."""
 
     def __init__(self, mean: np.ndarray):
         super().__init__("a pixel is not a number")
@@ -68,10 +72,14 @@ class NotANumber(Exception):
 class AdaptiveRun:
     """One adaptive render.
 
-    goal: the error and the time that are asked for. report: is called with the forecast.
+    goal: the error and the time that are asked for.
+    interrupts: whether Ctrl-C was pressed.
+    bar: the progress bar.
+    report: function that is called with the forecast.
     buffer: the dual buffer that samples are added to.
-    estimate: the error estimated from the samples so far. floor: the error that samples do not reduce.
-    pilot_squares: mean square error by the number of samples of each lane, while all lanes have equally many.
+    estimate: error that is estimated from the samples so far.
+    floor: error that more samples do not reduce.
+    pilot_squares: mean square errors in the pilot, as a dict by the number of samples that all lanes had.
     """
 
     def __init__(
@@ -83,7 +91,10 @@ class AdaptiveRun:
         self.pilot_squares: dict[int, float] = {}
 
     def run(self, files: Files) -> None:
-        """Renders the picture. Raises UserError for a goal that cannot be reached."""
+        """Renders the picture. Raises UserError if the goal cannot be reached.
+
+        files: files that the picture will be written to.
+        """
         buffer, goal = self.buffer, self.goal
         if goal.seconds is not None:
             buffer.compile()
@@ -98,15 +109,16 @@ class AdaptiveRun:
         self._report_forecast(allocation)
         # Without noise, more samples until a time limit would change nothing.
         while not self._goal_reached() and (goal.error is not None or self.estimate.square > 0):
-            # A round doubles the samples, or quadruples them while that is quick, before the error is estimated again.
-            # Longer rounds would take many samples too many where the error falls faster than forecast.
+            # A round at most doubles the number of samples, or quadruples it while this is quick. Then the error is
+            # estimated again. With longer rounds, far too many samples are taken if the error falls faster than
+            # expected.
             quick = 3 * buffer.counts.sum() <= first_pass_samples(buffer.prepared)
             targets = np.tile(allocation.targets(self._plan(allocation, 4 if quick else 2)[0]), 2)
             if not (targets > buffer.counts).any():
                 return
             complete = buffer.extend(targets, self._seconds_left)
             self.estimate = self._checked_estimate()
-            # The rounding of a file changes as the picture becomes smoother.
+            # The rounding error of a file changes as the picture becomes less noisy.
             self.floor = replace(self.floor, rounding=file_rounding(buffer, files)[0])
             if not complete:
                 return
@@ -114,9 +126,9 @@ class AdaptiveRun:
             self._expect_end(allocation)
 
     def _run_pilot(self) -> Allocation:
-        """Takes the pilot samples, equally many of each pixel, and returns the allocation by their variance."""
+        """Takes the samples of the pilot, the same number of each pixel. Returns the allocation by their variance."""
         buffer = self.buffer
-        # Each pixel has these samples even after Ctrl-C: as many as take a fraction of a second, or one.
+        # Each lane gets these first samples even after Ctrl-C: SHORTEST_PILOT if that is quick, else one.
         quick = SHORTEST_PILOT * len(buffer.counts) <= first_pass_samples(buffer.prepared)
         count = SHORTEST_PILOT if quick and self.goal.seconds is None else 1
         self.bar.total = count * len(buffer.counts)
@@ -128,7 +140,7 @@ class AdaptiveRun:
         while True:
             allocation = self._new_allocation()
             seconds = buffer.pace.predicted_seconds(len(buffer.counts) * count)
-            # Where time is short, a short pilot is better than none.
+            # If time is short, a short pilot is better than none.
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
             dark = self.estimate.luminance == 0
             done = self._goal_reached() and not dark
@@ -144,8 +156,8 @@ class AdaptiveRun:
                 count *= 2
             targets = np.full_like(buffer.counts, count)
             if self.goal.seconds is not None:
-                # Noisy pixels are in passes of their own, to measure how long their samples take: longer than those of
-                # other pixels, and most of the later samples are theirs.
+                # Noisy pixels are in separate passes, so that the duration of their samples is measured. It is longer
+                # than for other pixels, and most of the later samples will be in noisy pixels.
                 noisy = np.tile(allocation.noisy(), 2)
                 if not buffer.extend(np.where(noisy, targets, buffer.counts), self._seconds_left):
                     return self._new_allocation()
@@ -153,9 +165,10 @@ class AdaptiveRun:
                 return self._new_allocation()
 
     def _seconds_for_first_samples(self) -> float:
-        """Seconds allowed for the first samples of each pixel: infinite, since without them there is no picture.
+        """Seconds that a pass of the first samples may take: infinite, because without these there is no picture.
 
-        Raises UserError, with the time that they take, if the goal's time is too short for them.
+        Raises UserError if the time of the goal is too short for the first samples, and KeyboardInterrupt if they would
+        take too long after Ctrl-C.
         """
         buffer, goal = self.buffer, self.goal
         self.bar.update(int(buffer.counts.sum()))
@@ -172,7 +185,7 @@ class AdaptiveRun:
         return np.inf
 
     def _new_allocation(self) -> Allocation:
-        """Allocation by the variance of the samples so far. Also updates the estimated error."""
+        """Allocation by the variance of the samples so far. Updates `estimate` and `pilot_squares` too."""
         buffer, film = self.buffer, self.buffer.prepared.scene.film
         self.estimate = self._checked_estimate()
         order = buffer.prepared.order
@@ -196,20 +209,24 @@ class AdaptiveRun:
         return estimate
 
     def _seconds_left(self) -> float:
-        """Seconds left for another pass; 0 after Ctrl-C."""
+        """Seconds left for another pass; 0 after Ctrl-C. Updates the progress bar too."""
         self.bar.update(int(self.buffer.counts.sum()))
         return 0.0 if self.interrupts.requested else self.goal.seconds_left()
 
     def _goal_reached(self) -> bool:
-        """Whether the upper end of the estimated error is within the error that is asked for."""
+        """Whether the upper end of the picture's error, with the floor, is within the error that is asked for. If none
+        is asked for: whether the upper end is 0."""
         high = np.square(self.estimate.high * self.estimate.luminance)
         return bool(high <= self.goal.allowed_square(self.estimate, self.floor.high))
 
     def _plan(self, allocation: Allocation, growth: float) -> tuple[int, float, float]:
-        """Budget of the next round, with the mean samples of a lane and the mean square error expected after it.
+        """Budget of the next round, and two numbers expected after this round: the mean number of samples of a lane,
+        and the mean square error.
 
-        It is the smallest budget that reaches the goal's error, uses up its time, or multiplies the present number of
-        samples by `growth`.
+        growth: factor by which the round may increase the number of samples.
+
+        The budget is the smallest that reaches the error of the goal, uses up the time of the goal, or increases the
+        number of samples by `growth`.
         """
         estimate, counts = self.estimate, self.buffer.counts
         present, fewest = float(counts.mean()), int(counts.min())
@@ -227,15 +244,16 @@ class AdaptiveRun:
             return is_enough
 
         budget = allocation.smallest_budget(enough)
-        # The last budget that the search found sufficient is the smallest; if there is none, it takes the largest.
+        # The last budget that was sufficient is the smallest such budget. If none was, the search returns the largest.
         return budget, *(sufficient[-1] if sufficient else max(insufficient))
 
     def _rate(self, allocation: Allocation) -> float:
-        """Seconds per sample of the samples to come, most of which are in noisy pixels."""
+        """Seconds that one of the further samples takes, on average. Most of them are in noisy pixels."""
         return allocation.weighted_mean(self.buffer.rates.reshape(2, -1).mean(0))
 
     def _expect_end(self, allocation: Allocation) -> tuple[float, float]:
-        """Mean samples of a lane and mean square error expected at the end. Also updates the progress bar."""
+        """Two numbers expected at the end of the render: the mean number of samples of a lane, and the mean square
+        error. Updates the progress bar too."""
         counts = self.buffer.counts
         no_noise = self.goal.error is None and not self.estimate.square
         mean, square = (counts.mean(), 0.0) if no_noise else self._plan(allocation, np.inf)[1:]
@@ -243,7 +261,7 @@ class AdaptiveRun:
         return mean, square
 
     def _report_forecast(self, allocation: Allocation) -> None:
-        """Reports the forecast. It assumes that the error falls as in the pilot, or as by POWER if that is slower."""
+        """Reports the forecast. It assumes that the error falls with the power measured in the pilot, at most POWER."""
         counts, goal, power = self.buffer.counts, self.goal, POWER
         if len(self.pilot_squares) > 1 and all(self.pilot_squares.values()):
             (n, before), *_, (m, after) = self.pilot_squares.items()
@@ -265,7 +283,7 @@ class AdaptiveRun:
 class AdaptiveResult:
     """Result of an adaptive render.
 
-    layers: the picture's layers, in the order of lanes. Shapes: (3, N) or (N).
+    layers: dict of the picture's layers by name, with pixels in the order of lanes. Shapes: (3, N) or (N) each.
     facts: metadata of the picture: samples, error and forecast.
     """
 
@@ -276,10 +294,12 @@ class AdaptiveResult:
 def render_adaptively(
     prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, interrupts: Interrupts
 ) -> AdaptiveResult:
-    """Renders a picture to a goal.
+    """Renders a picture until a goal is reached.
 
-    files: the files that the picture will be written to. layers: names of the layers to make.
-    interrupts: after Ctrl-C the samples so far are the picture.
+    files: files that the picture will be written to.
+    layers: names of the layers to make.
+    progress: whether the forecast and a progress bar are shown.
+    interrupts: after Ctrl-C, the picture consists of the samples so far.
     """
     forecasts: list[Forecast] = []
 
@@ -297,7 +317,7 @@ def render_adaptively(
 
 
 def _facts(run: AdaptiveRun, forecast: Forecast) -> dict[str, Any]:
-    """Metadata of a finished render."""
+    """Metadata of a finished render, as a dict."""
     estimate, floor, goal = run.estimate, run.floor, run.goal
     scale = 1 / estimate.luminance if estimate.luminance > 0 else 1.0
     # The error floor is part of the error and of both ends of its interval.

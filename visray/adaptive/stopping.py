@@ -13,12 +13,12 @@ from visray.errors import UserError
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of an adaptive render: an error, a time, or whichever is reached first.
+    """Goal of an adaptive render: an error, a time, or both; then the render ends when one of them is reached.
 
     error: largest error, relative to the picture's mean luminance, or None.
-    seconds: time from `begun` to the end, or None.
-    begun: start of the render (clock.now).
-    reserve: seconds at the end that are not for samples, such as those for writing files.
+    seconds: time from `begun` to the end of the render, or None.
+    begun: moment when the time starts (clock.now).
+    reserve: seconds at the end that are kept for other work than samples, such as writing files.
     """
 
     error: float | None
@@ -28,7 +28,7 @@ class Goal:
 
     @staticmethod
     def from_arguments(error: float | None, seconds: float | None, spp: int | None, begun: float) -> "Goal | None":
-        """Goal from the arguments of a render; None where neither an error nor a time is asked for."""
+        """Goal from the arguments of vr.render, or None if neither an error nor a time is given."""
         if error is None and seconds is None:
             return None
         for name, value, example in (("error", error, 0.01), ("time", seconds, 10)):
@@ -38,17 +38,18 @@ class Goal:
         return Goal(error, seconds, begun)
 
     def seconds_left(self) -> float:
-        """Seconds left for samples; infinite without a time."""
+        """Seconds left for samples; infinite if the goal has no time."""
         return np.inf if self.seconds is None else self.seconds - self.reserve - self.seconds_passed()
 
     def seconds_passed(self) -> float:
-        """Seconds since the start."""
+        """Seconds since `begun`."""
         return clock.now() - self.begun
 
     def allowed_square(self, estimate: Estimate, floor: float) -> float:
-        """Largest mean square error of the samples that meets the goal; 0 without an error.
+        """Largest mean square error by noise with which the goal is reached; 0 if the goal has no error.
 
-        floor: upper bound of the mean square error that samples do not reduce.
+        estimate: estimated error, for the luminance of the picture.
+        floor: upper bound of the mean square error that more samples do not reduce.
         """
         if self.error is None:
             return 0.0
@@ -57,7 +58,10 @@ class Goal:
 
 
 def check_target(name: str, value: Any, example: float) -> None:
-    """Raises a UserError unless a value is None or a finite number above 0."""
+    """Raises a UserError unless the value of an argument is None or a finite number above 0.
+
+    name: name of the argument. example: a valid value, for the message.
+    """
     is_number = isinstance(value, Real) and not isinstance(value, bool)
     if value is not None and not (is_number and 0 < value < np.finfo(float).max):
         raise UserError(f"{name} = {value!r}: must be a finite number above 0, such as {example}")

@@ -1,4 +1,4 @@
-"""The command line: `visray COMMAND --help` explains each command."""
+"""Runs the commands of the command line. `visray COMMAND --help` explains each of them."""
 
 import os
 import sys
@@ -29,7 +29,8 @@ def main(tokens: list[str] | None = None) -> int:
         sys.stderr.write("visray: stopped before anything could be kept\n")
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader of the output, such as `head`, has closed it. Without this, Python would complain when it exits.
+        # The program that reads the output, such as `head`, has closed it. Without this, Python would print an error at
+        # its exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     sys.stderr.write("".join(f"visray: {line}\n" for line in lines))

@@ -1,4 +1,4 @@
-"""The commands schema and import."""
+"""The commands `visray schema` and `visray import`."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Parts shared by all commands: the application, options, loading of scenes, printing of reports."""
+"""What all commands share: the cyclopts application, options, loading of scenes, and printing of reports."""
 
 import json
 import sys
@@ -26,12 +26,15 @@ app = App(
 
 
 def parse_integer(_: type, tokens: Sequence[Token]) -> int:
-    """The integer in a token. The converter of cyclopts would round 1.5."""
+    """The integer in the first token; a ValueError for a text such as 1.5, which cyclopts itself would round."""
     return int(tokens[0].value)
 
 
 def flag(help: str, **more: Any) -> Any:
-    """The type of an option without a value. Its help does not repeat that the default is False."""
+    """The type of an option without a value, such as --quiet. Its help does not say that the default is False.
+
+    help: text for the help. more: further arguments of cyclopts.Parameter.
+    """
     return Annotated[bool, Parameter(help=help, show_default=False, **more)]
 
 
@@ -62,13 +65,19 @@ INTERRUPTED = 130
 
 
 def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
-    """Loads a scene file and applies the settings and assignments of the command line."""
+    """Loads a scene file, and changes the scene as the options of the command line say.
+
+    setup: the setup file of a scene of the original VisRayTrace, or None.
+    compat: whether the rules of the original VisRayTrace apply.
+    assignments: values of the option --set, each ADDRESS=VALUE.
+    settings: size of the film, and values of fields of Settings by name; None keeps the scene's value.
+    """
     loaded = adjusted(loading.load(scene, setup, compat), **settings)
     return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
 
 
 def parse_size(text: str | None) -> tuple[int, int] | None:
-    """Width and height from a text such as 640x480."""
+    """Width and height from a text such as 640x480, or None if there is no text."""
     if text is None:
         return None
     parts = text.lower().split("x")
@@ -78,12 +87,12 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
 
 
 def parse_list(text: str) -> tuple[str, ...]:
-    """The words of a text, which are separated by commas."""
+    """The words of a text, as a tuple. Commas separate the words."""
     return tuple(word for part in text.split(",") if (word := part.strip()))
 
 
 def write_or_print(text: str, path: Path | None) -> None:
-    """Writes a text to a file, or prints it if there is no path."""
+    """Writes a text to a file, or prints it if `path` is None."""
     if path is None:
         sys.stdout.write(text)
     else:

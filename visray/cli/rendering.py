@@ -1,4 +1,7 @@
-"""The command render."""
+"""The command `visray render`: its options, its help, and its reports.
+
+Facts are the metadata of a rendered Image: how it was made, and how large its error is.
+"""
 
 import sys
 import warnings
@@ -36,7 +39,8 @@ from visray.progress import Interrupts
 from visray.quantities import BACKENDS
 from visray.render import render
 
-# Facts of every picture, of pictures made to an error or in a time, and of pictures of polynomial surfaces.
+# The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
+# surfaces or tori.
 FACTS = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most")
 ADAPTIVE_FACTS = (
     "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
@@ -46,7 +50,10 @@ CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
 
 
 def _list(title: str, records: Iterable[Layer | Mode]) -> str:
-    """A list for the help text, in Markdown: the name and the meaning of each record."""
+    """A list for the help text, in Markdown, with the name and the meaning of each record.
+
+    title: text above the list. records: the layers or the shading modes.
+    """
     return "\n".join([title, "", *(f"- **{record.name}**: {record.meaning}" for record in records)])
 
 
@@ -59,10 +66,11 @@ EPILOGUE = "\n\n".join(
 
 
 def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
-    """Names of the layers to render.
+    """Names of the layers to render, as a tuple.
 
-    text: names separated by commas; RGB and A are added. If None: all layers if there is an EXR file, else colour,
-        coverage and certificate.
+    text: value of the option --layers, names separated by commas, to which RGB and A are added. If it is None or "all":
+        all layers if there is an EXR file, else only colour, coverage and the certificate.
+    outputs: paths of the files to write.
     """
     if text is None or text == "all":
         return NAMES if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A", *names_from("certificate"))
@@ -74,16 +82,16 @@ def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
 
 
 def _summary_of_samples(facts: dict[str, Any]) -> str:
-    """Samples per pixel and the error of a picture, in one phrase."""
+    """Samples per pixel and the error of a picture, as a part of a sentence."""
     stopped = ", stopped" if facts["interrupted"] else ""
     if "error" not in facts:
-        # The bound is that of independent samples. Other samplers stay below it; one picture does not tell how far.
+        # The bound is the error of independent samples. Other samplers have a smaller error; how much is not known.
         bound = "" if facts["sampler"] == "independent" else "below "
         error = f", error {bound}{facts['error_at_most']:.2g}" if "error_at_most" in facts else ""
         return f"{facts['spp']} spp" + (f" of {facts['spp_asked']}" if stopped else "") + stopped + error
     low, high = (f"{facts[f'error_{end}']:.3g}" for end in ("low", "high"))
     parts = {"depth": facts["depth_error"], "the file's rounding": facts["file_error"]}
-    # Errors add as squares: a part below a fifth of the whole changes it by less than 2 %.
+    # The squares of errors add up. So a part below a fifth of the whole error changes it by about 2 % and is not shown.
     largest = "".join(f", {x:.2g} of it by {name}" for name, x in parts.items() if x > 0.2 * facts["error"])
     above = "" if _goal_met(facts) else f", above the {facts['error_asked']:g} asked"
     mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
@@ -92,12 +100,13 @@ def _summary_of_samples(facts: dict[str, Any]) -> str:
 
 
 def _goal_met(facts: dict[str, Any]) -> bool:
-    """Whether the error is as small as asked; True if no error was asked for."""
+    """Whether the error is as small as the user asked for. True if no error was asked for."""
     return facts.get("error_high", 0.0) <= facts.get("error_asked", inf)
 
 
 def parse_gamma(text: str) -> Any:
-    """A display curve: a number, or the text itself. Whether it can be used is checked with the output."""
+    """Display curve from a text: a number if the text is one, else the text itself, such as "srgb". It is checked
+    later, together with the output files."""
     try:
         return float(text)
     except ValueError:
@@ -163,7 +172,7 @@ def render_command(
         for path in outputs:
             image.write(path, gamma=curve, exposure=exposure)
     facts = image.metadata
-    # For an error or a time, the seconds count from the start of the program, as in the forecast.
+    # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
         print_json(_report(image, outputs, seconds))
@@ -175,7 +184,10 @@ def render_command(
 
 
 def _report(image: Image, outputs: list[Path], seconds: float) -> dict[str, Any]:
-    """The report of a render for --json."""
+    """The report of a render for --json, as a dict.
+
+    outputs: paths of the files written. seconds: duration of the render.
+    """
     facts = image.metadata
     return (
         {"outputs": [str(path) for path in outputs], "width": image.width, "height": image.height}
@@ -185,7 +197,10 @@ def _report(image: Image, outputs: list[Path], seconds: float) -> dict[str, Any]
 
 
 def _line(image: Image, outputs: list[Path], seconds: float) -> str:
-    """The report of a render in one line."""
+    """The report of a render, as one line of text.
+
+    outputs: paths of the files written. seconds: duration of the render.
+    """
     facts = image.metadata
     names = ", ".join(str(path) for path in outputs)
     line = f"{names}: {image.width} x {image.height}, {_summary_of_samples(facts)}, {seconds:.2f} s"

@@ -1,4 +1,4 @@
-"""The commands that study and report: explain, check, cost, tune, stability, surfaces, doctor."""
+"""The commands that only examine and report: explain, check, cost, tune, stability, surfaces and doctor."""
 
 import sys
 from dataclasses import asdict, replace
@@ -54,7 +54,7 @@ def explain(
     A second table says how rays find objects. With --cost: what each effect costs in time.
     """
     loaded = load_scene(scene, setup, compat, set)
-    # First of all, because its arguments may be wrong: then nothing else is printed.
+    # This comes first, because its arguments may be wrong, and then nothing else should be printed.
     measured = ablation.cost(loaded, spp, runs, progress=not json) if cost else None
     if measured and json:
         print_json(measured.as_json())
@@ -266,7 +266,7 @@ def doctor(*, json: Json = False) -> int:
 
 
 def _probe() -> Any:
-    """Renders a small picture of a small scene. Shapes: (32, 32, 3)."""
+    """Colours of a small picture of a small scene, to see whether rendering works. Shape: (32, 32, 3)."""
     from visray.lights import PointLight
     from visray.primitives import Sphere
 

@@ -34,7 +34,7 @@ class Batch:
     low, high: corners of each row's bounding box; None for unbounded kinds
     centre, radius: bounding ball of each row; None for unbounded kinds
     coordinate_bound: size of each row's world coordinates, from which rounding bounds are computed: |centre| + radius
-        for bounded kinds, |origin of the frame| for unbounded kinds, with geometry.l1_norm as | |
+        for bounded kinds, |origin of the frame| for unbounded kinds, where |v| is geometry.l1_norm
     material: material of each row
     texture: number of each row's texture, or NO_TEXTURE
     object: number of each row's object in the scene
@@ -61,11 +61,8 @@ class Batch:
         return (row >= self.first_row) & (row < self.first_row + len(self))
 
     def rows_at(self, i: Any) -> "Batch":
-        """A batch of only the rows `i`, one for each lane. It contains their placed data and bounding balls, and None
-        elsewhere.
-
-        i: number of the row in this batch
-        """
+        """The rows with numbers `i` in this batch, one for each lane, as a Batch. Only `placed`, `centre` and `radius`
+        are filled; all other arrays are None."""
         return Batch(
             self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
             coordinate_bound=None, material=None, texture=None, object=None,

@@ -201,8 +201,9 @@ def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:
 def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sample: LightSample) -> LightSample:
     """The light sample after the objects along a shadow ray have taken light from it.
 
-    origin, ray: the shadow ray
-    target: end of the shadow ray
+    origin: origin of the shadow ray
+    ray: the shadow ray
+    target: its end
     sample: light sample before shadows
     """
     if not s.features["coloured shadows"]:

@@ -1,7 +1,7 @@
 """The film: the samples of a picture's pixels while it is rendered. An Image (output/image.py) is the finished result.
 
 A film keeps counts and moments of samples (moments.py), so it can always take more samples. Saving, loading and merging
-films lose no bit.
+films keep every bit.
 """
 
 import json
@@ -103,7 +103,7 @@ class Film:
 
     @staticmethod
     def empty(a: Arrays, pixels: np.ndarray, identity: PictureIdentity | None = None) -> "Film":
-        """A film without samples."""
+        """A film without samples. pixels: number (row * width + column) of each lane's pixel."""
         return Film(a, Moments.empty(a, len(pixels)), np.zeros(len(pixels), np.int64), pixels, identity)
 
     def with_moments(self, moments: Moments, counts: np.ndarray | int) -> "Film":

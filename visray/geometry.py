@@ -62,7 +62,7 @@ def tangents(n: Any) -> tuple[Any, Any]:
     Shapes: n (3, N).
     Domain: every unit n.
     """
-    # Scales first: the square of a slope as small as 1e-200 would underflow to zero.
+    # n.x and n.z are divided by the slope first: the square of a slope as small as 1e-200 would underflow to zero.
     slope = dr.detach(dr.maximum(dr.abs(n.x), dr.abs(n.z)))
     horizontal = slope == 0
     scale = dr.select(horizontal, 1, slope)
@@ -169,7 +169,7 @@ class Inverse:
 
 @dataclass(frozen=True)
 class SimilarityInverse:
-    """Inverse of a Similarity."""
+    """Inverse of a Similarity: p -> scale (p - o), where scale is the reciprocal of the Similarity's scale."""
 
     scale: Any
     o: Any

@@ -43,7 +43,8 @@ class AttachedPicture:
     """A rendered picture that carries derivatives.
 
     slots: place of each address in the packed arrays
-    picture: mean colour of each lane (one lane is one pixel), attached to these arrays. Shapes: (3, H W)
+    picture: mean colour of each lane (one lane is one pixel), with derivatives with respect to these arrays. Shapes:
+        (3, H W)
     order: number (row * width + column) of each lane's pixel
     """
 
@@ -213,9 +214,11 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     """Derivative of every pixel by central differences in double precision, with the same samples in both pictures: a
     slow reference for `derivative`. Shapes: (H, W, 3).
 
-    step: change of the number in each direction, relative to its size if this is larger than 1
-    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding. Unlike `derivative`, the result
-        contains what moving edges add.
+    step: change of the number up and down; it is multiplied by the number's absolute value if this value is larger than
+        1
+    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding.
+
+    Unlike `derivative`, the result contains what moving edges add.
     """
     scene = adjusted(scene, precision="double", spp=spp)
     value = np.array(addresses.value(scene, address), float)

@@ -8,12 +8,12 @@ For surfaces that reflect or refract, the light I that leaves the surface is
 
     I = (1 - kt) local + kr reflected + kt refracted
 
-and for matte surfaces, with weights proportional to the cosine in the mean,
+and for matte surfaces, with the cosine of the angle to the normal as weight in the mean,
 
     I = local + kd (mean of the light over the hemisphere)
 
-Here `local` is the light of the surface without other surfaces (shading.py). Beyond the critical angle all refracted
-light is reflected instead, with weight kt.
+`local` is the light that the surface sends without light from other surfaces (shading.py). Beyond the critical angle
+all refracted light is reflected instead, with weight kt.
 """
 
 from dataclasses import dataclass, replace
@@ -35,8 +35,9 @@ LOBE, SCATTER = 5, 6
 
 
 def _strength(colour: Any) -> Any:
-    """Largest component of a colour: the weight for choosing one of several bounces. If derivatives by the colour are
-    asked for, a strength of 0 becomes 1, so that the bounce is computed although it adds no light."""
+    """Largest component of a colour: the weight for choosing one of several bounces. If derivatives with respect to the
+    colour are asked for, a strength of 0 becomes 1, because a bounce that adds no light may still add to the
+    derivative."""
     strength = max_component(colour)
     return dr.select(strength > 0, strength, 1) if dr.grad_enabled(colour) else strength
 

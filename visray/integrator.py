@@ -36,8 +36,8 @@ def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
-    """Ray of a camera with a lens. It starts at the lens point for (u, v) in the unit square. It runs to the point in
-    focus on the pinhole's ray through the point (x, y) of the picture."""
+    """Ray of a camera with a lens, for the point (x, y) of the picture. It starts at the lens point for (u, v) in the
+    unit square. It runs through the point at which the pinhole's ray for (x, y) meets the plane in focus."""
     a = s.a
     disk_x, disk_y = warp.disk(a.D(u), a.D(v))
     offset = disk_x * s.view.lens_right + disk_y * s.view.lens_up
@@ -55,8 +55,8 @@ def single_sample_state(s: KernelScene, n: int) -> SampleState:
 
 
 def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tuple[Any, Any]:
-    """The colour along a camera ray, and its coverage (alpha): 1 if an object is hit; otherwise 0 if the film is
-    transparent, else 1.
+    """The colour along a camera ray, and its coverage (alpha). The coverage is 1 if an object is hit. If nothing is
+    hit, it is 0 for a transparent film and 1 for an opaque one.
 
     state: random numbers of the sample
     """

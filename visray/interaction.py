@@ -24,7 +24,7 @@ from visray.sampling import SampleState
 
 @dataclass(frozen=True)
 class Interaction:
-    """A hit with all data that shading needs. Parameters named `si` (surface interaction) hold one.
+    """A hit with all data that shading needs. Parameters named `si` (surface interaction) are of this type.
 
     o, d: origin and direction of the ray
     hit: result of the search
@@ -113,9 +113,9 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
         else:
             state = rebuilt(state, dr.if_stmt(leaves(state), in_batch, evaluate, lambda *old: old, label="interact"))
     attached_p, normal, exact, coordinate_bound, material, texture, u, v = state
-    # The error of p: two roundings for each coordinate of o + t d, and the error of t, which moves p along the ray by
-    # at most the error of the local origin: five more roundings. All are of numbers no greater than |o| + t and the
-    # row's coordinates. Tested against exact arithmetic; a transform that shears multiplies the error by the distortion
+    # The error of p: two roundings for each coordinate of o + t d, and five more for the error of t, which moves p
+    # along the ray by at most the error of the local origin. The rounded numbers are at most |o| + t + the coordinate
+    # bound of the row. Tested against exact arithmetic; a transform that shears multiplies the error by the distortion
     # of its frame.
     error = gamma(8) * (l1_norm(ray.o) + t + coordinate_bound)
     surface = Surface(attached_p if s.attached else p, normal, error, exact)

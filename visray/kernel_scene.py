@@ -71,7 +71,7 @@ class LightBatch:
 
 @dataclass(frozen=True)
 class KernelScene:
-    """All data of a scene that kernels read. Parameters named `s` hold one.
+    """All data of a scene that kernels read. Parameters named `s` are of this type.
 
     a: array types
     features: effects that are simulated
@@ -85,7 +85,7 @@ class KernelScene:
     ambient: ambient light of the scene
     lights_ambient: ambient light of all lights together
     occlusion_distance: distance beyond which surfaces do not count in near occlusion
-    zero_material: material with all numbers 0
+    zero_material: material with all numbers 0, for lanes without a hit
     bounce_limits: largest numbers of bounces of a path: of reflections and refractions, and of scatterings
     atlas: images of the textures, or None
     sample_sets: for "sky", "near" and "scatter", the set of rays from a point that are stratified together
@@ -123,7 +123,8 @@ class KernelScene:
 
     @property
     def rays_leave_surfaces(self) -> bool:
-        """Whether rays start at the points that are shaded: shadow rays or occlusion rays. Paths are not considered."""
+        """Whether shadow rays or occlusion rays start at the points that are shaded. The rays of paths are not
+        considered."""
         effects = self.features
         from_points = any(l.origin is None for l in self.lights) or self.looped_lights
         return bool(from_points and effects["shadows"]) or effects["sky occlusion"] or effects["near occlusion"]
@@ -158,8 +159,8 @@ def kernel_scene(
 ) -> KernelScene:
     """The scene as kernels read it, with all arrays evaluated. Derivatives flow through it.
 
-    previous: packed numbers of a scene with the same structure, and the KernelScene that was made from them. Its
-        batches are reused if their columns are unchanged. None: nothing is reused
+    previous: packed numbers of a scene with the same structure, and the KernelScene that was made from them. Batches of
+        this KernelScene are reused if their columns are unchanged. None: nothing is reused
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)

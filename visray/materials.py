@@ -17,9 +17,9 @@ class Material:
     """Blinn-Phong coefficients: ambient `ka`, diffuse `kd`, specular `ks`, and the exponent `shininess`.
 
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
-    through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). The
-    shadow of a solid is tinted by kt (1 - min(d / dmax, 1)), where d is the length of the shadow ray inside the solid.
-    `texture` names a texture whose colour replaces kd.
+    through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
+    that passes through a solid on its way from a light to a surface is multiplied by kt (1 - min(d / dmax, 1)), where d
+    is the length of its way inside the solid. `texture` names a texture whose colour replaces kd.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")

@@ -53,8 +53,8 @@ class Medium:
     row: Any
 
     def with_solid(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
-        """The medium after one more solid is considered. If solids overlap, the smallest one counts; of equally large
-        solids, the first.
+        """The medium after one more solid is considered. If solids overlap, the index of refraction is that of the
+        smallest solid; of equally large solids, that of the first.
 
         where: mask of the lanes in which the solid fills this side
         ior, size, row: those of the solid
@@ -66,8 +66,8 @@ class Medium:
 def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
     """The interface at a surface; None in scenes without refraction.
 
-    If transparent solids overlap, the one with the smallest bounding ball counts. So an inner solid counts, whatever
-    its place in the scene file.
+    If transparent solids overlap, the index of refraction is that of the solid with the smallest bounding ball. So an
+    inner solid counts, whatever its place in the scene file.
     """
     if not s.features["refraction"]:
         return None
@@ -123,6 +123,6 @@ def _nested_media(
 
 
 def max_component(colour: Any) -> Any:
-    """The largest component of a colour, detached; 0 where the colour is black."""
+    """The largest component of a colour, detached; 0 if the colour is black."""
     c = dr.detach(colour)
     return dr.maximum(dr.maximum(c.x, c.y), c.z)

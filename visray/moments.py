@@ -58,8 +58,8 @@ class Moments:
 
     @staticmethod
     def empty(a: Arrays, n: int) -> "Moments":
-        """Moments of n lanes without samples. They are evaluated like all later ones, so that the first pass has the
-        same kernel."""
+        """Moments of n lanes without samples. The arrays are evaluated, as they are after each pass, so that the first
+        pass has the same kernel as later ones."""
         moments = Moments(*(dr.opaque(kind, 0, n) for kind in Moments.types(a)))
         dr.eval(moments)
         return moments

@@ -1,5 +1,5 @@
-"""Packs the numbers of a scene into arrays, which kernels read, derivatives are taken by (address_index.py), and
-updates change (repack.py).
+"""Packs the numbers of a scene into arrays. Kernels read these arrays, derivatives are taken with respect to them
+(address_index.py), and updates change them (repack.py).
 
 `pack` turns a Scene into columns: one batch for objects that share their code, and one for lights that do. A row is one
 object, as an entry of these arrays. References by name become numbers. `Packed` is a Dr.Jit PyTree (pytree.py).
@@ -59,7 +59,7 @@ class Columns:
     kind: class of the objects; objects with a transform and objects without one form two batches
     names: names of the rows
     numbers: the kind's fields, as arrays
-    outer: transforms of the rows; None if they have none
+    outer: transforms of the rows; None for a batch without transforms
     material, texture: number of each row's material and texture
     object: number of each row's object, in the order of the scene
     """
@@ -96,8 +96,8 @@ class LightColumns:
 
 @dataclass(frozen=True)
 class Packed:
-    """All numbers of a scene. Arrays have one entry for each row, material, or light of a kind. Camera, background,
-    ambient light and occlusion have a single entry."""
+    """All numbers of a scene. Arrays have one entry for each row, each material, or each light of a kind. Camera,
+    background, ambient light and occlusion have a single entry."""
 
     batches: tuple[Columns, ...]
     lights: tuple[LightColumns, ...]

@@ -82,6 +82,6 @@ def timed_eval(arrays: Any) -> float:
         dr.eval(arrays)
         dr.sync_thread()
         if history_in_use:
-            # Reading the history clears it, and whoever enabled it would lose it.
+            # Reading the history clears it, and the caller who records it would lose it.
             return clock.now() - begun
         return clock.kernel_seconds(dr.kernel_history())

@@ -28,8 +28,8 @@ def empty_film(prepared: Prepared) -> films.Film:
 def expose(
     prepared: Prepared, progress: bool = False, interrupts: Interrupts | None = None, film: films.Film | None = None
 ) -> tuple[films.Film, int]:
-    """Takes all samples that the scene's settings ask for. Returns the film, and the number of samples that each pixel
-    has at least; after Ctrl-C this number is smaller than asked for, but the samples of at least one pass are taken.
+    """Takes all samples that the scene's settings ask for. Returns the film, and the smallest number of samples of a
+    pixel. Ctrl-C ends the work after the current pass; this number is then smaller than asked for.
 
     progress: whether a progress bar is shown
     film: film to continue, of the same picture and pixels; None starts an empty film

@@ -121,9 +121,9 @@ class Arrays:
     def put(self, kind: Any, values: np.ndarray) -> Any:
         """Copies NumPy values into an array of type `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
 
-        Without a copy Dr.Jit would read NumPy's memory in place, and compile a new kernel for each memory alignment. A
-        plain copy is optimised away. A gather is not, if its index is unknown at tracing, and it reads at any
-        alignment.
+        Without a copy Dr.Jit would read NumPy's memory in place, and compile a new kernel for each memory alignment.
+        Dr.Jit optimises a plain copy away. It keeps a gather whose index is unknown at tracing, and such a gather reads
+        at any alignment.
         """
         values = np.ascontiguousarray(values)
         if values.shape[-1] == 1:
@@ -150,8 +150,8 @@ class Arrays:
 
 
 def stacked(a: Arrays, kind: type, records: list) -> Any:
-    """A record of type `kind` that holds several records as arrays. Its quantities are arrays with one entry for each
-    record; its other fields are None."""
+    """Several records of type `kind` as one record of arrays. Its quantities are arrays with one entry for each record;
+    its other fields are None."""
     table = object.__new__(kind)
     for name in kind.__dataclass_fields__:
         object.__setattr__(table, name, None)

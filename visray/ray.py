@@ -156,8 +156,8 @@ def unit(d: Any, w: Any) -> Any:
     """The direction `d` as a vector of type `w`, normalised by one step in the precision of `w`.
 
     Domain: d has length 1 to within its own precision.
-    Error: the length is 1 to within 4 roundings, and each component is that of a parallel vector to within one rounding
-        (tests/test_ray.py). With |d|^2 = 1 + e the step itself leaves 5/16 e^3, and |e| <= 2^-21 in single.
+    Error: the length is 1 to within 4 roundings, and the result is parallel to d to within one rounding of each
+        component (tests/test_ray.py). With |d|^2 = 1 + e the step itself leaves 5/16 e^3, and |e| <= 2^-21 in single.
     """
     d = w(d)
     e = dr.squared_norm(d) - 1
@@ -167,8 +167,8 @@ def unit(d: Any, w: Any) -> Any:
 def inverse_length(v: Any, fast: Any) -> Any:
     """1 / |v|; 0 for v = 0.
 
-    fast: type in single precision whose reciprocal square root is refined by one third-order step. If it is None, root
-        and division are computed in double, which takes eight times as long.
+    fast: type in single precision. The reciprocal square root is computed in this type and then refined by one
+        third-order step. None: root and division are computed in double, which takes eight times as long
     Domain: v = 0, or |v| from 1e-18 to 1e18.
     Error: relative, at most gamma(5); the two ways agree to 4 ulp (tests/test_ray.py).
     """

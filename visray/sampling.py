@@ -21,7 +21,7 @@ _ODD = 0x9E3779B9
 
 
 def hash32(x: Any) -> Any:
-    """A well-mixed 32-bit hash. Source: Wellons' hash-prospector, the function with the least bias of those with two
+    """A well-mixed 32-bit hash. Source: Wellons' hash-prospector, which found it as the least biased one with two
     multiplications."""
     x = x ^ (x >> 16)
     x = x * 0x21F0AAAD
@@ -44,8 +44,8 @@ class SamplePlan:
     count: number of samples
     strata: number of strata of a pixel, side * side
     side: number of strata along each side of the pixel
-    step: how far the strata of two successive samples are apart
-    start: stratum of the first sample, first * step modulo strata
+    step: difference between the stratum numbers of two successive samples, modulo strata
+    start: first * step modulo strata
     """
 
     seed: Any
@@ -100,13 +100,13 @@ def first_stratum(plan: SamplePlan, key: Any, real: Any) -> Any:
 
 
 def next_stratum(plan: SamplePlan, stratum: Any) -> Any:
-    """Number of the stratum of the sample after one in `stratum`."""
+    """Number of the stratum of the next sample. stratum: that of the current sample."""
     stratum = stratum + plan.step
     return dr.select(stratum >= plan.strata, stratum - plan.strata, stratum)
 
 
 def jittered(stratum: Any, unstratified: Any, side: Any, h: Any, real: Any) -> tuple[Any, Any]:
-    """A random point in a stratum of the unit square; where `unstratified` is true, in the whole square.
+    """A random point in a stratum of the unit square; in lanes where `unstratified` is true, in the whole square.
 
     stratum: number of the stratum, from 0 to side * side - 1
     side: number of strata along each side of the square
@@ -122,12 +122,12 @@ def jittered(stratum: Any, unstratified: Any, side: Any, h: Any, real: Any) -> t
 
 
 def scrambled(x: Any, seed: Any) -> Any:
-    """Owen scrambling of a number whose bits are in reverse order: each bit is flipped or not, by a hash of the bits
-    below it.
+    """Owen scrambling of a number whose bits are in reverse order. Each bit is flipped or not, as a hash of the bits
+    below it says.
 
-    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. The multiplier in the second line is a hash
-        of the seed. Theirs is a part of the seed itself, and then points of small indices are not uniform over seeds
-        (tests/test_sampling.py).
+    Source: Laine and Karras 2011; Burley 2020; the constants are Vegdahl's. Here the multiplier in the second line is a
+        hash of the seed. In the sources it is a part of the seed itself; then points of small indices are not uniform
+        over seeds (tests/test_sampling.py).
     """
     x = x ^ (x * 0x3D20ADEA)
     x = (x + seed) * (hash32(seed) | 1)
@@ -147,12 +147,14 @@ def pascal(x: Any) -> Any:
 
 
 def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
-    """A point of an Owen-scrambled (0, 2)-sequence. If a multiple of 2^k is the first index, the next 2^k points have
-    exactly one point in each cell of every division of the square into 2^k equal rectangles with sides 2^-i and
-    2^(i-k).
+    """A point of an Owen-scrambled (0, 2)-sequence, as a pair of numbers from 0 to 1.
+
+    Take any 2^k points whose first index is a multiple of 2^k, and divide the unit square into 2^k equal rectangles
+    with sides 2^-i and 2^(i-k): each rectangle contains exactly one of these points.
 
     shuffled: whether the points are visited in an order that depends on the seed, so that points of different seeds can
         be combined
+    real: floating-point type of the numbers
     """
     if shuffled:
         index = dr.brev(scrambled(dr.brev(index), seed ^ 0xA511E9B3))

@@ -35,7 +35,7 @@ def _sizes(rows: tuple[Row, Row, Row]) -> tuple[float, float]:
 def _clearly_invertible(rows: tuple[Row, Row, Row]) -> bool:
     """Whether a quick test proves that the matrix is invertible.
 
-    The matrix shortens no vector to less than volume / norm^2 of its length. The test asks for at least 1e-10 norm.
+    The matrix changes no length by a factor below volume / norm^2. The test passes if this bound is above 1e-10 norm.
     Error: rounding changes the volume by at most 1e-15 norm^3.
     """
     volume, norm = _sizes(rows)
@@ -124,8 +124,8 @@ STEPS = {"translate": Translate, "scale": Scale, "rotate": Rotate, "matrix": Mat
 
 
 def _kind(step: Any) -> str | None:
-    """Name of the class of a step, by the first key that belongs to a class; None if none does. Only errors of this
-    class are then reported."""
+    """Name of the class of a step; None if it is unknown. In a scene file, the first key of the step that belongs to a
+    class decides. Pydantic then reports only errors of this class."""
     if isinstance(step, dict):
         return next((STEPS[key].__name__ for key in step if key in STEPS), None)
     return type(step).__name__ if type(step) in STEPS.values() else None

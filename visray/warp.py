@@ -38,7 +38,7 @@ def cosine(n: Any, u: Any, v: Any) -> Any:
 
 def box(n: Any, u: Any, v: Any, w: Any) -> Any:
     """Direction in the hemisphere about the unit vector n, with the density of the original VisRayTrace. It points to a
-    uniform point of the half cube |x| <= 1, |y| <= 1, 0 <= z <= 1, with z along n, so it lies more often near the
-    directions of the cube's edges."""
+    uniform point of the half cube |x| <= 1, |y| <= 1, 0 <= z <= 1, with z along n. Directions towards the cube's edges
+    are therefore more frequent."""
     s, t = tangents(n)
     return dr.normalize((2 * u - 1) * s + (2 * v - 1) * t + w * n)

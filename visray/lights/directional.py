@@ -9,8 +9,8 @@ from visray.quantities import Direction
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalLight(Light):
-    """A light infinitely far away, like the sun, that shines along `direction` everywhere. It has no distance, so only
-    `a` of its attenuation can be used."""
+    """A light infinitely far away, like the sun. It shines along `direction` everywhere. Its distance is infinite, so
+    the coefficients `b` and `c` of attenuation must be 0."""
 
     has_position: ClassVar[bool] = False
 

@@ -9,7 +9,7 @@ from visray.quantities import Point
 
 @dataclass(frozen=True, kw_only=True)
 class PointLight(Light):
-    """A light that sends the same in every direction from one point."""
+    """A light that sends the same light in every direction from one point."""
 
     type: Literal["point"] = "point"
     position: Point

@@ -21,7 +21,7 @@ class RectangleLight(AreaLight):
 
     def flaws(self) -> list[tuple[str, str]]:
         w, h = np.array(self.width), np.array(self.height)
-        # The bound is rounding: three products and differences of components as large as the sides.
+        # The bound is that of rounding: three differences of products of components as large as the sides.
         parallel = np.linalg.norm(np.cross(w, h)) <= 8 * np.finfo(float).eps * np.linalg.norm(w) * np.linalg.norm(h)
         return [("height", "must not be parallel to width: the light would have no area")] if parallel else []
 

@@ -26,7 +26,8 @@ class LightSample:
 
     l: unit direction to the light
     cosine: cosine of the angle between l and the surface's normal
-    arrives: mask of the lanes in which light arrives: the light is on the side of the normal, and not occluded
+    arrives: mask of the lanes in which light arrives, because the light is on the side of the normal and is not
+        occluded
     weight: attenuation times falloff, or None if it is 1
     transmittance: share of the light that passes through transparent objects, a colour; None if shadows are opaque
     """

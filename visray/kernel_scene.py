@@ -253,7 +253,7 @@ def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
 
 
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
-    """For each family of rays in a scene, such as camera rays: how they find what they hit, and why."""
+    """How each family of rays in a scene, such as camera rays, finds what it hits, and why: a RayFamily for each."""
     effects, kinds = features, [type(light) for light in scene.lights.values()]
     batch_sizes = Counter(map(batch_key, scene.objects.values()))
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]

@@ -128,8 +128,8 @@ def loaded_version() -> tuple[int, ...] | None:
 
 
 def search() -> SearchResult:
-    """Searches for a libLLVM in the variable, then in the Python environment, then in the system. Loads nothing into
-    this process.
+    """Searches for a libLLVM in the variable DRJIT_LIBLLVM_PATH, then in the Python environment, then in the system.
+    Loads nothing into this process.
 
     If the variable names a library, no other library replaces it, because the user has asked for it.
     """

@@ -20,7 +20,7 @@ class Interface:
 
     ratio: index of refraction on the viewer's side divided by the index on the other side
     hidden: mask of the lanes in which the surface is invisible, because it lies inside a smaller transparent solid,
-        whose index holds there; None in scenes without nested media
+        whose index of refraction counts there; None in scenes without nested media
     """
 
     ratio: Any
@@ -29,7 +29,7 @@ class Interface:
 
 def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -> Any:
     """Weight of the surface's own colour: 1 - kt, or 1 if settings.local is "full"; 0 in lanes in which the surface is
-    hidden. None if all weights are 1."""
+    hidden. None in scenes without refraction."""
     if not s.features["refraction"]:
         return None
     kt = si.material.kt

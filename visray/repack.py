@@ -36,8 +36,8 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
 
 
 def _structure(scene: Scene) -> tuple:
-    """What must not change if only numbers are to be packed again, except for objects: names and kinds of lights, names
-    and textures of materials, and the kind of background."""
+    """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
+    of lights, names and textures of materials, and the kind of background."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,

@@ -138,8 +138,8 @@ def scrambled(x: Any, seed: Any) -> Any:
 def pascal(x: Any) -> Any:
     """The second coordinate of point x of the Sobol sequence, as 32 bits in reverse order.
 
-    The bits of x are multiplied by Pascal's triangle modulo 2, a matrix that is the Kronecker product of five equal 2 x
-    2 matrices; each pass of the loop applies one of them.
+    The bits of x are multiplied by Pascal's triangle modulo 2. This matrix is the Kronecker product of five equal
+    matrices of size 2, and each step of the loop applies one of them.
     """
     for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF)):
         x = x ^ ((x >> shift) & mask)
@@ -149,8 +149,8 @@ def pascal(x: Any) -> Any:
 def sobol(index: Any, seed: Any, shuffled: bool, real: Any) -> tuple[Any, Any]:
     """A point of an Owen-scrambled (0, 2)-sequence, as a pair of numbers from 0 to 1.
 
-    Take any 2^k points whose first index is a multiple of 2^k, and divide the unit square into 2^k equal rectangles
-    with sides 2^-i and 2^(i-k): each rectangle contains exactly one of these points.
+    Take 2^k successive points whose first index is a multiple of 2^k, and divide the unit square into 2^k equal
+    rectangles with sides 2^-i and 2^(i-k): each rectangle contains exactly one of these points.
 
     shuffled: whether the points are visited in an order that depends on the seed, so that points of different seeds can
         be combined

@@ -1,4 +1,4 @@
-"""Which colour and brightness made this picture? Gradient descent on the squared difference finds them again."""
+"""Which diffuse colour has the ball in this picture? Gradient descent on the squared difference of pictures finds it."""
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit loads
 import drjit as dr

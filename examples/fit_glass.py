@@ -1,4 +1,4 @@
-"""Which glass is it? Finds the index of refraction of a ball from a picture, by the picture's derivative."""
+"""Which glass is it? Finds the index of refraction of a ball in a picture, by the derivative of the picture."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ for step in range(6):
     now = vr.replaced(scene, "materials.glass.ior", ior)
     error = vr.render(now, layers=("RGB",), progress=False)["RGB"] - photograph
     slope = vr.derivative(now, "materials.glass.ior")
-    # Gauss and Newton: the step that would be right if the picture were linear in the index.
+    # The Gauss-Newton step: it would be exact if the picture were a linear function of the index.
     ior -= float((error * slope).sum() / (slope**2).sum())
     print(f"step {step + 1}: ior = {ior:.6f}, error of the picture {np.abs(error).max():.1e}")
 assert abs(ior - true) < 1e-3

@@ -1,4 +1,4 @@
-"""What does the picture know besides colour? Ids, depth, normals and positions of the first hit, as NumPy arrays."""
+"""What does a picture contain besides colour? Object ids, depths and normals of the first hits, as NumPy arrays."""
 
 from pathlib import Path
 

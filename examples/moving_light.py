@@ -1,6 +1,6 @@
-"""How does the picture change as a light moves? The derivative of every pixel, red where it brightens, blue where not.
+"""How does the picture change when a light moves? The derivative of every pixel: red if it gets brighter, blue if darker.
 
-What a moving shadow's edge adds is not in it yet, so visray warns.
+visray's derivatives do not contain the motion of a shadow's edge, so visray warns.
 """
 
 import warnings

@@ -1,4 +1,4 @@
-"""How fast does the noise fall with more samples? Against a fine picture, for stratified jitter."""
+"""How fast does the noise fall with more samples? Pictures with stratified samples, compared with a converged one."""
 
 from pathlib import Path
 

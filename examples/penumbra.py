@@ -1,4 +1,4 @@
-"""How many samples does a soft shadow need? The noise of a penumbra, by samples of the light and by sampler."""
+"""How many samples does a soft shadow need? The noise of a penumbra, for numbers of light samples and for samplers."""
 
 import numpy as np
 
@@ -20,6 +20,6 @@ def picture(samples: int, seed: int, sampler: str) -> np.ndarray:
 
 
 for sampler in ("independent", "stratified", "sobol"):
-    # Two seeds differ by the noise of both: their difference has the variance of one, twice.
+    # The difference of two pictures with different seeds contains the noise of both: twice the variance of one.
     noise = {n: np.std(picture(n, 1, sampler) - picture(n, 2, sampler)) / np.sqrt(2) for n in (1, 4, 16, 64)}
     print(f"{sampler:12}", "  ".join(f"{n:2} samples {x:.4f}" for n, x in noise.items()))

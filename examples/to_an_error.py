@@ -1,4 +1,4 @@
-"""How many samples does a picture need? As many as its error says, and most of them where there is noise."""
+"""How many samples does a picture need for a given error? visray finds it, and takes most of them in noisy pixels."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ for error in (0.02, 0.005, 0.002):
     print(f"asked {error}, got {facts['error']:.4f} ({facts['error_low']:.4f} to {facts['error_high']:.4f}):", end=" ")
     print(f"{facts['spp']} samples per pixel, from {samples.min()} to {samples.max()}")
     pictures.append(image["RGB"].astype(float))
-# The last one, of other samples, stands in for the truth.
+# The last picture has the least error, and another seed. It stands in for the truth.
 luminance = (pictures[-1] @ (0.2126, 0.7152, 0.0722)).mean()
 off = ((pictures[0] - pictures[-1]) ** 2).mean() ** 0.5 / luminance
-print(f"the first one is {off:.4f} off the last")
+print(f"the first picture differs from the last by {off:.4f}")

@@ -1,4 +1,4 @@
-"""Which effects does a scene call for, and what does the kernel leave out?"""
+"""Which effects does a scene need? The kernel leaves out all others."""
 
 from pathlib import Path
 

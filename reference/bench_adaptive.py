@@ -1,12 +1,14 @@
-"""The time that `--error` saves: adaptive sampling against the same number of samples in each pixel, at equal error.
+"""The time that `--error` saves: adaptive renders are compared with uniform renders, which take the same number of
+samples in each pixel, at equal error.
 
     python reference/bench_adaptive.py -o reference/bench_adaptive.json
 
-Each scene is rendered by render(error=E). Its true error is computed from a converged picture with other seeds, whose
-own error is subtracted. Then the time is measured that a uniform render takes for the same true error: at powers of
-two of samples, interpolated linearly in logarithms. The two kinds of render alternate. Uniform renders use the scene's
-own sampler, as `--spp` does, and Sobol points, which `--error` uses in place of stratified ones. All kernels are
-compiled before, and only the colour is rendered. Times are medians over `--runs`, in seconds of wall clock and CPU.
+Each scene is rendered by render(error=E). The true error of the picture is its difference from a converged picture with
+other seeds; the error of the converged picture itself is subtracted. Then uniform pictures are rendered with numbers of
+samples that are powers of two. The time for the same true error is interpolated between two of them, linearly in
+logarithms. The two kinds of render alternate. Uniform renders use the scene's own sampler, as `--spp` does; and, in a
+second series, Sobol points, which `--error` uses instead of stratified points. All kernels are compiled before, and
+only the colour is rendered. Times are medians over `--runs`, in seconds of wall clock and CPU.
 """
 
 import argparse
@@ -25,7 +27,7 @@ from visray.render import adjusted
 from visray.scene.scene import Scene
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
-# By scene: width of the film, samples of each half of the converged picture, and the errors asked for.
+# By scene: width of the film, samples per pixel of each half of the converged picture, and the requested errors.
 CASES = {
     "penumbra": (480, 2048, (0.003, 0.001)),
     "defocus-blur": (400, 2048, (0.015, 0.005)),
@@ -37,19 +39,22 @@ SEEDS = 1001, 1002
 
 
 def resized(scene: Scene, width: int) -> Scene:
-    """The scene with a film of this width and the same shape."""
+    """The scene with a film of this width and of the same proportions."""
     return adjusted(scene, size=(width, round(width * scene.film.height / scene.film.width)))
 
 
 def picture(scene: Scene, **how: Any) -> tuple[np.ndarray, float, float, dict]:
-    """A picture's colour, its wall-clock and CPU seconds, and its metadata. `how`: options of vr.render."""
+    """Renders a picture: (colour, wall-clock seconds, CPU seconds, metadata). how: options of vr.render."""
     wall_start, cpu_start = perf_counter(), process_time()
     image = vr.render(scene, layers=("RGB",), progress=False, **how)
     return image["RGB"].astype(float), perf_counter() - wall_start, process_time() - cpu_start, image.metadata
 
 
 class Truth:
-    """A converged picture: the mean of two halves, its variance, and its mean luminance."""
+    """A converged picture: the mean of two pictures (halves) with different seeds.
+
+    mean: its colours; variance: mean square error of `mean`; luminance: its mean luminance
+    """
 
     def __init__(self, scene: Scene, spp: int):
         a, b = (picture(adjusted(scene, sampler="sobol", seed=seed), spp=spp)[0] for seed in SEEDS)
@@ -62,13 +67,13 @@ class Truth:
         return float(np.sqrt(self.variance)) / self.luminance
 
     def error_of(self, rgb: np.ndarray) -> float:
-        """The relative error of a picture; the error of the converged picture is subtracted."""
+        """The relative error of a picture. The mean square error of the converged picture is subtracted."""
         square = np.square(rgb - self.mean).mean() - self.variance
         return float(np.sqrt(max(square, 0))) / self.luminance
 
 
 def uniform(scene: Scene, truth: Truth, error: float) -> list[int]:
-    """Two numbers of samples per pixel between which a uniform render has this error."""
+    """Two numbers of samples per pixel, n / 2 and n. Between them, a uniform render reaches this error."""
     for n in SAMPLES:
         if truth.error_of(picture(scene, spp=n)[0]) <= error:
             return [n // 2, n]
@@ -76,14 +81,14 @@ def uniform(scene: Scene, truth: Truth, error: float) -> list[int]:
 
 
 def interpolated(points: list[tuple[float, float]], error: float) -> float:
-    """The value for an error, by linear interpolation in logarithms between two points (error, value)."""
+    """The value at an error, interpolated linearly in logarithms between two points (error, value)."""
     (e0, v0), (e1, v1) = points
     share = np.log(e0 / error) / np.log(e0 / e1)
     return float(np.exp(np.log(v0) + share * np.log(v1 / v0)))
 
 
 def compared(scene: Scene, truth: Truth, error: float, runs: int) -> dict:
-    """The times of adaptive and uniform renders for one error."""
+    """A dict with the times of adaptive and uniform renders for one requested error. runs: renders of each kind."""
     # The second picture is rendered so that kernels are compiled before times are measured.
     pictures = [picture(scene, error=error) for _ in range(2)]
     reached = truth.error_of(pictures[0][0])

@@ -1,16 +1,17 @@
-"""The cost of polynomial surfaces: how it grows with the degree, and what double precision costs.
+"""The cost of polynomial surfaces: how the cost grows with the degree, and what double precision costs.
 
     DRJIT_CACHE_DIR=$(mktemp -d) python reference/bench_degree.py -o reference/bench_degree.json --plot docs/degree.png
 
 The cache of kernels must be empty, so that compilation can be measured.
 
-Degree: the Banchoff-Chmutov surfaces T_n(x) + T_n(y) + T_n(z) = 0, 512 x 512 camera rays, one thread. The time is the
-CPU time of one ray, the least of several runs, with kernels compiled before; the compile time is reported apart. About
-the same number of rays hits each of the surfaces.
+Degree: the Banchoff-Chmutov surfaces T_n(x) + T_n(y) + T_n(z) = 0 are intersected with 512 x 512 camera rays on one
+thread. The time is the CPU time of one ray, the least of several runs, with kernels compiled before. The compile time
+is reported separately. About the same number of rays hits each of the surfaces.
 
-Precision: the surface in double with the rest (camera, normals, light) in single, against all in double, for camera
-rays and for samples of pictures with light and shadow. And the surface itself in single, which visray does not offer:
-its kernel runs in single for the same rays.
+Precision: three cases are compared. (1) The surface is computed in double, and the rest (camera, normals, light) in
+single precision. (2) Everything is computed in double. Both are measured for camera rays, and for samples of pictures
+with light and shadow. (3) The surface itself is computed in single, which visray does not offer: the surface's kernel
+runs in single for the same rays.
 """
 
 import argparse
@@ -37,13 +38,14 @@ from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 
 SIZE, RUNS, DEGREES = 512, 9, range(2, 21, 2)
-# Positions in units of the clip's radius. The eye sees all of the clip, and looks along no symmetry of the surfaces.
+# Positions in units of the clip's radius. The eye sees the whole clip, and does not look along a symmetry axis of the
+# surfaces.
 EYE, LAMP = (2.5, 1.4, 1.8), (3.0, -2.0, 4.0)
 SAMPLES = 4
 
 
 def chebyshev(n: int, variable: str) -> str:
-    """The Chebyshev polynomial T_n as an expression, by Horner's rule in the variable's square. Domain: even n."""
+    """The Chebyshev polynomial T_n as text: an expression by Horner's rule in the variable's square. Domain: even n."""
     c = np.polynomial.chebyshev.cheb2poly([0] * n + [1])[::2].astype(int).tolist()
     text = str(c[-1])
     for number in c[-2::-1]:
@@ -57,7 +59,7 @@ def banchoff_chmutov(n: int) -> Polynomial:
 
 
 def scene(surface: Polynomial, **settings: Any) -> Scene:
-    """The surface with a camera and a point light."""
+    """A scene with the surface, a camera and a point light. settings: options of `adjusted`."""
     radius = surface.clip_volume().radius
     camera = Camera(origin=tuple(radius * x for x in EYE), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     lights = {"key": PointLight(position=tuple(radius * x for x in LAMP))}
@@ -66,7 +68,10 @@ def scene(surface: Polynomial, **settings: Any) -> Scene:
 
 
 def measured(work: Any) -> tuple[float, float, int]:
-    """The least CPU time of several runs, the compile time (NaN if kernels came from the disk), and the operations."""
+    """Least CPU seconds of several runs, compile seconds (NaN if kernels came from the disk), number of operations.
+
+    work: function that returns the Dr.Jit arrays to evaluate
+    """
     dr.flush_kernel_cache()
     least, compiled, operations = np.inf, 0.0, 0
     for run in range(RUNS):
@@ -87,7 +92,7 @@ def measured(work: Any) -> tuple[float, float, int]:
 
 
 def of_degree(n: int) -> dict:
-    """The cost of the surface of degree n."""
+    """A dict with the cost of the Banchoff-Chmutov surface of degree n."""
     surface = banchoff_chmutov(n)
     start = time.perf_counter()
     surface.compiled()
@@ -113,13 +118,13 @@ def of_degree(n: int) -> dict:
 
 
 def exponent(rows: list[dict]) -> float:
-    """The slope of log time over log degree, from degree 4 on; below it, roots are computed by formula."""
+    """The slope of log time over log degree. Degrees below 4 are left out: their roots are computed by formula."""
     rows = [r for r in rows if r["degree"] >= 4]
     return float(np.polyfit(np.log([r["degree"] for r in rows]), np.log([r["ns_per_ray"] for r in rows]), 1)[0])
 
 
 def precision(name: str) -> dict:
-    """Times and errors of the three choices of precision, for a known surface."""
+    """A dict with times and errors of the three cases of precision. name: name of a surface in the catalogue."""
     surface = Polynomial(surface=name)
     prepared = {p: prepare(scene(surface, precision=p, spp=SAMPLES)) for p in ("single", "double")}
     report: dict = {"surface": name}
@@ -146,7 +151,10 @@ def precision(name: str) -> dict:
 
 
 def _in_single(prepared: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray) -> tuple[Any, np.ndarray]:
-    """First hits by the same kernel, all of it in single: a Dr.Jit array of distances, and a NumPy copy."""
+    """First hits computed in single only: the distances as a Dr.Jit array, and as a NumPy array.
+
+    o, d: origin of the rays, (3), and directions, (3, N)
+    """
     a, compiled = prepared.a, surface.compiled()
     real, vector = a.F32, a.V32
     direction = vector(np.ascontiguousarray(d.astype(np.float32)))
@@ -163,7 +171,7 @@ def _in_single(prepared: Any, surface: Polynomial, o: np.ndarray, d: np.ndarray)
 
 
 def plot(report: dict, path: Path) -> None:
-    """Plots the time of a ray over the degree."""
+    """Writes a plot of the time of a ray against the degree to `path`."""
     import matplotlib
 
     matplotlib.use("Agg")

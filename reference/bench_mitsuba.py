@@ -2,12 +2,13 @@
 
     python reference/bench_mitsuba.py -o reference/bench_mitsuba.json
 
-1. Medians of 7 renders each, 512 x 512, 2 threads, at 16 and 64 samples per pixel, to the sums in memory. Both run in
-   one process and alternate; kernels are compiled before.
+1. The time from prepared scene to picture in memory: medians of 7 renders each, 512 x 512 pixels, 2 threads, 16 and 64
+   samples per pixel. Both programs run in one process and alternate; kernels are compiled before.
 2. The same with a rectangle light that is sampled 16 times at each point (Mitsuba: 16 emitter samples).
-3. The point light at 16 samples per pixel, with 100, 1,000 and 10,000 random spheres in the same space: medians of 5.
+3. The same with the point light at 16 samples per pixel, and 100, 1,000 and 10,000 random spheres in the same space:
+   medians of 5 renders.
 4. The time from the start of a process to the picture on disk, with an empty kernel cache and with compiled kernels in
-   the cache, against a Mitsuba script that does the same.
+   the cache. visray's command is compared with a Mitsuba script for the same scene.
 """
 
 import argparse
@@ -35,7 +36,7 @@ EYE, TARGET, LAMP, FOV = (0.0, 5.0, 9.0), (0.0, 0.5, 0.0), (4.0, 8.0, 5.0), 40.0
 
 
 PANEL = vr.RectangleLight(position=LAMP, width=(2.0, 0.0, 0.0), height=(0.0, 0.0, 2.0), samples=16)
-# Centre, radius and colour of spheres.
+# A list of spheres: (centre, radius, colour) of each.
 Balls = list[tuple[tuple[float, float, float], float, tuple[float, float, float]]]
 
 
@@ -50,7 +51,7 @@ def ring() -> Balls:
 
 
 def cloud(n: int) -> Balls:
-    """n random spheres, which fill the same fraction of the same space for every n."""
+    """n random spheres. Their total volume and the space that contains them are about the same for every n."""
     rng = np.random.default_rng(n)
     centres = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)).tolist()
     radii = (rng.uniform(0.3, 0.9, n) * 2.2 / n ** (1 / 3)).tolist()
@@ -58,7 +59,7 @@ def cloud(n: int) -> Balls:
 
 
 def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
-    """The scene for visray, all matte. panel: whether PANEL lights it instead of a point light."""
+    """The scene for visray; all materials are matte. panel: whether the light is PANEL instead of a point light."""
     objects = {"floor": vr.Plane(material="grey")}
     materials = {"grey": vr.Material(kd=(0.5, 0.5, 0.5))}
     for i, (centre, radius, colour) in enumerate(balls):
@@ -75,7 +76,7 @@ def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
 
 
 def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
-    """The same scene for Mitsuba; the floor is a large rectangle."""
+    """The same scene for Mitsuba. Its floor is a large rectangle, because Mitsuba has no infinite plane."""
     to_world = mi.ScalarTransform4f
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
     scene = {
@@ -111,7 +112,10 @@ def seconds(work) -> float:
 
 
 def warm(balls: Balls, spp: int, runs: int = RUNS, panel: bool = False) -> dict:
-    """Median seconds of both programs with compiled kernels. They alternate, and each render has a new seed."""
+    """A dict with median seconds and rates of both programs, with kernels that are compiled before.
+
+    The programs alternate, and each render has a new seed. runs: renders of each program.
+    """
     prepared, scene, seed = prepare(ours(balls, spp, panel)), theirs(balls, panel), iter(range(1000))
 
     def visray() -> None:
@@ -145,8 +149,11 @@ def with_seed(prepared, seed: int):
 
 
 def from_start(out: Path) -> dict:
-    """Seconds from the start of a process to an EXR file, at 16 samples per pixel: medians of three runs with an empty
-    kernel cache (cold), and of five with compiled kernels in it (warm). Both programs alternate."""
+    """Seconds from the start of a process to an EXR file, at 16 samples per pixel, by program and by kind of run.
+
+    cold: median of three runs with an empty kernel cache; warm: median of five runs with compiled kernels in the cache.
+    The programs alternate. out: a folder for files.
+    """
     (out / "scene.json").write_text(vr.dump(ours(ring(), 16)))
     commands = {
         "visray": [sys.executable, "-m", "visray", "render", str(out / "scene.json"), "-o", str(out / "a.exr"),

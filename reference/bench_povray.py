@@ -2,23 +2,24 @@
 
     python reference/bench_povray.py -o reference/bench_povray.json
 
-All programs render the same surface with the same camera, light and shadows.
+All programs render the same surface with the same camera.
 
-Against POV-Ray, 2 threads each: 512 x 512, one point light with shadows. The time of one sample is compared. POV-Ray
-takes one sample per pixel; its own trace time is used, without parsing and writing. visray takes 1, 4 and 16 samples,
-with compiled kernels, to the sums in memory.
+POV-Ray and visray, 2 threads each: 512 x 512 pixels, one point light with shadows. The time of one sample per pixel is
+compared. POV-Ray takes one sample per pixel; the trace time that POV-Ray reports is used, without parsing and writing.
+visray takes 1, 4 and 16 samples per pixel; its time is that from the prepared scene to the picture in memory, with
+compiled kernels.
 
-Against surf, one thread each: 2048 x 2048, camera rays only, no shadows, one sample. From surf's time its start is
-subtracted, which is the time of a picture of 64 x 64.
+surf and visray, one thread each: 2048 x 2048 pixels, camera rays only, no shadows, one sample per pixel. The time that
+surf takes to start is subtracted; it is measured by a picture of 64 x 64 pixels.
 
-The programs alternate, and medians are reported. CPU seconds are reported as well; they leave out the time that other
-programs take.
+The programs alternate, and medians are reported. CPU seconds are reported as well, because they do not contain the time
+that other programs on the machine take.
 
-Wrong pixels: exact arithmetic decides whether the ray through a pixel's centre hits the surface. It is applied to
-random pixels, to pixels at the edges of each program's silhouette, to pixels where two programs differ, and to the
-neighbours of wrong pixels. If the result changes when the ray moves by 1e-9 of a pixel, the pixel is on an edge and is
-counted apart. For this test visray computes ray directions in double, as the other programs do; by default they are
-single, off by 1e-4 of a pixel.
+Wrong pixels: exact arithmetic decides whether the ray through a pixel's centre hits the surface. The tested pixels are
+random pixels, pixels at the edge of the silhouette in each program's picture, pixels at which two programs differ, and
+the neighbours of wrong pixels. If the result changes when the ray moves by 1e-9 of a pixel, the pixel is on an edge and
+is counted separately. For this test visray computes ray directions in double, as the other programs do. By default
+visray computes directions in single, with an error of about 1e-4 of a pixel.
 
 Programs that are not installed are left out; --peers leaves visray out.
 """
@@ -59,9 +60,9 @@ EYE, LAMP, UP, FOV = (1.87, -2.06, 1.11), (-1.0, -2.5, 3.0), (0.0, 0.0, 1.0), 40
 AMBIENT, DIFFUSE, BACKGROUND = 0.1, 0.7, (0.05, 0.08, 0.2)
 POVRAY, SURF = "povray", "surf-alggeo-nox"
 SAMPLED, EDGE = 20_000, 1e-9
-# surf draws the part of a surface within 10 units of the origin, seen from the z axis.
+# surf's view: half its side, in surf's units. surf looks along the z axis.
 SURF_HALF = 10.0
-# The golden ratio and the square root of two, the same for all programs and for the exact test.
+# The golden ratio (phi) and the square root of two (root). All programs and the exact test use these decimal numbers.
 CONSTANTS = {
     "phi": "1.618033988749894848204586834365638117720309",
     "root": "1.414213562373095048801688724209698078569672",
@@ -74,7 +75,11 @@ TimedCall = Callable[[], Seconds]
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface f = 0 within a sphere about the origin, the clip; its radius is a decimal number as text."""
+    """A surface f = 0 within a sphere about the origin, the clip.
+
+    expression: f, a polynomial in x, y and z; it may contain the names of CONSTANTS
+    clip: radius of the clip, a decimal number as text
+    """
 
     expression: str
     clip: str
@@ -85,11 +90,11 @@ class Surface:
 
     @property
     def constants(self) -> dict[str, str]:
-        """The constants that occur in the expression."""
+        """The entries of CONSTANTS whose names occur in the expression."""
         return {k: v for k, v in CONSTANTS.items() if re.search(rf"\b{k}\b", self.expression)}
 
     def terms(self) -> dict[Monomial, Fraction]:
-        """The exact coefficients of the monomials x^i y^j z^k, by (i, j, k)."""
+        """The exact coefficients of f: a dict from (i, j, k) to the coefficient of x^i y^j z^k."""
         expression = ast.parse(self.expression.replace("^", "**"), mode="eval").body
         return {e: c for e, c in _expanded(expression).items() if c}
 
@@ -119,7 +124,7 @@ DEFAULT = [name for name in SURFACES if name != "sphere"]
 
 
 def _expanded(node: ast.expr) -> dict[Monomial, Fraction]:
-    """The coefficients of an expression that is multiplied out, without rounding."""
+    """The exact coefficients of an expression, by monomial. node: the expression as a Python syntax tree."""
     match node:
         case ast.Constant(value):
             return {(0, 0, 0): Fraction(value)}
@@ -159,8 +164,8 @@ def _product(a: dict[Monomial, Fraction], b: dict[Monomial, Fraction]) -> dict[M
 class View:
     """The camera as vectors, computed as in visray.
 
-    eye: position
-    forward, right, up: unit vectors
+    eye: position of the camera
+    forward, right, up: unit vectors of the camera's axes
     half: tangent of half the field of view
     """
 
@@ -178,13 +183,16 @@ class View:
         return View(eye, forward, right, np.cross(right, forward), float(np.tan(np.radians(FOV) / 2)))
 
     def direction(self, x: float, y: float, size: int) -> np.ndarray:
-        """The direction to the point (x, y) of the picture, in pixels from its top left corner; not of unit length."""
+        """The direction of the ray through the point (x, y) of the picture. Its length is not 1.
+
+        x, y: in pixels from the picture's top left corner; size: pixels on a side
+        """
         across, down = (2 * x / size - 1) * self.half, (2 * y / size - 1) * self.half
         return self.forward + across * self.right - down * self.up
 
 
 def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Seconds:
-    """The wall-clock and CPU seconds of a call. who: whether CPU seconds are of this process or of its children."""
+    """The wall-clock and CPU seconds of a call. who: the process whose CPU time is read: this one, or its children."""
     before, start = resource.getrusage(who), time.perf_counter()
     work()
     wall, after = time.perf_counter() - start, resource.getrusage(who)
@@ -195,7 +203,7 @@ def timed(work: Callable[[], object], who: int = resource.RUSAGE_SELF) -> Second
 
 
 def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
-    """The scene for visray."""
+    """The scene for visray. settings: fields of vr.Settings."""
     expression = re.sub(r"\broot\b", "sqrt(2)", surface.expression)  # visray knows phi, but not root
     f = vr.Polynomial(expression=expression, clip=vr.Ball(radius=surface.radius), material="matte")
     position = {name: tuple(surface.radius * x for x in p) for name, p in {"eye": EYE, "lamp": LAMP}.items()}
@@ -211,13 +219,16 @@ def ours(surface: Surface, size: int, spp: int, **settings) -> vr.Scene:
 
 
 def rendering(surface: Surface, size: int, spp: int, **settings) -> TimedCall:
-    """A timed call that renders a picture by visray with compiled kernels, each time with another seed."""
+    """A function that renders a picture by visray with compiled kernels, and returns the times.
+
+    Each call has a new seed. settings: fields of vr.Settings.
+    """
     prepared, seeds = prepare(ours(surface, size, spp, **settings)), iter(range(1000))
     return lambda: timed(lambda: expose(with_seed(prepared, next(seeds))))
 
 
 def intersecting(surface: Surface, size: int) -> TimedCall:
-    """A timed call that computes only the first hits of the rays through all pixels' centres, by visray."""
+    """A function that computes the first hits of rays through the pixels' centres by visray and returns the times."""
     prepared = prepare(ours(surface, size, 1, shadows=False))
     a = prepared.a
 
@@ -231,7 +242,10 @@ def intersecting(surface: Surface, size: int) -> TimedCall:
 
 
 def our_mask(surface: Surface) -> np.ndarray:
-    """Whether visray's rays through the pixels' centres hit. Directions are double, as in the exact test."""
+    """Whether visray's ray through each pixel's centre hits. Directions are in double, as in the exact test.
+
+    Shapes: (SIZE, SIZE).
+    """
     scene = ours(surface, SIZE, 1, precision="double")
     return vr.render(scene, layers=("id",), progress=False)["id"] > 0
 
@@ -240,7 +254,7 @@ def our_mask(surface: Surface) -> np.ndarray:
 
 
 def coefficients(surface: Surface) -> list[float]:
-    """The coefficients of x^i y^j z^k in the order of POV-Ray's `poly`: by falling i, then j, then k.
+    """The coefficients of x^i y^j z^k in the order of POV-Ray's `poly`: sorted by i, then j, then k, largest first.
 
     For degree 2 that is x^2, xy, xz, x, y^2, yz, y, z^2, z, 1.
 
@@ -252,16 +266,18 @@ def coefficients(surface: Surface) -> list[float]:
 
 
 def vector(v: Iterable[float]) -> str:
-    """A vector in POV-Ray's syntax."""
+    """Text of a vector in POV-Ray's syntax."""
     return "<" + ", ".join(repr(float(x)) for x in v) + ">"
 
 
 def for_povray(surface: Surface, lit: bool) -> str:
-    """The scene for POV-Ray. If not `lit`, it is white where a ray hits and black elsewhere.
+    """Text of the scene for POV-Ray.
+
+    lit: whether there is a light. Without a light, a pixel is white if its ray hits, otherwise black.
 
     The camera's vectors are given directly, without look_at, so POV-Ray's left-handed convention does not matter. The
-    lengths of right and up are the sides of the picture at distance 1. clipped_by makes no cap where the sphere cuts
-    the surface.
+    lengths of right and up are the sides of the picture at distance 1. clipped_by leaves the surface open where the
+    sphere cuts it, without a cap.
     """
     view = View.of(surface)
     paint = f"finish {{ ambient {AMBIENT} diffuse {DIFFUSE} }}" if lit else "finish { ambient 1 diffuse 0 }"
@@ -282,7 +298,10 @@ poly {{
 
 
 def povray(folder: Path, text: str, threads: int, picture: str | None = None) -> Seconds:
-    """The trace time that POV-Ray reports. picture: name of the file to write; None: no picture is written."""
+    """Runs POV-Ray. Returns the trace time that POV-Ray reports.
+
+    folder: working folder; text: the scene; picture: name of the PNG file to write, or None
+    """
     (folder / "scene.pov").write_text(text)
     command = [POVRAY, "+Iscene.pov", f"+W{SIZE}", f"+H{SIZE}", f"+WT{threads}", "-A", "-J", "-D", "-V", "-UA", "+Q9"]
     command += [f"+O{picture}", "+FN8"] if picture else ["-F"]
@@ -294,7 +313,7 @@ def povray(folder: Path, text: str, threads: int, picture: str | None = None) ->
 
 
 def povray_mask(folder: Path, surface: Surface) -> np.ndarray:
-    """Whether POV-Ray's rays through the pixels' centres hit."""
+    """Whether POV-Ray's ray through each pixel's centre hits. Shapes: (SIZE, SIZE)."""
     povray(folder, for_povray(surface, lit=False), THREADS, "mask.png")
     return np.asarray(Image.open(folder / "mask.png").convert("L")) > 127
 
@@ -303,10 +322,14 @@ def povray_mask(folder: Path, surface: Surface) -> np.ndarray:
 
 
 def for_surf(surface: Surface, size: int, picture: str | None = None) -> str:
-    """The script for surf. The surface is in the camera's axes, scaled so that rays run through the pixels' centres.
+    """Text of the script for surf.
 
-    The centres of surf's first and last pixel lie on the borders of its view, so the view is one pixel smaller than the
-    picture. surf divides integers as C does, so fractions are written as decimals.
+    The surface is rotated into the camera's axes, and scaled so that rays run through the pixels' centres. The centres
+    of surf's first and last pixel lie on the borders of surf's view, so the view is one pixel smaller than the picture.
+    surf divides integers as C does, so fractions are written as decimals.
+
+    size: pixels on a side
+    picture: name of the file to write; the surface then has one bright colour, for surf_mask. None: no file.
     """
     view = View.of(surface)
     distance = float(np.linalg.norm(view.eye))
@@ -330,14 +353,17 @@ def for_surf(surface: Surface, size: int, picture: str | None = None) -> str:
 
 
 def surf(folder: Path, text: str) -> Seconds:
-    """The time of a run of surf. surf does not report errors in a script; surf_mask detects them."""
+    """Runs surf on a script. Returns the time. surf does not report errors in a script, but surf_mask detects them."""
     (folder / "scene.pic").write_text(text)
     command = [SURF, "-q", "scene.pic"]
     return timed(lambda: subprocess.run(command, cwd=folder, capture_output=True, check=True), resource.RUSAGE_CHILDREN)
 
 
 def surf_mask(folder: Path, surface: Surface) -> np.ndarray:
-    """Whether surf's rays hit. surf darkens distant points, but not to black."""
+    """Whether surf's ray through each pixel's centre hits: the pixel is not black. Shapes: (SIZE, SIZE).
+
+    surf darkens distant points, but never to black.
+    """
     (folder / "mask.ppm").unlink(missing_ok=True)
     surf(folder, for_surf(surface, SIZE, "mask.ppm"))
     if not (folder / "mask.ppm").exists():
@@ -349,7 +375,7 @@ def surf_mask(folder: Path, surface: Surface) -> np.ndarray:
 
 
 class Truth:
-    """The exact test whether rays hit a surface: exact polynomials and certified roots."""
+    """The exact test whether rays hit a surface, by exact polynomials and certified roots."""
 
     def __init__(self, surface: Surface):
         self.view, self.cache = View.of(surface), {}
@@ -358,20 +384,23 @@ class Truth:
         self.terms = {e: int(c * denominator) for e, c in terms.items()}
 
     def hit(self, x: int, y: int) -> bool | None:
-        """Whether the ray through a pixel's centre hits; None if a root cannot be separated from the clip sphere."""
+        """Whether the ray through a pixel's centre hits; None if a root may lie inside or outside the clip.
+
+        x, y: column and row of the pixel
+        """
         if (x, y) not in self.cache:
             self.cache[x, y] = self._hit(x + 0.5, y + 0.5)
         return self.cache[x, y]
 
     def on_edge(self, x: int, y: int) -> bool:
-        """Whether the result changes when the ray moves by EDGE pixels."""
+        """Whether the result changes, or is None, when the ray moves by EDGE pixels."""
         results = {
             self._hit(x + 0.5 + dx * EDGE, y + 0.5 + dy * EDGE) for dx, dy in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
         }
         return len(results) > 1 or None in results
 
     def _hit(self, x: float, y: float) -> bool | None:
-        # Coordinates become integers with the common denominator s, so the polynomials need no fractions.
+        # The polynomials are multiplied by powers of the common denominator s, so that all coefficients are integers.
         coordinates = zip(self.view.eye.tolist(), self.view.direction(x, y, SIZE).tolist())
         rays = [(Fraction(o), Fraction(d)) for o, d in coordinates]
         s = max(v.denominator for ray in rays for v in ray)
@@ -398,7 +427,7 @@ class Truth:
 
 
 def edges(mask: np.ndarray) -> set[tuple[int, int]]:
-    """Pixels (x, y) with a neighbour that differs."""
+    """Pixels (x, y) whose value in the mask differs from that of a neighbour to the left, right, top or bottom."""
     at_edge = np.zeros_like(mask)
     for axis in (0, 1):
         differs = np.diff(mask.astype(np.int8), axis=axis) != 0
@@ -409,14 +438,18 @@ def edges(mask: np.ndarray) -> set[tuple[int, int]]:
 
 
 def pixels(mask: np.ndarray) -> set[tuple[int, int]]:
-    """Coordinates (x, y) of the pixels in a mask."""
+    """Coordinates (x, y) of the pixels at which the mask is true."""
     return {(int(x), int(y)) for y, x in np.argwhere(mask)}
 
 
 def wrong(truth: Truth, mask: np.ndarray, suspects: set[tuple[int, int]]) -> dict:
-    """Counts of wrong pixels among the suspects, random pixels, and the neighbours of wrong ones.
+    """Counts of wrong pixels among the suspects, random pixels, and neighbours of wrong pixels, as a dict.
 
-    missed: the ray hits, but not by the program; invented: the opposite
+    mask: whether the program's ray hits, for each pixel
+    suspects: pixels that are likely to be wrong
+
+    In the result, missed: pixels whose ray hits, but not by the program; invented: pixels whose ray hits by the program
+    only.
     """
     rng = np.random.default_rng(0)
     chosen = {(int(i) % SIZE, int(i) // SIZE) for i in rng.choice(SIZE * SIZE, SAMPLED, replace=False)}
@@ -450,7 +483,10 @@ def wrong(truth: Truth, mask: np.ndarray, suspects: set[tuple[int, int]]) -> dic
 
 
 def alternating(calls: dict[str, TimedCall], runs: int) -> dict[str, np.ndarray]:
-    """Wall-clock and CPU seconds of calls that alternate, after one run that is not counted. Shapes: (2, runs)."""
+    """Wall-clock and CPU seconds of several calls, by name. Shapes: (2, runs) each.
+
+    The calls alternate. Before them, each call runs once without being counted.
+    """
     for call in calls.values():
         call()
     seconds: dict[str, list[Seconds]] = {name: [] for name in calls}
@@ -468,7 +504,10 @@ def summary(seconds: np.ndarray) -> dict:
 
 
 def shaded(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
-    """Times of pictures with shadows, on two threads. have: the programs that are installed."""
+    """A dict with the times of pictures with shadows, on two threads (POV-Ray also on one).
+
+    folder: working folder; runs: number of runs; have: names of the programs to run
+    """
     calls: dict[str, TimedCall] = {}
     if "povray" in have:
         text = for_povray(surface, lit=True)
@@ -491,7 +530,10 @@ def shaded(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
 
 
 def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
-    """Rates of camera rays without shadows, on one thread, in millions a second."""
+    """A dict with times and rates of camera rays without shadows, on one thread. Units of rates: millions a second.
+
+    folder: working folder; runs: number of runs; have: names of the programs to run
+    """
     calls: dict[str, TimedCall] = {}
     if "surf" in have:
         calls |= {f"surf {n}": lambda n=n: surf(folder, for_surf(surface, n)) for n in (LARGE, SMALL)}
@@ -514,7 +556,7 @@ def bare(surface: Surface, folder: Path, runs: int, have: set[str]) -> dict:
 
 
 def wrong_pixels(surface: Surface, folder: Path, have: set[str]) -> dict:
-    """The wrong pixels of each program."""
+    """Counts of wrong pixels, by program."""
     masks = {}
     if "povray" in have:
         masks["povray"] = povray_mask(folder, surface)
@@ -529,7 +571,7 @@ def wrong_pixels(surface: Surface, folder: Path, have: set[str]) -> dict:
 
 
 def side_by_side(surface: Surface, folder: Path, have: set[str], out: Path) -> None:
-    """Writes the pictures of all programs in a row: POV-Ray, visray, surf."""
+    """Writes one image file with the pictures of all programs side by side: POV-Ray, visray, surf."""
     pictures = []
     if "povray" in have:
         povray(folder, for_povray(surface, lit=True), THREADS, "picture.png")
@@ -545,7 +587,7 @@ def side_by_side(surface: Surface, folder: Path, have: set[str], out: Path) -> N
 
 
 def versions(have: set[str]) -> dict[str, str]:
-    """The versions of the other programs."""
+    """The versions of POV-Ray and surf, by name."""
     texts = {}
     if "povray" in have:
         process = subprocess.run([POVRAY, "--version"], capture_output=True, text=True)
@@ -557,7 +599,7 @@ def versions(have: set[str]) -> dict[str, str]:
 
 
 def table(rows: list[dict], have: set[str]) -> str:
-    """The report as text: seconds a sample with shadows, millions of camera rays a second, wrong pixels."""
+    """The report as a text table: seconds of a sample with shadows, millions of camera rays a second, wrong pixels."""
     head = ["surface", "deg"]
     if "povray" in have:
         head += ["POV 2t s", "POV 1t s"]

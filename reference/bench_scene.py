@@ -1,14 +1,17 @@
-"""The time before a picture of very many objects is traced: reading, checking, packing, preparing the scene.
+"""The time that visray needs, before it traces rays, for a scene with very many objects: to read, check, pack and
+prepare the scene.
 
     python reference/bench_scene.py --before PATH -o reference/bench_scene.json
 
-30,000 spheres, 96 x 64 pixels, 1 sample. Each figure is the least of several processes. With `--before`, an older
-checkout and this one alternate. Kernels come from Dr.Jit's cache on disk, which a first process of each fills; imports
-are not counted. `cpu` is the CPU time of the process, which is more reliable on a busy machine.
+The scene has 30,000 spheres, 96 x 64 pixels, and 1 sample per pixel. Each figure is the least of several processes.
+With `--before`, an older checkout and this one alternate. Kernels come from Dr.Jit's cache on disk, which the first
+process of each checkout fills. The time of imports is not counted. `cpu` is the CPU time of the process, which is more
+reliable on a busy machine.
 
-Stages: load (a file), check (the loaded scene), check_new and check_again (a scene of Python objects), features, hash,
-pack, prepare. Frames: from_file and from_objects are the first picture of a process, each in its own process; second
-and moved follow from_objects: the same scene again, and with another radius of one sphere.
+Stages: load (a file), check (the loaded scene), check_new (a new scene of Python objects), check_again (the same scene
+once more), features, hash, pack, prepare.
+Frames: from_file (first picture of a process, from a file), from_objects (first picture of another process, from Python
+objects), second (the same scene again in that process), moved (that scene with another radius of one sphere).
 """
 
 import argparse
@@ -29,7 +32,7 @@ PARTS = ("stages", "file", "objects")
 
 
 def content(count: int) -> dict:
-    """The content of a scene file: a cloud of small spheres."""
+    """The content of a scene file with `count` small spheres at random places, as a dict."""
     draw = random.Random(1)
     spheres = {
         f"s{i}": {
@@ -51,7 +54,7 @@ def content(count: int) -> dict:
 
 
 def scene_of(raw: dict) -> Any:
-    """The same scene as Python objects that are not checked yet."""
+    """The scene as Python objects that are not checked yet. raw: the content of its file."""
     import visray as vr
 
     def fields(entry: dict) -> dict:
@@ -68,12 +71,13 @@ def scene_of(raw: dict) -> Any:
 
 
 class Stopwatch:
-    """Wall-clock and CPU seconds of calls, by name."""
+    """Measures wall-clock and CPU seconds of calls. times: the results, by the name of the call."""
 
     def __init__(self) -> None:
         self.times: dict[str, dict[str, float]] = {}
 
     def time(self, name: str, work: Callable[[], Any]) -> Any:
+        """Calls `work`, adds its times under a name, and returns its result."""
         start = time.perf_counter(), time.process_time()
         result = work()
         end = time.perf_counter(), time.process_time()
@@ -82,7 +86,7 @@ class Stopwatch:
 
 
 def stages(path: Path) -> dict:
-    """The times of the stages."""
+    """The times of the stages, by name. path: the scene file."""
     from visray.features import features
     from visray.pack import pack
     from visray.quantities import Arrays
@@ -103,21 +107,21 @@ def stages(path: Path) -> dict:
 
 
 def frame(scene: Any) -> Any:
-    """Renders a picture."""
+    """Renders a picture. scene: a vr.Scene, or the path of a file."""
     import visray as vr
 
     return vr.render(scene, layers=["RGB"], progress=False)
 
 
 def first_of_file(path: Path) -> dict:
-    """The time of the first picture of a process, from a file."""
+    """The time of the first picture of this process, rendered from a file."""
     watch = Stopwatch()
     watch.time("from_file", lambda: frame(path))
     return watch.times
 
 
 def frames_of_objects(path: Path) -> dict:
-    """The times of three pictures of Python objects: first, second, and with one sphere changed."""
+    """The times of three pictures of a scene of Python objects: first, second, and after one sphere has changed."""
     from dataclasses import replace
 
     scene, watch = scene_of(json.loads(path.read_text())), Stopwatch()
@@ -129,7 +133,10 @@ def frames_of_objects(path: Path) -> dict:
 
 
 def measured(checkout: Path, path: Path, part: str) -> dict:
-    """The times of one part, measured in its own process with the visray of a checkout."""
+    """The times of one part, measured in a new process with the visray of a checkout.
+
+    path: the scene file; part: one of PARTS
+    """
     command = [sys.executable, __file__, "--part", part, "--scene", str(path)]
     process = subprocess.run(
         command, env=os.environ | {"PYTHONPATH": str(checkout)}, cwd=checkout, check=True, capture_output=True
@@ -138,7 +145,7 @@ def measured(checkout: Path, path: Path, part: str) -> dict:
 
 
 def least(runs: list[dict]) -> dict:
-    """The least of each time over several runs."""
+    """For each name and unit, the least time of several runs."""
     return {name: {unit: min(run[name][unit] for run in runs) for unit in ("seconds", "cpu")} for name in runs[0]}
 
 

@@ -1,15 +1,18 @@
-"""The tree over bounding boxes against the tree that it replaced: time, and number of boxes and rows tested.
+"""The tree over bounding boxes and the older tree over bounding spheres: time of a search, and number of tests.
 
     python reference/bench_tree.py --before PATH -o reference/bench_tree.json
 
-PATH: a checkout of visray with the trees of `visray.bvh` (over bounding spheres, one tree a batch), such as 45a7471.
-Both trees use the same tests of rows. They alternate, each time in a new process with one thread; the least CPU time
-counts.
+PATH: a checkout of an older visray with the trees of `visray.bvh`, such as 45a7471. They are trees over bounding
+spheres, one for each batch. A row is one object in the kernel's tables; a batch is the rows of one kind.
 
-Scenes: random spheres, boxes, slivers (triangles of aspect 1,000), and a mix of all three, 1,000 and more of each.
-Rays: coherent camera rays, shadow rays from a light to the points that the camera sees, and random rays from inside.
-A row is tested as in a search: its bounding sphere in single, then the exact test in double in a branch. Also measured:
-the time to build a tree, and the time to compile a kernel by the number of batches.
+Both trees use the same tests of rows. The two versions of visray alternate, each time in a new process with one thread;
+the least CPU time counts.
+
+Scenes: random spheres, boxes, slivers (triangles 1,000 times as long as wide), and a mix of all three; 1,000 rows and
+more. Rays: coherent camera rays, shadow rays from a light to the points that the camera sees, and random rays that
+start among the objects. A row is tested as in visray's search: first its bounding sphere in single, then the exact test
+in double, in a branch. Also measured: the time to build a tree, and how the time to compile a kernel grows with the
+number of batches.
 """
 
 import argparse
@@ -34,7 +37,10 @@ COUNTS, TURNS, RUNS = (1000, 10_000, 100_000), 3, 3
 
 
 def measured(search: Callable) -> dict:
-    """Compile seconds, the least CPU seconds of a run, and the sum of the finite results, for comparison."""
+    """A dict: compile seconds, least CPU seconds of a run, and the sum of the finite results (`answers`).
+
+    The sum shows whether both trees give the same results. search: function that returns results and counts.
+    """
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         results = search()[0]
         dr.eval(results)
@@ -51,7 +57,10 @@ def measured(search: Callable) -> dict:
 
 
 def one(shape: str, n: int) -> dict:
-    """The figures of one scene, with the tree of the visray that is imported."""
+    """A dict with the figures of one scene, with the tree of the imported visray.
+
+    shape: one of SHAPES; n: number of rows
+    """
     a = Arrays.of("llvm", "single")
     search, report = Search(a, world(shape, n)), {}
     report["build_s"] = search.build
@@ -60,7 +69,7 @@ def one(shape: str, n: int) -> dict:
     points = eye + direction * np.where(np.isfinite(t), t, 9.0)
     lamp = np.array(LAMP)[:, None]
     distance = np.linalg.norm(points - lamp, axis=0)
-    # Shadow rays end short of the visible points, by more than their rounding.
+    # Shadow rays end a little before the visible points, by more than the rounding of their coordinates.
     shadow = (lamp, (points - lamp) / distance, distance * (1 - 2.0**-32))
     sets = {"camera": (eye, direction), "shadow": shadow, "random": rays("random")}
     for name, (o, d, *length) in sets.items():
@@ -77,7 +86,7 @@ def one(shape: str, n: int) -> dict:
 
 
 def batches(k: int) -> float:
-    """Compile seconds of a search through k batches, which alternate between spheres, boxes and slivers."""
+    """Compile seconds of a search through k batches; the batches are spheres, boxes and slivers in turn."""
     a, kinds = Arrays.of("llvm", "single"), ("spheres", "boxes", "slivers")
     search = Search(a, [world(kinds[i % 3], 100)[0] for i in range(k)])
     o, d = (a.put(a.W, x) for x in rays("random"))
@@ -85,14 +94,17 @@ def batches(k: int) -> float:
 
 
 def builds() -> dict[str, float]:
-    """Build seconds of trees over spheres, by the number of spheres."""
+    """Seconds to build a tree over spheres, by the number of spheres."""
     a = Arrays.of("llvm", "single")
     Search(a, world("spheres", 1000))
     return {str(n): Search(a, world("spheres", n)).build for n in (1000, 10_000, 100_000, 1_000_000)}
 
 
 def turn(root: Path, *work: str) -> Any:
-    """The report of a process that imports the visray at `root`, with an empty kernel cache."""
+    """The result of a new process that imports the visray at `root`, with an empty kernel cache.
+
+    work: name and arguments of the function to run in that process: one, batches or builds
+    """
     with tempfile.TemporaryDirectory() as cache:
         environment = os.environ | {"PYTHONPATH": str(root), "DRJIT_CACHE_DIR": cache}
         command = [sys.executable, str(Path(__file__).resolve()), "--work", *work]
@@ -100,7 +112,10 @@ def turn(root: Path, *work: str) -> Any:
 
 
 def compared(shape: str, n: int, roots: dict[str, Path], turns: int) -> dict:
-    """The figures of both trees on one scene: the least times over all turns."""
+    """A dict with the figures of both trees on one scene; times are the least of all turns.
+
+    roots: the checkouts, by name; turns: number of processes for each checkout
+    """
     reports: dict[str, list] = {name: [] for name in roots}
     for _ in range(turns):
         for name, root in roots.items():

@@ -1,8 +1,8 @@
-"""`visray check` on every scene in scenes/, as one table.
+"""`visray check` on every scene in scenes/, in one report.
 
     python reference/check_scenes.py -o reference/check_scenes.json
 
-Exit code 1 if a scene is outside its tolerances.
+The exit code is 1 if a scene fails, otherwise 0.
 """
 
 import argparse

@@ -1,15 +1,16 @@
-"""The cost of each effect: the matte scene of reference/bench_mitsuba.py, and the same with one effect more or less.
+"""The cost of each effect: the matte scene of reference/bench_mitsuba.py is compared with scenes that have one effect
+more or less.
 
     python reference/cost_of_effects.py -o reference/cost_of_effects.json --before ../visray-before
 
-Measured: the operations of the kernel; the time to compile it, as the median of 3 kernels that no cache holds; and the
-time of a picture with compiled kernels, 512 x 512 pixels, 16 samples per pixel, 2 threads. The matte scene and the
-other one alternate in 9 pairs; median and range of the ratio are reported.
+Three numbers are measured. Operations: of the kernel. Compile time: the median of 3 kernels that are in no cache. Time
+of a picture: with compiled kernels, 512 x 512 pixels, 16 samples per pixel, 2 threads. For that, the matte scene and
+the changed scene alternate in 9 pairs; median and range of the ratio of their times are reported.
 
 --before: a checkout of an earlier visray (git worktree add --detach ../visray-before 45a7471). The matte scene and some
-of scenes/ are rendered in 5 pairs of processes that alternate, one of each visray: operations and compile time of the
-kernel, and the median of 6 pictures with compiled kernels. The CPU time, the least of 6, is reported as well, as it
-depends little on other programs.
+scenes of scenes/ are rendered in 5 pairs of processes; in a pair, one process uses each visray. Measured are operations
+and compile time of the kernel, and the median of 6 pictures with compiled kernels. The least CPU time of the 6 is
+reported as well, because it depends little on other programs.
 """
 
 import argparse
@@ -38,10 +39,10 @@ HERE = Path(__file__).resolve().parent
 SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 5
 BLACK = (0.0, 0.0, 0.0)
 HALF = (0.5, 0.5, 0.5)
-# The scenes that are compared with an earlier visray, in addition to the matte one; width of their pictures.
+# COMPARED: the scenes that, like the matte scene, are compared with an earlier visray. WIDTH: width of their pictures.
 COMPARED, WIDTH = ("heart", "everything", "many", "penumbra", "transparencies"), 360
-# The program of each process of a pair. It uses the visray that it can import, and prints seconds, CPU seconds,
-# operations and compile seconds of a scene, in that order.
+# The program of each process of a pair. It uses the visray that its PYTHONPATH contains. It prints seconds, CPU
+# seconds, operations and compile seconds of a scene.
 CHILD = """
 import json, statistics, sys, time, visray
 import drjit as dr
@@ -76,13 +77,16 @@ Change = Callable[[vr.Scene], vr.Scene]
 
 
 def balls(only: str = "", **fields: object) -> Change:
-    """A change of the materials of all balls, or of the material `only`."""
+    """A change of the materials of all balls, or only of the material `only` if it is given.
+
+    fields: fields of vr.Material and their new values
+    """
     names = [only] if only else [f"paint {i}" for i in range(8)]
     return lambda s: replace(s, materials=s.materials | {n: replace(s.materials[n], **fields) for n in names})
 
 
 def settings(**fields: object) -> Change:
-    """A change of the settings."""
+    """A change of the settings. fields: fields of vr.Settings and their new values."""
     return lambda s: replace(s, settings=replace(s.settings, **fields))
 
 
@@ -93,12 +97,12 @@ def floor(texture: object) -> Change:
 
 
 def both(first: Change, second: Change) -> Change:
-    """Two changes, one after the other."""
+    """A change that makes two changes, one after the other."""
     return lambda s: second(first(s))
 
 
 def changes(picture: str) -> dict[str, Change]:
-    """The changes of the matte scene, by the names that the tables show. picture: an image file for a texture."""
+    """The changes of the matte scene, by the name that the table shows. picture: path of an image, for a texture."""
     lamp = ours(ring(), SPP).lights["key"]
     lit = lambda **f: lambda s: replace(s, lights={"key": replace(lamp, **f)})  # noqa: E731 - a change like the others
     return {
@@ -131,7 +135,7 @@ def kernel(prepared: Prepared) -> tuple[int, float]:
 
 
 def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
-    """The row of the table for one scene, compared with the matte one."""
+    """The row of the table for one scene, as a dict. The scene is compared with the matte scene."""
     operations, compiled = kernel(prepared)
     times = []
     for seed in range(-1, PAIRS):
@@ -153,7 +157,7 @@ def row(name: str, matte: Prepared, prepared: Prepared) -> dict:
 
 
 def table() -> list[dict]:
-    """The rows for the matte scene, and for those with one effect more or less."""
+    """The rows for the matte scene, and for the scenes with one effect more or less."""
     matte = prepare(ours(ring(), SPP))
     kernel(matte)  # LLVM itself starts with the first kernel
     rows = [row("matte", matte, prepare(ours(ring(), SPP)))]
@@ -167,15 +171,20 @@ def table() -> list[dict]:
 
 
 def against(before: Path) -> dict:
-    """The matte scene and some others, compared with an earlier visray."""
+    """The figures of the matte scene and of COMPARED with this visray and an earlier visray, by scene.
+
+    before: the checkout of the earlier visray
+    """
     commit = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
     commit_hash = subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip()
     return {"commit": commit_hash, "pairs": PROCESSES} | {name: compared(before, name) for name in ("matte", *COMPARED)}
 
 
 def compared(before: Path, name: str) -> dict:
-    """One scene with this visray and an earlier one, in processes that alternate. The first pair starts with empty
-    kernel caches."""
+    """The figures of one scene with this visray and an earlier visray, as a dict.
+
+    Processes of both alternate. The kernel caches are empty before the first pair.
+    """
     paths = before, HERE.parent
     runs: dict[Path, list] = {path: [] for path in paths}
     with tempfile.TemporaryDirectory() as cache:
@@ -202,7 +211,10 @@ def compared(before: Path, name: str) -> dict:
 
 
 def run_of(path: Path, name: str, cache: str) -> tuple[float, float, int, float]:
-    """The numbers that CHILD prints for a scene, in a process with the visray of a checkout."""
+    """The four numbers that CHILD prints for a scene, in a new process with the visray of a checkout.
+
+    path: the checkout; cache: folder for the kernel caches
+    """
     environment = os.environ | {
         "PYTHONPATH": f"{path}{os.pathsep}{path / 'reference'}",
         "DRJIT_CACHE_DIR": str(Path(cache, path.name)),

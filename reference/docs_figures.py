@@ -1,7 +1,10 @@
-"""Fills the tables of README.md and docs/*.md, between marks such as <!-- figures: speed -->: from the reports
-reference/*.json, and from the records of layers and shading modes.
+"""Writes the measured figures and tables into README.md and docs/*.md, between marks such as <!-- figures: speed -->.
 
-python reference/docs_figures.py
+They come from the reports reference/*.json, and from the records of layers and shading modes in visray.
+
+    python reference/docs_figures.py
+
+Each function in FIGURES returns the lines of one block.
 """
 
 import json
@@ -23,7 +26,7 @@ def loaded(name: str) -> dict:
 
 
 def table(heads: list, rows: list[list]) -> list[str]:
-    """Lines of a table, with an empty one before and after; a | in a cell is escaped."""
+    """Lines of a Markdown table, with an empty line before and after it. A | in a cell is escaped."""
     head, *body = ("| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in (heads, *rows))
     return ["", head, "|" + "---|" * len(heads), *body, ""]
 
@@ -34,7 +37,10 @@ def prose(text: str) -> list[str]:
 
 
 def measured(report: dict, script: str, between: str = " ", more: str = "") -> str:
-    """Date, machine and versions of a report, in a sentence, and what to run, in another."""
+    """A sentence with date, machine and versions of a report, and a sentence that says how to run the script.
+
+    between: text between the two sentences; more: end of the second sentence
+    """
     tools = ", ".join(f"{name} {report[key]}" for name, key in VERSIONS if key in report)
     threads = f"{report['threads']} thread{'s' * (report['threads'] != 1)}"
     where = f"Measured {report['date']} on {report['cpu']}, {threads}; {tools}."
@@ -42,7 +48,7 @@ def measured(report: dict, script: str, between: str = " ", more: str = "") -> s
 
 
 def speed() -> list[str]:
-    """Against Mitsuba."""
+    """Lines with the speed of visray and of Mitsuba."""
     report = loaded("bench_mitsuba")
     start = report["from_start_s"]
     cold, warm = ((start["visray"][k], start["mitsuba"][k]) for k in ("cold", "warm"))
@@ -67,7 +73,7 @@ def speed() -> list[str]:
 
 
 def check() -> list[str]:
-    """Against Mitsuba, ray by ray."""
+    """Lines with the differences between visray and Mitsuba, ray by ray."""
     report = loaded("check_scenes")
     heads = ["scene", "rays", "near an edge", "hit or object mismatches"]
     heads += ["shadow rays", "near an edge", "mismatches", "largest |dt| / distance", "image error"]
@@ -91,7 +97,7 @@ def check() -> list[str]:
 
 
 def effects() -> list[str]:
-    """What each effect costs."""
+    """Lines with the cost of each effect."""
     report = loaded("cost_of_effects")
     size, matte_ms, before = report["size"], 1e3 * report["rows"][0]["seconds"], report["before"]
     rows = [[r["scene"], f"{r['operations']:,}", f"{r['compile_s']:.2f}", f"{r['ratio']:.2f}"] for r in report["rows"]]
@@ -125,7 +131,7 @@ def effects() -> list[str]:
 
 
 def polynomials() -> list[str]:
-    """Against POV-Ray and surf."""
+    """Lines that compare visray with POV-Ray and surf."""
     report = loaded("bench_povray")
     size, larger = report["size"], report["size_of_camera_rays"]
     timed = ["surface (degree)", "POV-Ray, s", "visray, s (4 spp)", "times faster at 1, 4, 16 spp"]
@@ -156,7 +162,7 @@ def polynomials() -> list[str]:
 
 
 def degree() -> list[str]:
-    """How the cost grows with the degree, and what precision costs."""
+    """Lines about how the cost of a polynomial surface grows with the degree, and what precision costs."""
     report = loaded("bench_degree")
     degrees = report["degrees"]
     growth = [
@@ -188,12 +194,21 @@ def degree() -> list[str]:
 
 
 def stability() -> list[str]:
-    """Polynomial surfaces against exact arithmetic."""
+    """Lines that compare visray's hits of polynomial surfaces with exact arithmetic."""
     report = loaded("stability")
     sums = report["sums"]
     heads = ["rays", "judged", "near an edge", "lost", "false", "wrong root", "NaN", "unresolved"]
     keys = ["false_misses", "false_hits", "wrong_roots", "nan", "unresolved"]
-    rows = [[r["rays"], f"{r['judged']:,}", f"{r['near_edge'] + r['open']:,}", *(r[key] for key in keys)] for r in sums]
+    names = {"secondary, grazing": "secondary, skimming"}
+    rows = [
+        [
+            names.get(r["rays"], r["rays"]),
+            f"{r['judged']:,}",
+            f"{r['near_edge'] + r['open']:,}",
+            *(r[key] for key in keys),
+        ]
+        for r in sums
+    ]
     return [
         *prose(
             f"`visray stability` on the {sums[0]['surfaces']} known surfaces, with {report['rays']:,} rays in each "
@@ -206,7 +221,7 @@ def stability() -> list[str]:
 
 
 def estimates() -> list[str]:
-    """Whether pictures have the errors that they say."""
+    """Lines about whether pictures have the errors that they report."""
     report = loaded("error_estimates")
     s = report["summary"]
     scenes = {r["scene"] for r in report["estimates"]}
@@ -225,7 +240,7 @@ def estimates() -> list[str]:
 
 
 def adaptive() -> list[str]:
-    """What --error saves."""
+    """Lines about the time that --error saves."""
     report = loaded("bench_adaptive")
     heads = ["scene", "true error", "`--error`: spp, s", "`--spp`: spp, s", "ratio"]
     heads += ["Sobol everywhere: spp, s", "ratio"]
@@ -283,12 +298,12 @@ def _factor(halving: dict) -> str:
 
 
 def layer_records() -> list[str]:
-    """The layers of a picture."""
+    """Lines of a table of all layers of a picture."""
     return table(*layers.table())
 
 
 def mode_records() -> list[str]:
-    """The shading modes."""
+    """Lines of a table of all shading modes."""
     return table(*modes.table())
 
 
@@ -308,7 +323,7 @@ FIGURES = {
 
 
 def filled(text: str) -> str:
-    """The text of a page with the figures in their places."""
+    """The text of a page with the new figures between the marks."""
     for name, figure in FIGURES.items():
         marks = f"<!-- figures: {name} -->", f"<!-- /figures: {name} -->"
         block = "\n".join([marks[0], *figure(), marks[1]])

@@ -1,7 +1,9 @@
-"""Renders the pictures of README.md and docs/: README's two scenes, by the commands that stand there, and the gallery.
+"""Renders the pictures of README.md and docs/: the scenes whose code is on these pages, and the gallery.
 
-python reference/docs_pictures.py                    # README's two scenes and the gallery
-python reference/docs_pictures.py many everything    # some scenes; everything is the picture on top of README
+    python reference/docs_pictures.py                    # the scenes of the pages, and the gallery
+    python reference/docs_pictures.py many everything    # only these files of scenes/
+
+The scene "everything" is the picture at the top of README.md.
 """
 
 import re
@@ -17,12 +19,12 @@ import visray as vr
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 GALLERY_SIZE, LARGE = (390, 260), (640, 400)
-# The scenes of the gallery, each with its samples per pixel: enough that no noise is seen.
+# The scenes of the gallery, each with its samples per pixel. They are so many that no noise is visible.
 GALLERY = {
     "barth-decic": 64, "glass-heart": 64, "earth-with-stars-and-moon": 64, "many-lights": 36, "many": 64,
     "mirror-hall": 64, "defocus-blur": 400, "scatter": 900, "toon": 64,
 }  # fmt: skip
-# Larger pictures of docs/: what to give vr.render for them.
+# Larger pictures of docs/, each with the options of vr.render.
 PICTURES = {
     "everything": {"size": LARGE, "time": 400},
     "heart": {"size": LARGE, "error": 0.01},
@@ -31,12 +33,12 @@ PICTURES = {
 
 
 def first_block(page: str, language: str) -> str:
-    """The first code block of a page in a language."""
+    """The first code block in a language (such as "json") on a page. page: path of the page in the repository."""
     return re.search(rf"^```{language}\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)[1]
 
 
 def scenes_of_pages() -> None:
-    """The pictures of README's JSON scene, rendered by its command, of its Python script, and of the materials."""
+    """Renders the pictures of the scenes on pages: README's JSON scene, README's Python script, and the materials."""
     command = re.search(r"^(visray render first\.json .*)", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
     materials = "visray render materials.json -o materials.png --size 480x320 --spp 64"
     with tempfile.TemporaryDirectory() as folder:
@@ -50,14 +52,14 @@ def scenes_of_pages() -> None:
 
 
 def save_small(source: Path, target: Path) -> None:
-    """Writes the same picture without metadata, compressed as far as PNG goes."""
+    """Writes a PNG picture again, without metadata and with the strongest compression. source, target: files."""
     with Image.open(source) as picture:
         Image.frombytes(picture.mode, picture.size, picture.tobytes()).save(target, optimize=True)
     print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1000:.0f} kB")
 
 
 def picture(name: str) -> None:
-    """A picture of a scene of scenes/."""
+    """Renders the picture of a scene of scenes/ for docs/."""
     target = DOCS / f"{name}.png" if name in PICTURES else DOCS / "gallery" / f"{name}.png"
     options = PICTURES.get(name) or {"size": GALLERY_SIZE, "spp": GALLERY[name], "seed": 1}
     vr.render(ROOT / "scenes" / f"{name}.json", layers=("RGB",), **options).write(target)

@@ -1,15 +1,16 @@
-"""Tests of render(error=...) and render(time=...): whether pictures have the reported errors, and end in time.
+"""Tests of render(error=...) and render(time=...): whether pictures have the errors that they report, and whether
+renders end in time.
 
     python reference/error_estimates.py -o reference/error_estimates.json
 
 Errors: each scene is rendered to two errors with three seeds each. The reference picture is the mean of two pictures by
-render(spp=...), which uses no dual buffer, no pilot and no allocation of samples. They have other seeds, Sobol points,
-and paths so deep that deeper ones do not matter. Together they have at least 100 times the mean samples of the tested
-pictures. The error of the reference itself is known from the difference of its two pictures, and is subtracted from the
-mean square. Films are small, to save time.
+render(spp=...), which uses no dual buffer, no pilot and no allocation of samples. These two pictures have other seeds
+than the tested pictures, Sobol points, and so large a path depth that a larger one would not matter. Together they have
+at least 100 times as many samples as a tested picture. The error of the reference is known from the difference of its
+two pictures; its mean square is subtracted. Films are small, to save time.
 
-Times: four scenes are rendered in two times each, from the call to the file on disk, with all layers and with compiled
-kernels. Reported are the time beyond the limit, and the longest pass, which bounds it.
+Times: four scenes are rendered with two time limits each, from the call to the file on disk, with all layers and with
+compiled kernels. Reported are the time beyond the limit, and the time of the longest pass, which bounds it.
 """
 
 import argparse
@@ -35,9 +36,9 @@ from visray.render import adjusted
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SEEDS, REFERENCE_SEEDS = (0, 1, 2), (1001, 1002)
-# Samples of the reference picture, as a multiple of the mean samples of the tested pictures.
+# Samples per pixel of the reference picture, as a multiple of the most that a tested picture has on average.
 TIMES = 100
-# By scene: width of the film, and the errors that are asked for.
+# By scene: width of the film, and the requested errors.
 CASES = {
     "penumbra": (240, (0.01, 0.005)),
     "area-lights": (240, (0.03, 0.01)),
@@ -59,7 +60,7 @@ TIMED_WIDTH = 480
 
 
 def loaded(name: str, width: int) -> vr.Scene:
-    """A scene of scenes/, with a film of this width."""
+    """A scene of scenes/, with a film of this width and of the same proportions."""
     scene = vr.load(SCENES / f"{name}.json")
     return adjusted(scene, size=(width, round(width * scene.film.height / scene.film.width)))
 
@@ -72,8 +73,8 @@ def rendered(scene: vr.Scene, **more: object) -> vr.Image:
 class Reference:
     """A reference picture.
 
-    rgb: pixels, (H, W, 3)
-    square: mean square error of these pixels
+    rgb: colours of the pixels, (H, W, 3)
+    square: mean square error of the reference picture itself
     spp: samples per pixel
     luminance: mean luminance
     """
@@ -85,7 +86,10 @@ class Reference:
 
     @staticmethod
     def of(scene: vr.Scene, spp: float) -> "Reference":
-        """A reference picture with at least `spp` samples, and paths as deep as in visray's estimate of depth bias."""
+        """A reference picture with at least `spp` samples per pixel.
+
+        Its path depth is that of visray's estimate of depth bias.
+        """
         depth = min(8 * scene.settings.depth + 8, 1000)
         half_spp = 2 ** int(np.ceil(np.log2(spp / 2)))
         scene = adjusted(scene, sampler="sobol", spp=half_spp, depth=depth)
@@ -94,13 +98,13 @@ class Reference:
         return Reference(rgb, float(np.square(a - b).mean() / 4), 2 * half_spp, float((rgb @ LUMINANCE).mean()))
 
     def error(self, rgb: np.ndarray) -> float:
-        """The relative error of a picture; the error of the reference is subtracted."""
+        """The relative error of a picture. The mean square error of the reference is subtracted."""
         square = float(np.square(rgb - self.rgb).mean()) - self.square
         return float(np.sqrt(max(square, 0.0))) / self.luminance
 
 
 def estimates(name: str) -> list[dict]:
-    """The reported and true errors of a scene's pictures, one row each."""
+    """The reported and true errors of a scene's pictures: a list with a dict for each picture."""
     width, errors = CASES[name]
     scene = loaded(name, width)
     images = [(e, s, rendered(scene, error=e, seed=s)) for e in errors for s in SEEDS]
@@ -122,10 +126,14 @@ def estimates(name: str) -> list[dict]:
 
 
 def summary(rows: list[dict]) -> dict:
-    """Figures over all pictures.
+    """Figures over all pictures, as a dict.
 
-    within: share of the true errors in the reported interval; met: share that is at most the error asked for
-    ratio: true over reported error; ratio_rms: root mean square of the ratios, 1 if squares are estimated without bias
+    within: fraction of the pictures whose true error lies in the reported interval
+    below, above: number of pictures whose true error lies below or above that interval
+    met: fraction of the pictures whose true error is at most the requested error
+    ratio_...: of the quotients true error / reported error: the worst, least and largest; and their root mean square,
+        which is 1 if mean squares are estimated without bias
+    truth_off_most: largest quotient of the reference's own error and a picture's true error
     """
     ratios = np.array([r["ratio"] for r in rows])
     return {
@@ -143,7 +151,7 @@ def summary(rows: list[dict]) -> dict:
 
 
 class Stopwatch:
-    """A context that records the seconds of each pass of an adaptive render."""
+    """A context manager that returns a list and adds to it the seconds of each pass of an adaptive render."""
 
     def __enter__(self) -> list[float]:
         self.run_pass, seconds = DualBuffer.run_pass, []
@@ -161,7 +169,7 @@ class Stopwatch:
 
 
 def times(name: str) -> list[dict]:
-    """Times of a scene that is rendered with a time limit, one row for each limit."""
+    """Times of a scene that is rendered with time limits: a list with a dict for each limit."""
     scene, rows = loaded(name, TIMED_WIDTH), []
     rendered(scene, error=1.0, layers=NAMES)
     for asked in TIMED[name]:
@@ -180,7 +188,7 @@ def times(name: str) -> list[dict]:
 
 
 def print_tables(report: dict) -> None:
-    """Prints the report."""
+    """Prints the report as two tables: errors and times."""
     console = Console(width=120)
     table = Table("scene", "seed", "asked", "estimate", "interval", "true", "true/est.", "", "spp", "of reference")
     for r in report["estimates"]:

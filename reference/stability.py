@@ -17,7 +17,7 @@ COUNTS = ("judged", "near_edge", "open", "false_misses", "false_hits", "wrong_ro
 
 
 def sums(report: stability.Report) -> list[dict]:
-    """The sums over all surfaces, one entry for each set of rays."""
+    """For each set of rays, a dict with the sums of counts over all surfaces, and the worst of the other figures."""
     entries = []
     for name in dict.fromkeys(s.rays for s in report.scores):
         scores = [s for s in report.scores if s.rays == name]

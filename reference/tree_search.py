@@ -1,6 +1,7 @@
-"""A search through the tree of the visray that is imported, of two versions: scenes, rays, and tests of rows.
+"""Scenes, rays, and a search through the tree of the imported visray, which is one of two versions.
 
-Nothing but the tree is taken from visray, so that both versions are compared with the same tests of rows.
+Only the tree and its traversal come from visray. The tests of rows are written here, so that both versions are compared
+with the same tests. A row is one object in the kernel's tables, a batch is the rows of one kind, and a lane is one ray.
 """
 
 import time
@@ -21,9 +22,11 @@ NO_ROW = 0xFFFFFFFF
 
 
 def world(shape: str, n: int) -> list[tuple[str, np.ndarray]]:
-    """The batches of a scene: pairs of a kind and its rows.
+    """The batches of a random scene: pairs (kind, rows).
 
-    A row is the centre and half sides of a sphere or a box, or the three corners of a sliver. Shapes: (9, rows).
+    shape: one of SHAPES; n: number of rows over all batches
+    A row has 9 numbers: centre and half sides of a sphere or a box, then zeros; or the three corners of a sliver.
+    Shapes: (9, rows) each.
     """
     rng = np.random.default_rng(n)
     middle = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3))
@@ -43,7 +46,7 @@ def world(shape: str, n: int) -> list[tuple[str, np.ndarray]]:
 
 
 def bounds(kind: str, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Bounding box and bounding sphere of each row: low, high, centre (n, 3), radius (n)."""
+    """Bounding box and bounding sphere of each row: (low, high, centre, radius). Shapes: (n, 3) each, radius (n)."""
     a, b, c = rows.T.reshape(-1, 3, 3).transpose(1, 0, 2)
     if kind == "slivers":
         corners, middle = np.array([a, b, c]), (a + b + c) / 3
@@ -52,7 +55,10 @@ def bounds(kind: str, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def rays(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Origins, shared or one a ray, and unit directions. Camera rays are ordered in tiles of 4 x 4. Shapes: (3, N)."""
+    """Origins and unit directions of rays. Shapes: (3, N) each; origins are (3, 1) if all rays share one.
+
+    kind: "random", or "camera"; camera rays are ordered in tiles of 4 x 4 pixels
+    """
     n, rng = SIDE * SIDE, np.random.default_rng(3)
     if kind == "random":
         o, d = rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)).T, rng.normal(size=(3, n))
@@ -68,7 +74,12 @@ def rays(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Search:
-    """A scene and searches through its tree. counted: whether tests of boxes and rows are counted."""
+    """A scene, and searches through its tree.
+
+    batches: pairs (kind, rows), see `world`
+    counted: whether the tests of boxes and rows are counted
+    build: seconds to build the tree
+    """
 
     def __init__(self, a: Arrays, batches: list[tuple[str, np.ndarray]], counted: bool = False):
         self.a, self.counted, self.kinds = a, counted, [kind for kind, _ in batches]
@@ -83,9 +94,10 @@ class Search:
         self.build = time.process_time() - start
 
     def test_row(self, batch: int, state: tuple, row: Any, present: Any, o: Any, d: Any, change: Callable) -> tuple:
-        """The new state: change(state, t, row) where the ray hits the row's bounding sphere.
+        """The new state of the search after the test of one row: change(state, t, row) in lanes where the ray hits the
+        row's bounding sphere, and otherwise the old state.
 
-        row: number in the batch; present: lanes that have a row to test
+        batch: index of the batch; row: number of the row in the batch; present: mask of the lanes that test a row
         """
         a = self.a
         middle, radius = (dr.gather(type(x), x, row, present) for x in self.spheres[batch])
@@ -102,7 +114,7 @@ class Search:
         return dr.if_stmt(state, may_hit, exact, lambda *state: state, label="exact")
 
     def closest(self, o: Any, d: Any) -> tuple:
-        """The first hits (t, row), and the numbers of tests."""
+        """The first hits, and the numbers of tests: ((t, row), tests of boxes, tests of rows)."""
         a, n = self.a, dr.width(d)
 
         def change(state: tuple, t: Any, row: Any) -> tuple:
@@ -113,7 +125,7 @@ class Search:
         return self.walk(o, d, start, change, lambda state: state[0], lambda _: a.B(False))
 
     def any(self, o: Any, d: Any, length: Any) -> tuple:
-        """Whether rays of this length are occluded, and the numbers of tests."""
+        """Whether rays of this length are occluded, and the numbers of tests: ((occluded,), boxes, rows)."""
 
         def change(state: tuple, t: Any, row: Any) -> tuple:
             return (state[0] | (t < length),)
@@ -123,15 +135,18 @@ class Search:
 
 
 def has_tree_over_boxes() -> bool:
-    """Whether the visray that is imported has the tree over bounding boxes.
+    """Whether the imported visray has the tree over bounding boxes.
 
-    The file is looked for, because an import could find another visray that is installed.
+    This is decided by the tree's file. A trial import could find the module of another visray that is installed.
     """
     return (Path(visray.__file__).parent / "accel" / "bvh.py").exists()
 
 
 def new_walk(search: Search, limits: list) -> Callable:
-    """The traversal of the tree over boxes: a function that returns state, box tests and row tests of each lane."""
+    """A function that traverses the tree over boxes and returns (state, tests of boxes, tests of rows) of each lane.
+
+    limits: for each batch, the result of `bounds`
+    """
     from visray.accel.bvh import build
     from visray.accel.bvh_walk import Walk
     from visray.accel.sah import WIDTH
@@ -156,7 +171,7 @@ def new_walk(search: Search, limits: list) -> Callable:
 
 
 def old_walk(search: Search, limits: list) -> Callable:
-    """The traversal of the trees over spheres, one batch after the other; it returns the same as new_walk."""
+    """A function that traverses the trees over spheres, one batch after the other, with the results of new_walk's."""
     from visray import bvh
 
     a, trees = search.a, [bvh.build(search.a, middle, radius) for _, _, middle, radius in limits]
@@ -184,7 +199,8 @@ def old_walk(search: Search, limits: list) -> Callable:
             state = tuple(result[: len(state)])
             if search.counted:
                 tested += result[-1]
-                # Each iteration visits a fork, with two boxes, or a leaf, and most leaves are full.
+                # Each iteration visits either an inner node, which has two boxes, or a leaf. Most leaves are full, so
+                # the number of leaves follows from the number of tested rows.
                 leaves = a.U(dr.ceil(a.F32(result[-1]) / bvh.LEAF))
                 boxes += 2 * (rounds.pop() - leaves)
         return state, boxes, tested
@@ -193,7 +209,7 @@ def old_walk(search: Search, limits: list) -> Callable:
 
 
 class CountingDrJit:
-    """The module Dr.Jit, with loops that count their iterations."""
+    """Stands in for the module drjit. Its loops count their iterations, and append the counts to `rounds`."""
 
     def __init__(self, a: Arrays, rounds: list):
         self.a, self.rounds = a, rounds
@@ -211,7 +227,7 @@ class CountingDrJit:
 
 
 def sphere(table: list, o: Any, d: Any) -> Any:
-    """Distance of the first hit with a sphere, inf for none."""
+    """Distance of the first hit with a sphere, inf without a hit. table: the row as three vectors, see `world`."""
     to, radius = table[0] - o, table[1].x
     along = dr.dot(to, d)
     square = dr.square(radius) - dr.squared_norm(to - along * d)
@@ -221,7 +237,7 @@ def sphere(table: list, o: Any, d: Any) -> Any:
 
 
 def box(table: list, o: Any, d: Any) -> Any:
-    """Distance of the first hit with a box, inf for none."""
+    """Distance of the first hit with a box, inf without a hit. table: the row as three vectors, see `world`."""
     begin, end = type(o.x)(-dr.inf), type(o.x)(dr.inf)
     for axis in range(3):
         inverse, to = dr.rcp(d[axis]), table[0][axis] - o[axis]
@@ -233,7 +249,7 @@ def box(table: list, o: Any, d: Any) -> Any:
 
 
 def sliver(table: list, o: Any, d: Any) -> Any:
-    """Distance of the hit with a triangle, inf for none."""
+    """Distance of the hit with a triangle, inf without a hit. table: the row as three vectors, see `world`."""
     a, b, c = (v - o for v in table)
     u, v, w = dr.dot(d, dr.cross(b, c)), dr.dot(d, dr.cross(c, a)), dr.dot(d, dr.cross(a, b))
     inside = ((u >= 0) & (v >= 0) & (w >= 0)) | ((u <= 0) & (v <= 0) & (w <= 0))

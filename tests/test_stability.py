@@ -429,7 +429,7 @@ def test_wrong_questions(tmp_path):
     with pytest.raises(UserError, match="cannot be read"):
         stability.run(tmp_path / "none.json")
     (tmp_path / "bad.json").write_text('{"surfaces": [{"name": "a"}]}')
-    with pytest.raises(UserError, match="no file of surfaces"):
+    with pytest.raises(UserError, match="is not a file of surfaces"):
         stability.run(tmp_path / "bad.json")
 
 

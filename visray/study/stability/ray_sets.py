@@ -1,14 +1,15 @@
-"""The sets of rays that a polynomial surface is tested with.
+"""The sets of rays that a polynomial surface is tested with. The clip is the sphere that bounds the surface.
 
-camera: from three eyes, at three radii of the clip from its centre, to all of the clip
-inside: from points in the clip, in any direction
-grazing: past points of the surface, at 10^-12 to 10^-2 of the clip's radius
-singular: past the surface's singular points, at 10^-9 to 10^-2 of the clip's radius
-secondary: from points of the surface, on the side from which they were seen: half of them over the hemisphere, half at
-    less than 3 degrees to the surface
+camera: from three eyes to all points of the clip; the distance of an eye from the clip's centre is 3 radii of the clip
+inside: from points inside the clip, in all directions
+grazing: past points of the surface, at a distance of 10^-12 to 10^-2 radii of the clip
+singular: past singular points of the surface, at a distance of 10^-9 to 10^-2 radii of the clip
+secondary: from points where camera and inside rays hit the surface, into the side from which these rays came. Half of
+    them are spread over the hemisphere. The other half, the skimming rays, leave at less than 3 degrees to the surface.
+    Reports call this half "secondary, grazing".
 
-Origins are single-precision numbers, but those of secondary rays. Directions are of unit length to 2^-52. Both are
-stored as doubles, so that the exact solver and the kernel see the same rays.
+Origins are single-precision numbers, except those of secondary rays. The length of a direction is 1 to within 2^-52.
+Both are stored as doubles, so that the exact solver and the kernel get the same rays.
 """
 
 import json
@@ -26,18 +27,18 @@ from visray.study.stability.exact.truth import Truth
 
 SETS = ("camera", "inside", "grazing", "singular", "secondary")
 SECONDARY_SETS = ("secondary, hemisphere", "secondary, grazing")
-# Powers of ten of the clip's radius: least distances from the surface and from singular points, and the largest one.
-# Nearer to a singular point than 10^-9, few rays have a defined hit.
+# Exponents of ten: grazing and singular rays pass at distances between 10^LEAST_GRAZING (or 10^LEAST_SINGULAR) and
+# 10^LARGEST radii of the clip. Nearer to a singular point than 10^-9, double precision defines few of the hits.
 LEAST_GRAZING, LEAST_SINGULAR, LARGEST = -12, -9, -2
-GRAZING_COSINE = 0.05  # of the angle with the normal; below it a secondary ray is grazing
-ROUNDING = 2.0**-50  # of a point's coordinates: how well a kernel in double precision knows where it is
+SKIMMING_COSINE = 0.05  # a secondary ray is skimming if the cosine of its angle with the normal is at most this
+ROUNDING = 2.0**-50  # relative error of the coordinates of a hit point that a kernel in double precision computes
 
 
 @dataclass(frozen=True)
 class NamedSurface:
     """A surface with its name and its known singular points.
 
-    singular: coordinates of each point, as numbers or expressions
+    singular: for each singular point, three coordinates, which are numbers or expressions
     """
 
     name: str
@@ -52,13 +53,13 @@ class NamedSurface:
 
 
 def _coordinate(text: float | str, parameters: dict[str, float]) -> float:
-    """The value of a number, of an expression without x, y and z, or of the cosine of one."""
+    """The value of a number, of an expression without x, y and z, or of "cos(expression)"."""
     if str(text).startswith("cos("):
         return cos(number(str(text)[4:-1], parameters))
     return float(number(text, parameters))
 
 
-# Surfaces of files under other names than those in the catalogue, which knows their singular points.
+# By the name of a surface in a file, the name of the same surface in the catalogue, which has its singular points.
 ALIASES = {"heart-taubin": "heart", "roman-steiner": "roman"}
 
 
@@ -66,9 +67,9 @@ FORMAT = '{"surfaces": [{"name": "ball", "expression": "x^2 + y^2 + z^2 - 1", "b
 
 
 def named_surfaces(path: Path | None) -> dict[str, NamedSurface]:
-    """The surfaces of the catalogue, or those of a JSON file in FORMAT.
+    """The surfaces of the catalogue (path is None), or of a JSON file in FORMAT, by name.
 
-    In a file, each surface may also have "centre", "parameters" and "singular_points".
+    In a file, each surface may also have the keys "centre", "parameters" and "singular_points".
     """
     if path is None:
         return {
@@ -81,10 +82,11 @@ def named_surfaces(path: Path | None) -> dict[str, NamedSurface]:
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise UserError(f"{path}: is no file of surfaces; it must hold {FORMAT}") from None
+        raise UserError(f"{path}: is not a file of surfaces; right would be {FORMAT}") from None
 
 
 def _named_surface(entry: dict) -> NamedSurface:
+    """The surface of one entry of a file."""
     surface = Surface(
         entry["expression"],
         float(entry["bounding_radius"]),
@@ -98,7 +100,7 @@ def _named_surface(entry: dict) -> NamedSurface:
 
 
 def single(v: np.ndarray) -> np.ndarray:
-    """Numbers rounded to single precision, as doubles."""
+    """Numbers rounded to single precision, but stored as doubles."""
     return v.astype(np.float32).astype(float)
 
 
@@ -107,17 +109,17 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 
 def sphere(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Uniform random directions. Shapes: (n, 3)."""
+    """Random unit vectors, uniform over the sphere. Shapes: (n, 3)."""
     return unit(rng.normal(size=(n, 3)))
 
 
 def ball(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Uniform random points of the unit ball. Shapes: (n, 3)."""
+    """Random points, uniform in the unit ball. Shapes: (n, 3)."""
     return sphere(rng, n) * rng.random((n, 1)) ** (1 / 3)
 
 
 def camera(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
-    """Rays from three eyes to points on the disk through the clip's centre that faces the eye."""
+    """n rays from three eyes to random points of a disk with the clip's centre and radius, which faces the eye."""
     s = named.surface
     eyes = single(np.array(s.centre) + 3 * s.radius * sphere(rng, 3))
     o = eyes[np.arange(n) % len(eyes)]
@@ -129,7 +131,7 @@ def camera(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
 
 
 def inside(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
-    """Rays from random points in the clip, in random directions."""
+    """n rays from random points in the clip, in random directions."""
     s = named.surface
     return RayBundle(single(np.array(s.centre) + s.radius * ball(rng, n)), sphere(rng, n))
 
@@ -137,9 +139,12 @@ def inside(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
 def rays_past(
     named: NamedSurface, p: np.ndarray, sideways: np.ndarray, d: np.ndarray, least: float, rng: np.random.Generator
 ) -> RayBundle:
-    """Rays roughly along d that pass the points p, at 10^least to 10^LARGEST of the clip's radius.
+    """Rays roughly along d that pass the points p at a distance of 10^least to 10^LARGEST radii of the clip.
 
-    sideways: unit vector; the ray passes on this side of the point or on the opposite one. Shapes: (n, 3) each.
+    p: points, (n, 3)
+    sideways: unit vectors from the point to the ray, or to the opposite side, (n, 3)
+    d: unit vectors, (n, 3)
+    least: exponent of ten
     """
     s, n = named.surface, len(p)
     distance = s.radius * 10 ** rng.uniform(least, LARGEST, (n, 1)) * rng.choice([-1.0, 1.0], (n, 1))
@@ -148,7 +153,10 @@ def rays_past(
 
 
 def grazing(named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBundle, truth: Truth) -> RayBundle | None:
-    """Rays that just touch or just miss the surface, near points that other rays hit. None if no ray hits."""
+    """n rays that just touch or just miss the surface, near points that other rays hit. None if no ray hits.
+
+    rays, truth: the other rays and their exact hits
+    """
     hit = np.flatnonzero(truth.judged & np.isfinite(truth.t))
     if not len(hit):
         return None
@@ -165,7 +173,7 @@ def grazing(named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBund
 
 
 def singular(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle | None:
-    """Rays past the singular points. None if none is known."""
+    """n rays past the singular points. None if no singular point is known."""
     points = named.singular_points()
     if not len(points):
         return None
@@ -176,13 +184,13 @@ def singular(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle
 
 @dataclass(frozen=True)
 class SecondaryRays:
-    """Rays that leave the points where other rays hit the surface.
+    """Rays that start at the points where other rays hit the surface.
 
-    rays: the secondary rays; their origins are the exact hit points to 2^-100
-    incoming: the rays that hit, a ray each
-    t, low: distance t + low of the hit along the incoming ray, (N)
-    n: unit normal there, along the gradient, (N, 3)
-    grazing: whether the secondary ray is at less than 3 degrees to the surface, (N)
+    rays: the secondary rays; their origins are the exact hit points to within 2^-100
+    incoming: for each secondary ray, the ray that hit the surface at its origin
+    t, low: the hit is at distance t + low along the incoming ray, (N)
+    n: unit normal at the hit, along the gradient, (N, 3)
+    skimming: whether the secondary ray leaves at less than 3 degrees to the surface, (N)
     """
 
     rays: RayBundle
@@ -190,7 +198,7 @@ class SecondaryRays:
     t: np.ndarray
     low: np.ndarray
     n: np.ndarray
-    grazing: np.ndarray
+    skimming: np.ndarray
 
     @property
     def p(self) -> np.ndarray:
@@ -198,15 +206,18 @@ class SecondaryRays:
         return self.rays.o
 
     def select(self, lanes: np.ndarray) -> "SecondaryRays":
-        """Chosen rays, by index or by mask."""
-        fields = (v[lanes] for v in (self.t, self.low, self.n, self.grazing))
+        """Chosen rays. lanes: indices or mask of the rays."""
+        fields = (v[lanes] for v in (self.t, self.low, self.n, self.skimming))
         return SecondaryRays(self.rays.select(lanes), self.incoming.select(lanes), *fields)
 
 
 def secondary(
     named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBundle, truth: Truth
 ) -> SecondaryRays | None:
-    """Secondary rays from hits whose point, side and normal are certain. None if there are no such hits."""
+    """n secondary rays from hits whose point, side and normal are certain. None if there are no such hits.
+
+    rays, truth: the rays that hit, and their exact hits
+    """
     surface, hit = named.surface, truth.judged & np.isfinite(truth.t) & (truth.side != 0)
     if not hit.any():
         return None
@@ -215,16 +226,16 @@ def secondary(
     g = surface.gradient(p)
     length = np.linalg.norm(g, axis=1)
     point, point_low = (np.stack(v, 1) for v in ([c.hi[0] for c in p], [c.lo[0] for c in p]))
-    # Where the gradient is nothing but rounding noise, it may point to the wrong side; such hits are left out.
+    # A gradient that consists of rounding errors only may point to the wrong side; such hits are left out.
     certain = np.flatnonzero((length > 0) & ((g * incoming.d).sum(1) * side < 0))
     if not len(certain):
         return None
     pick = certain[rng.integers(len(certain), size=n)]
-    is_grazing = np.arange(n) % 2 == 1
+    is_skimming = np.arange(n) % 2 == 1
     normal = g[pick] / length[pick, None]
     across = unit(np.cross(normal, sphere(rng, n)))
-    cosine = np.where(is_grazing, GRAZING_COSINE * (1 - rng.random(n)), 1 - rng.random(n))[:, None]
+    cosine = np.where(is_skimming, SKIMMING_COSINE * (1 - rng.random(n)), 1 - rng.random(n))[:, None]
     d = unit(normal * (side[pick, None] * cosine) + across * np.sqrt(1 - cosine**2))
     noise = ROUNDING * length[pick] * (np.abs(point[pick]).max(1) + surface.radius)
     outgoing = RayBundle(point[pick], d, point_low[pick], side[pick], noise)
-    return SecondaryRays(outgoing, incoming.select(pick), t[pick], low[pick], normal, is_grazing)
+    return SecondaryRays(outgoing, incoming.select(pick), t[pick], low[pick], normal, is_skimming)

@@ -1,4 +1,7 @@
-"""Scores of a solver: its hits compared with the exact ones."""
+"""Scores of a solver: the solver's hits are compared with the exact hits.
+
+exact/truth.py explains tau and rays near an edge.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -13,40 +16,46 @@ from visray.study.stability.exact.surface import RayBundle, Surface
 from visray.study.stability.exact.truth import Truth
 from visray.study.stability.ray_sets import SECONDARY_SETS, NamedSurface
 
-# Rays that python-flint examines at most: whether the solver took another root, and which shift of f explains an error.
+# Largest numbers of rays that python-flint examines. MOST_EXAMINED: whether the solver took another root. MOST_SHIFTED:
+# which shift of f explains an error.
 MOST_EXAMINED, MOST_SHIFTED = 3000, 60
-# The share of secondary rays over the hemisphere that may be wrongly occluded or wrongly unoccluded.
+# Largest fraction of the secondary rays over the hemisphere that may be wrongly occluded or wrongly unoccluded.
 MOST_WRONG_SECONDARY = 60e-6
-# Largest error of a root, in units of what rounding makes of it; largest error of 99.9 % of the normals (degrees).
+# LOOSE: largest error of a root, in units of the error that rounding causes. MOST_DEGREES: largest error of 99.9 % of
+# the normals (degrees).
 LOOSE, MOST_DEGREES = 64, 0.01
 
 
 @dataclass(frozen=True)
 class Score:
-    """The score of a solver for one surface and one set of rays. All fields but the times are counts of rays.
+    """The score of a solver for one surface and one set of rays.
 
-    surface, degree, rays: the surface, its degree, and the name of the set
-    judged: rays whose exact hit is known, and defined to the noise of double precision
-    near_edge: rays whose hit is not defined to that noise
+    surface, degree, rays: name and degree of the surface, and name of the set of rays
+
+    Counts of rays:
+    judged: rays whose exact hit is known, and is defined in double precision
+    near_edge: rays whose hit is not defined in double precision
     open: rays that were not settled, because too many needed python-flint
     exact: rays that python-flint settled
     checked: rays that NumPy settled and python-flint repeated
-    truth_wrong: of these, how many came out differently, which would be an error of the study
-    hits: judged rays that hit, by the solver and exactly
-
-    false_misses, false_hits: rays that miss or hit against the exact result; for secondary rays these are light leaks
-        and false self-shadows
-    wrong_roots: roots off by more than 1e-3 of t, or nearer to another root of the ray
-    loose: roots off by more than LOOSE times the effect of rounding: of a shift of f by tau, and of the coordinates
+    truth_wrong: checked rays for which NumPy and python-flint differ; more than 0 is an error of the study
+    hits: judged rays that hit, both by the solver and exactly
+    false_misses: judged rays that hit, but not by the solver; for secondary rays these are light leaks
+    false_hits: judged rays that hit by the solver only; for secondary rays these are false self-shadows
+    wrong_roots: hits with an error of more than 1e-3 t, or nearer to another root of the ray than to the first root
+    loose: hits with an error of more than LOOSE times the effect of rounding: of a shift of f by tau, and of the
+        rounding of coordinates
     nan: results that are not a number
-    errors_within: the errors become right results if f is shifted by so many tau; tested in powers of 2, for the first
-        MOST_SHIFTED errors
-    gross: of these errors, those that no shift up to 2^20 tau explains
+    gross: of the first MOST_SHIFTED errors, those that no shift of f by up to 2^20 tau explains
     any_hit_differs: rays whose first hit and occlusion contradict each other; None: not tested
-    unresolved: rays on which the solver reports that rounding hides the result; None: no reports
-    ulps: median, 99.9 % quantile and maximum of the error of t, in units of its last place
-    degrees: 99.9 % quantile and maximum of the angle between normals
-    seconds: a ray, on one thread
+    unresolved: rays for which the solver reports that rounding hides the result; None: the solver makes no reports
+
+    Other figures:
+    errors_within: shift of f, in units of tau, that explains the errors that are not gross; tested in powers of 2, for
+        the first MOST_SHIFTED errors
+    ulps: median, 99.9 % quantile and maximum of the error of t, in units of the last place of t
+    degrees: 99.9 % quantile and maximum of the angle between the solver's and the true normal (degrees)
+    seconds: time of one ray, on one thread; None: not measured
     """
 
     surface: str
@@ -82,12 +91,12 @@ class Score:
 
     @property
     def passed(self) -> bool:
-        """Whether the solver is right as far as double precision allows.
+        """Whether the solver is as right as double precision allows.
 
-        camera and inside: every hit, distance and normal is right, and no ray is unresolved but near edges.
-        secondary, hemisphere: at most MOST_WRONG_SECONDARY of the rays are wrongly occluded or unoccluded.
-        secondary, grazing: no ray is.
-        All sets: no NaN, no contradiction, and no error that rounding does not explain.
+        All sets: there is no NaN, no contradiction, and no error that rounding does not explain.
+        camera and inside: every hit, distance and normal is right, and no more rays are unresolved than not judged.
+        secondary, hemisphere: at most the fraction MOST_WRONG_SECONDARY of the rays is wrongly occluded or unoccluded.
+        secondary, grazing (the skimming rays): no ray is wrongly occluded or unoccluded.
         """
         faults = self.truth_wrong, self.nan, self.gross, self.any_hit_differs
         if any(faults) or not self.judged:
@@ -102,7 +111,10 @@ class Score:
         return not (self.errors or self.loose or unresolved or wrong_normals)
 
     def per_million(self, count: int) -> tuple[float, float, float]:
-        """A count per million rays, and its 95 % interval: the rule of three for a count of 0, else Wilson's."""
+        """A count per million judged rays: (rate, low, high), with a 95 % interval from low to high.
+
+        The interval follows the rule of three if the count is 0, otherwise it is Wilson's.
+        """
         n = self.judged
         if not n:
             return 0.0, 0.0, 1e6
@@ -114,7 +126,7 @@ class Score:
         return 1e6 * share, 1e6 * max(middle - spread, 0) / scale, 1e6 * (middle + spread) / scale
 
     def as_json(self) -> dict[str, Any]:
-        """The score as json.dumps takes it, with rates per million rays."""
+        """The score as a dict for json.dumps, with rates per million rays."""
         counts = ("false_misses", "false_hits", "wrong_roots")
         rates = {f"{k}_per_million": self.per_million(getattr(self, k)) for k in counts}
         if self.secondary:
@@ -131,8 +143,11 @@ def score(
     n: np.ndarray | None,
     starts: Callable | None = None,
 ) -> dict[str, Any]:
-    """The fields of Score for a solver's distances t and normals n (None: no normals).
+    """The fields of Score for the results of a solver, as a dict.
 
+    truth: the exact hits of the rays
+    t: the solver's distances, inf without a hit, (N)
+    n: the solver's normals, (N, 3); None: no normals
     starts: see truth.first_hits
     """
     judged, nan = truth.judged, np.isnan(t)
@@ -177,7 +192,10 @@ def score(
 
 
 def explaining_shift(surface: Surface, rays: RayBundle, i: int, starts: Callable | None) -> int:
-    """The least power of 2 such that a shift of f by so many tau changes the hit of ray i; 0 if none to 2^20 does."""
+    """The least power of 2, times tau, by which a shift of f changes the hit of ray i; 0 if 2^20 tau does not.
+
+    starts: see truth.first_hits
+    """
     ray = rays.select([i])
     o, tau = starts(i) if starts else [float(x) for x in rays.o[i]], float(ChordPolynomial.of(surface, ray).tau[0])
     solver, side = CertifiedSolver(surface), None if rays.side is None else rays.side[i]
@@ -189,15 +207,15 @@ def explaining_shift(surface: Surface, rays: RayBundle, i: int, starts: Callable
 
 
 def is_another_root(surface: Surface, o: np.ndarray, d: np.ndarray, t: float, first: float) -> bool:
-    """Whether t is nearer to another root of the ray than to its first one."""
+    """Whether t is nearer to another root on the ray than to the first root. o, d: origin and direction of one ray."""
     roots = CertifiedSolver(surface).first_hit([float(x) for x in o], d, 0.0, None)[3]
     return any(abs(r - t) < abs(first - t) for r in roots[1:])
 
 
 def normal_errors(surface: Surface, rays: RayBundle, t: np.ndarray, low: np.ndarray, n: np.ndarray) -> dict[str, Any]:
-    """The fields `nan` and `degrees` of Score: normals n compared with the true ones at the true hit points.
+    """The fields `nan` and `degrees` of Score: the solver's normals n are compared with the true normals.
 
-    Points where the gradient is 0 have no normal and are left out.
+    t, low: the true hit points are at distance t + low, (N). Points with gradient 0 have no normal and are left out.
     """
     g = surface.gradient(rays.points(t, low))
     length = np.linalg.norm(g, axis=1)

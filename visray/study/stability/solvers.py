@@ -30,28 +30,31 @@ class Solver(Protocol):
     """A solver under test, for one surface."""
 
     def first_hits(self, rays: RayBundle) -> tuple[np.ndarray, np.ndarray | None]:
-        """Distances of the first hits, inf for none, and unit normals along the gradient, or None.
+        """Distances of the first hits, inf without a hit; and unit normals along the gradient, or None if not known.
 
         Shapes: (N), (N, 3).
         """
 
     def secondary(self, secondary: SecondaryRays) -> tuple[np.ndarray, np.ndarray]:
-        """First hits and occlusion of rays that leave the solver's own hits of the incoming rays.
+        """First hits and occlusion of rays that start at the hits of the incoming rays, as the solver finds these hits.
 
-        Returns distances, NaN where the solver does not hit with the incoming ray, and whether anything is in between.
-        Shapes: (N), (N).
+        Returns distances, inf without a hit, NaN if the solver finds no hit of the incoming ray; and whether the
+        secondary ray is occluded. Shapes: (N), (N).
         """
 
     def unresolved(self, rays: RayBundle) -> int | None:
-        """Number of rays on which the solver reports that rounding hides whether there is a root; None: no reports."""
+        """Number of rays for which the solver reports that rounding hides whether they hit; None: no such reports."""
 
     def seconds(self, rays: RayBundle) -> float | None:
-        """Seconds a ray, on one thread."""
+        """Time of one ray in seconds, on one thread; None: not measured."""
 
 
 @dataclass(frozen=True)
 class FunctionSolver:
-    """A function (o, d) -> t as a solver. It is not told which rays leave the surface."""
+    """A solver made from a function (o, d) -> t. The function is not told which rays start on the surface.
+
+    solve: takes origins and directions, (N, 3) each, and returns distances, inf without a hit, (N)
+    """
 
     solve: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -72,7 +75,7 @@ class FunctionSolver:
 
 
 class KernelSolver:
-    """visray's own search, in a scene that has only the surface, all in double precision."""
+    """visray's own search, in a scene that contains only the surface, with all numbers in double precision."""
 
     def __init__(self, surface: Surface):
         primitive = Polynomial(
@@ -95,7 +98,7 @@ class KernelSolver:
         return RayOrigin(self.kernel.geometry, o, shared=False)
 
     def trace(self, rays: RayBundle) -> tuple:
-        """The rays, their hits and the surfaces there, as Dr.Jit records."""
+        """The records (ray, hit, surface) of the rays, with Dr.Jit arrays."""
         ray = Ray(self.triples(rays.o), self.triples(rays.d))
         hit = closest(self.origin(ray.o), ray)
         surface = surface_of(self.kernel, ray, hit)[0]

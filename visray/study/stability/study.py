@@ -1,8 +1,8 @@
-"""The stability study: polynomial surfaces by a solver, compared with exact results.
+"""The stability study: a solver intersects rays with polynomial surfaces, and its hits are compared with exact ones.
 
-It counts false misses, false hits and wrong roots, and measures the error of distances and normals, and the time of a
-ray. The solver is KernelSolver, visray's own search for the polynomial primitive; FunctionSolver puts any function
-(o, d) -> t of arrays in its place.
+The study counts false misses, false hits and wrong roots. It measures the errors of distances and normals, and the time
+of a ray. The solver is KernelSolver, which is visray's own search; FunctionSolver makes a solver of any function
+(o, d) -> t.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,20 +24,24 @@ from visray.study.stability.ray_sets import SECONDARY_SETS, SETS, NamedSurface, 
 from visray.study.stability.scoring import Score, score
 from visray.study.stability.solvers import KernelSolver, Solver
 
-# Rays of a set; of them, rays that NumPy settles and python-flint repeats. Rays that python-flint settles at most are
-# MOST_BY_FLINT over the degree squared, as its time grows with the degree.
+# RAYS: number of rays in a set. SAMPLE: number of the rays settled by NumPy that python-flint repeats as a check.
+# MOST_BY_FLINT: python-flint settles about MOST_BY_FLINT / degree^2 other rays at most, because its time grows with the
+# degree.
 RAYS, SAMPLE, MOST_BY_FLINT = 12_000, 100, 1000 * 36
 
 
 def scores_of_surface(named: NamedSurface, sets: Sequence[str], rays: int, seed: int, solver: Solver) -> list[Score]:
-    """The scores of a solver for one surface, one for each set of rays."""
+    """The scores of a solver for one surface, one score for each set of rays.
+
+    sets: names of the sets; rays: number of rays in a set; seed: seed of the rays
+    """
     surface, scores = named.surface, []
     most = max(40, MOST_BY_FLINT // surface.degree**2)
     sample = min(SAMPLE, most // 4)
     rng = {name: np.random.default_rng([seed, i]) for i, name in enumerate(SETS)}
 
     def add(name: str, bundle: RayBundle | None) -> Truth | None:
-        """Adds the score of a set, if it is asked for. Returns the exact hits."""
+        """Adds the score of a set of rays if `sets` contains its name. Returns the exact hits; None without rays."""
         if bundle is None:
             return None
         truth = first_hits(surface, bundle, sample, most, seed)
@@ -68,10 +72,14 @@ def scores_of_surface(named: NamedSurface, sets: Sequence[str], rays: int, seed:
 def scores_of_secondary(
     named: NamedSurface, secondary: SecondaryRays | None, sample: int, most: int, seed: int, solver: Solver
 ) -> list[Score]:
-    """The scores for rays that leave the surface: over the hemisphere, and grazing."""
+    """The scores for secondary rays: one score for the rays over the hemisphere, one for the skimming rays.
+
+    secondary: None if there are no secondary rays
+    sample, most, seed: see truth.first_hits
+    """
     scores = []
-    for grazing, name in enumerate(SECONDARY_SETS if secondary is not None else ()):
-        selected = secondary.select(secondary.grazing == bool(grazing))
+    for skimming, name in enumerate(SECONDARY_SETS if secondary is not None else ()):
+        selected = secondary.select(secondary.skimming == bool(skimming))
         if not len(selected.t):
             continue
         certified = CertifiedSolver(named.surface)
@@ -92,9 +100,9 @@ class Report:
     """The report of the study.
 
     rays: number of rays in a set
-    seed: of the rays
-    scores: one for each surface and set
-    left_out: surfaces that the solver cannot take, with the reason
+    seed: seed of the rays
+    scores: a score for each surface and set of rays
+    left_out: by name, the surfaces that the solver does not accept, with the reason
     stopped: whether Ctrl-C ended the study early
     """
 
@@ -106,16 +114,16 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether there are scores, and all of them pass."""
+        """Whether there is at least one score, and all scores pass."""
         return bool(self.scores) and all(s.passed for s in self.scores)
 
     def as_json(self) -> dict[str, Any]:
-        """The report as json.dumps takes it."""
+        """The report as a dict for json.dumps."""
         head = {"passed": self.passed, "rays": self.rays, "seed": self.seed, "stopped": self.stopped}
         return head | {"left_out": self.left_out, "rows": [s.as_json() for s in self.scores]}
 
     def table(self) -> Table:
-        """The report for the terminal."""
+        """The report as a table for the terminal."""
         title = f"{'passed' if self.passed else 'FAILED'}: compared with exact results, {self.rays} rays a set"
         layout = {"title": title, "caption": self._notes(), "caption_justify": "left", "padding": (0, 0, 0, 1)}
         table = Table(*(Column(name, no_wrap=True) for name in ("surface", "rays")), **layout)
@@ -138,7 +146,7 @@ class Report:
         return table
 
     def _notes(self) -> str:
-        """The legend of the table, and totals."""
+        """Text below the table: the meaning of its columns, and totals."""
         scores = self.scores
         exact, checked, contradicted = (sum(getattr(s, k) for s in scores) for k in ("exact", "checked", "truth_wrong"))
         lines = [
@@ -168,13 +176,15 @@ def run(
     progress: bool = False,
     solver: Callable[[Surface], Solver] = KernelSolver,
 ) -> Report:
-    """Runs the study. Ctrl-C ends it and keeps the scores so far.
+    """Runs the study. If Ctrl-C ends the study early, the report contains the scores of the finished surfaces.
 
-    surfaces: a JSON file of surfaces; None: the catalogue
+    surfaces: a JSON file of surfaces; None: the surfaces of the catalogue
     rays: number of rays in a set
     sets: names of the sets of rays
-    only: names of surfaces; none: all
-    solver: makes the solver of a surface
+    only: names of the surfaces to test; empty: all surfaces
+    seed: seed of the rays
+    progress: whether a progress bar is shown
+    solver: function from a surface to the solver that is tested
     """
     flint()
     if unknown := [s for s in sets if s not in SETS]:

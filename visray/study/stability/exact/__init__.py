@@ -1,1 +1,1 @@
-"""Exact first hits of rays with polynomial surfaces."""
+"""Exact first hits of rays with polynomial surfaces; truth.py explains the method."""

@@ -10,7 +10,7 @@ from visray.study.stability.exact.expressions import flint, rational, value
 from visray.study.stability.exact.root_isolation import UNIT_ROUNDOFF
 from visray.study.stability.exact.surface import Surface
 
-# If a shift of f by tau moves a root by more than this share of t, it counts as another root.
+# If a shift of f by tau moves a root by more than JUMP * t, the moved root counts as another root. tau: see truth.py.
 JUMP = 1e-3
 
 
@@ -21,13 +21,13 @@ class CertifiedSolver:
         self.surface, self.flint = surface, flint()
 
     def polynomial(self, o: list[Any], d: np.ndarray) -> Any:
-        """f along the ray o + t d, an exact polynomial in t."""
+        """f along the ray o + t d: an exact polynomial in t. o: three exact numbers (floats or Fractions)."""
         p = [self.flint.fmpq_poly([rational(a), rational(float(b))]) for a, b in zip(o, d)]
         f = value(self.surface.tree, *p, rational)
         return f if isinstance(f, self.flint.fmpq_poly) else self.flint.fmpq_poly([f])
 
     def roots(self, p: Any) -> list[Any]:
-        """The distinct real roots with t > 0, in ascending order, to 90 bits."""
+        """The distinct real roots t > 0 of a polynomial, in ascending order, computed with 90 bits."""
         if p.degree() < 1:
             return []
         with self.flint.ctx.workprec(90):
@@ -35,7 +35,10 @@ class CertifiedSolver:
         return sorted((r for r in real_roots if r > 0), key=float)
 
     def clipped(self, o: list[Any], d: np.ndarray, roots: list[Any]) -> list[tuple[Any, bool]]:
-        """The roots inside the clip or on its sphere, each with whether it is on the sphere to within rounding."""
+        """The roots that lie inside the clip sphere or on it: a list of pairs (root, on_clip).
+
+        on_clip: whether the point lies on the clip sphere to within the rounding of double precision
+        """
         arb, s, inside = self.flint.arb, self.surface, []
         spread = max(abs(float(a)) for a in o) + s.radius + max(map(abs, s.centre))
         rounding = 64 * UNIT_ROUNDOFF * s.radius * spread
@@ -50,19 +53,22 @@ class CertifiedSolver:
     def first_hit(
         self, o: list[Any], d: np.ndarray, tau: float, side: float | None
     ) -> tuple[float, float, bool, list[float]]:
-        """The first hit of one ray: (t, low, near_edge, roots).
+        """The first hit of one ray.
 
-        t, low: the distance is t + low, inf for none
-        near_edge: whether the hit changes when f is shifted by tau
+        tau: the noise of double precision in f, see truth.py
+        side: the sign of f on the side of the surface to which the ray starts, for a ray that starts on the surface;
+            None: the ray starts anywhere
+
+        Returns (t, low, near_edge, roots):
+        t, low: the distance is t + low; inf without a hit
+        near_edge: whether a shift of f by tau changes the hit
         roots: all roots in the clip
-
-        side: for a ray that leaves the surface, the sign of f on the side that it runs on
         """
         p = self.polynomial(o, d)
         if p.is_zero():
             return inf, 0.0, True, []
         if side is not None:
-            # The start is on the surface to 2^-190; the constant term that is left is dropped.
+            # The ray starts on the surface to within 2^-190. So the constant term is only rounding, and is set to 0.
             p = self.flint.fmpq_poly([0, *p.coeffs()[1:]])
         hits = [self.clipped(o, d, self.roots(q)) for q in (p, *(p + rational(s * tau) for s in (1.0, -1.0)))]
         if side is not None:
@@ -70,7 +76,8 @@ class CertifiedSolver:
             hits[1:] = [ahead, behind[1:]]
         near_edge = any(on_clip for h in hits for _, on_clip in h[:1])
         if side is not None:
-            # With the other shift the ray starts inside the surface and must leave it before its first hit.
+            # With the other shift the ray starts on the other side of the surface. It must cross the surface before
+            # its first hit.
             near_edge |= not behind or (bool(hits[0]) and not bool(behind[0][0] < hits[0][0][0]))
         roots = [[r for r, _ in h] for h in hits]
         t = float(roots[0][0]) if roots[0] else inf
@@ -79,10 +86,12 @@ class CertifiedSolver:
 
     @staticmethod
     def first_root_moves(roots: list, *shifted: list) -> bool:
-        """Whether a shift of f by tau, either way, moves the first root away.
+        """Whether the first root of f is another root when f is shifted by tau or by -tau.
 
-        That is: no root is left, or the first one moves by more than JUMP of t, or it is not the continuation of f's
-        first root, because two other roots appear or vanish before it.
+        That is the case if no root is left, or if the first root moves by more than JUMP * t, or if two roots appear
+        before it, or if it vanishes together with the next root.
+
+        roots: roots of f in ascending order; shifted: two such lists, for f + tau and for f - tau
         """
         if not (roots and all(shifted)):
             return bool(roots or any(shifted))
@@ -93,7 +102,10 @@ class CertifiedSolver:
         return any(t < r and r <= later[0] for r in roots[1:]) or sum(bool(r < t) for r in sooner) > 1
 
     def hit_point(self, o: np.ndarray, d: np.ndarray, t: float, low: float) -> list[Fraction]:
-        """The point of a simple root near t + low, right to 2^-190, by Newton steps."""
+        """The hit point at the simple root near t + low, computed by Newton steps: three Fractions.
+
+        Error: at most 2^-190.
+        """
         p = self.polynomial([float(x) for x in o], d)
         slope, root = p.derivative(), rational(float(t)) + rational(float(low))
         for bits in (220, 440):

@@ -1,6 +1,6 @@
 """Double-double numbers, and polynomials with such coefficients, in NumPy.
 
-A double-double number is the sum of two doubles, and has about 106 bits.
+A double-double number is the sum hi + lo of two doubles, where lo is the rounding error of hi. It has about 106 bits.
 """
 
 from fractions import Fraction
@@ -10,11 +10,12 @@ import numpy as np
 
 
 class DoubleDouble:
-    """Polynomials in one variable with double-double coefficients hi + lo, one polynomial a ray. Shapes: (k, N).
+    """Polynomials in one variable with double-double coefficients, one polynomial for each ray.
 
-    limit: how many coefficients are kept; 1 makes them plain numbers
+    hi, lo: the coefficients are hi + lo, lowest power first, (k, N)
+    limit: largest number of coefficients; products drop higher powers. With limit 1 the polynomials are numbers.
 
-    Error: each operation is right to 2^-100 of the sizes of its operands (test_double_double).
+    Error: at most 2^-100 times the size of the operands, for each operation (test_double_double).
     Source: Dekker, "A floating-point technique for extending the available precision", 1971.
     """
 
@@ -23,11 +24,12 @@ class DoubleDouble:
 
     @staticmethod
     def number(q: Fraction) -> "DoubleDouble":
-        """A constant, the same for all rays."""
+        """The constant q, the same for all rays."""
         hi = float(q)
         return DoubleDouble([[hi]], [[float(q - Fraction(hi))]], 10**9)
 
     def _padded(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """hi and lo with k coefficients; the added ones are 0."""
         zeros = ((0, k - len(self.hi)), (0, 0))
         return np.pad(self.hi, zeros), np.pad(self.lo, zeros)
 
@@ -58,20 +60,20 @@ class DoubleDouble:
 
 
 def _normalised(s: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """s + e as a double and its rounding error. Domain: |e| <= |s|."""
+    """s + e as a double-double (hi, lo). Domain: |e| <= |s|."""
     hi = s + e
     return hi, e - (hi - s)
 
 
 def _split(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two halves of a double, 26 bits each (Veltkamp)."""
+    """A double as a sum of two numbers (high, low) with at most 26 bits each. Source: Veltkamp, in Dekker, 1971."""
     big = 134217729.0 * a
     high = big - (big - a)
     return high, a - high
 
 
 def _product(a: Any, al: Any, b: Any, bl: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The product of a + al and b + bl."""
+    """The product of a + al and b + bl as a double-double (hi, lo)."""
     p = a * b
     (a1, a2), (b1, b2) = _split(a), _split(b)
     e = ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2
@@ -79,7 +81,10 @@ def _product(a: Any, al: Any, b: Any, bl: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Magnitude:
-    """The sum of the absolute values of an expression's terms; rounding errors are bounded by a few units of it."""
+    """The sum of the absolute values of an expression's terms.
+
+    The rounding error of the expression is at most a small multiple of this sum times the relative rounding error.
+    """
 
     def __init__(self, v: Any):
         self.v = v

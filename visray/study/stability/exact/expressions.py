@@ -1,7 +1,8 @@
 """Polynomial expressions as trees that can be evaluated in any ring; and access to python-flint.
 
-Independent of visray.polynomials, so that the exact answers share nothing with the code under test. Expressions are
-taken as written: numbers are exact, square roots of numbers are right to 2^-140.
+This module does not use visray.polynomials, so that the exact results share no code with the code under test.
+Expressions are taken as they are written: decimal numbers are exact, square roots of numbers have an error of at most
+2^-140.
 """
 
 import ast
@@ -16,7 +17,7 @@ PI = Fraction("3.141592653589793238462643383279502884197169399375105820974944592
 
 
 def flint() -> Any:
-    """The module python-flint; without it, an error that says how to install it."""
+    """The module python-flint. If it is not installed, raises a UserError that says how to install it."""
     try:
         import flint as library
     except ImportError:
@@ -31,7 +32,12 @@ def rational(x: Any) -> Any:
 
 
 def parsed(expression: str, parameters: dict[str, float] | None = None) -> tuple:
-    """The tree of an expression: (operator, a, b), ("neg", a), ("x",), or a Fraction. Constants are folded."""
+    """The tree of an expression: (operator, a, b), ("neg", a), ("x",), or a Fraction.
+
+    An operation on two constants is replaced by its result, a Fraction.
+
+    parameters: values of the other names in the expression
+    """
     text = expression.replace("^", "**")
     try:
         return _tree(ast.parse(text.strip(), mode="eval").body, text.strip(), parameters or {})
@@ -42,17 +48,23 @@ def parsed(expression: str, parameters: dict[str, float] | None = None) -> tuple
 
 
 def number(value: Any, parameters: dict[str, float] | None = None) -> Fraction:
-    """The value of an expression without x, y and z, exact or to 2^-140. `value` may be a Fraction already."""
+    """The value of an expression without x, y and z.
+
+    value: a number, an expression, or a Fraction, which is returned unchanged
+    parameters: values of the names in the expression
+    Error: 0, or at most 2^-140 for each square root.
+    """
     return value if isinstance(value, Fraction) else parsed(str(value), parameters)
 
 
 def _square_root(q: Fraction) -> Fraction:
+    """The square root, rounded down to a multiple of 2^-BITS / q.denominator."""
     n, d = q.numerator, q.denominator
     return Fraction(isqrt(n * d << 2 * BITS), d << BITS)
 
 
 def _tree(node: ast.AST, text: str, names: dict[str, float]) -> Any:
-    """The tree of a node of Python's syntax tree."""
+    """The tree of a node of Python's syntax tree. text: the expression; names: values of parameters."""
     match node:
         case ast.Constant():
             return Fraction(ast.get_source_segment(text, node))  # 0.9 is nine tenths, not the nearest double
@@ -78,7 +90,7 @@ def _tree(node: ast.AST, text: str, names: dict[str, float]) -> Any:
 
 
 def _folded(op: str, a: Any, b: Any) -> Any:
-    """An operation as a tree, or as a Fraction if both operands are Fractions."""
+    """The tree of an operation, or its result if both operands are Fractions. op: name of Python's syntax node."""
     constant = isinstance(a, Fraction) and isinstance(b, Fraction)
     match op:
         case "Add":
@@ -95,10 +107,10 @@ def _folded(op: str, a: Any, b: Any) -> Any:
 
 
 def value(tree: Any, x: Any, y: Any, z: Any, number: Any) -> Any:
-    """The value of a tree in any ring. Equal subtrees are evaluated once.
+    """The value of a tree in any ring (numbers, arrays, polynomials). Equal subtrees are evaluated once.
 
-    x, y, z: elements of the ring
-    number: function that makes an element of the ring from a Fraction
+    x, y, z: the ring's elements that replace x, y and z
+    number: function from a Fraction to an element of the ring
     """
     values: dict[Any, Any] = {("x",): x, ("y",): y, ("z",): z}
 
@@ -125,7 +137,7 @@ def value(tree: Any, x: Any, y: Any, z: Any, number: Any) -> Any:
 
 
 def degree(tree: Any) -> int:
-    """An upper bound of the total degree, exact unless leading terms cancel."""
+    """An upper bound of the total degree of a tree. It is the degree itself unless leading terms cancel."""
     if isinstance(tree, Fraction):
         return 0
     match tree:

@@ -1,4 +1,8 @@
-"""The first sign change of f along rays, in NumPy, where rounding leaves no doubt about it."""
+"""The first sign change of f along rays, in NumPy. Each result says whether it is certain in spite of rounding.
+
+f is the polynomial of a surface, the clip is the sphere that bounds the surface, and the chord is the part of a ray
+inside the clip.
+"""
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -16,18 +20,18 @@ NOISE = 4 * UNIT_ROUNDOFF
 
 @dataclass(frozen=True)
 class ChordPolynomial:
-    """f along the chord of each ray in the clip sphere, as a polynomial in s. Shapes: (N), or (k, N).
+    """f along the chord of each ray, as a polynomial in s. Shapes: (N), or (k, N).
 
-    The distance is t = middle + half s; s runs from -1 to 1. All numbers are double or longdouble.
+    The distance is t = middle + half s, where s runs from -1 to 1. All numbers are double or longdouble.
 
     outside: whether the ray misses the clip
-    doubtful: whether rounding decides if it does
-    middle, half: middle and half length of the chord (world units)
-    start: s where the ray starts, -1 at least
-    coefficients: of s^k, (k, N)
-    tau: noise of double precision in f
-    bernstein: Bernstein coefficients of f from s = start to 1, (k, N)
-    rounding: bound of their rounding errors, also after `restricted`
+    doubtful: whether rounding decides if the ray misses the clip
+    middle, half: distance of the chord's middle, and half the length of the chord (world units)
+    start: the s at which the ray starts; -1 if the ray starts before the chord
+    coefficients: coefficients of s^k, (k, N)
+    tau: noise of double precision in f, see truth.py
+    bernstein: Bernstein coefficients of f on the interval from s = start to 1, (k, N)
+    rounding: bound of the rounding errors of `bernstein`, also after `restricted`
     """
 
     outside: np.ndarray
@@ -41,12 +45,12 @@ class ChordPolynomial:
     rounding: np.ndarray
 
     def select(self, lanes: Any) -> "ChordPolynomial":
-        """Those of chosen rays."""
+        """The polynomials of chosen rays. lanes: indices or mask of the rays."""
         return ChordPolynomial(**{k: v[..., lanes] for k, v in vars(self).items()})
 
     @staticmethod
     def of(surface: Surface, rays: RayBundle, real: type = float) -> "ChordPolynomial":
-        """The polynomials of rays. real: float or np.longdouble."""
+        """The polynomials of rays. real: type of the numbers, float or np.longdouble."""
         from_centre = rays.o - np.array(surface.centre)
         squared = (rays.d**2).sum(1)
         middle = -(from_centre * rays.d).sum(1) / squared
@@ -75,10 +79,15 @@ class ChordPolynomial:
 
 
 def conversion(d: int, real: type = float) -> np.ndarray:
-    """The matrix from coefficients of s^k, s from -1 to 1, to Bernstein coefficients. Shapes: (d + 1, d + 1)."""
+    """The matrix that turns coefficients of s^k into Bernstein coefficients on the interval of s from -1 to 1.
+
+    d: degree of the polynomials
+    Shapes: (d + 1, d + 1).
+    """
     rows = [[Fraction(0)] * (d + 1) for _ in range(d + 1)]
     for k in range(d + 1):
-        # s = 2 u - 1 is expanded in u; then u^j = sum_i C(i, j) / C(d, j) B_i.
+        # s^k with s = 2 u - 1 is expanded in powers of u; and u^j = sum_i C(i, j) / C(d, j) B_i, where the B_i are the
+        # Bernstein polynomials.
         expanded = [comb(k, j) * 2**j * (-1) ** (k - j) for j in range(k + 1)]
         for i in range(d + 1):
             rows[i][k] = sum((Fraction(e * comb(i, j), comb(d, j)) for j, e in enumerate(expanded)), Fraction(0))
@@ -86,7 +95,11 @@ def conversion(d: int, real: type = float) -> np.ndarray:
 
 
 def restricted(b: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Bernstein coefficients on the interval from low to high, by de Casteljau. Shapes: b (d + 1, N); low, high (N)."""
+    """Bernstein coefficients on the interval from low to high, by de Casteljau's algorithm.
+
+    b: Bernstein coefficients on the interval from 0 to 1, (d + 1, N)
+    low, high: ends of the new interval, (N)
+    """
     b, d = b.copy(), len(b) - 1
     for k in range(1, d + 1):
         b[: d - k + 1] = (1 - low) * b[: d - k + 1] + low * b[1 : d - k + 2]
@@ -99,14 +112,18 @@ def restricted(b: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def isolate_first_root(
     chord: ChordPolynomial, margin: np.ndarray, side: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The first root of each ray: (exists, low, high, certain), with a bracket in u, 0 at the start and 1 at the end.
+    """The first root of f along each ray, isolated by the signs of Bernstein coefficients.
 
-    The search walks once from left to right. V is the number of sign changes of the Bernstein coefficients. Where
-    V = 0, f has no root in the interval, even if f is shifted by the excess of the margin over rounding; where V = 1 it
-    has exactly one. Elsewhere the interval is halved; at a width of 2^-30 the search gives up.
+    The search walks once along the ray. V is the number of sign changes of the Bernstein coefficients on an interval.
+    If V = 0, f has no root in the interval; this stays true if f is shifted by `margin` minus the rounding error. If
+    V = 1, f has exactly one root there. Otherwise the interval is halved. At a width of 2^-30 the search gives up.
 
-    margin: coefficients below it have no certain sign, (N)
-    side: for rays that leave the surface, the sign of f at their start; f must first exceed the margin, (N)
+    margin: the sign of a coefficient is certain if its absolute value is larger, (N)
+    side: the sign of f at the start, for rays that start on the surface. No root is searched for until f exceeds the
+        margin with this sign. (N). None: rays that start anywhere.
+
+    Returns (exists, low, high, certain), (N) each: whether there is a root; the ends of an interval that contains the
+    root, in u, which is 0 at the start of the ray in the clip and 1 at the end; and whether the result is certain.
     """
     n = len(chord.half)
     a, w = np.zeros(n), np.ones(n)
@@ -141,7 +158,7 @@ def isolate_first_root(
 
 
 def bisect(chord: ChordPolynomial, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The s between low and high where f changes its sign, and the sign before it. Shapes: (N)."""
+    """The s between low and high at which f changes its sign, and the sign of f before that. Shapes: (N)."""
 
     def f(s: np.ndarray) -> np.ndarray:
         return np.polynomial.polynomial.polyval(s, chord.coefficients, tensor=False)
@@ -155,7 +172,10 @@ def bisect(chord: ChordPolynomial, low: np.ndarray, high: np.ndarray) -> tuple[n
 
 
 def first_root_shifted(chord: ChordPolynomial, shift: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The first root of f + shift: (t, low, high, certain), with t approximate, inf for none, and a bracket in u."""
+    """The first root of f + shift: (t, low, high, certain), (N) each.
+
+    t: distance, not exact; inf without a root. The other results are those of isolate_first_root.
+    """
     c = chord.coefficients.copy()
     c[0] += shift
     chord = replace(chord, coefficients=c, bernstein=chord.bernstein + shift)
@@ -168,9 +188,12 @@ def first_root_shifted(chord: ChordPolynomial, shift: Any) -> tuple[np.ndarray, 
 def refine(
     surface: Surface, rays: RayBundle, chord: ChordPolynomial, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The roots in brackets from low to high (in u), by Newton steps in double-double.
+    """The root of f between low and high on each ray, by Newton steps in double-double.
 
-    Returns t and its low part, whether a sign change of f around t confirms the root, and the sign of f before it.
+    low, high: in u, as isolate_first_root returns them, (N)
+
+    Returns (t, t_low, confirmed, before), (N) each: the distance is t + t_low; whether a sign change of f around t
+    confirms the root; and the sign of f before the root.
     """
     s0, s1 = (chord.start + u * (1 - chord.start) for u in (low, high))
     s, before = bisect(chord, s0, s1)

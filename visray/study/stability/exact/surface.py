@@ -18,9 +18,10 @@ class RayBundle:
 
     o: origins, (N, 3)
     d: unit directions, (N, 3)
-    low: low part of the origins, which are then o + low in double-double, (N, 3); None: 0
-    side: for rays that leave the surface, the sign of f on the side that they run on, (N); None: they start anywhere
-    noise: for rays that leave the surface, an uncertainty of f at their start that may exceed tau, (N)
+    low: the exact origins are o + low, double-double numbers, (N, 3); None: low is 0
+    side: for rays that start on the surface, the sign of f on the side to which they start, (N); None: the rays start
+        anywhere
+    noise: for rays that start on the surface, the uncertainty of f at the start, which may be larger than tau, (N)
     """
 
     o: np.ndarray
@@ -33,10 +34,10 @@ class RayBundle:
         return len(self.d)
 
     def points(self, t: np.ndarray, low: Any = 0.0, slope: bool = False, limit: int = 1) -> list[DoubleDouble]:
-        """The points o + (t + low) d: x, y and z in double-double.
+        """The points o + (t + low) d: a list of x, y and z in double-double.
 
-        slope: whether they are polynomials in a small addition to t
-        limit: how many coefficients of these polynomials are kept
+        slope: whether the coordinates are polynomials in a variable that is added to t, so that f has a derivative by t
+        limit: largest number of coefficients of these polynomials
         """
         coordinates = []
         for i in range(3):
@@ -49,12 +50,12 @@ class RayBundle:
         return coordinates
 
     def select(self, lanes: Any) -> "RayBundle":
-        """Chosen rays, by index or by mask."""
+        """Chosen rays. lanes: indices or mask of the rays."""
         return RayBundle(*(None if v is None else v[lanes] for v in vars(self).values()))
 
     @staticmethod
     def joined(a: "RayBundle", b: "RayBundle") -> "RayBundle":
-        """The rays of both bundles. Domain: rays that start anywhere."""
+        """The rays of both bundles. Domain: rays without low, side and noise."""
         return RayBundle(np.concatenate([a.o, b.o]), np.concatenate([a.d, b.d]))
 
 
@@ -62,8 +63,8 @@ class RayBundle:
 class Surface:
     """A polynomial surface f = 0 within a sphere, the clip.
 
-    expression: f in x, y and z
-    radius, centre: of the clip
+    expression: f, a polynomial in x, y and z
+    radius, centre: radius and centre of the clip
     parameters: values of the other names in the expression
     """
 
@@ -74,17 +75,17 @@ class Surface:
 
     @cached_property
     def written(self) -> Any:
-        """The tree of f as written."""
+        """The tree of f as it is written in `expression`."""
         return parsed(self.expression, self.parameters)
 
     @cached_property
     def tree(self) -> Any:
-        """The tree of the squarefree part of f, which has the same surface: each multiple factor of f occurs once."""
+        """The tree of the squarefree part of f: each factor of f occurs in it only once. Its surface is that of f."""
         return _squarefree(self.written)
 
     @cached_property
     def has_multiple_factors(self) -> bool:
-        """Whether f has multiple factors. Then the sign of its squarefree part is a matter of convention."""
+        """Whether a factor of f occurs more than once. Then the sign of the squarefree part is arbitrary."""
         return self.tree != self.written
 
     @cached_property
@@ -92,7 +93,7 @@ class Surface:
         return degree(self.tree)
 
     def double_double(self, p: Sequence[DoubleDouble]) -> DoubleDouble:
-        """f at points, in double-double."""
+        """f at points, in double-double. p: x, y and z of the points."""
         return value(self.tree, *p, DoubleDouble.number)
 
     def magnitude(self, p: Sequence[np.ndarray]) -> np.ndarray:
@@ -112,16 +113,17 @@ class Surface:
 
 
 def certain_value(surface: Surface, rays: RayBundle, t: DoubleDouble) -> np.ndarray:
-    """f at distances t along rays, or 0 where rounding leaves its sign uncertain. Shapes: (N)."""
+    """f at distances t along rays, or 0 in lanes where rounding makes the sign of f uncertain. Shapes: (N)."""
     p = rays.points(t.hi[0], t.lo[0])
     f = np.broadcast_to(surface.double_double(p).hi[0], t.hi[0].shape)
     return np.where(np.abs(f) > 2.0**-94 * surface.magnitude([c.hi[0] for c in p]), f, 0)
 
 
 def _squarefree(tree: Any) -> Any:
-    """The squarefree part of a polynomial.
+    """The tree of the squarefree part of a polynomial.
 
-    A power is replaced by its base. Else python-flint factors the polynomial, if all its coefficients are short.
+    A power is replaced by its base. Any other polynomial is factored by python-flint if its coefficients have at most
+    64 bits; otherwise it is returned unchanged.
     """
     if isinstance(tree, tuple) and tree[0] == "^" and tree[2] > 1:
         return _squarefree(tree[1])
@@ -129,7 +131,7 @@ def _squarefree(tree: Any) -> Any:
     ring = library.fmpq_mpoly_ctx.get(("x", "y", "z"), "lex")
     f = value(tree, *ring.gens(), lambda q: ring.constant(library.fmpq(q.numerator, q.denominator)))
     if any(c.height_bits() > 64 for c in f.coeffs()):
-        return tree  # square roots of numbers are cut off after many digits, and then leave no multiple factor
+        return tree  # such coefficients contain rounded square roots of numbers, so f has no exact multiple factor
     factors = f.factor_squarefree()[1]
     if all(m == 1 for _, m in factors):
         return tree

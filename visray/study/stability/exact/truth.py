@@ -1,13 +1,15 @@
 """The exact first hits of rays with a polynomial surface.
 
-Rays are doubles, hence rationals, and f is taken as written, with square roots of numbers to 2^-140. So the polynomial
-along a ray is exact, and python-flint certifies its real roots (certified_roots.py). That takes a millisecond a ray. So
-most rays are settled in NumPy where it is certain: the first sign change is isolated by Bernstein coefficients that
-exceed their rounding and tau (root_isolation.py), and is confirmed in double-double. visray's kernels take no part.
+f is the polynomial of the surface. The numbers of a ray are doubles, so they are rational. f is taken as written, with
+square roots of numbers to within 2^-140. So the polynomial along a ray is exact, and python-flint certifies its real
+roots (certified_roots.py). That takes a millisecond a ray. Therefore NumPy settles all rays for which its result is
+certain: the first sign change is isolated by Bernstein coefficients that are larger than their rounding error plus tau
+(root_isolation.py), and is confirmed in double-double. Code of visray's kernels is not used.
 
-A ray is judged only where its hit is defined to the noise of double precision. It is near an edge if the hit changes
-when f is shifted by tau = 4 2^-53 sum |c_k|, with c_k the coefficients of the polynomial on the chord of the clip, s
-from -1 to 1; or if the hit lies on the clip to within rounding.
+Double precision does not define the hits of all rays: a small change of f may change the hit. Such a ray is "near an
+edge", and is not judged. The small change is tau = 4 * 2^-53 * sum |c_k|. The c_k are the coefficients of f along the
+chord (the part of the ray inside the clip) as a polynomial in s, which runs from -1 to 1 on the chord. A ray is near an
+edge if a shift of f by tau or -tau changes its hit, or if its hit lies on the clip to within rounding.
 """
 
 from collections.abc import Callable
@@ -31,13 +33,13 @@ from visray.study.stability.exact.surface import RayBundle, Surface, certain_val
 class Truth:
     """The exact first hits of rays. Shapes: (N).
 
-    t, low: the distance is t + low, inf for none
-    near_edge: whether the hit is undefined to the noise of double precision
+    t, low: the distance is t + low; inf without a hit
+    near_edge: whether the hit is not defined in double precision (see the module)
     by_flint: whether python-flint settled the ray
-    unsettled: whether nothing did, because too many rays needed python-flint
+    unsettled: whether the ray was not settled at all, because too many rays needed python-flint
     side: the sign of f just before the hit, 0 if unknown
-    checked: how many rays that NumPy settled were repeated by python-flint
-    contradicted: how many of these came out differently
+    checked: number of rays that NumPy settled and python-flint repeated
+    contradicted: number of these rays for which NumPy and python-flint differ
     """
 
     t: np.ndarray
@@ -51,7 +53,7 @@ class Truth:
 
     @property
     def judged(self) -> np.ndarray:
-        """Whether the ray's hit is known, and defined to the noise of double precision."""
+        """Whether the ray's hit is known, and is defined in double precision."""
         return ~self.near_edge & ~self.unsettled
 
     @property
@@ -60,7 +62,7 @@ class Truth:
 
     @staticmethod
     def joined(a: "Truth", b: "Truth") -> "Truth":
-        """The hits of both sets of rays."""
+        """The hits of both sets of rays, those of a first."""
         fields = ("t", "low", "near_edge", "by_flint", "unsettled", "side")
         arrays = [np.concatenate([getattr(a, k), getattr(b, k)]) for k in fields]
         return Truth(*arrays, a.checked + b.checked, a.contradicted + b.contradicted)
@@ -71,9 +73,11 @@ def first_hits(
 ) -> Truth:
     """The exact first hits of rays.
 
-    sample: number of rays that python-flint repeats as a check, of those that NumPy settles
+    sample: number of the rays settled by NumPy that python-flint repeats as a check
     most: largest number of other rays that python-flint settles
-    starts: starts(i) is the exact origin of ray i, for rays that leave the surface
+    seed: seed of the random choice of rays for python-flint
+    starts: function from the number of a ray to its exact origin, for rays that start on the surface; None: all rays
+        start at rays.o
     """
     n, chord = len(rays), ChordPolynomial.of(surface, rays)
     exists, low, high, certain = isolate_first_root(chord, chord.tau + chord.rounding, rays.side)
@@ -98,7 +102,11 @@ def first_hits(
 def _with_more_digits(
     surface: Surface, rays: RayBundle
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray, np.ndarray]:
-    """First roots in long double: (t, bracket, near_edge, settled), from f and from f shifted by tau either way."""
+    """First roots in long double, computed for f, f + tau and f - tau.
+
+    Returns (t, bracket, near_edge, settled): the distances, inf without a root; a pair (low, high) as
+    isolate_first_root returns it; whether the ray is near an edge; and whether these results are certain.
+    """
     chord = ChordPolynomial.of(surface, rays, np.longdouble)
     roots = [first_root_shifted(chord, k * chord.tau) for k in (0, 1, -1)]
     t, *bracket, _ = roots[0]
@@ -107,8 +115,8 @@ def _with_more_digits(
     derivative = np.polynomial.polynomial.polyder(chord.coefficients)
     slope = np.polynomial.polynomial.polyval(s, derivative, tensor=False)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # A root that moves as the slope says is still the same root. Where two roots are about to meet, the root moves
-        # up to twice as far; such rays stay for python-flint.
+        # A root that moves by about tau / slope is still the same root. If two roots almost meet, the root moves up to
+        # twice as far; such rays are left to python-flint.
         expected = 1.3 * chord.half * chord.tau / np.abs(slope)
         moves = [np.where(hit | np.isfinite(r[0]), np.abs(r[0] - t), 0) for r in roots[1:]]
         near_edge = np.logical_or.reduce([~(m <= np.where(hit, JUMP * t, 0)) for m in moves])
@@ -127,7 +135,12 @@ def _settle_by_flint(
     seed: int,
     starts: Callable | None,
 ) -> None:
-    """Settles rays by python-flint, at most `most`, and repeats a sample of those that are certain. Fills `truth`."""
+    """Settles uncertain rays by python-flint, and checks a sample of the certain ones. Writes the results to `truth`.
+
+    tau: noise of double precision in f, (N)
+    certain: mask of the rays that NumPy settled, (N)
+    sample, most, seed, starts: see `first_hits`
+    """
     rng, solver = np.random.default_rng([seed, 7]), CertifiedSolver(surface)
     repeated = rng.permutation(np.flatnonzero(certain))[:sample]
     doubtful = rng.permutation(np.flatnonzero(~certain))
@@ -146,7 +159,7 @@ def _settle_by_flint(
 
 
 def _sign_before(surface: Surface, rays: RayBundle, t: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """The sign of f just before hits, 0 where double-double leaves it uncertain. Shapes: (N)."""
+    """The sign of f just before the hits at t + low; 0 in lanes where it is uncertain in double-double. Shapes: (N)."""
     if not len(t):
         return np.zeros(0)
     return np.sign(certain_value(surface, rays, DoubleDouble(t, low) + DoubleDouble(-(2.0**-40) * np.abs(t))))

@@ -1,4 +1,4 @@
-"""How does the picture change when a light moves? The derivative of every pixel: red if it gets brighter, blue if darker.
+"""How does the picture change when a light moves? Pixels that get brighter are red, pixels that get darker are blue.
 
 visray's derivatives do not contain the motion of a shadow's edge, so visray warns.
 """

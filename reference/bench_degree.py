@@ -59,7 +59,7 @@ def banchoff_chmutov(n: int) -> Polynomial:
 
 
 def scene(surface: Polynomial, **settings: Any) -> Scene:
-    """A scene with the surface, a camera and a point light. settings: options of `adjusted`."""
+    """A scene with the surface, a camera and a point light. settings: options of render.adjusted, such as spp."""
     radius = surface.clip_volume().radius
     camera = Camera(origin=tuple(radius * x for x in EYE), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), fov=30.0)
     lights = {"key": PointLight(position=tuple(radius * x for x in LAMP))}

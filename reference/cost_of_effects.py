@@ -171,9 +171,10 @@ def table() -> list[dict]:
 
 
 def against(before: Path) -> dict:
-    """The figures of the matte scene and of COMPARED with this visray and an earlier visray, by scene.
+    """The figures of this visray and of an earlier visray, for the matte scene and the scenes in COMPARED.
 
     before: the checkout of the earlier visray
+    Returns a dict from the name of the scene to its figures, with the commit of the earlier visray.
     """
     commit = ["git", "-C", str(before), "rev-parse", "--short", "HEAD"]
     commit_hash = subprocess.run(commit, check=True, capture_output=True, text=True).stdout.strip()

@@ -263,7 +263,7 @@ def adaptive() -> list[str]:
 
 
 def cost() -> list[str]:
-    """What accuracy costs for three scenes."""
+    """Lines about what accuracy costs, for three scenes."""
     report = loaded("cost_of_accuracy")
     samplers = {"independent": "independent", "stratified": "stratified", "sobol": "Sobol"}
     slopes, prices = [], []
@@ -288,11 +288,11 @@ def cost() -> list[str]:
 
 
 def _factor(halving: dict) -> str:
-    """How many times longer half of the error takes, with its interval; a star where it is extrapolated."""
+    """How many times longer half the error takes, as text with its interval, and with a star if it is extrapolated."""
     if halving["factor"] is None:
         return "not reached"
     high = "?" if halving["high"] is None else format(halving["high"], ".2g")
-    # Reports of before `beyond` have the least error that was reached, as a share of the scene's.
+    # Older reports lack `beyond`. Their `least` is the least error that was reached, divided by the scene's error.
     star = "\\*" if halving.get("beyond", halving["least"] > 0.5) else ""
     return f"{halving['factor']:.2g}{star} ({halving['low']:.2g} to {high})"
 

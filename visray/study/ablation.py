@@ -68,7 +68,8 @@ def new_mark() -> int:
 
 
 def marked_columns(a: Arrays, x: Any, mark: int) -> Any:
-    """The columns x of pixels, unchanged. Their code contains the mark: it would set x to 0 if x were the mark."""
+    """The columns x of pixels, unchanged, but computed by code that contains the mark."""
+    # No column is equal to the mark (new_mark).
     return dr.select(x == a.U(mark), 0, x)
 
 
@@ -277,8 +278,8 @@ def prepared_without(scene: Scene, effect: str) -> Prepared:
 class _Steps:
     """Runs steps of work one by one and shows progress.
 
-    Calling it with a function runs the function and returns its result; after Ctrl-C it raises KeyboardInterrupt
-    instead.
+    An instance is called with a function. The call runs the function and returns the function's result. After Ctrl-C,
+    the next call raises KeyboardInterrupt instead.
     """
 
     def __init__(self, interrupts: Interrupts, bar: Bar):

@@ -105,7 +105,7 @@ def kernel_cache() -> dict[str, Any]:
 
 
 def _cache_folder() -> Path | None:
-    """The folder of Dr.Jit's kernel cache, or None if it keeps no kernels."""
+    """The folder of Dr.Jit's kernel cache, or None if Dr.Jit stores no kernels on disk."""
     if "DRJIT_CACHE_DIR" in os.environ:
         return Path(os.environ["DRJIT_CACHE_DIR"])
     if sys.platform == "win32":

@@ -135,10 +135,11 @@ def _compare_pictures(
 ) -> tuple[ColouredShadowDifferences, PictureDifference, Image]:
     """Compares the pictures of both programs, and before them the coloured shadows if the scene has any.
 
-    Pixels are not compared if an edge of an object, a shadow or a texture is so near that rounding may move the pixel
-    across it.
+    Pixels are not compared if an edge of an object, a shadow or a texture is so near that rounding may decide on which
+    side of the edge the pixel lies.
 
     comparison, shadow_comparison: camera rays and shadow rays in the scene with all objects opaque
+    scene: the scene with its transparent objects
 
     Returns the differences of coloured shadows, the difference of the pictures, and an image with the layers that
     Report.difference lists.

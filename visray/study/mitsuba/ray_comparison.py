@@ -68,7 +68,7 @@ class RayComparison:
             self.mismatch &= ~self.tied
 
     def _excuse_unstable(self) -> None:
-        """Marks a mismatch as near an edge if Mitsuba hits another object when the ray is moved by its rounding error.
+        """Marks a mismatch as near an edge if a ray moved by Mitsuba's rounding error hits another object in Mitsuba.
 
         This happens if a ray is almost parallel to a facet. Embree then decides whether the ray hits by the sign of a
         product that consists of rounding errors only, even if the ray passes far from the facet.

@@ -179,7 +179,7 @@ class Report:
     width, height: size of the compared picture (pixels)
     seed: seed of the random rays
     objects: number of compared objects
-    left_out: by name, the objects that Mitsuba does not have, with the reason
+    left_out: by the name of an object that Mitsuba does not have, the reason
     notes: lines of text about what else is not compared
     examples: a line of text for each of the first mismatches
     pixels, random: differences of the rays through the pixels' centres, and of random rays

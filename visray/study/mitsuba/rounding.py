@@ -139,11 +139,13 @@ def _unit(d: np.ndarray) -> np.ndarray:
 def allowed_difference(
     ours: VisrayScene, rays: Rays, hits: FirstHits, error: RayError, rounding: ObjectRounding
 ) -> AllowedDifference:
-    """The difference between visray's and Mitsuba's hits that rounding may cause: visray traces moved rays to find it.
+    """The largest difference between visray's and Mitsuba's hits that rounding may cause.
+
+    It is computed from the hits of rays that are moved by Mitsuba's rounding error and traced by visray.
 
     hits: visray's hits of the rays that are not moved
     error: Mitsuba's rounding error of the rays
-    rounding: bounds for all objects
+    rounding: bounds of the rounding of each object
     """
     n = len(hits.t)
     edge, dt, turn, duv = np.zeros(n, bool), np.zeros(n), np.zeros(n), np.zeros(n)

@@ -119,7 +119,7 @@ def ball(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def camera(named: NamedSurface, n: int, rng: np.random.Generator) -> RayBundle:
-    """n rays from three eyes to random points of a disk with the clip's centre and radius, which faces the eye."""
+    """n rays from three eyes to random points of a disk that faces the eye and has the clip's centre and radius."""
     s = named.surface
     eyes = single(np.array(s.centre) + 3 * s.radius * sphere(rng, 3))
     o = eyes[np.arange(n) % len(eyes)]
@@ -153,7 +153,9 @@ def rays_past(
 
 
 def grazing(named: NamedSurface, n: int, rng: np.random.Generator, rays: RayBundle, truth: Truth) -> RayBundle | None:
-    """n rays that just touch or just miss the surface, near points that other rays hit. None if no ray hits.
+    """n rays that just touch or just miss the surface, near points that other rays hit.
+
+    None if no other ray hits at a point with a normal.
 
     rays, truth: the other rays and their exact hits
     """

@@ -1,6 +1,7 @@
 """Scores of a solver: the solver's hits are compared with the exact hits.
 
-exact/truth.py explains tau and rays near an edge.
+exact/truth.py explains tau and rays near an edge. A shift of f explains an error of the solver if the shift changes the
+exact hit of the ray.
 """
 
 from collections.abc import Callable
@@ -43,16 +44,16 @@ class Score:
     false_misses: judged rays that hit, but not by the solver; for secondary rays these are light leaks
     false_hits: judged rays that hit by the solver only; for secondary rays these are false self-shadows
     wrong_roots: hits with an error of more than 1e-3 t, or nearer to another root of the ray than to the first root
-    loose: hits with an error of more than LOOSE times the effect of rounding: of a shift of f by tau, and of the
-        rounding of coordinates
+    loose: hits with an error of more than LOOSE times the error that rounding causes (a shift of f by tau, and rounded
+        coordinates)
     nan: results that are not a number
     gross: of the first MOST_SHIFTED errors, those that no shift of f by up to 2^20 tau explains
     any_hit_differs: rays whose first hit and occlusion contradict each other; None: not tested
     unresolved: rays for which the solver reports that rounding hides the result; None: the solver makes no reports
 
     Other figures:
-    errors_within: shift of f, in units of tau, that explains the errors that are not gross; tested in powers of 2, for
-        the first MOST_SHIFTED errors
+    errors_within: least power of 2, times tau, by which a shift of f explains all errors that are not gross; only the
+        first MOST_SHIFTED errors are tested
     ulps: median, 99.9 % quantile and maximum of the error of t, in units of the last place of t
     degrees: 99.9 % quantile and maximum of the angle between the solver's and the true normal (degrees)
     seconds: time of one ray, on one thread; None: not measured

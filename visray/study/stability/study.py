@@ -102,7 +102,7 @@ class Report:
     rays: number of rays in a set
     seed: seed of the rays
     scores: a score for each surface and set of rays
-    left_out: by name, the surfaces that the solver does not accept, with the reason
+    left_out: by the name of a surface that the solver does not accept, the reason
     stopped: whether Ctrl-C ended the study early
     """
 

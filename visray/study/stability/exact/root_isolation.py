@@ -31,7 +31,7 @@ class ChordPolynomial:
     coefficients: coefficients of s^k, (k, N)
     tau: noise of double precision in f, see truth.py
     bernstein: Bernstein coefficients of f on the interval from s = start to 1, (k, N)
-    rounding: bound of the rounding errors of `bernstein`, also after `restricted`
+    rounding: bound of the rounding errors of `bernstein`, and of what `restricted` computes from it
     """
 
     outside: np.ndarray

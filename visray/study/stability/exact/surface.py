@@ -21,7 +21,8 @@ class RayBundle:
     low: the exact origins are o + low, double-double numbers, (N, 3); None: low is 0
     side: for rays that start on the surface, the sign of f on the side to which they start, (N); None: the rays start
         anywhere
-    noise: for rays that start on the surface, the uncertainty of f at the start, which may be larger than tau, (N)
+    noise: for rays that start on the surface, the uncertainty of f at the start, which may be larger than tau (see
+        truth.py), (N)
     """
 
     o: np.ndarray

@@ -1,5 +1,5 @@
-"""The time that `--error` saves: adaptive renders are compared with uniform renders, which take the same number of
-samples in each pixel, at equal error.
+"""The time that `--error` saves: adaptive renders are compared with uniform renders of equal error. Uniform renders take
+the same number of samples in each pixel.
 
     python reference/bench_adaptive.py -o reference/bench_adaptive.json
 

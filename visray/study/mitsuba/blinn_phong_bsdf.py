@@ -35,7 +35,7 @@ class BlinnPhong(mi.BSDF):
         self.m_flags = self.m_components[0] | self.m_components[1]
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        """Light reflected to the viewer if light of strength 1 arrives from `wo`; the diffuse part contains the cosine."""
+        """Light reflected to the viewer if light of strength 1 arrives from `wo`. The diffuse part contains `cos`."""
         v, l = _to_viewer_side(si.wi, si.wi), _to_viewer_side(si.wi, wo)
         colour = mi.Color3f(0)
         if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, DIFFUSE):

@@ -1,7 +1,7 @@
 """Coloured shadows by visray and by Mitsuba: the light that transparent objects let through to the visible points.
 
 Mitsuba has no coloured shadows. But Mitsuba finds where a shadow ray first hits an object, from either end of the ray.
-The piece between these two hits is taken as the path inside the object. That is right for convex objects.
+The piece between these two hits is taken as the path inside the object. That is right for convex objects only.
 """
 
 from dataclasses import dataclass, replace

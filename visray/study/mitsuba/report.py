@@ -64,7 +64,7 @@ class RayDifferences:
     uv_bound: float
 
     def tolerances(self, title: str) -> list[Tolerance]:
-        """The values that must stay below limits. title: name of the group."""
+        """The list of values that must not exceed their limits. title: name of the group."""
         bound = "of the rounding bound"
         return [
             Tolerance(f"{title}: hit mismatches", self.hit_mismatches, 0, "rays"),

@@ -100,7 +100,7 @@ def _lights(ours: VisrayScene) -> list[PreparedLight]:
 
 
 def light_table(ours: VisrayScene, light: Light) -> Any:
-    """The light with Dr.Jit arrays as fields, which its methods for kernels need."""
+    """A light whose fields are Dr.Jit arrays, as the light's methods for kernels need them."""
     return stacked(ours.a, type(light), [light])
 
 

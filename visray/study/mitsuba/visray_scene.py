@@ -21,7 +21,7 @@ from visray.setup import Prepared, prepare
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays in single precision, relative to the centre of the check.
+    """Rays in single precision, relative to the camera.
 
     o: origins, float32, (N, 3), or (1, 3) if all rays share one origin
     d: directions, float32, (N, 3); their lengths are 1 to within 2^-23

@@ -193,7 +193,7 @@ def score(
 
 
 def explaining_shift(surface: Surface, rays: RayBundle, i: int, starts: Callable | None) -> int:
-    """The least power of 2, times tau, by which a shift of f changes the hit of ray i; 0 if 2^20 tau does not.
+    """The least power k of 2 such that a shift of f by k tau changes the hit of ray i; 0 if no k up to 2^20 does.
 
     starts: see truth.first_hits
     """

@@ -118,7 +118,7 @@ def isolate_first_root(
     If V = 0, f has no root in the interval; this stays true if f is shifted by `margin` minus the rounding error. If
     V = 1, f has exactly one root there. Otherwise the interval is halved. At a width of 2^-30 the search gives up.
 
-    margin: the sign of a coefficient is certain if its absolute value is larger, (N)
+    margin: the sign of a coefficient is certain if the coefficient is larger than the margin or less than -margin, (N)
     side: the sign of f at the start, for rays that start on the surface. No root is searched for until f exceeds the
         margin with this sign. (N). None: rays that start anywhere.
 

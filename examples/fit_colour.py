@@ -1,4 +1,4 @@
-"""Which diffuse colour has the ball in this picture? Gradient descent on the squared difference finds it."""
+"""Which diffuse colour does the ball in a picture have? Gradient descent on the squared difference finds it."""
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit loads
 import drjit as dr

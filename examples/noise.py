@@ -1,4 +1,4 @@
-"""How fast does the noise fall with more samples? Pictures with stratified samples, compared with a converged one."""
+"""How fast does the noise fall with more samples? Pictures are compared with a picture of very many samples."""
 
 from pathlib import Path
 

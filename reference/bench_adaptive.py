@@ -1,5 +1,6 @@
-"""The time that `--error` saves: adaptive renders are compared with uniform renders of equal error. Uniform renders take
-the same number of samples in each pixel.
+"""The time that `--error` saves: adaptive renders are compared with uniform renders of equal error.
+
+A uniform render takes the same number of samples in each pixel.
 
     python reference/bench_adaptive.py -o reference/bench_adaptive.json
 

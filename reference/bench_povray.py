@@ -384,7 +384,7 @@ class Truth:
         self.terms = {e: int(c * denominator) for e, c in terms.items()}
 
     def hit(self, x: int, y: int) -> bool | None:
-        """Whether the ray through a pixel's centre hits; None if a root may lie inside or outside the clip.
+        """Whether the ray through a pixel's centre hits; None if it is not certain whether a root lies in the clip.
 
         x, y: column and row of the pixel
         """

@@ -10,7 +10,8 @@ at least 100 times as many samples as a tested picture. The error of the referen
 two pictures; its mean square is subtracted. Films are small, to save time.
 
 Times: four scenes are rendered with two time limits each, from the call to the file on disk, with all layers and with
-compiled kernels. Reported are the time beyond the limit, and the time of the longest pass, which bounds it.
+compiled kernels. Reported are the time beyond the limit, and the time of the longest pass. The longest pass bounds the
+time beyond the limit.
 """
 
 import argparse

@@ -61,8 +61,8 @@ def _compare_light(
     """Six numbers for one light, as an array, and a list with a line of text for each of the first mismatches.
 
     The numbers are counts of: shadow rays, rays that reach the light, rays near an edge, mismatches, compared pixels.
-    The sixth is the sum over the compared pixels of |difference|, where the difference is between the fractions of the
-    light that are visible in visray and in Mitsuba.
+    The sixth is the sum over the compared pixels of |a - b|; a and b are the fractions of the light that are visible in
+    visray and in Mitsuba.
     """
     ours, n = comparison.ours, len(comparison.our_hits.t)
     counts, lines = np.zeros(4), []

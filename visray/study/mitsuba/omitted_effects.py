@@ -1,4 +1,4 @@
-"""Effects that Mitsuba does not have, or has differently: the check compares the scene without them."""
+"""Effects that Mitsuba does not have, or simulates in another way. The check compares the scene without them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace

@@ -1,4 +1,4 @@
-"""The same rays through visray and through Mitsuba, compared ray by ray."""
+"""Comparison of the hits of the same rays in visray and in Mitsuba, ray by ray."""
 
 from dataclasses import replace
 from typing import Any

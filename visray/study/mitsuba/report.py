@@ -129,8 +129,8 @@ class AreaLightDifferences:
     pixels: number of pixels; the shadow rays start at the points that these pixels see
     rays, reached, near_edge, mismatches: as in ShadowDifferences
     compared: number of pairs of a pixel and a light such that no ray between them is near an edge
-    difference: mean over these pairs of |difference|, where the difference is between the fractions of the light that
-        are visible in visray and in Mitsuba
+    difference: mean over these pairs of |a - b|; a and b are the fractions of the light that are visible in visray and
+        in Mitsuba
     """
 
     lights: int = 0

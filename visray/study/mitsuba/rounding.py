@@ -54,7 +54,7 @@ class ObjectRounding:
     sided: np.ndarray
 
     def ray_error(self, *indices: np.ndarray) -> "RayError":
-        """The error of rays that hit given objects.
+        """The RayError of rays that hit given objects.
 
         indices: arrays of object indices, (N) each; a ray gets the largest error over the arrays. Index -1 stands for
             any bounded object.
@@ -66,7 +66,7 @@ class ObjectRounding:
         return RayError(largest(self.far), largest(self.growth), largest(self.gap))
 
     def largest_ray_error(self, n: int) -> "RayError":
-        """The error of n rays that may hit any object of the scene."""
+        """The RayError of n rays that may hit any object of the scene."""
         return RayError(*(np.full(n, v.max(initial=0.0)) for v in (self.far, self.growth, self.gap)))
 
 

@@ -28,8 +28,8 @@ class LightVisibility:
         pieces
     touching: indices of the objects on whose surface the light lies, (K)
     facing: whether the point faces the light
-    cosine: cosine of the angle between normal and direction to the light in visray; 1 if the point does not face it
-    margin: distance from the start of the shadow ray up to which Mitsuba may hit the surface at its start (world units)
+    cosine: cosine of the angle between normal and direction to the light in visray; 1 if not `facing`
+    margin: distance along the shadow ray up to which Mitsuba may hit the surface on which the ray starts (world units)
     largest_margin: this distance for the least cosine that rounding allows; inf if the ray may be parallel to the
         surface
     our_lit, their_lit: whether light arrives, in visray and in Mitsuba

@@ -1,4 +1,4 @@
-"""The stability study: a solver intersects rays with polynomial surfaces, and its hits are compared with exact ones.
+"""The stability study: a solver intersects rays with polynomial surfaces. Its hits are compared with exact hits.
 
 The study counts false misses, false hits and wrong roots. It measures the errors of distances and normals, and the time
 of a ray. The solver is KernelSolver, which is visray's own search; FunctionSolver makes a solver of any function

@@ -37,7 +37,7 @@ class RayBundle:
     def points(self, t: np.ndarray, low: Any = 0.0, slope: bool = False, limit: int = 1) -> list[DoubleDouble]:
         """The points o + (t + low) d: a list of x, y and z in double-double.
 
-        slope: whether the coordinates are polynomials in a variable that is added to t, so that f has a derivative by t
+        slope: whether the coordinates are polynomials in a variable that is added to t, to differentiate f by t
         limit: largest number of coefficients of these polynomials
         """
         coordinates = []

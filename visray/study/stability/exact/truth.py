@@ -34,7 +34,7 @@ class Truth:
     """The exact first hits of rays. Shapes: (N).
 
     t, low: the distance is t + low; inf without a hit
-    near_edge: whether the hit is not defined in double precision (see the module)
+    near_edge: whether the hit is not defined in double precision (see the top of the module)
     by_flint: whether python-flint settled the ray
     unsettled: whether the ray was not settled at all, because too many rays needed python-flint
     side: the sign of f just before the hit, 0 if unknown

@@ -1,7 +1,7 @@
-"""The certificate of polynomial surfaces and tori: how well a picture's crossings of rays with such surfaces are known.
+"""The certificate of polynomial surfaces and tori: how precisely the points are known where rays cross such surfaces.
 
-This module computes facts about it for the metadata of a picture, and warns. The layers `unresolved` and `residual`
-contain it for each pixel (integrator.certificate).
+The layers `unresolved` and `residual` contain the certificate of each pixel (integrator.certificate). This module
+computes facts for the metadata from them, and warns.
 """
 
 import warnings

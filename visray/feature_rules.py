@@ -55,7 +55,8 @@ def _lights(scene: Scene, test: Callable) -> list[str]:
 # The following functions are the `calls` of the rules. Each returns a list of the addresses that need its effect. A
 # material "has" ka, kd, ks, kr or kt, and a light "has" Ia, Id or Is, if one of the three numbers is not 0.
 def _ambient(scene: Scene) -> list[str]:
-    """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` and no Ia of a light."""
+    """Addresses of the materials with ka; empty if there is no ambient light, neither the scene's `ambient` nor a
+    light's Ia."""
     has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
     return _materials(scene, lambda m: any(m.ka)) if has_ambient else []
 
@@ -85,8 +86,7 @@ def _shadows(scene: Scene) -> list[str]:
 
 
 def _can_occlude(scene: Scene) -> bool:
-    """Whether any object can hide a light from a point of a surface. If a scene has a single object and it is flat, it
-    cannot."""
+    """Whether any object can hide a light from a point of a surface. A flat object that is the only object cannot."""
     single_flat = len(scene.objects) == 1 and isinstance(next(iter(scene.objects.values())), Flat)
     return bool(scene.objects) and not single_flat
 
@@ -145,7 +145,7 @@ def _with_share(scene: Scene, field: str) -> list[str]:
 
 
 def _if_lit(calls: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]:
-    """A function that returns what `calls` returns in shading modes that show light, and an empty list in others."""
+    """Function of a scene: if its shading mode shows light, it returns what `calls` returns, else an empty list."""
     return lambda scene: calls(scene) if modes.BY_NAME[scene.settings.shading].lit else []
 
 

@@ -81,8 +81,8 @@ def _first_with_field(fields: tuple[str, ...], wrt: tuple[str, ...]) -> str | No
 
 
 def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
-    """Reason why a setting of the scene switches an effect off, or None if no setting does. It holds even with
-    `everything`.
+    """Reason why a setting of the scene switches an effect off, or None if no setting does. Such a setting counts even
+    with `everything`.
 
     name: the effect. wrt: addresses by which derivatives are asked for.
     """

@@ -162,7 +162,7 @@ def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts
 
 
 def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
-    """Names of layers as a tuple. Raises a UserError if there is no layer of a name.
+    """Names of layers as a tuple. Raises a UserError if one of them is not the name of a layer.
 
     layers: the names; a single string is one name.
     """
@@ -262,7 +262,8 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
 
 
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:
-    """Dict of the layers of the first hit by name. It is empty if no layer in `layers` comes from the first hit."""
+    """Dict of the layers of the first hit by name, and of the certificate. It is empty if no layer in `layers` is one
+    of these."""
     needed = set(layers) & set(names_from("first hit"))
     if set(layers) & set(names_from("certificate")) and any(b.kind.finds_roots for b in prepared.kernel.batches):
         needed.add("certificate")
@@ -270,7 +271,7 @@ def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, 
 
 
 def _first_hit(prepared: Prepared) -> dict[str, Any]:
-    """Dict of the layers of the first hit along the ray through each pixel's centre, computed at once."""
+    """Dict of the layers of the first hit along the ray through each pixel's centre. Their arrays are evaluated."""
     layers = integrator.first_hit(prepared.kernel, prepared.x, prepared.y)
     dr.eval(layers)
     return layers

@@ -5,7 +5,7 @@ the mean variance of the samples in the pixels around it. The pixel's own sample
 its samples must not depend on their values. Otherwise a pixel whose first samples have all missed a bright object would
 stop early, and the mean of its samples would be biased.
 
-Weights and sample counts are rounded to powers, so that there are few different ones:
+Weights are rounded to powers of 2^(1 / STEPS), and sample counts to powers of 2, so that there are few different ones:
 
     step    logarithm of a weight to base 2^(1 / STEPS), a whole number
     level   logarithm of a sample count to base 2, a whole number

@@ -89,7 +89,7 @@ def depth_biases(
 
 
 def _continuing(prepared: Prepared, depth: int, reference_depth: int) -> np.ndarray:
-    """Numbers of the lanes in whose window some path continues beyond a depth.
+    """Numbers of the lanes of pixels near which paths continue beyond a depth.
 
     The search has two steps, because such pixels may be few, and only few samples of such a pixel may continue. First,
     one sample of every fourth pixel finds where paths have any reflection or refraction. Then more samples of these

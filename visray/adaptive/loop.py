@@ -248,7 +248,7 @@ class AdaptiveRun:
         return budget, *(sufficient[-1] if sufficient else max(insufficient))
 
     def _rate(self, allocation: Allocation) -> float:
-        """Seconds that one of the further samples takes, on average. Most of them are in noisy pixels."""
+        """Mean duration, in seconds, of the samples that are still to be taken. Most of these are in noisy pixels."""
         return allocation.weighted_mean(self.buffer.rates.reshape(2, -1).mean(0))
 
     def _expect_end(self, allocation: Allocation) -> tuple[float, float]:

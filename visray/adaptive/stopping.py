@@ -13,7 +13,7 @@ from visray.errors import UserError
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of an adaptive render: an error, a time, or both; then the render ends when one of them is reached.
+    """Goal of an adaptive render: an error, a time, or both. With both, the render ends when the first is reached.
 
     error: largest error, relative to the picture's mean luminance, or None.
     seconds: time from `begun` to the end of the render, or None.

@@ -257,7 +257,7 @@ def surfaces(*, json: Json = False) -> int:
 
 @app.command
 def doctor(*, json: Json = False) -> int:
-    """Report what visray finds on this machine, and whether a picture comes out."""
+    """Report what visray finds on this machine, and whether it can render a picture."""
     from visray.study import doctor as examination  # here, because it loads Mitsuba
 
     report = examination.examine(_probe)

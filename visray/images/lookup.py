@@ -36,7 +36,7 @@ def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) 
 
 
 def _wrapped(x: Any, wrap: Any) -> Any:
-    """Coordinate in [0, 1] that x is wrapped to; 0 in lanes where x is not finite.
+    """Coordinate in [0, 1] that x is wrapped to; 0 or 1 in lanes where x is not finite.
 
     wrap: index into WRAPS.
 

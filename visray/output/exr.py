@@ -139,8 +139,8 @@ def _attribute(value: Any) -> Any:
 
 
 def _survives(value: float) -> bool:
-    """Whether a float can be written as float32 and read back unchanged by `_value`: it is the shortest decimal number
-    of its float32, or it is not finite."""
+    """Whether a float that is written as float32 is the same when `_value` reads it. This is so if the float is the
+    shortest decimal number of its float32, or is not finite."""
     with np.errstate(over="ignore"):
         return not np.isfinite(value) or float(str(np.float32(value))) == value
 
@@ -168,8 +168,7 @@ def _value(attribute: Any) -> Any:
 
 
 def _number(text: str) -> Any:
-    """The number that `_attribute` wrote as this text. If `_attribute` would not write this text for any number, the
-    text itself."""
+    """The number that `_attribute` wrote as a text. If `_attribute` writes no number as this text, the text itself."""
     for kind in (int, float):
         try:
             number = kind(text)

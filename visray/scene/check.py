@@ -138,7 +138,7 @@ def _joined(entries: dict, known: dict, new: dict) -> dict:
 
 
 def _has_own_flaws(scene: Scene) -> bool:
-    """Whether the camera, a light or an object has a flaw that shows without the other parts of the scene."""
+    """Whether the camera, a light or an object has a flaw that does not depend on other parts of the scene."""
     with np.errstate(all="ignore"):
         return bool(
             _camera_flaws(scene.camera)

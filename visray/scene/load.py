@@ -21,8 +21,9 @@ def load(path: str | Path, setup: str | Path | None = None, compat: bool = False
     setup: the setup file of a VisRayTrace scene, or None.
     compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
 
-    Paths of texture files are relative to the scene file's folder in the file, and to the current folder in the scene.
-    If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a UserError.
+    In the file, paths of texture files are relative to the folder of the file. In the scene, they are relative to the
+    current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
+    UserError.
     """
     source = read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):

@@ -35,7 +35,10 @@ def printable(text: str) -> str:
 
 def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     """Hint at what may replace a wrong word, such as `did you mean "sphere"? (one of box, sphere)`. If no choice is
-    similar to the word, the hint only lists the choices."""
+    similar to the word, the hint only lists the choices.
+
+    quote: quotation mark around the suggested word.
+    """
     choices = list(choices)
     listed = f"one of {', '.join(choices)}" if choices else "there is none"
     similar = _similar(word, choices) if isinstance(word, str) else []
@@ -97,7 +100,7 @@ class _Place:
     branches: tuple[_Branch, ...]
 
     def at(self, branch: _Branch) -> bool:
-        """Whether the wrong value is the one that the branch is about, and not a part of that value."""
+        """Whether the wrong value is the branch's value itself, and not a part of it."""
         return self.address == branch.address
 
 

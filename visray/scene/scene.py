@@ -44,10 +44,10 @@ class Occlusion:
     """Ambient occlusion: how much ambient light reaches a point. Rays over the hemisphere above the point measure it.
 
     sky: number of rays per point that measure which share of the sky is visible. The share scales the scene's
-        `ambient`. 0: the share is 1.
-    near: number of rays per point that measure how near other surfaces are. The lights' Ia is scaled by the mean over
-        rays of t / `distance`, where t is the distance of the first hit; a ray without a hit within `distance` counts
-        as 1. 0: the scale is 1.
+        `ambient`. With 0 rays it is 1.
+    near: number of rays per point that measure how near other surfaces are. A ray whose first hit is at distance t has
+        the value t / `distance`, and a ray without a hit within `distance` has the value 1. The mean value scales the
+        lights' Ia. With 0 rays it is 1.
     distance: length of the `near` rays.
     hemisphere: distribution of the rays. `cosine`: density proportional to the cosine with the normal. `box`: rays
         toward uniformly distributed points in the volume of a half cube, as in the original VisRayTrace.

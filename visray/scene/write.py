@@ -170,7 +170,7 @@ def _default(f: Field) -> Any:
 def pretty(value: Any, indent: str = "") -> str:
     """JSON text with one entry per line. Short lists are on one line.
 
-    indent: spaces at the beginning of the lines around the value.
+    indent: indentation of the line on which the value begins, as a text of spaces.
     """
     flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
     short = isinstance(value, list) and len(indent) + len(flat) <= LONGEST_LINE
@@ -186,7 +186,7 @@ def pretty(value: Any, indent: str = "") -> str:
 
 
 def schema() -> dict:
-    """The JSON Schema of scene files, as a dict. Editors show from it the meaning and the unit of each field."""
+    """The JSON Schema of scene files, as a dict. With it, editors show the meaning and the unit of each field."""
     scene_schema = ADAPTER.json_schema()
     definitions = scene_schema["$defs"] | {"Scene": scene_schema}
     for kind in KINDS:

@@ -107,7 +107,7 @@ def convert(
 
 
 def _read(path: str | Path, log: Log) -> Any:
-    """Content of a file. If it cannot be read, {} with the errors in the log: both files' errors are shown together."""
+    """Content of a file. If it cannot be read, {} with the errors in the log; the other file is still checked."""
     try:
         source = read(path)
     except UserError as error:
@@ -119,7 +119,7 @@ def _read(path: str | Path, log: Log) -> Any:
 
 
 def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
-    """Logs an error if the first file is not a scene or the second is not a setup. Most often they are swapped."""
+    """Logs an error if the first file is not a scene or the second is not a setup. Users may have swapped the files."""
     if log.errors or setup_log.errors:
         return
     if is_legacy_setup(raw):

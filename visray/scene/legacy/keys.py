@@ -1,4 +1,4 @@
-"""Keys of VisRayTrace files with all their spellings, and the values of their enumerations."""
+"""Keys of VisRayTrace files with all their spellings, and the words that some of the keys can have as values."""
 
 # For each kind of JSON object: its keys, each with its other spellings.
 OBJECT = {"name": (), "type": (), "material": (), "data": ()}

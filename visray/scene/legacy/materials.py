@@ -85,8 +85,8 @@ def _entry(raw: dict, address: str, log: Log) -> Entry:
 def _transparent(e: Entry) -> dict[str, Any]:
     """Fields of a transparent material.
 
-    The key `id` is ignored. With it VisRayTrace recognised that a ray leaves the object that it had entered, so two
-    objects with the same id were like one. visray knows from the geometry which objects a ray is inside.
+    The key `id` is ignored. VisRayTrace compared ids to find where a ray leaves an object, and so took two objects with
+    the same id for one. visray knows from the geometry which objects a ray is inside.
     """
     kt = _clamped(e, "kt", e.vector("kt", BLACK), "a surface lets through from 0 to 1; the nearest is used")
     material = {"kt": kt, "ior": e.number("nut", AIR)}

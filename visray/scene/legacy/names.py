@@ -38,7 +38,7 @@ def valid_name(text: str) -> str:
 
 
 def unique_name(name: str, taken: Container[str]) -> str:
-    """The name, followed by a number if another object already has the name.
+    """The name, followed by a number if the name is already taken.
 
     taken: names in use.
     """

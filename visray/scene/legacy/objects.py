@@ -59,7 +59,7 @@ def clip_polynomials(objects_by_name: dict[str, dict], camera_origin: tuple[floa
 
 
 def _name(entry: dict, i: int, taken: set[str], log: Log) -> str:
-    """A valid name for an object, which no other object has. Warns if this name differs from the name in the file.
+    """A valid and unique name for an object. Warns if this name differs from the name in the file.
 
     entry: the object as the file gives it.
     i: index of the object in the file.

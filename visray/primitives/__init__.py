@@ -1,6 +1,6 @@
-"""The kinds of primitives.
+"""The kinds of primitives, the shapes that objects of a scene can have.
 
-A new kind is one file in this folder, its class in KINDS, and one sample in tests/samples.py (docs/extending.md).
+A new kind needs one file in this folder, its class in KINDS, and one sample in tests/samples.py (docs/extending.md).
 """
 
 from visray.primitives.box import Box
@@ -17,5 +17,5 @@ from visray.primitives.torus import Torus
 from visray.primitives.triangle import Triangle
 
 KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Ellipsoid, Capsule, Torus, Polynomial)
-# The public names of this folder, which are names of visray too.
+# The public names of this folder. They are also public names of visray.
 __all__ = [kind.__name__ for kind in KINDS]

@@ -1,6 +1,12 @@
-"""Algebraic surfaces: the zero set of a polynomial inside a clip.
+"""Algebraic surfaces: the points inside a clip at which a polynomial f is zero.
 
-The shared base of the kind `polynomial` and of kinds that are defined by a polynomial (polynomial_solid.py).
+This module has the base class of the kind `polynomial`, and of kinds that are defined by a polynomial, such as the
+torus (polynomial_solid.py).
+
+The clip is a ball or a box that bounds the surface. The chord of a ray is the part of its line inside the clip. The
+parts of the surface are numbered: first the factors of f, and then, in a capped solid, the faces of the clip (the
+caps). The canonical clip is the unit ball, or the cube from -1 to 1. The polynomial takes coordinates about the clip's
+centre.
 """
 
 import cmath
@@ -40,7 +46,7 @@ class PolynomialRows:
 
     @classmethod
     def of(cls, a: Arrays, polynomials: list) -> "PolynomialRows":
-        """The arrays of `Polynomial` objects of one kind."""
+        """The arrays of several `Polynomial` objects of one kind."""
         compiled, parameters = [x.compiled() for x in polynomials], [x.parameters for x in polynomials]
         clips = [x.clip_volume() for x in polynomials]
         slopes = [[_constant_slopes(c, p, name) for name in p] for c, p in zip(compiled, parameters)]
@@ -58,12 +64,19 @@ class PolynomialRows:
         )
 
     def placed(self, outer: Frame | None) -> "PlacedPolynomial":
-        """The polynomials in the world; their constants carry derivatives by the parameters."""
+        """The polynomials in the world. Their constants carry derivatives by the parameters, if any are asked for.
+
+        outer: the objects' transforms, or None.
+        """
         o = self.clip.frame().o
         return self.placed_in(Similarity(0 * o.x + 1, o).then(outer))
 
     def placed_in(self, frame: Frame | Similarity, shape: tuple = ()) -> "PlacedPolynomial":
-        """The polynomials in a frame whose origin is the clip's centre."""
+        """The polynomials in the world.
+
+        frame: map to the world from the coordinates that the polynomials take; its origin is the clip's centre.
+        shape: parameters of the canonical shape, which are stored in the result.
+        """
         constants = self.constants
         for p, slopes in zip(self.parameters, self.slopes):
             if dr.grad_enabled(p):
@@ -81,10 +94,10 @@ class PolynomialRows:
 class PlacedPolynomial:
     """A polynomial in the world.
 
-    inverse: map from world coordinates to coordinates about the clip's centre.
+    inverse: map from world coordinates to coordinates about the clip's centre, which the polynomial takes.
     constants, tolerance: as in PolynomialRows.
-    scale: 1 over the clip's half sides, one entry per axis.
-    shape: parameters of the canonical shape, for kinds that are defined by a polynomial.
+    scale: 1 / (half the side of the clip), one entry per axis.
+    shape: parameters of the canonical shape, as Primitive.shape returns them.
     """
 
     inverse: Inverse | SimilarityInverse
@@ -94,40 +107,45 @@ class PlacedPolynomial:
     shape: tuple = ()
 
     def to_unit_clip(self, q: Any) -> Any:
-        """A vector about the clip's centre, in coordinates of the canonical clip."""
+        """The vector or point q in coordinates of the canonical clip. q: in coordinates about the clip's centre."""
         return type(q)(*(x * s for x, s in zip(q, self.scale)))
 
 
 @dataclass(frozen=True)
 class SeenPolynomial:
-    """A polynomial as seen from a ray origin o, given in coordinates about the clip's centre."""
+    """A polynomial, and a ray origin o in coordinates about the clip's centre."""
 
     placed: PlacedPolynomial
     o: Any
 
 
 class Algebraic(Primitive):
-    """A surface whose crossings are isolated roots of a polynomial, with a certificate.
+    """A surface whose crossings are roots of a polynomial along a ray. The roots are isolated with a certificate.
 
-    The objects of one kind share one program and one kind of clip.
+    All objects of one kind have the same program and the same kind of clip.
 
     Facts about a kind, besides those of Primitive:
     program: operations that evaluate the polynomial; see polynomials/program.py.
-    solid: the kind of the clip.
-    loose: crossings have a tolerance.
-    clipped: the clip may cut the surface. A closed surface then has caps, which come last among its parts.
+    solid: the class of the clip's shape, Sphere or Box.
+    loose: whether crossings are computed with a tolerance.
+    clipped: whether the clip may cut the surface. A closed surface then has caps on the faces of the clip.
     """
 
     finds_roots = True
     clipped = True
-    # Without type annotations, because an annotation would make them fields of the scene.
+    # They have no type annotations, because an annotation would make them fields of the scene.
     program = solid = loose = None
 
     @classmethod
     def kind_of(
         cls, program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
     ) -> type["Algebraic"]:
-        """The kind of objects with this structure. parameters: the number of named parameters."""
+        """The subclass that serves all objects with this structure.
+
+        program, closed, loose: as the facts with these names.
+        clip: the class of the clip.
+        parameters: number of named parameters.
+        """
         return _kind(cls, program, closed, clip, parameters, loose)
 
     @staticmethod
@@ -137,8 +155,8 @@ class Algebraic(Primitive):
     @classmethod
     def crossing(cls, seen: SeenPolynomial, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
         d, placed, count = seen.placed.inverse.vector(ray.d), seen.placed, len(cls.program.factors)
-        # The line's chord in the clip, and its part between the ends of the ray. Lanes without such a part are given an
-        # arbitrary finite chord, so that all their numbers are finite.
+        # The chord, and the piece of it between the ends of the ray. Lanes without such a piece get an arbitrary finite
+        # chord, so that all their numbers are finite.
         unit, end = placed.to_unit_clip(d), dr.inf if end is None else end
         line = cls.solid.interval(placed.to_unit_clip(seen.o), unit, dr.squared_norm(unit), ())
         first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
@@ -148,18 +166,19 @@ class Algebraic(Primitive):
         )
         starts_in_clip, on_clip, known_sides = line.near <= begin, None, known
         if known.on_start is not None:
-            # A ray that leaves the surface starts in the clip, even where rounding says otherwise.
+            # A ray that starts on the surface starts in the clip, even if rounding puts its origin outside.
             starts_in_clip |= known.on_start
             if cls.closed and cls.clipped:
                 capped = known.on_start & cls._on_cap(placed, seen.o, known.start_part)
-                # The clip is convex, so a ray that leaves it outwards does not return.
+                # The clip is convex, so a ray that starts on a cap and leaves the clip does not return to it.
                 active &= ~(capped & ~known.inside)
                 known_sides = replace(known, on_start=known.on_start & ~capped)
         segment = ChordSegment.of(seen.o, d, chord, first, last)
         c = roots.first_crossing(cls.program, placed.constants, segment, active, known_sides, placed.tolerance)
         if not (cls.closed and cls.clipped):
             return c
-        # A ray may enter or leave a capped solid through a cap, but not where the ray ends on that cap.
+        # A ray may enter or leave a capped solid through a cap. A crossing of the cap on which the ray ends does not
+        # count.
         leaves = line.far < end
         if known.on_end is not None:
             q = seen.o + dr.select(known.on_end, end, 0) * d
@@ -167,7 +186,7 @@ class Algebraic(Primitive):
             leaves &= ~on_clip
         cap = dr.select(starts_in_clip, dr.select(leaves, line.far, dr.inf), line.near)
         through_cap = active & ~c.enters & (~starts_in_clip | ~c.met)
-        # Before it enters through a cap the ray is outside. A ray that crosses nothing keeps its side.
+        # A ray that enters through a cap is outside before. A ray without a crossing stays on the side where it starts.
         enters = dr.select(through_cap, ~starts_in_clip, c.enters)
         u = dr.uint32_array_t(c.t)
         face = u(0) if line.near_part is None else dr.select(starts_in_clip, line.far_part, line.near_part)
@@ -177,16 +196,23 @@ class Algebraic(Primitive):
 
     @classmethod
     def _on_cap(cls, placed: PlacedPolynomial, q: Any, part: Any) -> Any:
-        """Whether a surface point lies on a cap. Decided by its part, or by the nearer surface if part is None."""
+        """Mask of the surface points q that lie on a cap.
+
+        part: number of the part on which q lies. If it is None, the nearer of the clip and the polynomial's surface
+            decides.
+        """
         return cls._surface(placed, q, None)[2] if part is None else part >= len(cls.program.factors)
 
     @classmethod
     def _surface(cls, placed: PlacedPolynomial, q: Any, part: Any) -> tuple[Any, Any, Any]:
-        """(f, g, on_clip) at a local point q, for one part of the surface or for the nearest one.
+        """(f, g, on_clip) at a point q in coordinates about the clip's centre.
 
-        f, g: signed distance to first order, and unit normal.
-        on_clip: the clip is nearer than the polynomial's surface, or it is the given part; None where the clip never
-            cuts the surface. The clip is no part of an open surface; there on_clip only compares the distances.
+        f: signed distance of q to the part of the surface, to first order.
+        g: unit normal of the part.
+        on_clip: mask of the points whose part is a cap. If the surface is open, it has no caps; then the mask says
+            whether the clip is nearer than the polynomial's surface. None for kinds whose clip never cuts the surface.
+
+        part: number of the part; None for the nearest part.
         """
         count, reach = len(cls.program.factors), dr.rcp(placed.scale[0])
         own_part = part if count > 1 else None
@@ -220,8 +246,8 @@ class Algebraic(Primitive):
         return roots.has_normal(cls.program, placed.constants, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 
 
-# Step of the finite differences that replace a gradient of zero, as a share of the clip. It is the fourth root of the
-# unit roundoff, because the surface has a term of third order where they are needed.
+# Step of the finite differences that replace a gradient of zero, in units of the clip's size. It is about the fourth
+# root of the unit roundoff, because the polynomial may begin with a term of third order at such a point.
 DIFFERENCE = 2.0**-13
 
 
@@ -229,7 +255,7 @@ DIFFERENCE = 2.0**-13
 def _kind(
     base: type[Algebraic], program: Program, closed: bool, clip: type[Clip], parameters: int, loose: bool
 ) -> type[Algebraic]:
-    """The subclass of `base` for objects with this structure. parameters: the number of named parameters."""
+    """The subclass of `base` that serves all objects with this structure; see Algebraic.kind_of."""
     count, caps = len(program.factors), closed and base.clipped
     facts = {
         "program": program,
@@ -244,10 +270,10 @@ def _kind(
 
 
 def _constant_slopes(compiled: Compiled, parameters: dict[str, float], name: str) -> list[float]:
-    """Derivatives of all constants by the parameter `name`, exact to rounding.
+    """Derivatives of all constants by the parameter `name`, exact to within rounding.
 
-    Complex-step differentiation: the imaginary part of an analytic function after an imaginary step that is too small
-    to change the real part.
+    Complex-step differentiation: the parameter gets a tiny imaginary part, which does not change real parts. Then the
+    derivative of a constant is its imaginary part divided by that of the parameter.
     """
     step = 1e-200
     stepped = {k: complex(v, step if k == name else 0) for k, v in parameters.items()}

@@ -14,13 +14,13 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Box(ConvexSolid):
-    """An axis-aligned box between the corners `min` and `max`; a transform rotates it.
+    """An axis-aligned box between the corners `min` and `max`. A transform can rotate it.
 
-    uv: from 0 to 1 on each face, upright and not mirrored when seen from outside. Up is -z on the top face and +z on
-    the bottom face.
+    uv: from 0 to 1 on each face. Seen from outside, a texture is upright and not mirrored. Its up direction is -z on
+    the top face (+y), +z on the bottom face, and +y on all other faces.
     """
 
-    # Faces in this order: +x, -x, +y, -y, +z, -z.
+    # The parts are the faces, in this order: +x, -x, +y, -y, +z, -z.
     parts = 6
 
     type: Literal["box"] = "box"
@@ -41,7 +41,7 @@ class Box(ConvexSolid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval in the cube: the intersection of three slabs."""
+        """The interval inside the canonical cube: the intersection of three slabs, one per axis."""
         x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))
         return x.intersection(y.intersection(z))
 
@@ -76,7 +76,7 @@ class Box(ConvexSolid):
         return MitsubaShapes(shapes)
 
 
-# For each face of the box, in the order of its parts: the normal, and the directions of u and v.
+# For each face, in the order of the parts: its normal, the direction of u, the direction of v.
 _FACES = (
     ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
     ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),

@@ -20,8 +20,8 @@ WALL, CAP_A, CAP_B = range(3)
 class Capsule(ConvexSolid):
     """A cylinder with hemispherical caps: all points within `radius` of the segment from `a` to `b`.
 
-    uv: u around the axis, as on the cylinder; v along the surface, proportional to length, from 0 at the tip beyond a
-    to 1 at the tip beyond b. So v continues smoothly from the wall to the caps.
+    uv: u goes around the axis, as on the cylinder. v is proportional to the length along the surface, from 0 at the tip
+    near a to 1 at the tip near b. So v has no jump between the wall and the caps.
     """
 
     parts = 3
@@ -37,13 +37,13 @@ class Capsule(ConvexSolid):
         return [("b", "must be another point than a; where they are one, write a sphere")] if same else []
 
     def frame(self) -> Frame:
-        """The frame of the canonical capsule, of radius 1 about z. `shape` holds the half length of its segment."""
+        """The frame of the canonical capsule, which has radius 1 and its segment on the z axis."""
         n = dr.normalize(self.b - self.a)
         s, t = tangents(n)
         return Frame(self.radius * s, self.radius * t, self.radius * n, 0.5 * (self.a + self.b))
 
     def shape(self) -> tuple:
-        """Half the length of the segment from a to b, in units of the radius."""
+        """(h,): half the length of the segment from a to b, in units of the radius."""
         return (0.5 * dr.norm(self.b - self.a) / self.radius,)
 
     @staticmethod
@@ -54,16 +54,17 @@ class Capsule(ConvexSolid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval in the infinite cylinder; an end that lies beyond a cap is replaced by the crossing of the cap's
-        ball.
+        """The interval inside the capsule.
 
-        A line that enters or leaves the cylinder beyond a cap meets the capsule only through that cap. In each
-        quadratic the origin is moved to the point of the line nearest to the axis or centre, where no digits cancel.
+        First the interval inside the infinite cylinder is found. If one of its ends lies above or below the wall, the
+        line can only cross the cap on that side. Then this end is replaced by the crossing with the ball of this cap.
+        Both quadratic equations are solved with the origin moved to the point of the line nearest to the axis, or to
+        the ball's centre. There, no digits cancel.
         """
         (h,), u = shape, dr.uint32_array_t(o.x)
         scale, (middle, half, along, inside) = dr.rcp(squared), through_wall(o, d)
-        # A line parallel to the axis is in the cylinder everywhere or nowhere. For other lines only the cap beyond
-        # which the cylinder is crossed matters. A line that misses the cylinder (NaN) also misses the balls.
+        # A line parallel to the axis is inside the infinite cylinder everywhere or nowhere; it crosses both caps. A
+        # line that misses the cylinder also misses both balls; its ends are NaN.
 
         def end(sign: int) -> tuple[Any, Any]:
             wall = middle + sign * half
@@ -92,7 +93,7 @@ class Capsule(ConvexSolid):
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
         beyond = _beyond(q, part, shape)
-        # Length along the surface from the middle, in units of the radius.
+        # Length along the surface, counted from the middle of the wall, in units of the radius.
         along = q.z - beyond + dr.atan2(beyond, dr.sqrt(q.x * q.x + q.y * q.y))
         return angle_u(q), 0.5 + along / (dr.pi + 2 * shape[0])
 
@@ -103,6 +104,6 @@ class Capsule(ConvexSolid):
 
 
 def _beyond(q: Any, part: Any, shape: tuple) -> Any:
-    """Coordinate of a point along the axis, relative to the nearest point of the segment: zero on the wall."""
+    """z coordinate of a point on a cap, relative to the centre of the cap's ball; zero for a point on the wall."""
     (h,) = shape
     return dr.select(part == WALL, 0, q.z - dr.select(part == CAP_B, h, -h))

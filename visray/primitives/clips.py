@@ -1,4 +1,4 @@
-"""Clips: solids that bound the visible part of an unbounded surface."""
+"""Clips: solids that bound polynomial surfaces. Only the part of a surface inside its clip exists."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,23 +14,24 @@ from visray.quantities import Length, Point
 
 @dataclass(frozen=True, kw_only=True)
 class Clip:
-    """A solid; only the part of a surface inside it exists. Its fields are those of the kind `solid`."""
+    """The solid that bounds a polynomial surface. A subclass has the geometric fields of the primitive `solid`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
-    # The kind of the solid. It has no type annotation, because an annotation would make it a field of the scene.
+    # The class of the primitive with this shape. It has no type annotation, because an annotation would make it a field
+    # of the scene.
     solid = None
 
     def frame(self) -> Frame | Similarity:
-        """The map from the canonical solid to this one."""
+        """The map from the canonical solid to the clip, as Primitive.frame."""
         return self.solid.frame(self)
 
     def half_sides(self) -> tuple[Any, Any, Any]:
-        """Half the extent of the clip along each axis."""
+        """Half the extent of the clip along x, y and z, as three numbers or arrays."""
         f = self.frame()
         return (f.scale,) * 3 if isinstance(f, Similarity) else (f.x.x, f.y.y, f.z.z)
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        """Bounding box and ball of the clip in world space."""
+        """Bounding box and ball of the clip in world space. outer: the object's transform, or None."""
         return self.solid.bounds(self, outer)
 
     def shape(self) -> tuple:

@@ -18,10 +18,10 @@ WALL, BASE = range(2)
 
 @dataclass(frozen=True, kw_only=True)
 class Cone(Revolved):
-    """A capped cone: a disk of `radius` about `base`, and an apex at distance `height` from it along `axis`.
+    """A closed cone. Its base is a disk of `radius` about the point `base`. Its apex is `height` away along `axis`.
 
-    uv on the wall: u around the axis, eastwards; v along the axis, from 0 at the base to 1 at the apex. On the base:
-    from 0 to 1 on the square around the disk.
+    uv: on the wall, u goes eastwards around the axis, and v along the axis from 0 at the base to 1 at the apex. On the
+    base, u and v go from 0 to 1 on the square around the disk.
     """
 
     parts = 2
@@ -38,12 +38,15 @@ class Cone(Revolved):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval where x^2 + y^2 <= w^2, w = (1 - z)/2 and w >= 0, intersected with the slab of the base.
+        """The interval inside the cone.
 
-        The origin is moved to the point of the line nearest to the apex. About the apex the cone looks the same at
-        every scale, so no digits cancel even for a ray that almost meets the apex.
-        With the quadratic a t^2 + 2 b t + c: if a >= 0 the line is inside between the two roots, one of which is
-        infinite for a ray parallel to the wall. If a < 0 it is inside beyond one root, on the side to which w grows.
+        The canonical cone has its base at z = -1 and its apex at z = 1. It is the set x^2 + y^2 <= w^2 with
+        w = (1 - z)/2 >= 0, intersected with the slab -1 <= z <= 1.
+
+        The origin is moved to the point of the line nearest to the apex, where no digits cancel, even if the line
+        almost meets the apex. Along the line, x^2 + y^2 - w^2 is a t^2 + 2 b t + c. If a >= 0, the line is inside
+        between the two roots; one of them is infinite if the line is parallel to the wall. If a < 0, the line is inside
+        beyond one of the roots, on the side where w grows.
         """
         wall = dr.uint32_array_t(o.x)(WALL)
         shift = -(o.x * d.x + o.y * d.y + (o.z - 1) * d.z) * dr.rcp(squared)
@@ -55,19 +58,19 @@ class Cone(Revolved):
         disc = b * b - a * c
         root = dr.sqrt(dr.select((disc < 0) & (a < 0), 0, disc))
         q = -(b + dr.copysign(root, b))
-        # q = 0 only if b = 0 and disc = 0. Then both roots are 0 (a != 0), or the ray runs along the wall and misses
-        # (NaN).
+        # q = 0 only if b = 0 and disc = 0. Then both roots are 0 if a != 0. If a = 0, the line runs along the wall; it
+        # counts as a miss (NaN).
         first, second = dr.select(q == 0, 0, c / q), q / a
         low, high = dr.select(first < second, first, second), dr.select(first < second, second, first)
         forward = dw > 0
         near = dr.select(a >= 0, low, dr.select(forward, high, -dr.inf)) + shift
         far = dr.select(a >= 0, high, dr.select(forward, dr.inf, low)) + shift
-        # The upper side of the slab touches the cone at the apex only, which belongs to the wall.
+        # The upper side of the slab touches the cone only at the apex, so a crossing there has the part WALL.
         return Interval(near, far, wall, wall).intersection(slab(o.z, d.z, BASE, WALL))
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part nearest to a point, by its depth."""
+        """The part nearest to a point on the surface: the part whose function, negative inside, is greatest at q."""
         u = dr.uint32_array_t(q.x)
         return dr.select(dr.sqrt(q.x * q.x + q.y * q.y) - 0.5 * (1 - q.z) >= -1 - q.z, u(WALL), u(BASE))
 

@@ -1,4 +1,8 @@
-"""Closed convex solids: a line is inside them on one interval."""
+"""Closed convex solids. A line is inside such a solid on a single interval.
+
+The canonical shape of a kind is its simplest member, such as the unit sphere. A frame maps it to the object. A part is
+one smooth piece of the surface, such as a face of a box.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,10 +15,10 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 @dataclass(frozen=True)
 class Interval:
-    """The interval of a line that is inside a convex shape; empty if near > far or if either is NaN.
+    """The interval in which a line is inside a convex shape. It is empty if near > far, or if one of them is NaN.
 
-    near, far: distances where the line enters and leaves.
-    near_part, far_part: parts of the surface that are crossed there; None where the surface has one part.
+    near, far: distances at which the line enters and leaves the shape.
+    near_part, far_part: parts of the surface that are crossed there; None if the surface has a single part.
     """
 
     near: Any
@@ -23,7 +27,7 @@ class Interval:
     far_part: Any = None
 
     def intersection(self, other: "Interval") -> "Interval":
-        """The intersection of two intervals; (inf, -inf) where this one is empty or NaN."""
+        """The intersection of two intervals. It is (inf, -inf) in lanes where `self` is empty."""
         missed = ~(self.near <= self.far)
         later, sooner = self.near > other.near, self.far < other.far
         near, far = dr.select(later, self.near, other.near), dr.select(sooner, self.far, other.far)
@@ -37,9 +41,9 @@ class Interval:
 
 
 def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interval:
-    """The interval of t where -1 <= z + t dz <= 1. A line parallel to the slab is inside everywhere or nowhere.
+    """The interval of all t with -1 <= z + t dz <= 1. If dz is 0, it contains all numbers or none.
 
-    low_part, high_part: parts of the surface at -1 and at 1.
+    low_part, high_part: parts of the surface at -1 and at 1; None if the surface has a single part.
     """
     inverse, inside = dr.rcp(dz), dr.abs(z) <= 1
     middle, half = -z * inverse, dr.abs(inverse)
@@ -52,10 +56,10 @@ def slab(z: Any, dz: Any, low_part: Any = None, high_part: Any = None) -> Interv
 
 
 class ConvexSolid(Primitive):
-    """A closed convex solid, given by the interval of a line inside its canonical shape.
+    """A closed convex solid. A kind defines the interval of a line inside its canonical shape.
 
-    A ray that starts on the surface of a convex solid crosses it again only if it starts into the solid, and then at
-    the far end of the interval.
+    A ray that starts on the surface of a convex solid crosses the surface again only if it runs into the solid. This
+    crossing is the far end of the interval.
     """
 
     closed = True
@@ -67,30 +71,37 @@ class ConvexSolid(Primitive):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval of the line o + t d inside the canonical shape. squared: |d|^2.
+        """The interval of the line o + t d inside the canonical shape.
 
-        The callers test `near <= far`, which NaN fails.
+        If the line misses the shape, near > far, or one of them is NaN; callers test `near <= far`.
+
+        squared: |d|^2.
+        shape: parameters of the canonical shape, as Primitive.shape returns them.
         """
         raise TypeError("no interval")
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part of the canonical surface nearest to a point; None where the surface has one part."""
+        """The part of the canonical surface that is nearest to the point q; None if the surface has a single part."""
         return None
 
     @staticmethod
     def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        """(f, g) for one part of the canonical surface: f is zero there and negative inside; g is its gradient."""
+        """(f, g) at the point q, for one part of the canonical surface.
+
+        f: a function that is zero on this part and negative inside the shape.
+        g: the gradient of f.
+        """
         raise TypeError("no depth")
 
     @staticmethod
     def uv_of(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:
-        """Texture coordinates of a point on a part of the canonical surface."""
+        """(u, v): texture coordinates of the point q on a part of the canonical surface."""
         raise TypeError("no uv")
 
     @classmethod
     def intervals(cls, seen: Seen, d: Any) -> Interval:
-        """The interval of the line along each world direction d inside the object."""
+        """The intervals inside the object of the lines through the ray origin along the world directions d."""
         local = seen.inverse.vector(d)
         return cls.interval(seen.o, local, seen.inverse.squared_length(local), seen.shape)
 
@@ -106,14 +117,18 @@ class ConvexSolid(Primitive):
             ahead &= ~known.on_start | known.inside
         met = ahead if end is None else ahead & (t < end)
         if known.on_end is not None:
-            # One of the two crossings is the end itself.
+            # If the ray ends on the surface, one of the two crossings is the end itself, which does not count. So the
+            # near crossing counts only if the end is the far one: the ray reaches it from inside.
             met = dr.select(known.on_end, ahead & entering & known.inward, met)
         part = None if line.near_part is None else dr.select(entering, line.near_part, line.far_part)
         return Crossing(met, dr.select(met, t, dr.inf), part, entering | ~ahead)
 
     @classmethod
     def runs_inside(cls, seen: Seen, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
-        """As Primitive.runs_inside, but decided by the depth of the segment's middle: an edge has no unique normal."""
+        """As Primitive.runs_inside, but without the slope, because there is no unique normal on an edge.
+
+        Instead, the middle of the ray's piece inside the object must be more than `error` below the surface.
+        """
         line = cls.intervals(seen, ray.d)
         first, last = dr.select(line.near > begin, line.near, begin), dr.select(line.far < end, line.far, end)
         middle = 0.5 * (first + last)

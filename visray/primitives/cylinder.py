@@ -18,10 +18,10 @@ WALL, BOTTOM, TOP = range(3)
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Revolved):
-    """A capped cylinder along `axis`. `center` is the middle of its `height`.
+    """A closed cylinder with flat caps. `center` is its centre, and `height` its length along `axis`.
 
-    uv on the wall: u around the axis, eastwards; v along the axis, from 0 to 1. On the caps: from 0 to 1 on the square
-    around the disk.
+    uv: on the wall, u goes eastwards around the axis, and v along the axis from 0 to 1. On the caps, u and v go from 0
+    to 1 on the square around the disk.
     """
 
     parts = 3
@@ -37,7 +37,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval in the infinite cylinder, intersected with the slab between the caps."""
+        """The interval inside the infinite cylinder, intersected with the interval in the slab between the caps."""
         wall = dr.uint32_array_t(o.x)(WALL)
         middle, half, along, inside = through_wall(o, d)
         near = dr.select(along, dr.select(inside, -dr.inf, dr.inf), middle - half)
@@ -46,7 +46,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part nearest to a point, by its depth."""
+        """The part nearest to a point on the surface: the part whose function, negative inside, is greatest at q."""
         u = dr.uint32_array_t(q.x)
         wall = dr.sqrt(q.x * q.x + q.y * q.y) >= dr.abs(q.z)
         return dr.select(wall, u(WALL), dr.select(q.z < 0, u(BOTTOM), u(TOP)))

@@ -16,7 +16,7 @@ from visray.transforms import compose
 class Disk(Flat):
     """A disk of `radius` about `center`.
 
-    uv: from 0 to 1 on the square around the disk, upright as on a plane with the same normal.
+    uv: from 0 to 1 on the square around the disk. A texture has the same up direction as on a plane with this normal.
     """
 
     type: Literal["disk"] = "disk"

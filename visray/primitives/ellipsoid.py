@@ -10,10 +10,10 @@ from visray.quantities import Lengths, Point
 
 @dataclass(frozen=True, kw_only=True)
 class Ellipsoid(UnitSphere):
-    """An ellipsoid about `center` with half axes `radii` along x, y and z; a transform rotates it.
+    """An ellipsoid about `center`, with the half axes `radii` along x, y and z. A transform can rotate it.
 
-    uv: as on the sphere that is stretched to the ellipsoid: u is 0.5 at +x and grows eastwards; v is 0 at the south
-    pole (-y) and 1 at the north pole.
+    uv: those of a sphere that is stretched to the ellipsoid. u is 0.5 at +x and grows eastwards; v is 0 at the south
+    pole (-y) and 1 at the north pole (+y).
     """
 
     type: Literal["ellipsoid"] = "ellipsoid"

@@ -1,4 +1,4 @@
-"""Flat primitives: the part of the plane z = 0 of their frame that `within` selects."""
+"""Flat primitives. In coordinates of the frame, such a shape is a region of the plane z = 0."""
 
 from typing import Any
 
@@ -9,10 +9,10 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 
 def farther_than(path: Any, slope: Any, squared: Any, error: Any) -> Any:
-    """Whether a point lies beyond a plane, and farther than `error` from it.
+    """Whether a point of a ray lies behind a plane, at a distance from the plane above `error`.
 
-    path: distance along a ray from its crossing with the plane to the point; negative if the point comes first.
-    slope: n . d, for a plane normal n of any length.
+    path: distance along the ray from its crossing with the plane to the point; negative if the point comes first.
+    slope: n . d, for the direction d of the ray and a normal n of the plane, of any length.
     squared: |n|^2.
     """
     height = path * slope
@@ -20,7 +20,7 @@ def farther_than(path: Any, slope: Any, squared: Any, error: Any) -> Any:
 
 
 class Flat(Primitive):
-    """A flat shape. A ray crosses it at most once, and not at all if it starts or ends on the shape."""
+    """A flat shape. A ray crosses it at most once. If the ray starts or ends on the shape, it does not cross it."""
 
     smooth = True
 
@@ -30,14 +30,17 @@ class Flat(Primitive):
 
     @staticmethod
     def within(x: Any, y: Any) -> Any:
-        """Whether the point (x, y) of the plane belongs to the shape."""
+        """Whether the point (x, y) of the frame's plane z = 0 belongs to the shape."""
         raise TypeError("no within")
 
     @classmethod
     def intersect_plane(cls, seen: Seen, d: Any) -> tuple[Any, Any, Any, Any]:
-        """Intersection of a line with the shape's plane: (t, whether it is in the shape, d . n, n . n).
+        """(t, inside, d . n, n . n): the intersection of lines through the ray origin with the plane of the shape.
 
-        The normal n has any length. An unbounded shape is its whole plane.
+        d: directions of the lines.
+        t: distance of the intersection.
+        inside: whether the intersection is in the shape; always True for an unbounded shape.
+        n: a normal of the plane, of any length.
         """
         local = seen.inverse.vector(d)
         # A ray in the plane has local.z = 0. Then t is inf or NaN, and both fail every comparison with a number.
@@ -50,7 +53,8 @@ class Flat(Primitive):
         t, within, slope, squared = cls.intersect_plane(seen, ray.d)
         met = (t > begin) & within
         if end is not None:
-            # The end is known only to within end_error. A plane that is nearer to it contains the end.
+            # The end is known only to within end_error. If its distance from the plane is smaller, it may lie on the
+            # plane, and does not count as behind it.
             met &= farther_than(end - t, slope, squared, known.end_error)
         for on_surface in (known.on_start, known.on_end):
             met = met if on_surface is None else met & ~on_surface

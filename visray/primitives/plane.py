@@ -16,7 +16,8 @@ from visray.transforms import compose
 class Plane(Flat):
     """An infinite plane: all points p with normal . (p - point) = 0.
 
-    uv: distances from `point` along the tangents of the plane, in world units. On a floor, u runs east and v north.
+    uv: distances from `point` along two directions in the plane, in world units. On a floor, u grows eastwards (+x) and
+    v northwards (-z).
     """
 
     bounded = False

@@ -20,17 +20,18 @@ from visray.quantities import Arrays, Name, Real
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(Algebraic):
-    """A polynomial surface: all points with f(x, y, z) = 0 inside the clip.
+    """A polynomial surface: all points with f(x, y, z) = 0 inside the clip, a ball or a box.
 
-    f is given in one of three ways: as an `expression` such as "x^2 + y^2 - z^2 - 1", with + - * / ^, numbers, pi, phi,
-    sqrt(number) and the `parameters`; as the list `monomis` of the original VisRayTrace; or as the name of a known
-    `surface`. Repeated factors count once.
+    f is given by one of three fields. `expression` is a text such as "x^2 + y^2 - z^2 - 1", with + - * / ^, numbers,
+    pi, phi (the golden ratio), sqrt(number) and the `parameters`. `monomis` is a list of monomials, as in the original
+    VisRayTrace. `surface` is the name of a known surface. Repeated factors count once.
 
-    `ends`: "open" leaves the surface open where the clip cuts it. "capped" makes a closed solid of all points of the
-    clip where f < 0; glass should be capped.
-    `tolerance`: greatest error of a crossing along its ray, as a share of half the ray's chord in the clip. So the
-    error is at most this many radii of the clip. 0 means exact to the last digit. Degrees 1 and 2 have formulas and no
-    tolerance. The field serves studies of what accuracy costs; it saves almost no time.
+    `ends`: if "open", the surface has a hole wherever the clip cuts it. If "capped", the object is the solid of all
+    points of the clip with f < 0; use this for glass.
+    `tolerance`: greatest error of the distance to a crossing, in units of half the length of the ray inside the clip.
+    For a ball this error is at most `tolerance` times the radius. 0 means exact to the last digit. Surfaces of degree 1
+    and 2 are solved by formulas and have no tolerance. The field is for studies of the cost of accuracy; a tolerance
+    saves almost no time.
     uv: longitude and latitude about the clip's centre, as on a sphere.
     """
 
@@ -50,25 +51,26 @@ class Polynomial(Algebraic):
 
     @property
     def closed(self) -> bool:
-        """Whether this is the surface of a solid."""
+        """Whether the object is a solid."""
         return self.ends == "capped"
 
     @property
     def kind(self) -> Any:
         program = self.compiled().program
-        # A tolerance is part of the structure, because its code costs time even where it is 0. Its value is data.
+        # Whether there is a tolerance is part of the kernel's structure, because its code would cost time even if all
+        # tolerances were 0. The value of the tolerance is data.
         loose = self.tolerance > 0 and any(f.degree > 2 for f in program.factors)
         return self.kind_of(program, self.closed, type(self.clip_volume()), len(self.parameters), loose)
 
     def clip_volume(self) -> Clip:
-        """The clip. By default that of the known surface, or a ball of radius 5."""
+        """The clip of the object. By default it is the ball of the known surface, or else a ball of radius 5."""
         if self.clip is None and self.surface:
             known = SURFACES[self.surface]
             return Ball(center=known.centre, radius=known.radius)
         return self.clip or Ball()
 
     def source(self) -> str | tuple[str, ...]:
-        """The polynomial as the scene gives it: one text, or a list of monomials."""
+        """The polynomial as it is written in the scene or in the catalogue: one text, or a list of monomials."""
         if self.surface is not None:
             return SURFACES[self.surface].expression
         return self.monomis if self.expression is None else self.expression
@@ -97,7 +99,7 @@ class Polynomial(Algebraic):
         return []
 
     def _unused(self) -> list[tuple[str, str]]:
-        """An error for the first parameter that the polynomial does not contain."""
+        """A list with one error (field, message) for the first parameter that f does not contain, or the empty list."""
         if self.surface is not None:
             names, place = SURFACES[self.surface].parameters, f"the surface {self.surface}"
         elif self.expression is not None:
@@ -108,7 +110,7 @@ class Polynomial(Algebraic):
         return [("parameters", f"{unused[0]} is not in {place}; leave it out")] if unused else []
 
     def bounds(self, outer: Frame | None) -> Bounds:
-        # On the host only, for bounding_box; kernels use PolynomialRows.bounds.
+        # This is only for bounding_box, outside of kernels; kernels use PolynomialRows.bounds.
         return scalars(self.clip_volume()).bounds(outer)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Kinds with fields of their own whose surface is that of a polynomial, such as the torus."""
+"""The base class of kinds, such as the torus, that have their own fields, but whose surface is a polynomial's."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,9 +12,9 @@ from visray.quantities import Arrays, stacked
 
 @dataclass(frozen=True)
 class PolynomialSolidRows:
-    """Objects of such a kind as arrays with one entry per object.
+    """Objects of such a kind, as arrays with one entry per object.
 
-    own: the fields of the kind; derivatives are taken by these.
+    own: the fields of the kind. Derivatives are taken by these fields.
     polynomials: the polynomials that define the surfaces.
     """
 
@@ -22,7 +22,10 @@ class PolynomialSolidRows:
     polynomials: PolynomialRows
 
     def placed(self, outer: Frame | None) -> PlacedPolynomial:
-        """The polynomials in the frames of the objects. The objects' own fields serve as the parameters."""
+        """The objects in the world. The parameters of the polynomials are taken from the objects' own fields.
+
+        outer: the objects' transforms, or None.
+        """
         own = self.own
         parameters = tuple(getattr(own, name) for name in own.parameters)
         return replace(self.polynomials, parameters=parameters).placed_in(own.frame().then(outer), own.shape())
@@ -33,10 +36,10 @@ class PolynomialSolidRows:
 
 
 class PolynomialSolid(Algebraic):
-    """A closed solid bounded by a polynomial surface that lies within its clip, in the frame of the object's fields.
+    """A closed solid whose surface is a polynomial surface that no clip cuts.
 
     A kind defines `frame`, `shape` and `extents`, as all kinds do. It also defines:
-    definition: the polynomial.
+    definition: method that returns the polynomial.
     parameters: names of the fields that are the polynomial's parameters, in the order of the parameters.
     """
 
@@ -45,8 +48,7 @@ class PolynomialSolid(Algebraic):
     parameters: tuple[str, ...]
 
     def definition(self) -> Polynomial:
-        """The polynomial in coordinates of the frame. Its clip is centred at the frame's origin and never cuts the
-        surface."""
+        """The polynomial in coordinates of the frame. Its clip is centred at the origin and contains the surface."""
         raise TypeError(f"{type(self).__name__} has no definition")
 
     @property

@@ -1,30 +1,33 @@
-"""The interface of a primitive: what each kind of object answers, and what is derived from its answers.
+"""The interface of a primitive: the fields and methods that each kind of object has.
 
-A kind is one class in one file. Its fields are the numbers that a scene gives. Its methods answer a few questions, and
-they run in kernels that serve all objects of one batch at once. Three stages follow each other, and each computes what
-the next one needs:
+A kind is one class in one file. Its fields are the numbers that a scene gives. Its methods run in kernels, and serve
+all objects of a batch at once: the objects of one kind, which share code. Three methods form a chain. Each computes the
+data that the next one needs:
 
-    object.placed(outer)               per object; depends on no ray
-    kind.seen(placed, o)               per object and ray origin; rays that share an origin share it
+    object.placed(outer)               data of the object that depends on no ray
+    kind.seen(placed, o)               data of the object that depends on the ray origin o, but not on the direction
     kind.crossing(seen, ray, begin, end, known)
-                                       per ray: the first crossing with the surface between two distances
+                                       the first crossing of the ray with the surface between two distances
 
-Four more answers complete a kind:
+Four more methods complete a kind:
 
     object.bounds(outer)               a box and a ball in world space that contain the object
     kind.inside(placed, p)             whether a point is inside; for closed kinds
     kind.surface_at(placed, p, part)   (f, g): f is zero on the surface and negative inside; g is its gradient
     kind.uv(placed, p, part)           texture coordinates of a surface point
 
-Closest hit, shadow rays, coloured shadows and nested media are derived from these answers: see accel/intersect.py,
+The closest hit, shadow rays, coloured shadows and nested media are derived from these methods: see accel/intersect.py,
 accel/ray_segment.py and indirect.py.
 
-`placed` and `seen` are records of arrays with one entry per object or per lane, in double; a pytree.Shared field holds
-what the objects of a batch have in common. A local direction is the affine image of the world direction and is not
-normalised, so a local distance t is also the distance along the world ray.
+`placed` and `seen` are records of arrays in double. An array has one entry per object, or one entry per lane (an entry
+of a Dr.Jit array, here one ray or point). A pytree.Shared field holds data that all objects of a batch have in common.
 
-Flat and ConvexSolid implement this interface for a canonical shape in a frame. PolynomialSolid implements it for a kind
-that is defined by a polynomial, such as the torus.
+A part is one smooth piece of a surface, such as a face. The canonical shape of a kind is its simplest member, such as
+the unit sphere; a frame maps its local coordinates to the world. The local direction of a ray is not normalised, so
+distances along the ray are equal in local and in world coordinates.
+
+The subclasses Flat and ConvexSolid implement the interface for a canonical shape in a frame. PolynomialSolid implements
+it for a kind that is defined by a polynomial, such as the torus.
 """
 
 from collections.abc import Callable
@@ -44,9 +47,9 @@ from visray.transforms import Transform, compose
 
 @dataclass(frozen=True)
 class Bounds:
-    """A bounding box and a bounding ball of an object, correct to within rounding. Units: world.
+    """A bounding box and a bounding ball of each object, correct to within rounding. Units: world.
 
-    low, high: corners of the box.
+    low, high: corners of the box with the least and the greatest coordinates.
     centre, radius: the ball.
     """
 
@@ -58,9 +61,9 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Placed:
-    """An object in the world.
+    """Data of an object that depends on no ray.
 
-    inverse: map from world coordinates to those of the canonical shape.
+    inverse: map from world coordinates to coordinates of the canonical shape.
     shape: parameters of the canonical shape, as `Primitive.shape` returns them.
     """
 
@@ -70,7 +73,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Seen:
-    """An object as seen from a ray origin.
+    """Data of an object that depends on the ray origin, but not on the ray direction.
 
     inverse, shape: as in Placed.
     o: the ray origin in coordinates of the canonical shape.
@@ -83,16 +86,16 @@ class Seen:
 
 @dataclass(frozen=True)
 class MitsubaShapes:
-    """The same object in Mitsuba.
+    """An object, described as shapes for Mitsuba.
 
-    shapes: plain dicts, each with a `type`.
-        `rectangle`, `disk`, `cylinder`, `cone`, `plane`: a canonical shape and its affine map `to_world` (4 x 4); shape
-            and (u, v) are visray's, and solids are closed.
-        `sphere`: likewise, with poles on the z axis and Mitsuba's (u, v).
-        `capsule`, `torus`: likewise, with a number `shape`: half the axis over the radius, or the minor radius over
-            the major one.
-        `mesh`: `vertices` and `faces`; (u, v) are barycentric.
-    uv: function from Mitsuba's (u, v) to visray's; None where they are equal.
+    shapes: a list of dicts. Each has a `type`, and these entries:
+        `rectangle`, `disk`, `cylinder`, `cone`, `plane`: `to_world`, the affine map (4 x 4) from visray's canonical
+            shape. (u, v) are as in visray, and solids are closed.
+        `sphere`: `to_world`, the affine map from the unit sphere with poles on the z axis. (u, v) are Mitsuba's.
+        `capsule`: `to_world`, and a number `shape`: half the length of the axis divided by the radius.
+        `torus`: `to_world`, and a number `shape`: the minor radius divided by the major radius.
+        `mesh`: `vertices` and `faces`. (u, v) are barycentric coordinates.
+    uv: function that converts Mitsuba's (u, v) to visray's; None if they are equal.
     """
 
     shapes: list[dict]
@@ -101,7 +104,11 @@ class MitsubaShapes:
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive:
-    """An object of the scene: its material, and its transform as steps that are applied in order."""
+    """An object of the scene. Each kind is a subclass.
+
+    material: name of the object's material.
+    transform: steps of the object's transform, applied in this order.
+    """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
@@ -109,43 +116,49 @@ class Primitive:
     transform: tuple[Transform, ...] = ()
 
     # Facts about the kind. They have no type annotation, because an annotation would make them fields of the scene.
-    closed = False  # the surface encloses a solid
-    bounded = True  # a box contains the object
-    smooth = False  # the surface has no creases
-    finds_roots = False  # crossings are roots that are isolated numerically, and come with a certificate
+    closed = False  # whether the surface encloses a solid
+    bounded = True  # whether the object has a bounding box
+    smooth = False  # whether the surface has no creases
+    finds_roots = False  # whether crossings are numerically isolated roots, with a certificate
     parts = 1  # number of parts of the surface, such as faces
-    uses_part = False  # crossings depend on the part that a ray starts or ends on
-    max_crossings = 1  # a line crosses the surface at most so many times
+    uses_part = False  # whether crossings depend on the part on which a ray starts or ends
+    max_crossings = 1  # greatest number of crossings of a line with the surface
 
     @property
     def kind(self) -> "type[Primitive]":
-        """The class whose code serves this object. Objects of one kind share one kernel."""
+        """The class whose methods serve this object. Objects of one kind share code in the kernel."""
         return type(self)
 
     @classmethod
     def table(cls, a: Arrays, objects: list) -> Any:
-        """The fields of several objects of this kind as arrays, with one entry per object."""
+        """The fields of several objects of this kind: a record of arrays with one entry per object."""
         return stacked(a, cls, objects)
 
     @classmethod
     def columns(cls, primitive: Any, table: Any) -> dict[str, Any]:
-        """The arrays of a table, by the name that each number has in an address."""
+        """A dict of the arrays in a table. Its keys are the names of the numbers in addresses, such as `radius`.
+
+        primitive: one object of the kind.
+        """
         return {name: getattr(table, name) for name in quantities(cls)}
 
     def flaws(self) -> list[tuple[str, str]]:
-        """Errors that concern several fields together, as pairs (field, message)."""
+        """A list of errors (field, message) that concern several fields together; empty if there is no error."""
         return []
 
     def frame(self) -> Frame | Similarity:
-        """The map from the canonical shape to the object before its transform. Fields hold Dr.Jit arrays here."""
+        """The map from the canonical shape to the object before its transform. The fields must be Dr.Jit arrays."""
         raise TypeError(f"{type(self).__name__} has no frame")
 
     def shape(self) -> tuple:
-        """Parameters of the canonical shape: those that no affine map can absorb. Fields hold Dr.Jit arrays here."""
+        """A tuple of the parameters of the canonical shape: numbers that change its form and not only its frame.
+
+        It is empty for most kinds. The fields must be Dr.Jit arrays.
+        """
         return ()
 
     def placed(self, outer: Frame | None) -> Any:
-        """Per-object data that depends on no ray. outer: the object's transform, or None."""
+        """Data of the object that depends on no ray. outer: the object's transform, or None."""
         return Placed(self.frame().then(outer).inverse(), self.shape())
 
     def bounds(self, outer: Frame | None) -> Bounds:
@@ -156,36 +169,42 @@ class Primitive:
 
     @staticmethod
     def extents(to_world: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:
-        """Size of the placed canonical shape about the origin of its frame: the radius of a ball and the half sides of
-        a box that contain it."""
+        """(radius of a ball, half sides of a box): both are centred at the frame's origin and contain the object.
+
+        to_world: map from the canonical shape to the world.
+        """
         raise TypeError("an unbounded primitive has no extents")
 
     @staticmethod
     def seen(placed: Any, o: Any) -> Any:
-        """Per-object data that depends on the ray origin, but on no ray direction."""
+        """Data of the object that depends on the ray origin o, but not on the ray direction."""
         return Seen(placed.inverse, placed.shape, placed.inverse.point(o))
 
     @classmethod
     def crossing(cls, seen: Any, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
         """The first crossing of the ray with the surface at a distance above `begin` and below `end`.
 
-        end: None means that the ray is endless.
-        known: which ends of the ray are known to lie on this object. No crossing is reported at such an end.
+        end: distance of the end of the ray; None if the ray is endless.
+        known: which ends of the ray are known to lie on the surface. Such an end is not reported as a crossing.
         """
         raise TypeError(f"{cls.__name__} has no crossing")
 
     @staticmethod
     def never_rehit(inside: Any) -> Any:
-        """Whether a ray that starts on the surface cannot meet the object again. inside: the ray starts into the
-        object."""
+        """Whether a ray that starts on the surface can never meet the object again.
+
+        inside: whether the ray runs into the object.
+        """
         return False
 
     @classmethod
     def runs_inside(cls, seen: Any, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
-        """Whether the ray is inside the object between `begin` and `end`. One of the two ends lies on the surface.
+        """Whether a segment of a ray is inside the object, next to an end of the segment that lies on the surface.
 
-        slope: n . d at that end, for the outward normal n and the direction d from that end into the segment.
-        error: bound on the distance of that end from the true surface point.
+        begin, end: distances of the two ends. Only one of them must lie on the surface.
+        slope: n . d at the end on the surface, for the outward normal n and the direction d from this end into the
+            segment.
+        error: bound on the distance between this end and the true surface point.
         """
         return slope < 0
 
@@ -196,41 +215,47 @@ class Primitive:
 
     @staticmethod
     def surface_at(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
-        """(f, g): a function that is zero on the surface, and its world gradient at p, which points outwards.
+        """(f, g) at a point p.
 
-        part: the part of the surface that p lies on; None selects the nearest part.
+        f: a function that is zero on the surface, and negative inside closed kinds.
+        g: the gradient of f in world space, which points outwards.
+
+        part: number of the part on which p lies; None for the nearest part.
         """
         raise TypeError("no surface")
 
     @staticmethod
     def has_normal(placed: Any, p: Any) -> Any:
-        """Whether the surface has a unique normal at a surface point, and hence two sides there."""
+        """Whether the surface has a unique normal at a surface point p, and so has two sides there."""
         return True
 
     @staticmethod
     def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
-        """Texture coordinates of a surface point. v grows upwards."""
+        """(u, v): texture coordinates of a surface point p. v grows upwards."""
         raise TypeError("no uv")
 
     def mitsuba(self) -> MitsubaShapes | str:
-        """The same object in Mitsuba, or the reason why Mitsuba cannot represent it."""
+        """The shapes that represent the object in Mitsuba. If Mitsuba has no such shape: the reason, a text."""
         return f"Mitsuba has no {self.type}"
 
 
 def scalars(record: Any) -> Any:
-    """A copy of the record with scalar Dr.Jit values, so that methods written for kernels also run on the host."""
+    """A copy of a primitive or clip whose vectors are scalar Dr.Jit values.
+
+    So methods that are written for kernels, such as `frame`, also run on plain numbers outside of kernels.
+    """
     sizes = quantities(type(record))
     return replace(record, **{k: Array3f64(*getattr(record, k)) for k, q in sizes.items() if q.size == 3})
 
 
 def transform_frame(primitive: Primitive) -> Frame | None:
-    """The object's transform as a Frame of scalar values; None where it has no transform."""
+    """The object's transform as a Frame of scalar values; None if the object has no transform."""
     matrix = compose(primitive.transform)
     return None if matrix is None else Frame(*(Array3f64(*column) for column in matrix.T))
 
 
 def bounding_box(primitive: Primitive) -> tuple[np.ndarray, np.ndarray] | None:
-    """Low and high corner of the object's bounding box in world units; None if the object is unbounded."""
+    """(low corner, high corner) of the object's bounding box in world space; None if the object is unbounded."""
     if not primitive.bounded:
         return None
     bounds = scalars(primitive).bounds(transform_frame(primitive))
@@ -238,10 +263,12 @@ def bounding_box(primitive: Primitive) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def half_extents(frame: Frame | Similarity, straight: str, round: str = "") -> Any:
-    """Half sides of the tight bounding box of a sum of simple sets, about the frame's origin.
+    """Half sides of the tight bounding box, about the frame's origin, of a sum of simple sets.
 
-    The set is the Minkowski sum of one segment from -1 to 1 along each axis in `straight`, and of one unit ball (or
-    disk, or segment) in the axes in `round`.
+    straight: axes of the frame, such as "xy". For each, the sum has a segment from -1 to 1 along this axis.
+    round: axes of the frame. If there are any, the sum also has one unit ball (or disk, or segment) in these axes.
+
+    The sum of sets is the Minkowski sum: all sums of one point from each set.
     """
     if isinstance(frame, Similarity):
         return frame.scale
@@ -254,12 +281,16 @@ def half_extents(frame: Frame | Similarity, straight: str, round: str = "") -> A
 
 
 def corner_distance(frame: Frame) -> Any:
-    """Greatest distance of the eight points (+-1, +-1, +-1), given in a frame, from the frame's origin."""
+    """Greatest distance between the frame's origin and the eight points with the local coordinates (+-1, +-1, +-1)."""
     squared = [dr.squared_norm(frame.x + sy * frame.y + sz * frame.z) for sy in (1, -1) for sz in (1, -1)]
     return dr.sqrt(dr.maximum(dr.maximum(squared[0], squared[1]), dr.maximum(squared[2], squared[3])))
 
 
 def to_world_matrix(frame: Frame, outer: np.ndarray | None) -> np.ndarray:
-    """A frame of scalar values, followed by the transform `outer`, as a 4 x 4 matrix: Mitsuba's `to_world`."""
+    """The 4 x 4 matrix of a frame followed by a transform, for Mitsuba's `to_world`.
+
+    frame: frame of scalar values.
+    outer: 3 x 4 matrix of the transform, or None.
+    """
     matrix = np.vstack([np.stack([np.array(v, float) for v in (frame.x, frame.y, frame.z, frame.o)], 1), [0, 0, 0, 1]])
     return matrix if outer is None else np.vstack([outer, [0, 0, 0, 1]]) @ matrix

@@ -15,9 +15,10 @@ from visray.transforms import compose
 
 @dataclass(frozen=True, kw_only=True)
 class Rectangle(Flat):
-    """A parallelogram: the points center + a width + b height for a and b from -1/2 to 1/2.
+    """A parallelogram: all points center + a width + b height, for a and b from -1/2 to 1/2.
 
-    Its normal is width x height. uv: u along `width` and v along `height`, both from 0 to 1.
+    `width` and `height` are vectors, and the normal is width x height.
+    uv: u goes along `width` and v along `height`, both from 0 to 1.
     """
 
     type: Literal["rectangle"] = "rectangle"

@@ -14,7 +14,7 @@ from visray.transforms import compose
 
 
 def sphere_uv(local: Any) -> tuple[Any, Any]:
-    """(u, v) from longitude and latitude about the origin.
+    """(u, v): longitude and latitude of a point about the origin.
 
     u is 0.5 at +x and grows eastwards; v is 0 at the south pole (-y) and 1 at the north pole (+y).
     """
@@ -23,9 +23,9 @@ def sphere_uv(local: Any) -> tuple[Any, Any]:
 
 
 class UnitSphere(ConvexSolid):
-    """The unit sphere in a frame, the base of Sphere and Ellipsoid. Its poles are on the frame's y axis.
+    """The unit sphere in a frame: the base class of Sphere and Ellipsoid.
 
-    uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
+    uv: as sphere_uv, in coordinates of the frame.
     """
 
     smooth = True
@@ -36,7 +36,7 @@ class UnitSphere(ConvexSolid):
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
-        """The interval in the unit sphere.
+        """The interval inside the unit sphere.
 
         The origin is moved to the point of the line nearest to the centre, where no digits cancel.
 
@@ -69,9 +69,9 @@ IDENTITY = Frame(*(Array3f64(*(float(i == j) for j in range(3))) for i in range(
 
 @dataclass(frozen=True, kw_only=True)
 class Sphere(UnitSphere):
-    """A sphere about `center`. Its poles are on the y axis.
+    """A sphere of `radius` about `center`.
 
-    uv: u is 0.5 at +x and grows eastwards, v is 0 at the south pole and 1 at the north pole.
+    uv: u is 0.5 at +x and grows eastwards; v is 0 at the south pole (-y) and 1 at the north pole (+y).
     """
 
     type: Literal["sphere"] = "sphere"

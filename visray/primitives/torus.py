@@ -15,20 +15,22 @@ from visray.primitives.revolved import angle_u
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
 
-# This equals (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2), but subtracts no numbers greater than R^2. The other
-# form subtracts numbers of size R^4, which would make the surface of a thin ring R/r times less exact.
+# The usual form (x^2 + y^2 + z^2 + R^2 - r^2)^2 - 4 R^2 (x^2 + y^2) is the same polynomial. But it subtracts numbers of
+# size R^4, so the surface of a thin ring would be R/r times less accurate. This form subtracts no numbers above R^2.
 EQUATION = "(x^2 + y^2 + z^2 - R^2 - r^2)^2 - 4*R^2*(r^2 - z^2)"
-# Size of the clip over that of the bounding box: rounding never cuts the surface, however far away the eye is.
+# The clip is larger than the bounding box by this factor. So it never cuts the surface, even if rounding moves it for a
+# camera that is far away.
 CLIP_MARGIN = 1 + 2.0**-7
 
 
 @dataclass(frozen=True, kw_only=True)
 class Torus(PolynomialSolid):
-    """A torus about `axis`: all points within `minor` of a circle of radius `major` about `center`.
+    """A solid torus about `axis`: all points with a distance up to `minor` from a circle of radius `major`.
 
-    uv: u around the axis, eastwards, as on the cylinder. v around the tube: 0.5 at the outermost circle, and growing
-    from there towards the axis direction. Each has a seam where 1 meets 0: for u a circle around the tube, opposite to
-    u = 0.5; for v the innermost circle.
+    The circle is centred at `center` and perpendicular to `axis`.
+    uv: u goes eastwards around the axis, as on the cylinder. v goes around the tube; it is 0.5 at the outermost circle
+    and grows from there in the direction of `axis`. u and v jump from 1 to 0 at a seam. The seam of u is the circle
+    around the tube opposite to u = 0.5. The seam of v is the innermost circle.
     """
 
     smooth = True
@@ -65,7 +67,7 @@ class Torus(PolynomialSolid):
 
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
-        """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so their extents are added."""
+        """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so the extents of both are added."""
         major, minor = shape
         flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
         radius = major * flat.max_stretch() + minor * to_world.max_stretch()

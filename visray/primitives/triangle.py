@@ -24,7 +24,7 @@ class PlacedTriangle:
 
 @dataclass(frozen=True)
 class SeenTriangle:
-    """A triangle as seen from a ray origin: corners a, b, c relative to the origin, and unit normal n."""
+    """A triangle for rays from one origin: corners a, b, c relative to the ray origin, and unit normal n."""
 
     a: Any
     b: Any
@@ -33,7 +33,10 @@ class SeenTriangle:
 
 
 def _projected(d: Any, v: Any) -> tuple[Any, Any]:
-    """The projection of v along d: two components of d x v, without the one along the axis where d is largest."""
+    """The projection of v along d to a plane: two components of d x v.
+
+    The third component is left out. It belongs to the axis along which d has the largest component.
+    """
     x, y, z = dr.abs(d.x), dr.abs(d.y), dr.abs(d.z)
     on_x = (x >= y) & (x >= z)
     on_z = ~on_x & (z >= y)
@@ -42,9 +45,10 @@ def _projected(d: Any, v: Any) -> tuple[Any, Any]:
 
 
 def _area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
-    """The cross product p x q in the plane, with its exact sign or zero.
+    """The cross product p x q of two plane vectors. Its sign is correct, or the result is zero.
 
-    Rounding keeps the order of the two products. A fused multiply-add would not.
+    The reason is that both products are rounded before they are subtracted, and rounding keeps their order. A fused
+    multiply-add rounds only one of them.
     """
     return p[0] * q[1] - p[1] * q[0]
 
@@ -53,10 +57,13 @@ def _area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
 class Triangle(Flat):
     """The triangle with corners a, b, c. Its normal is (b - a) x (c - a).
 
-    Watertight: all triangles that share a corner project it to the same place, and from there on the side of an edge on
-    which a ray passes is exact. So no ray passes between two triangles, neither at an edge nor at a corner. A ray that
-    meets an edge or a corner exactly meets all triangles that share it (tests/test_primitives.py). Source: Woop,
-    Benthin, Wald 2013. uv: a is (0, 0), b is (1, 0), c is (0, 1).
+    uv: a is (0, 0), b is (1, 0), c is (0, 1).
+
+    Meshes of triangles are watertight. A corner is projected to the same place for all triangles that share it. From
+    these places, the side on which a ray passes an edge is computed without error. So no ray passes between two
+    triangles at a common edge or corner. A ray exactly through an edge or a corner meets all triangles that share it
+    (tests/test_primitives.py).
+    Source: Woop, Benthin, Wald 2013.
     """
 
     type: Literal["triangle"] = "triangle"
@@ -98,7 +105,8 @@ class Triangle(Flat):
         wa, wb, wc = _area(b, c), _area(c, a), _area(a, b)
         area = wa + wb + wc
         inside = ((wa >= 0) & (wb >= 0) & (wc >= 0)) | ((wa <= 0) & (wb <= 0) & (wc <= 0))
-        # t is a weighted mean of the corners' distances, so it lies between them even for a ray almost in the plane.
+        # t is a weighted mean of the corners' distances along the ray. So it lies between them even if the ray is
+        # almost parallel to the plane.
         t = (wa * dr.dot(seen.a, d) + wb * dr.dot(seen.b, d) + wc * dr.dot(seen.c, d)) / area
         return t, inside & (area != 0), dr.dot(seen.n, d), dr.squared_norm(seen.n)
 

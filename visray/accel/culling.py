@@ -19,8 +19,8 @@ class DirectionCone:
     """A cone of directions from an origin, in single precision: for example the directions to a light, or a hemisphere.
 
     axis: unit vector in the middle of the cone.
-    sine, cosine: of the angle between the axis and the edge of the cone, which is at most a right angle. The values 0
-        and -1 stand for all directions.
+    sine, cosine: sine and cosine of the angle between the axis and the edge of the cone. The angle is at most a right
+        angle. The values 0 and -1 stand for the cone of all directions.
     """
 
     axis: Any

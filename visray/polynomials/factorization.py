@@ -40,7 +40,7 @@ class SquareFreeFactor:
 def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[tuple[SquareFreeFactor, ...], int]:
     """(factors, sign): the square-free factors of a polynomial f, and a sign, 1 or -1.
 
-    At every point, f has the sign of: sign times the product of the factors of odd multiplicity.
+    Wherever f is not 0, f has the same sign as `sign` times the product of the factors of odd multiplicity.
     """
     expression = simplify(expression)
     line = _along(expression, parameters)

@@ -48,7 +48,8 @@ class Program:
     """The structure of a polynomial f. Polynomials that differ only in the values of their numbers have equal programs.
 
     factors: the square-free factors of f.
-    sign: 1 or -1. At every point, f has the sign of: sign times the product of the factors of odd multiplicity.
+    sign: 1 or -1. Wherever f is not 0, f has the same sign as `sign` times the product of the factors of odd
+        multiplicity.
     constant_count: number of constants in the code of all factors.
     """
 

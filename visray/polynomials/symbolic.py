@@ -1,7 +1,7 @@
 """Expansion of expressions into terms, in which constants that are not rational are treated as variables.
 
-Such a constant is called an atom: a parameter, pi, phi (the golden ratio), a square root, or the reciprocal of an
-expression of these. So the variables of a term are x, y, z and the atoms.
+Such a constant is called an atom. It is a parameter, pi, phi (the golden ratio), a square root, or the reciprocal of an
+expression that contains one of these. So the variables of a term are x, y, z and the atoms.
 """
 
 from fractions import Fraction

@@ -101,7 +101,10 @@ class ConvexSolid(Primitive):
 
     @classmethod
     def intervals(cls, seen: Seen, d: Any) -> Interval:
-        """The intervals inside the object of the lines through the ray origin along the world directions d."""
+        """For each lane, the interval in which the line through the ray origin along d is inside the object.
+
+        d: directions in world space.
+        """
         local = seen.inverse.vector(d)
         return cls.interval(seen.o, local, seen.inverse.squared_length(local), seen.shape)
 

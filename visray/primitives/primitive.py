@@ -235,7 +235,7 @@ class Primitive:
         raise TypeError("no uv")
 
     def mitsuba(self) -> MitsubaShapes | str:
-        """The shapes that represent the object in Mitsuba. If Mitsuba has no such shape: the reason, a text."""
+        """The shapes that represent the object in Mitsuba, or a text that says why Mitsuba cannot represent it."""
         return f"Mitsuba has no {self.type}"
 
 

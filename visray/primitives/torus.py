@@ -67,7 +67,7 @@ class Torus(PolynomialSolid):
 
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
-        """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so the extents of both are added."""
+        """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so both extents are added."""
         major, minor = shape
         flat = Frame(to_world.x, to_world.y, 0 * to_world.z, to_world.o)
         radius = major * flat.max_stretch() + minor * to_world.max_stretch()

@@ -158,7 +158,8 @@ class FactorOnChord:
     def accurate_bernstein(self, middle: Any, half: Any) -> tuple[list[Any], Any]:
         """(Bernstein coefficients on the interval [middle - half, middle + half], their error bound).
 
-        The program itself is run on the interval, with running error analysis. So the bound is sharper than `noise`.
+        The program itself is run on the interval, with running error analysis. So the bound is usually smaller than
+        that of `noise`.
         """
         bounded = self._bounded(Univariate(dr.fma(middle, y, x), half * y) for x, y in self._lines())
         rounds = len(bounded.polynomial.c) * roundoff(middle)

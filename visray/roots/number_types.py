@@ -12,7 +12,7 @@ from visray.geometry import UNIT_ROUNDOFF
 
 
 def roundoff(x: Any) -> float:
-    """The unit roundoff of an array's type: that of double, or of single on backends without double."""
+    """The unit roundoff of an array's type, which is double, or single on backends without double."""
     return UNIT_ROUNDOFF["double" if dr.type_v(x) == dr.VarType.Float64 else "single"]
 
 

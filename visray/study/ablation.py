@@ -15,9 +15,8 @@ mean of these two times, minus the time of the picture without the effect, is on
 
 Compile seconds: the time that Dr.Jit and LLVM take to compile the kernel. Dr.Jit stores compiled kernels in memory and
 on disk, and a process cannot turn that off. So each kernel contains a number that no kernel has had before (new_mark).
-The kernel of each picture without an effect is compiled once. The kernel of the full picture is compiled
-FULL_COMPILATIONS times, in between the others. A cost that is smaller than the range of these compile times counts as
-noise.
+The kernel of each picture without an effect is compiled once. Between these, the kernel of the full picture is compiled
+FULL_COMPILATIONS times. A cost that is smaller than the range of these FULL_COMPILATIONS times counts as noise.
 """
 
 import secrets

@@ -169,10 +169,9 @@ def allowed_difference(
 def coincident(
     ours: VisrayScene, rays: Rays, our_hits: FirstHits, their_hits: FirstHits, tolerance: np.ndarray
 ) -> np.ndarray:
-    """Whether Mitsuba's hit is on a surface in the same place as visray's hit, to within `tolerance` along the ray.
+    """Whether the object that Mitsuba hits also lies at visray's hit, to within `tolerance` along the ray. Shapes: (N).
 
-    tolerance: in world units, (N)
-    Shapes: (N).
+    Then two surfaces are in the same place. tolerance: in world units, (N).
     """
     d = rays.direction()
     o = np.broadcast_to(rays.o.astype(float), d.shape)

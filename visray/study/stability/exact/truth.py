@@ -71,7 +71,7 @@ class Truth:
 def first_hits(
     surface: Surface, rays: RayBundle, sample: int, most: int, seed: int = 0, starts: Callable | None = None
 ) -> Truth:
-    """The exact first hits of rays.
+    """The exact first hits of rays. NumPy or python-flint settles a ray, that is, finds the exact hit (see the module).
 
     sample: number of the rays settled by NumPy that python-flint repeats as a check
     most: largest number of other rays that python-flint settles

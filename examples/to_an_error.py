@@ -1,4 +1,4 @@
-"""How many samples does a picture need for a given error? visray finds it, and takes most of them in noisy pixels."""
+"""How many samples does a picture need for a given error? visray finds the number, which is larger in noisy pixels."""
 
 from pathlib import Path
 

@@ -171,7 +171,10 @@ def new_walk(search: Search, limits: list) -> Callable:
 
 
 def old_walk(search: Search, limits: list) -> Callable:
-    """A function that traverses the trees over spheres, one batch after the other, with the results of new_walk's."""
+    """A function that traverses the trees over spheres, one batch after the other.
+
+    The function returns (state, tests of boxes, tests of rows) of each lane. limits: see `new_walk`.
+    """
     from visray import bvh
 
     a, trees = search.a, [bvh.build(search.a, middle, radius) for _, _, middle, radius in limits]

@@ -52,7 +52,7 @@ CHANCE, FEWEST_RUNS = 0.01, 8
 
 
 def sign_test_trims(n: int, chance: float) -> list[int]:
-    """The numbers k for which the k least and the k largest of n values may be dropped, in ascending order.
+    """An ascending list of all k such that the k least and the k largest of n values may be dropped.
 
     The true median lies outside the values that are left with a probability of at most `chance`, by the sign test. The
     list is empty if n values are too few.
@@ -344,10 +344,10 @@ def _cost(
 def _alternating_runs(
     step: _Steps, full: UncachedPicture, pictures_without: dict[str, UncachedPicture], runs: int
 ) -> tuple[list[float], dict[str, list[float]]]:
-    """Run times of the full picture; and by how much it takes longer than each picture without an effect.
+    """A list of run times of the full picture; and for each effect, a list of differences. Units: seconds.
 
-    The full picture is rendered just before and just after each other picture. A difference is the mean of these two
-    times minus the time of the other picture. Units: seconds.
+    The full picture is rendered just before and just after each picture without an effect. A difference is the mean of
+    these two times minus the time of the picture without the effect.
     """
     full_seconds: list[float] = []
     differences: dict[str, list[float]] = {effect: [] for effect in pictures_without}

@@ -84,8 +84,8 @@ def compare(
 def _change(comparison: RayComparison, coloured: VisrayScene, light: LightVisibility, active: np.ndarray) -> np.ndarray:
     """The largest change of visray's transmittance if shadow rays are moved by Mitsuba's rounding. Shapes: (N).
 
-    It is inf for a ray that may be parallel to the surface on which it starts, because then its start is not certain;
-    and for a moved ray that the light reaches in one program only, because it lies at the border of a spot.
+    The change is inf if a ray may be parallel to the surface on which it starts, because its start is not certain then.
+    It is also inf if the light sends light along a moved ray in one program only, at the border of a spot light's cone.
 
     active: mask of the rays that are compared
     """

@@ -110,7 +110,7 @@ def _mesh(canonical: Tessellation, uv: Callable, to_world: np.ndarray) -> Placed
     """A tessellated shape as a mesh.
 
     The mesh has its own normals, so they do not turn if rounding turns a facet. But (u, v) are less certain than the
-    hit point: across a narrow facet they change quickly. `smear` bounds that.
+    hit point, because they change quickly across a narrow facet. `smear` bounds this change.
 
     canonical: the triangles of the shape before its transform
     to_world: the transform, (4, 4)
@@ -135,7 +135,7 @@ def is_similarity(linear: np.ndarray) -> bool:
 
 
 def is_mirroring(matrix: np.ndarray | None) -> bool:
-    """Whether a transform turns left hands into right hands. Shapes: (3, 4). None: no transform."""
+    """Whether a transform mirrors space (has a negative determinant). Shapes: (3, 4). None: no transform."""
     return matrix is not None and bool(np.linalg.det(matrix[:, :3]) < 0)
 
 

@@ -32,9 +32,9 @@ class ShadowRays:
 
     @staticmethod
     def to(p: np.ndarray, light: Light, centre: np.ndarray) -> "ShadowRays":
-        """Shadow rays from points p to the middle of a light. If it is infinitely far away, l is minus its direction.
+        """Shadow rays from points p to the middle of a light.
 
-        centre: the camera's position
+        If the light is infinitely far away, the rays run against the light's direction. centre: the camera's position.
         """
         if light.has_position:
             return ShadowRays.between(p, np.array(light.position, float) - centre)

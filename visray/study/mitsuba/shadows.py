@@ -1,4 +1,4 @@
-"""Shadow rays through visray and through Mitsuba: from the points that pixels see to every light that they face."""
+"""Shadow rays in visray and in Mitsuba, from the points that pixels see to every light that these points face."""
 
 from dataclasses import dataclass, replace
 

@@ -119,8 +119,8 @@ def isolate_first_root(
     V = 1, f has exactly one root there. Otherwise the interval is halved. At a width of 2^-30 the search gives up.
 
     margin: the sign of a coefficient is certain if the coefficient is larger than the margin or less than -margin, (N)
-    side: the sign of f at the start, for rays that start on the surface. No root is searched for until f exceeds the
-        margin with this sign. (N). None: rays that start anywhere.
+    side: the sign of f at the start, for rays that start on the surface, (N). The search for a root begins only after f
+        exceeds the margin with this sign. None: rays that start anywhere.
 
     Returns (exists, low, high, certain), (N) each: whether there is a root; the ends of an interval that contains the
     root, in u, which is 0 at the start of the ray in the clip and 1 at the end; and whether the result is certain.

@@ -1,10 +1,11 @@
 """The exact first hits of rays with a polynomial surface.
 
-f is the polynomial of the surface. The numbers of a ray are doubles, so they are rational. f is taken as written, with
-square roots of numbers to within 2^-140. So the polynomial along a ray is exact, and python-flint certifies its real
-roots (certified_roots.py). That takes a millisecond a ray. Therefore NumPy settles all rays for which its result is
-certain: the first sign change is isolated by Bernstein coefficients that are larger than their rounding error plus tau
-(root_isolation.py), and is confirmed in double-double. Code of visray's kernels is not used.
+f is the polynomial of the surface, and the clip is the sphere that bounds the surface. The numbers of a ray are
+doubles, so they are rational. f is taken as written, with square roots of numbers to within 2^-140. So the polynomial
+along a ray is exact, and python-flint certifies its real roots (certified_roots.py). That takes a millisecond a ray.
+Therefore NumPy settles all rays for which its result is certain: the first sign change is isolated by Bernstein
+coefficients that are larger than their rounding error plus tau (root_isolation.py), and is confirmed in double-double.
+Code of visray's kernels is not used.
 
 Double precision does not define the hits of all rays: a small change of f may change the hit. Such a ray is "near an
 edge", and is not judged. The small change is tau = 4 * 2^-53 * sum |c_k|. The c_k are the coefficients of f along the

@@ -114,7 +114,7 @@ class Allocation:
         return self.steps >= steps[order][np.searchsorted(share, share[-1] / 2)]
 
     def weighted_mean(self, values: np.ndarray) -> float:
-        """Mean of values over all pixels, each weighted with the number of samples that the pixel gets by weight alone.
+        """Weighted mean of a value over all pixels. The weight of a pixel is its number of samples by weight alone.
 
         values: one value per pixel. Shape: (N).
         """

@@ -214,8 +214,8 @@ class AdaptiveRun:
         return 0.0 if self.interrupts.requested else self.goal.seconds_left()
 
     def _goal_reached(self) -> bool:
-        """Whether the upper end of the picture's error, with the floor, is within the error that is asked for. If none
-        is asked for: whether the upper end is 0."""
+        """Whether the upper end of the picture's error, with the floor, is within the error that is asked for. If no
+        error is asked for: whether there is no noise at all."""
         high = np.square(self.estimate.high * self.estimate.luminance)
         return bool(high <= self.goal.allowed_square(self.estimate, self.floor.high))
 

@@ -10,7 +10,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
-    """The numbers for a screen, from 0 to 1, for linear light from 0 to 1.
+    """The numbers that are sent to a screen for linear light; both are from 0 to 1.
 
     gamma: "srgb", or an exponent: then the result is light^(1 / gamma).
 
@@ -22,7 +22,7 @@ def curve(light: np.ndarray, gamma: Gamma) -> np.ndarray:
 
 
 def linear(shown: np.ndarray, gamma: Gamma = "srgb") -> np.ndarray:
-    """Linear light from 0 to 1, for numbers for a screen from 0 to 1: the inverse of `curve`."""
+    """Linear light from the numbers that are sent to a screen; both are from 0 to 1. The inverse of `curve`."""
     if gamma == "srgb":
         return np.where(shown <= 0.04045, shown / 12.92, ((np.maximum(shown, 0) + 0.055) / 1.055) ** 2.4)
     return shown ** float(gamma)

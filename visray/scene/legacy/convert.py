@@ -133,7 +133,7 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
 
 
 def _objects(raw: dict, materials: Materials, log: Log) -> dict[str, dict]:
-    """Dict by name of the objects in a scene file. Logs an error if visray cannot render scenes of this type yet."""
+    """Dict of the objects in a scene file, by name. Logs an error if visray cannot render scenes of this type yet."""
     e = Entry(raw, "", SCENE, log)
     written = e.text("typeScene")
     if written is None:

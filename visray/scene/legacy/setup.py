@@ -72,7 +72,7 @@ def _settings(e: Entry, compat: bool) -> dict:
 
 def _shading(e: Entry) -> dict:
     """Fields of the settings: shading mode and shadows. The key `shadows` decides whether there are shadows. If it is
-    missing, the ending of `shading` decides."""
+    missing, there are shadows if `shading` ends in "Shadow" or is missing too."""
     written = e.choice("shading", SHADINGS)
     model = MODELS[(written or "BlinnPhong").removesuffix("Shadow")]
     shadows = e.flag("shadows", written.endswith("Shadow") if written else True)

@@ -1,1 +1,4 @@
-"""Acceleration: how rays find the objects that they hit, and the queries they ask."""
+"""Acceleration: how rays find the objects that they hit, and the three ray queries.
+
+The queries are the closest hit, occlusion, and transmittance (intersect.py).
+"""

@@ -26,11 +26,12 @@ from visray.ray import NO_ROW, Hit, Ray
 
 
 def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any = True, within: Any = dr.inf) -> Hit:
-    """The closest hit of each ray at a distance below `within`. Among hits at equal distance, the lowest row is chosen.
+    """The closest hit of each ray at a distance below `within`.
 
-    Without a hit, `row` is NO_ROW and `t` is `within` (inf by default).
+    If two rows are hit at the same distance, the row with the lower number is chosen. Without a hit, `row` is NO_ROW
+    and `t` is `within` (inf by default).
 
-    active: mask of the lanes that search; other lanes have no hit.
+    active: mask of the lanes whose result is needed.
     """
     a, ray = origin.a, detached(ray)
     n = max(dr.width(ray.d), dr.width(origin.o))

@@ -65,8 +65,9 @@ def build_binary(low: np.ndarray, high: np.ndarray) -> Hierarchy:
 def widen(binary: Hierarchy) -> Hierarchy:
     """The hierarchy with up to WIDTH children per node, made from a binary hierarchy.
 
-    For each node, the child with the largest surface is replaced by its own two children, until there are WIDTH
-    children or none of them is a node. A missing child has the value NONE, and both corners of its box are 0.
+    In each node, the child node with the largest surface area is replaced by its own two children, again and again,
+    until the node has WIDTH children or none of them is a node. A missing child has the value NONE, and both corners of
+    its box are 0.
     """
     child, area = binary.child.ravel(), surface_measure((binary.high - binary.low).reshape(-1, 3).T, False)
     area = np.where(child >= 0, area, -1)  # a child that is a box cannot be replaced

@@ -155,7 +155,9 @@ def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:
 
 
 def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:
-    """The state changed to change(*state) in lanes where `mask` is true. Packets of lanes without such a lane skip it.
+    """The state, replaced by change(*state) in lanes where `mask` is true.
+
+    Packets of lanes in which the mask is nowhere true skip the computation.
 
     label: name of the branch in Dr.Jit's messages.
     """

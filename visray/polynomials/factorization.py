@@ -28,7 +28,7 @@ class SquareFreeFactor:
     """A square-free factor of a polynomial.
 
     expression: the factor.
-    degree: degree of the factor along a line in general position.
+    degree: total degree of the factor, after cancellation of terms.
     even: whether the factor's multiplicity in the polynomial is even. Then the factor does not change the sign of f.
     """
 

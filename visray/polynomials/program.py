@@ -32,7 +32,7 @@ MAX_PRODUCTS = 3_000_000
 class Factor:
     """A square-free factor of a polynomial, as operations.
 
-    degree: degree of the factor along a line in general position.
+    degree: total degree of the factor, after cancellation of terms.
     code: operations that refer to earlier ones by index: ("constant", j), ("axis", k), ("add", i, j), ("sub", i, j),
         ("mul", i, j), ("neg", i), ("pow", i, n) with n >= 2. The last one gives the value.
     even: whether the factor's multiplicity in the polynomial is even.

@@ -9,8 +9,11 @@ from visray.polynomials.expression import ONE, Axis, Expression, Negative, Numbe
 
 
 def simplify(node: Expression) -> Expression:
-    """The expression in a simpler form: nested sums and products become one, constants are collected, and minus signs
-    are moved to the front of products and sums. Nothing is expanded."""
+    """The expression in a simpler form. Nothing is expanded.
+
+    A sum in a sum becomes a single sum, and a product in a product a single product. Constants are collected, and minus
+    signs are moved to the front of products.
+    """
     if node.degree == 0:
         return node
     match node:

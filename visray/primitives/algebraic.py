@@ -94,7 +94,7 @@ class PolynomialRows:
 class PlacedPolynomial:
     """A polynomial in the world.
 
-    inverse: map from world coordinates to coordinates about the clip's centre, which the polynomial takes.
+    inverse: map from world coordinates to the coordinates of the polynomial, whose origin is the clip's centre.
     constants, tolerance: as in PolynomialRows.
     scale: 1 / (half the side of the clip), one entry per axis.
     shape: parameters of the canonical shape, as Primitive.shape returns them.

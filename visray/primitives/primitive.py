@@ -1,8 +1,8 @@
 """The interface of a primitive: the fields and methods that each kind of object has.
 
-A kind is one class in one file. Its fields are the numbers that a scene gives. Its methods run in kernels, and serve
-all objects of a batch at once: the objects of one kind, which share code. Three methods form a chain. Each computes the
-data that the next one needs:
+A kind is one class in one file. Its fields are the numbers that a scene gives. Its methods run in kernels. There, one
+call serves all objects of a batch, a set of objects of one kind. Three methods form a chain, and each computes the data
+that the next one needs:
 
     object.placed(outer)               data of the object that depends on no ray
     kind.seen(placed, o)               data of the object that depends on the ray origin o, but not on the direction
@@ -201,7 +201,7 @@ class Primitive:
     def runs_inside(cls, seen: Any, ray: Ray, slope: Any, begin: Any, end: Any, error: Any) -> Any:
         """Whether a segment of a ray is inside the object, next to an end of the segment that lies on the surface.
 
-        begin, end: distances of the two ends. Only one of them must lie on the surface.
+        begin, end: distances of the two ends. One of the ends lies on the surface.
         slope: n . d at the end on the surface, for the outward normal n and the direction d from this end into the
             segment.
         error: bound on the distance between this end and the true surface point.

@@ -27,8 +27,8 @@ def first_crossing(
 
     constants: values of the program's constants.
     active: mask of the lanes that search.
-    tolerance: greatest error of s that is allowed, if it is greater than rounding. Factors of degree 1 and 2 ignore it.
-        None: s is exact to its last digit, and the kernel contains no code for a tolerance.
+    tolerance: greatest allowed error of s; a value below the rounding error has no effect. Factors of degree 1 and 2
+        ignore it. None: s is exact to its last digit, and the kernel contains no code for a tolerance.
     """
     factors = [on_chord(f, constants, segment) for f in program.factors]
     active = active & (segment.first < segment.last)

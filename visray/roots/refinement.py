@@ -27,7 +27,8 @@ def refine(
     bounds: (least, greatest) s; no end of an interval is moved beyond them.
     flat: values with an absolute value up to this bound are within rounding of zero. They count as positive until a
         value above the bound is found on the positive side. None: every value has its own sign.
-    tolerance: greatest error of s that is allowed, if it is greater than the last digit. None: exact to the last digit.
+    tolerance: greatest allowed error of s; a value below the rounding error has no effect. None: s is exact to its last
+        digit.
 
     Source: Chandrupatla 1997, with a single division.
     """

@@ -15,7 +15,7 @@ from typing import Literal
 Accelerator = Literal["auto", "none", "tree"]
 
 # The greatest number of rows that are unrolled. If a scene has more, batches are put in the tree. An unrolled row costs
-# few cycles per ray, but about a millisecond of compile time in each place of the kernel where rays start.
+# a few cycles per ray, and about a millisecond of compile time for each place of the kernel where rays start.
 MAX_UNROLLED = 32
 # The same number for rays with a shared origin, whose guards are computed in advance (reference/bench_mitsuba.py:
 # 100 unrolled spheres take 0.7 times as long as a tree of them, and 200 take as long as a tree).

@@ -2,8 +2,8 @@
 
 The surface area heuristic (SAH) estimates the probability that a ray which meets a node also meets a child of the node.
 The estimate is the child's surface area divided by the node's. A split is chosen by its estimated cost. Any split gives
-a correct tree, so costs may have rounding errors. The boxes of nodes have none, because their coordinates are minima
-and maxima of the coordinates of the boxes in the node.
+a correct tree, so costs may have rounding errors. The boxes of nodes have no rounding errors, because their coordinates
+are minima and maxima of the coordinates of the boxes in the node.
 
 Source: Goldsmith and Salmon 1987; bins: Wald 2007; four children: Wald, Benthin, Boulos 2008.
 """

@@ -127,7 +127,8 @@ def _monomial(term: Expression) -> tuple[tuple[int, int, int], Expression] | Non
 def recentre(terms: Coefficients, centre: tuple[Fraction, Fraction, Fraction]) -> Coefficients:
     """The terms of the same polynomial in coordinates q = p - centre.
 
-    Each x^n becomes the expanded form of (x + c)^n, where c is the x coordinate of the centre; and so for y and z.
+    Each x^n becomes the expanded form of (x + c)^n, where c is the x coordinate of the centre. The same is done for y
+    and z.
     """
     for axis, c in enumerate(centre):
         if not c:

@@ -191,9 +191,9 @@ def _irreducible(expression: Expression, parameters: dict[str, Fraction], degree
 
 
 def _sign(expression: Expression, factors: tuple[SquareFreeFactor, ...], parameters: dict[str, Fraction]) -> int:
-    """The sign (1 or -1) of the polynomial divided by its factors of odd multiplicity, found at one point.
+    """The sign (1 or -1) of the quotient of the polynomial and the product of its factors of odd multiplicity.
 
-    At this point, neither the polynomial nor one of these factors is 0.
+    It is found at one point where neither the polynomial nor one of these factors is 0.
     """
     odd = [f.expression for f in factors if not f.even]
     for k in range(1, 100):

@@ -18,8 +18,8 @@ from visray.roots.number_types import Univariate, roundoff
 # An interval about s is not divided further if it is narrower than this number times the unit roundoff times |s| (or
 # times 2^-30, if |s| is smaller). In narrower intervals, too few different values of s exist.
 NARROWEST = 32
-# An interval in which no sign is certain is halved only if its Bernstein coefficients differ by more than this number
-# of error bounds.
+# If the coefficients of an interval are negative by less than their error bound, the interval is halved only if they
+# differ by more than this number of error bounds.
 FLAT = 4
 
 

@@ -42,7 +42,7 @@ class Tree:
     centre: the point that the boxes' coordinates are relative to, in double. Shape: (3, 1).
     ball: radius of a ball about `centre` that contains the boxes of all rows. Shape: (1).
     size: bound on |centre|. Shape: (1).
-    begins: for each batch in the tree except the first, its lowest row number in the tree. The rows of one batch have
+    begins: for each batch in the tree except the first, the lowest number of its rows. The rows of one batch have
         consecutive numbers. Shape: (1) each.
     batches: numbers of the batches in the tree, ascending.
     """

@@ -62,7 +62,10 @@ class BallGuard:
     least: Any
 
     def may_hit(self, d: Any, _: Any = None) -> Any:
-        """Whether a ray may meet the ball. d: its direction, in single. The second parameter is that of PlaneGuard."""
+        """Whether a ray may meet the ball.
+
+        d: direction of the ray, in single. The second parameter is not used; it is there because PlaneGuard has it.
+        """
         return dr.dot(self.to_centre, d) >= self.least
 
     def may_hit_cone(self, cone: DirectionCone) -> Any:

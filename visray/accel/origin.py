@@ -27,7 +27,7 @@ from visray.ray import KnownEnds, Ray
 class Geometry:
     """Everything that rays can hit.
 
-    a: array types.
+    a: the Dr.Jit array types of the backend.
     batches: the batches of the scene.
     tree: bounding volume hierarchy over some of the batches (policy.Plan.tree); None if the plan puts no batch in it.
     accelerator: the value of settings.accelerator.
@@ -186,7 +186,7 @@ class RayOrigin:
         return (ray.row == c.index) & self.batches[c.batch].kind.never_rehit(ray.inside)
 
     def start(self, c: Candidate, ray: Ray) -> KnownEnds:
-        """The facts about the start of the rays that the test of a row needs: which rays start on the row, and where.
+        """The facts about the start of the rays that the test of a row needs: do they start on it, and on which part.
 
         A ray starts on the row if its own field `row` says so, or if the shared origin lies on the row.
         """

@@ -86,6 +86,6 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> 
 
 
 def _plan(numbers: range, unrolled: set[int], tree: set[int], reason: str) -> Plan:
-    """The plan with these batches unrolled and in the tree. All other batches are looped."""
+    """The plan with the given batches unrolled, the given batches in the tree, and all other batches looped."""
     looped = (i for i in numbers if i not in unrolled | tree)
     return Plan(tuple(sorted(unrolled)), tuple(looped), tuple(sorted(tree)), reason)

@@ -140,7 +140,7 @@ class _Constants:
         self.shared: dict[Expression, int] = {}
 
     def index_of(self, constant: Expression) -> int:
-        """The index of a constant, which is added unless it shares an index."""
+        """The index of a constant. A constant that shares no index is added to the list first."""
         if constant in self.shared:
             return self.shared[constant]
         self.expressions.append(constant)

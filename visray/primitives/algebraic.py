@@ -107,7 +107,7 @@ class PlacedPolynomial:
     shape: tuple = ()
 
     def to_unit_clip(self, q: Any) -> Any:
-        """The vector or point q in coordinates of the canonical clip. q: in coordinates about the clip's centre."""
+        """The vector or point q, converted from coordinates about the clip's centre to those of the canonical clip."""
         return type(q)(*(x * s for x, s in zip(q, self.scale)))
 
 
@@ -142,7 +142,7 @@ class Algebraic(Primitive):
     ) -> type["Algebraic"]:
         """The subclass that serves all objects with this structure.
 
-        program, closed, loose: as the facts with these names.
+        program, closed, loose: the facts about the kind with these names.
         clip: the class of the clip.
         parameters: number of named parameters.
         """

@@ -46,7 +46,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part nearest to a point on the surface: the part whose function, negative inside, is greatest at q."""
+        """The part nearest to a point q of the surface. Of the wall and the caps, q is farthest outside of this part."""
         u = dr.uint32_array_t(q.x)
         wall = dr.sqrt(q.x * q.x + q.y * q.y) >= dr.abs(q.z)
         return dr.select(wall, u(WALL), dr.select(q.z < 0, u(BOTTOM), u(TOP)))

@@ -9,7 +9,7 @@ from visray.ray import Crossing, KnownEnds, Ray
 
 
 def farther_than(path: Any, slope: Any, squared: Any, error: Any) -> Any:
-    """Whether a point of a ray lies behind a plane, at a distance from the plane above `error`.
+    """Whether a point of a ray lies behind a plane and farther than `error` from the plane.
 
     path: distance along the ray from its crossing with the plane to the point; negative if the point comes first.
     slope: n . d, for the direction d of the ray and a normal n of the plane, of any length.
@@ -20,7 +20,7 @@ def farther_than(path: Any, slope: Any, squared: Any, error: Any) -> Any:
 
 
 class Flat(Primitive):
-    """A flat shape. A ray crosses it at most once. If the ray starts or ends on the shape, it does not cross it."""
+    """A flat shape. A ray crosses it at most once. A ray that starts or ends on the shape does not cross it."""
 
     smooth = True
 

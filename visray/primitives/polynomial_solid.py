@@ -1,4 +1,4 @@
-"""The base class of kinds, such as the torus, that have their own fields, but whose surface is a polynomial's."""
+"""The base class of kinds, such as the torus, with their own fields and a polynomial surface."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +12,7 @@ from visray.quantities import Arrays, stacked
 
 @dataclass(frozen=True)
 class PolynomialSolidRows:
-    """Objects of such a kind, as arrays with one entry per object.
+    """Objects of one kind of PolynomialSolid, as arrays with one entry per object.
 
     own: the fields of the kind. Derivatives are taken by these fields.
     polynomials: the polynomials that define the surfaces.

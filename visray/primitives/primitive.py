@@ -151,9 +151,9 @@ class Primitive:
         raise TypeError(f"{type(self).__name__} has no frame")
 
     def shape(self) -> tuple:
-        """A tuple of the parameters of the canonical shape: numbers that change its form and not only its frame.
+        """A tuple of the parameters of the canonical shape, such as the two radii of a torus; empty for most kinds.
 
-        It is empty for most kinds. The fields must be Dr.Jit arrays.
+        They change the shape in ways that no frame can. The fields of the object must be Dr.Jit arrays.
         """
         return ()
 

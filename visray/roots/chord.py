@@ -26,7 +26,7 @@ NOISE = 4
 def rounding_count(code: tuple) -> float:
     """Bound on the error of a program's value, in units of unit roundoff times the sum of the terms' absolute values.
 
-    It is multiplied by the exponent of each power, because repeated squaring gives all rounding errors the same sign.
+    A power multiplies the bound by its exponent, because repeated squaring gives all rounding errors the same sign.
     """
     counts: list[int] = []
     for name, *at in code:

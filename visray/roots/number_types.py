@@ -96,7 +96,7 @@ class BoundedPolynomial:
         return self._rounded(self.polynomial - other.polynomial, other)
 
     def _rounded(self, polynomial: Univariate, other: "BoundedPolynomial") -> "BoundedPolynomial":
-        """Adds bounds to `polynomial`, which is the sum or the difference of self and `other`."""
+        """The same polynomial with its bounds. polynomial: the sum or the difference of `self` and `other`."""
         size = self.size + other.size
         return BoundedPolynomial(polynomial, dr.fma(roundoff(size), size, self.error + other.error), size)
 

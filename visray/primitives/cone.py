@@ -70,7 +70,7 @@ class Cone(Revolved):
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part nearest to a point q of the surface. Of the wall and the base, q is farther outside of this part."""
+        """The part nearest to a point q of the surface: the part with the greatest signed distance from q."""
         u = dr.uint32_array_t(q.x)
         return dr.select(dr.sqrt(q.x * q.x + q.y * q.y) - 0.5 * (1 - q.z) >= -1 - q.z, u(WALL), u(BASE))
 

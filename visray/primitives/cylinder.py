@@ -46,7 +46,7 @@ class Cylinder(Revolved):
 
     @staticmethod
     def part_at(q: Any, shape: tuple) -> Any:
-        """The part nearest to a point q of the surface. Of the wall and the caps, q is farthest outside of this part."""
+        """The part nearest to a point q of the surface: the part with the greatest signed distance from q."""
         u = dr.uint32_array_t(q.x)
         wall = dr.sqrt(q.x * q.x + q.y * q.y) >= dr.abs(q.z)
         return dr.select(wall, u(WALL), dr.select(q.z < 0, u(BOTTOM), u(TOP)))

@@ -34,9 +34,6 @@ from visray.study.cost.records import Band, Price, Reference, Report, Slope
 from visray.study.cost.report import STOPPED, advice, as_csv, as_json, table
 from visray.study.cost.study import LEAST_SEEDS, MOST_SEEDS, cost
 
-# One worker makes what its tests share.
-pytestmark = pytest.mark.xdist_group("cost")
-
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 ALWAYS = ["samples, stratified", "samples, sobol", "samples, independent", "precision", "accelerator"]
 SOFT = Scene(

@@ -408,6 +408,7 @@ def test_every_light_passes(ground: Scene, name: str) -> None:
     assert report.penumbras.near_edge < 20 and report.penumbras.difference == 0
 
 
+@pytest.mark.slow
 def test_all_lights_together_pass(ground: Scene) -> None:
     report = checked(ground, rays=2000)
     assert report.passed, (failures(report), report.examples)
@@ -431,6 +432,7 @@ WRONG_LIGHT = {
 
 
 @pytest.mark.parametrize("what", WRONG_LIGHT)
+@pytest.mark.slow
 def test_a_wrong_light_fails(ground: Scene, what: str) -> None:
     field, value, tolerance = WRONG_LIGHT[what]
     s = replace(ground, lights={field.split(".")[0]: LAMPS[field.split(".")[0]]})
@@ -631,6 +633,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.mark.parametrize("name", TEXTURES)
+@pytest.mark.slow
 def test_textures_pass_and_wrong_ones_fail(ground: Scene, name: str, picture: str) -> None:
     texture = TEXTURES[name]
     if isinstance(texture, ImageTexture):

@@ -243,6 +243,7 @@ def compare(case: Case) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
 def test_forward_and_reverse_equal_central_differences(name: str) -> None:
     compare(CASES[name])
 

@@ -1028,6 +1028,7 @@ ODD = [
 
 
 @pytest.mark.parametrize("odd", ODD, ids=[str(i) for i in range(len(ODD))])
+@pytest.mark.slow
 def test_odd_values_anywhere_give_a_scene_or_lines(pair: Pair, odd: object) -> None:
     """Each key of a pair of files in turn says something odd."""
     picture(pair.scene.parent, "map.png")

@@ -223,6 +223,7 @@ def original(rng: np.random.Generator, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("rays", [1, 4, 16, 64])
 @pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.slow
 def test_the_box_hemisphere_is_the_originals(sampler: str, rays: int) -> None:
     """A ball off the axis and a roof, against the same in NumPy: the share of rays that meet nothing, and the mean of
     min(t / D, 1)."""

@@ -445,6 +445,7 @@ def test_a_slab_of_glass_moves_rays_aside(ior: float, thickness: float) -> None:
 
 
 @pytest.mark.parametrize("sampler", ["stratified", "sobol", "independent"])
+@pytest.mark.slow
 def test_as_much_of_a_disk_light_is_seen_as_in_mitsuba(sampler: str) -> None:
     """Each pixel's own points of the light, as the kernel draws them, are sent to Mitsuba: the counts are equal."""
     samples = 64

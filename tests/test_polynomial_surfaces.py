@@ -690,6 +690,7 @@ def test_derivatives_by_parameters_are_central_differences(ends: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["heart", "barth-sextic", "labs-septic", "tangle"])
+@pytest.mark.slow
 def test_normals_and_uv_are_those_of_the_exact_gradient(name: str) -> None:
     """800 points: within 1e-9 rad where the gradient is not near zero; turned to where f > 0."""
     rng, mu = np.random.default_rng(18), {"mu": 1.0}

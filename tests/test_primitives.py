@@ -101,6 +101,10 @@ def run(name: str, moved: bool) -> Run:
 
 
 BOTH = pytest.mark.parametrize("moved", [False, True], ids=["as it is", "transformed"])
+# The quick suite leaves transformed objects to the test of the crossings.
+MOVED_IS_SLOW = pytest.mark.parametrize(
+    "moved", [pytest.param(False, id="as it is"), pytest.param(True, id="transformed", marks=pytest.mark.slow)]
+)
 EACH = pytest.mark.parametrize("name", NAMES)
 
 
@@ -131,7 +135,7 @@ def test_kernel_finds_the_same_crossing_as_its_twin(name: str, moved: bool) -> N
     assert hits > OBJECTS * RAYS / 10
 
 
-@BOTH
+@MOVED_IS_SLOW
 @EACH
 def test_normal_is_that_of_the_twin(name: str, moved: bool) -> None:
     """Where no edge is near: the angle is at most the rounding bound over the radius of curvature."""
@@ -155,7 +159,7 @@ def test_normal_is_that_of_the_twin(name: str, moved: bool) -> None:
     assert seen > 0.99 * r.hit.sum()
 
 
-@BOTH
+@MOVED_IS_SLOW
 @EACH
 def test_error_of_a_surface_point_bounds_its_distance_from_the_surface(name: str, moved: bool) -> None:
     """Measured in 80 bits. A transform that shears or stretches multiplies the bound by its distortion."""
@@ -199,7 +203,7 @@ def test_error_bound_holds_on_objects_much_greater_than_the_view(name: str) -> N
         assert (error[i][hit[i]] <= gamma(24) * most[hit[i]]).all()
 
 
-@BOTH
+@MOVED_IS_SLOW
 @EACH
 def test_bounds_and_sphere_hold_the_object_and_little_more(name: str, moved: bool) -> None:
     r = run(name, moved)
@@ -223,7 +227,7 @@ def test_bounds_and_sphere_hold_the_object_and_little_more(name: str, moved: boo
         assert radius <= (np.sqrt(6) * stretch if moved else 1 + gamma(12)) * loose
 
 
-@BOTH
+@MOVED_IS_SLOW
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solid_is_entered_before_it_is_left_and_the_middle_is_inside(name: str, moved: bool) -> None:
     r = run(name, moved)
@@ -444,7 +448,7 @@ def test_error_bound_holds_where_rays_graze(name: str, aim) -> None:
 # Coordinates on the surface
 
 
-@BOTH
+@MOVED_IS_SLOW
 @EACH
 def test_uv_is_right_handed_and_in_range(name: str, moved: bool) -> None:
     """(dp/du, dp/dv, outward n) by differences on the tangent plane: unmirrored on every kind, from outside."""

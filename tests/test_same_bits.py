@@ -74,6 +74,7 @@ def threads() -> Iterator[Callable[[int], None]]:
 @FILMS
 @settings(max_examples=12, deadline=None)
 @given(cuts=CUTS, read=st.booleans())
+@pytest.mark.slow
 def test_cut_into_passes(sampler: str, transparent: bool, cuts: list[int], read: bool) -> None:
     """Anywhere within blocks, and read in between or not."""
     made = made_of(sampler, transparent)
@@ -87,6 +88,7 @@ def test_cut_into_passes(sampler: str, transparent: bool, cuts: list[int], read:
 @EACH
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
+@pytest.mark.slow
 def test_each_lane_in_steps_of_its_own(sampler: str, seed: int) -> None:
     """Where lanes are apart: strata too go by the index of a sample alone."""
     made, rng = made_of(sampler, True), np.random.default_rng(seed)

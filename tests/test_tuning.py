@@ -36,9 +36,6 @@ from visray.study.cost.truth import luminance
 from visray.study.cost.tuned import LATE, Measured, Target, Tuned, as_scene
 from visray.study.cost.tuning import SURE, TRIES, remains, tune
 
-# One worker makes what its tests share.
-pytestmark = pytest.mark.xdist_group("tuning")
-
 SOFT = Scene(
     camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),
     film=Film(width=48, height=36),
@@ -484,6 +481,7 @@ def test_each_try_has_new_seeds(report: Report, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("asked", [{"error": 0.001}, {"time": 100.0}])
 @pytest.mark.parametrize("spp", [1, 16])
+@pytest.mark.slow
 def test_without_noise_it_is_one_sample_whatever_the_clock_says(
     spp: int, asked: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -118,8 +118,8 @@ def cost(
 def studied(
     scene: Scene, quick: bool, count: int, progress: bool, interrupts: Interrupts, for_tuning: bool = False
 ) -> Study:
-    """The study of a scene with `count` seeds. for_tuning: leaves out what `tune` does not need: FLIP, hits, and knobs
-    that it does not turn."""
+    """The study of a scene with `count` seeds. for_tuning: leaves out what `tune` does not need: FLIP, hits, the joint
+    records, and knobs that it does not turn."""
     small = reduced(scene, LONGEST[not quick])
     turned, budgets = [k for k in knobs(small) if not (for_tuning and k.name in KEPT)], BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
@@ -135,7 +135,7 @@ def studied(
     points = [_record(m, own, true, not for_tuning) for m in measured]
     same = all((p == measured[0].parts[0][0]).all() for p in measured[0].parts)
     curves = tuple(_curve(k, points, quick, not same) for k in turned)
-    joint = None if stopped or same else _joint(studio, points[0], curves, measured[0], true, quick)
+    joint = None if stopped or same or for_tuning else _joint(studio, points[0], curves, measured[0], true, quick)
     every = (*curves, joint) if joint else curves
     # Without noise there is nothing that samples could reduce.
     priced = [c for c in every if not (same and c.kind == "sampling")]

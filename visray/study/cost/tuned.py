@@ -34,32 +34,32 @@ class Target:
             raise UserError("nothing is asked for; give an error, such as 0.01, or a time in seconds, such as 10")
         return Target(error, time)
 
+    @property
+    def option(self) -> str:
+        """The target as an option of `visray render`."""
+        return f"--time {self.time:g}" if self.error is None else f"--error {self.error:g}"
+
     def met(self, render: "Measured") -> bool:
         """Whether a render meets the target: an error by the upper end of its interval."""
         if self.error is not None:
             return render.error.high <= self.error
         return render.seconds.middle <= LATE * self.time
 
-    def missed(self, render: "Measured") -> float:
-        """The error or the seconds of a render, as a multiple of the target."""
-        return render.seconds.middle / self.time if self.error is None else render.error.high / self.error
-
 
 @dataclass(frozen=True)
 class Measured:
-    """Renders at the scene's own size.
+    """Adaptive renders to the target, at the scene's own size.
 
     settings: values of all knobs, by address
     seconds: of one render, after its kernels are compiled and the scene is prepared
     error: relative error, noise and bias together
-    noise, noise_high: squared relative noise, and the upper end of its interval
+    spp: mean samples per pixel
     """
 
     settings: Settings
     seconds: Band
     error: Band
-    noise: float
-    noise_high: float
+    spp: float
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,11 @@ class Tuned:
     target: what was asked for
     settings: values of all knobs, by address
     changed: those that differ from the scene's
-    error, seconds: measured with them at the scene's own size
-    before: the same of the scene as it is
+    after: renders with these settings
+    before: renders with the scene's own settings; None if these cannot reach the target
     met: whether the target is reached
     stopped: whether Ctrl-C ended the search
-    reasons: a sentence for each change, and what was verified
+    reasons: changes, results and what to do next, a sentence each
     scene: the scene with these settings
     report: the study that the choice is based on
     """
@@ -81,14 +81,23 @@ class Tuned:
     target: Target
     settings: Settings
     changed: Settings
-    error: Band
-    seconds: Band
-    before: Measured
+    after: Measured
+    before: Measured | None
     met: bool
     stopped: bool
     reasons: tuple[str, ...]
     scene: Scene = field(repr=False)
     report: Report = field(repr=False)
+
+    @property
+    def error(self) -> Band:
+        """Error that was reached."""
+        return self.after.error
+
+    @property
+    def seconds(self) -> Band:
+        """Time that it took."""
+        return self.after.seconds
 
     def __repr__(self) -> str:
         asked = [f"{k} = {v:g}" for k, v in asdict(self.target).items() if v is not None]
@@ -104,8 +113,8 @@ class Tuned:
             "stopped": self.stopped,
             "settings": self.settings,
             "changed": self.changed,
-            "measured": {"error": asdict(self.error), "seconds": asdict(self.seconds)},
-            "before": {"error": asdict(self.before.error), "seconds": asdict(self.before.seconds)},
+            "measured": _numbers(self.after),
+            "before": None if self.before is None else _numbers(self.before),
             "reasons": list(self.reasons),
             "notes": list(self.report.notes),
             "machine": self.report.machine,
@@ -122,11 +131,21 @@ class Tuned:
             rows.add_column(name, justify="right", no_wrap=True)
         for address, new in self.settings.items():
             text = f"[bold]{new}[/]" if address in self.changed else f"[dim]{new}[/]"
-            rows.add_row(address, str(self.before.settings[address]), text)
+            rows.add_row(address, str(self.report.default.settings[address]), text)
         rows.add_section()
-        rows.add_row("error", percent(self.before.error.middle), percent(self.error.middle))
-        rows.add_row("time", duration(self.before.seconds.middle), duration(self.seconds.middle))
+        columns = [self.before, self.after]
+        for name, text in (
+            ("error", lambda m: percent(m.error.middle)),
+            ("time", lambda m: duration(m.seconds.middle)),
+            ("samples per pixel", lambda m: f"{m.spp:g}"),
+        ):
+            rows.add_row(name, *("out of reach" if m is None else text(m) for m in columns))
         return rows
+
+
+def _numbers(render: Measured) -> dict[str, Any]:
+    """Error, seconds and samples of a render for JSON."""
+    return {"error": asdict(render.error), "seconds": asdict(render.seconds), "spp": render.spp}
 
 
 def as_scene(tuned: Tuned, folder: Path | None = None, like: Path | None = None) -> str:

@@ -184,7 +184,8 @@ def tune(
 ) -> int:
     """Choose the knobs of a scene for an error or a time, and say why.
 
-    Ctrl-C keeps the best that was tried at the scene's own size, if anything was.
+    Samples per pixel are left to the adaptive sampler: render the scene with the same --error or --time. Ctrl-C keeps
+    the scene's own settings, if they were rendered.
     """
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study

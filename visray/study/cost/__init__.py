@@ -18,5 +18,5 @@ each knob, a `Price` for what an error costs with a knob, and a `Report` with al
     tuning.py      the choice of knobs for an error or a time: `vr.tune`
 
 There is no model of all knobs together. Choices come from measured curves; what several knobs do together is measured
-again (`Report.joint`); samples per pixel come from renders at the scene's own size.
+again (`Report.joint`); `tune` leaves samples per pixel to the adaptive sampler, and compares renders at full size.
 """

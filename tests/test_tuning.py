@@ -35,7 +35,6 @@ from visray.study.cost.truth import luminance
 from visray.study.cost.tuned import Measured, Target, as_scene
 from visray.study.cost.tuning import tune
 
-
 SOFT = Scene(
     camera=Camera(origin=(0, 2, 5), target=(0, 0.5, 0)),
     film=Film(width=48, height=36),

@@ -267,6 +267,7 @@ def warm(full: vr.Scene) -> vr.Scene:
 
 
 @pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.slow
 def test_numbers_are_data_not_code(change: str, warm: vr.Scene) -> None:
     changed = CHANGES[change](warm)
     assert compiled(lambda: picture(changed)) == 0

@@ -174,6 +174,7 @@ def test_seeds_samples_and_rays_are_data() -> None:
             assert all(k["cache_hit"] and not k["backend_time"] for k in kernels)
 
 
+@pytest.mark.slow
 def test_the_report(report: Report) -> None:
     assert (report.scene, report.scene_hash) == ("a scene given in Python", SOFT.hash())
     assert (report.width, report.height, report.seeds, report.quick) == (32, 24, LEAST_SEEDS, True)
@@ -206,6 +207,7 @@ def test_the_report(report: Report) -> None:
     assert report.machine["threads"] == dr.thread_count() and report.machine["date"]
 
 
+@pytest.mark.slow
 def test_the_reference_is_finer_than_what_is_measured(report: Report) -> None:
     r = report.reference
     assert r.picture.shape == r.variance.shape == (24, 32, 3)
@@ -215,6 +217,7 @@ def test_the_reference_is_finer_than_what_is_measured(report: Report) -> None:
     assert report.default.error.bias.low <= 3 * r.error
 
 
+@pytest.mark.slow
 def test_writing(report: Report) -> None:
     found = json.loads(json.dumps(as_json(report), allow_nan=False))
     assert set(found["default"]["seconds"]) == {"middle", "low", "high"}
@@ -238,6 +241,7 @@ def printed(report: Report) -> str:
     return console.export_text()
 
 
+@pytest.mark.slow
 def test_the_table_marks_what_is_beyond_what_was_measured(report: Report) -> None:
     price = Price("samples, sobol", 0.5, Band(2.1, 2, 2.2), 0.6, 300)
     mark = "- *: beyond the measured values"
@@ -247,17 +251,20 @@ def test_the_table_marks_what_is_beyond_what_was_measured(report: Report) -> Non
     assert "2.1 times the time (2 to 2.2) *" in text and mark in text
 
 
+@pytest.mark.slow
 def test_each_record_of_the_frontier_is_marked(report: Report) -> None:
     marked = [row for row in csv.DictReader(StringIO(as_csv(report))) if row["frontier"] == "1"]
     assert len(marked) == len(report.frontier)
 
 
+@pytest.mark.slow
 def test_what_rounds_to_nothing_has_no_sign(report: Report) -> None:
     curves = (replace(report.curves[0], by_time=Slope(-0.001, -0.004, 0.01, 5)),)
     text = printed(replace(report, curves=curves, halvings=(Price(curves[0].knob, 0.5, Band(2, 2, 2), 0.6, 300),)))
     assert "0.00 ± 0.01" in text and "-0.00" not in text
 
 
+@pytest.mark.slow
 def test_it_shows_itself_in_a_line(report: Report) -> None:
     """Not with all its arrays."""
     assert repr(report) == str(report)
@@ -372,6 +379,7 @@ def interrupts() -> Iterator[list[int]]:
 
 
 @pytest.mark.parametrize("stopped", [False, True])
+@pytest.mark.slow
 def test_ctrl_c_while_a_report_is_written_loses_nothing(
     report: Report, interrupts: list[int], stopped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -59,6 +59,7 @@ def parts(scene, address):
 
 
 @pytest.mark.parametrize("scene", [CLOSE, CROWD], ids=["one object", "many objects of three kinds"])
+@pytest.mark.slow
 def test_forward_and_reverse_equal_central_differences(scene):
     found = vr.gradient(scene, ADDRESSES)
     for address in ADDRESSES:

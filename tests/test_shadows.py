@@ -207,6 +207,7 @@ LIGHTS = {
 @PRECISIONS
 @MOVED
 @EACH_SOLID
+@pytest.mark.slow
 def test_light_through_a_solid_is_tinted_by_its_thickness(name: str, moved: bool, precision: str) -> None:
     """kt (1 - min(d / dmax, 1)), d exactly as long as the ray is inside: over 6 decades of size, rays from a point
     light, and rays to a small light and to one far away, grazing ones included."""

@@ -58,6 +58,7 @@ def compiled(work: Any) -> int:
 
 
 @pytest.mark.parametrize("what", CHANGES)
+@pytest.mark.slow
 def test_it_shows_what_a_scene_with_these_values_does_and_compiles_nothing(what: str) -> None:
     prepared = vr.prepare(SCENE)
     picture(prepared)

@@ -55,8 +55,8 @@ def _lights(scene: Scene, test: Callable) -> list[str]:
 # The following functions are the `calls` of the rules. Each returns a list of the addresses that need its effect. A
 # material "has" ka, kd, ks, kr or kt, and a light "has" Ia, Id or Is, if one of the three numbers is not 0.
 def _ambient(scene: Scene) -> list[str]:
-    """Addresses of the materials with ka; empty if there is no ambient light, neither the scene's `ambient` nor a
-    light's Ia."""
+    """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` of the scene, and no light
+    with Ia."""
     has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
     return _materials(scene, lambda m: any(m.ka)) if has_ambient else []
 

@@ -23,8 +23,8 @@ class ReflectionModel:
     diffuse: function of the cosine n.l.
     cosine: function of an Interaction and a LightSample that returns the cosine of the highlight, such as n.h.
     highlight: function of the power cosine^shininess.
-    stepped: whether `diffuse` or `highlight` jumps between values. If so, derivatives miss that the edges of the jumps
-        move.
+    stepped: whether `diffuse` or `highlight` jumps between values. If so, derivatives do not contain the movement
+        of the edges at these jumps.
     """
 
     diffuse: Callable[[Any], Any] = lambda cosine: cosine

@@ -4,8 +4,8 @@ Single letters with one meaning everywhere: o origin, d unit direction, t distan
 the light, v direction to the eye, h half vector; F, V, D, W array types (quantities.Arrays).
 
 A row is one object, as an entry of the kernel's tables (batches.py). A part is one smooth piece of a row's surface: a
-side of a box, a cap of a cylinder, a factor of a polynomial. Parts are numbered from 0. In scenes without kinds of
-several parts, None stands for the number.
+side of a box, a cap of a cylinder, a factor of a polynomial. Parts are numbered from 0. If no kind in the
+scene has several parts, the number is None.
 A crossing is a point at which a ray passes through the surface of one row. A hit is the crossing that a search over all
 rows returns.
 

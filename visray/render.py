@@ -69,8 +69,8 @@ def render(
         the root mean square over pixels and channels, in linear light, divided by the picture's mean luminance.
     time: seconds that the render may take, including preparation and compilation. The picture is as good as possible in
         this time. With both `error` and `time`, the render ends when one of them is reached.
-    files: files that the picture will be written to. An error below their rounding is refused, and a part of `time` is
-        kept for writing them.
+    files: files that the picture will be written to. An `error` below the rounding of these files is refused, and a
+        part of `time` is kept for writing them.
     begun: the moment from which `time` counts (clock.now); None means the moment of the call.
 
     With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image

@@ -185,7 +185,7 @@ class SampleSet:
 
     @staticmethod
     def table(a: Arrays, counts: list[int]) -> "SampleSet":
-        """Sets with the given numbers of points, as arrays with one entry for each set."""
+        """Several sets in one SampleSet, whose fields have one entry per set. counts: number of points of each set."""
         count = np.array(counts)
         side = np.array([max(isqrt(x), 1) for x in counts])
         integers = (a.put(a.U, v.astype(np.uint32)) for v in (count, side * side))

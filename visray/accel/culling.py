@@ -72,7 +72,8 @@ class BallGuard:
         """Whether some ray of a cone may meet the ball.
 
         Let h be the distance of the ball's centre from the origin along the cone's axis, and w its distance from the
-        axis. Then the distance of the centre from the edge of the cone is w cosine - h sine.
+        axis. Then the distance of the centre from the edge of the cone is w cosine - h sine, which is
+        negative inside the cone. If it is at most the radius of the ball, some ray may meet the ball.
 
         Error: u is the unit roundoff of single. The radius is computed from radius^2 = |to_centre|^2 - least^2. Both
         squares have an error of at most 32 u |to_centre|^2. If they are nearly equal, the error of the radius can reach
@@ -140,7 +141,7 @@ def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
     """The guards of all rows of a batch of planes, for rays that start at o.
 
     Error: normal . d in single has at most 13 rounding errors: four of the normal, six of d (see ball_guard) and three
-    of the products and sums. Each is relative to the sum of the sizes of the terms, so a margin of 16 is enough.
+    of the products and sums. Each is relative to the sum of the sizes of the three products, so a margin of 16 is enough.
     """
     f, g = batch.kind.surface_at(batch.placed, o)
     on = touches(batch, f, g, o)

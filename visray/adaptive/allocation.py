@@ -101,13 +101,13 @@ class Allocation:
         self.scale, self.levels, self.classes = (square / total if total > 0 else 0.0), levels, now
 
     def targets(self, budget: int) -> np.ndarray:
-        """Number of samples that each pixel should have at a budget, and never fewer than the pixel has already.
-        Shape: (N)."""
+        """Number of samples that each pixel should have at a budget (see the top of the module), but at least as many
+        as it has already. Shape: (N)."""
         levels = np.maximum(self._levels_by_weight(self.steps, self.levels, budget), self._least_level(budget))
         return np.left_shift(1, levels, dtype=np.int64)
 
     def noisy(self) -> np.ndarray:
-        """Mask of the noisy pixels: the pixels of largest weight that together get half of all samples. Shape: (N)."""
+        """Mask of the noisy pixels: those of largest weight that together get at least half of all samples. Shape: (N)."""
         steps, _, pixels = self.classes
         order = np.argsort(-steps)
         share = np.cumsum((pixels * 2.0 ** (steps / STEPS))[order])

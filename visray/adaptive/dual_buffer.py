@@ -77,10 +77,11 @@ class Estimate:
         error, the sum of x is uncertain, and the estimate of its spread is uncertain too. So the ends of the interval
         are square / factor and square * factor, not square +- a difference.
 
-        The upper end also contains `unseen`, the error by light that all samples may have missed. We assume light that
-        UNSEEN samples of the whole picture would meet on average: the probability that all samples miss it is 5 %. If
-        the light is as bright as the picture, each sample that meets it changes one pixel by luminance / samples. If no
-        sample has met any light, nothing is known about the error, and `high` is 1.
+        The upper end also contains `unseen`, the error by light that all samples may have missed. Two assumptions give
+        its size. The light is so rare that, of all samples of the picture, only 3 (the constant UNSEEN) meet it on
+        average; then the probability that all of them miss it is 5 %. And it is as bright as the picture is on average;
+        then each sample that meets it changes one pixel by luminance / samples. If no sample has met any light, nothing
+        is known about the error, and `high` is 1.
         """
         square, light = squares / n, luminance / n
         # If a pixel is not a number, the estimate is not a number either, and the caller reports it.

@@ -124,7 +124,7 @@ def suitable_prime(expression: Expression, parameters: dict[str, Fraction]) -> i
 
 
 def _constants(expression: Expression) -> Iterator[Expression]:
-    """All subexpressions without x, y and z that are not contained in a larger such subexpression."""
+    """The largest subexpressions without x, y and z: those that no larger such subexpression contains."""
     if not expression.degree:
         yield expression
         return
@@ -164,7 +164,7 @@ def _interpolate(values: list[int], p: int) -> list[int]:
 
 
 def without_leading_zeros(a: list[int]) -> list[int]:
-    """The same list without zero coefficients of the highest powers, which are removed from its end."""
+    """Removes zero coefficients of the highest powers from the end of the list, in place. Returns the same list."""
     while a and not a[-1]:
         a.pop()
     return a

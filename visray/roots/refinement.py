@@ -17,20 +17,22 @@ WIDENED = 3e-4
 def refine(
     f: Callable, root: IsolatedRoot, at_low: Any, at_high: Any, bounds: tuple, flat: Any = None, tolerance: Any = None
 ) -> Any:
-    """The place s in each isolating interval at which f changes from positive to negative.
+    """The place s at which f changes from positive to negative, for each isolating interval. If f does not have the
+    expected sign at an end of the interval, this end is moved outwards.
 
     A step is an inverse quadratic interpolation if it is certain to converge well, and a bisection otherwise.
 
     f: function of s. Its values are of order 1 or smaller.
     root: the isolating intervals.
     at_low, at_high: values that stand for f at the low ends (positive) and at the high ends (negative).
-    bounds: (least, greatest) s; no end of an interval is moved beyond them.
-    flat: values with an absolute value up to this bound are within rounding of zero. They count as positive until a
-        value above the bound is found on the positive side. None: every value has its own sign.
+    bounds: (least, greatest) s, up to which an end may be moved.
+    flat: bound on values that may be rounding errors, for segments that start on the surface. As long as the value at
+        the positive end of the interval is not above this bound, new values from -flat to flat count as positive. After
+        that, every value has its own sign. None: every value has its own sign from the beginning.
     tolerance: greatest allowed error of s; a value below the rounding error has no effect. None: s is exact to its last
         digit.
 
-    Source: Chandrupatla 1997, with a single division.
+    Source: Chandrupatla 1997, rearranged so that a step has a single division.
     """
     ulp = 2 * roundoff(root.low)
 

@@ -120,7 +120,8 @@ def _accepted(raw: dict) -> Scene | None:
 
 
 def _known(entries: dict, kinds: frozenset) -> dict:
-    """Dict of the entries of a section that were validated before and are of the right kind, as their validated copies.
+    """Those entries of a section that were validated before and are of the right kind: a dict from their names to their
+    validated copies.
 
     kinds: kinds that entries of the section may have.
     """

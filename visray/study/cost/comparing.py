@@ -166,7 +166,7 @@ def _value(points: tuple[Record, ...], place: float, curve: Curve, error: float)
 
 
 def is_number(x: Any) -> bool:
-    """Whether it is a finite number; True and False are none."""
+    """Whether x is a finite number. True and False do not count as numbers."""
     return isinstance(x, int | float | np.number) and not isinstance(x, bool) and isfinite(x)
 
 

@@ -29,13 +29,15 @@ class Band:
 class Geometry:
     """First hits, and the rays that leave them, compared with those of the reference.
 
+    Fields up to `other`, and the last two, are numbers of rays.
+
     rays: rays from the camera
     lost: rays that hit nothing, where the reference hits
     added: rays that hit, where the reference hits nothing
     other: rays that hit another object
     ulps: largest difference of distances, in units in the last place of double
     angle: largest angle between normals, radians
-    leaving: rays that leave the hits, over the hemisphere above them
+    leaving: random rays into the hemisphere above hits on the same object as the reference's
     self_shadows: leaving rays that are occluded where the reference's are not
     """
 

@@ -72,7 +72,13 @@ def tune(
 
 @dataclass
 class _Tuner:
-    """The search for the settings. The fields are the arguments of `tune` and the report of the study."""
+    """The search for the settings that `tune` returns.
+
+    scene: the scene
+    report: the report of the study
+    target: the error or the time to reach
+    interrupts, progress: Ctrl-C, and whether progress is shown
+    """
 
     scene: Scene
     report: Report

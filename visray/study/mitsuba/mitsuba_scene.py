@@ -70,7 +70,7 @@ class MitsubaScene:
         return mi.Ray3f(o, d)
 
     def trace(self, rays: Rays) -> tuple[Any, FirstHits]:
-        """Traces rays. Returns Mitsuba's own record of the hits (SurfaceInteraction) and the first hits."""
+        """Traces rays. Returns their first hits twice: as Mitsuba's record (SurfaceInteraction), and as FirstHits."""
         si = self.mitsuba.ray_intersect(self._mitsuba_rays(rays))
         number = dr.reinterpret_array(mi.UInt32, si.shape)
         dr.eval(si, number)

@@ -141,7 +141,8 @@ def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
     """The guards of all rows of a batch of planes, for rays that start at o.
 
     Error: normal . d in single has at most 13 rounding errors: four of the normal, six of d (see ball_guard) and three
-    of the products and sums. Each is relative to the sum of the sizes of the three products, so a margin of 16 is enough.
+    of the products and sums. Each is relative to the sum of the sizes of the three products, so a margin of 16 is
+    enough.
     """
     f, g = batch.kind.surface_at(batch.placed, o)
     on = touches(batch, f, g, o)

@@ -107,7 +107,8 @@ class Allocation:
         return np.left_shift(1, levels, dtype=np.int64)
 
     def noisy(self) -> np.ndarray:
-        """Mask of the noisy pixels: those of largest weight that together get at least half of all samples. Shape: (N)."""
+        """Mask of the noisy pixels: those of largest weight that together get at least half of all samples.
+        Shape: (N)."""
         steps, _, pixels = self.classes
         order = np.argsort(-steps)
         share = np.cumsum((pixels * 2.0 ** (steps / STEPS))[order])

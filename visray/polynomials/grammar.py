@@ -265,7 +265,8 @@ class _Reader:
         return PolynomialError(f"{self.shown(node)} has too many digits to be computed exactly; write a shorter number")
 
     def named(self, name: str) -> Expression:
-        """The coordinate, constant or parameter with this name, as an expression. Raises PolynomialError for other names."""
+        """The coordinate, constant or parameter with this name, as an expression. Raises PolynomialError for other
+        names."""
         if name in AXES:
             return Axis(AXES.index(name))
         if name in CONSTANTS:

@@ -20,8 +20,8 @@ WALL, BASE = range(2)
 class Cone(Revolved):
     """A closed cone. Its base is a disk of `radius` about the point `base`. Its apex is `height` away along `axis`.
 
-    uv: on the wall, u goes around the axis, counter-clockwise as seen from the apex, and v along the axis from 0 at the base to 1 at the apex. On the
-    base, u and v go from 0 to 1 on the square around the disk.
+    uv: on the wall, u goes around the axis, counter-clockwise as seen from the apex, and v along the axis from 0 at the
+    base to 1 at the apex. On the base, u and v go from 0 to 1 on the square around the disk.
     """
 
     parts = 2

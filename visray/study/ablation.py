@@ -96,7 +96,8 @@ class Spread:
         return self.low <= 0 <= self.high
 
     def text(self, scale: float = 1) -> str:
-        """Text for the terminal: the median times `scale` and its error, or, if in_noise, only an upper bound on its absolute value."""
+        """Text for the terminal: the median times `scale` and its error; if in_noise, only an upper bound on its
+        absolute value."""
         low, middle, high = (scale * x for x in (self.low, self.middle, self.high))
         if self.in_noise:
             return f"< {max(-low, high):.2f}"

@@ -69,7 +69,8 @@ class Study(Report):
         return f"<Study of {self.scene}: {size}, error {error} in {seconds}{', stopped' if self.stopped else ''}>"
 
     def as_json(self) -> dict[str, Any]:
-        """All numbers, without pictures, as a dict for json.dumps. None (null in JSON) stands for an infinite number."""
+        """All numbers, without pictures, as a dict for json.dumps. None (null in JSON) stands for an infinite
+        number."""
         return as_json(self)
 
     def as_csv(self) -> str:

@@ -81,7 +81,8 @@ class Surface:
 
     @cached_property
     def tree(self) -> Any:
-        """The tree of the squarefree part of f, in which each factor of f occurs only once. It has the same zeros as f."""
+        """The tree of the squarefree part of f, in which each factor of f occurs only once. It has the same zeros as
+        f."""
         return _squarefree(self.written)
 
     @cached_property

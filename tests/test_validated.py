@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from test_legacy import MATT
 from test_scene_load import FILES, everything
@@ -312,7 +312,12 @@ TRANSFORMS = st.lists(
 )  # fmt: skip
 
 
+# Invertible, but not clearly so.
+FLAT = Matrix(matrix=((0.0, 0.0, 3.1e-14, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 1.0, 0.0)))
+
+
 @given(steps=TRANSFORMS)
+@example(steps=[FLAT])
 def test_bounds_judge_a_transform_as_arrays_do(steps: list) -> None:
     with np.errstate(all="ignore"):
         quick = check._transform_flaw(tuple(steps))

@@ -158,5 +158,6 @@ def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
     least, greatest, shift = 1.0, 1.0, 0.0
     for step in steps:
         low, high, moved = step.bounds()
-        least, greatest, shift = least * low, greatest * high, shift * high + moved
+        # A matrix that may be singular has no upper bound, and 0 times infinity is not a number.
+        least, greatest, shift = least * low, greatest * high, (shift * high if shift else 0.0) + moved
     return least, greatest, shift

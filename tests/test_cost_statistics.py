@@ -12,6 +12,7 @@ from visray.quantities import Arrays
 from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key
 from visray.study.cost.comparing import frontier, halvings, price, savings, together
 from visray.study.cost.errors import flip, judged, split, student
+from visray.study.cost.knobs import sample_counts
 from visray.study.cost.records import Band, Curve, Error, Record, Slope
 from visray.study.cost.slopes import slope
 
@@ -325,19 +326,24 @@ def samples(sampler: str, time: float, k: float, width: float = 0.01) -> Curve:
     """Error n^-k of n samples; 16 stratified ones take 16 s and have an error of 1/4."""
     points = tuple(
         point(time * n, n**-k, {"settings.sampler": sampler, "settings.spp": n}, n, f"samples, {sampler}", 0, width)
-        for n in (1, 4, 16, 64)
+        for n in sample_counts(sampler, True)
     )
     squares = [np.full(SEEDS, p.error.rmse.middle**2) for p in points]
-    return Curve(f"samples, {sampler}", "sampling", points, *[slope([1, 4, 16, 64], squares)] * 2)
+    return Curve(f"samples, {sampler}", "sampling", points, *[slope([p.value for p in points], squares)] * 2)
 
 
-def test_savings_are_what_is_surely_faster_at_the_same_error() -> None:
+def test_savings_are_surely_faster_or_more_accurate_and_in_no_respect_worse() -> None:
     own = samples("stratified", 1.0, 0.5)
     default = own.points[2]
-    (best,) = savings([own, samples("sobol", 1.2, 0.75)], default)
-    # n^-3/4 = 1/4 at n = 16^(2/3).
-    assert best.knob == "samples, sobol" and abs(best.factor.middle - 1.2 * 16 ** (2 / 3) / 16) < 1e-9
-    assert best.value == 7
+    best, *others = savings([own, samples("sobol", 1.2, 0.75)], default)
+    assert not others
+    # n^-3/4 = 1/4 at n = 6.3, and 8 is the next count that was measured.
+    assert best.knob == "samples, sobol" and abs(best.factor.middle - 1.2 * 8 / 16) < 1e-9
+    assert best.value == 8 and best.share == best.least == pytest.approx(8**-0.75 / 0.25)
+    # As fast, and more accurate: 16 points in 16 s, and 8 points in 8 s. By time times squared error 16 are better.
+    first, second, *others = savings([own, samples("sobol", 1.0, 0.75)], default)
+    assert (first.value, second.value, others) == (16, 8, [])
+    assert first.share == pytest.approx(1 / 2) and first.factor.middle == pytest.approx(1)
     # Not where the bands are wide, and not by knobs that change more than the error shows.
     assert savings([own, samples("sobol", 1.2, 0.75, width=2.0)], default) == ()
     faster = point(8.0, 0.25, OWN | {"x": 1}, 1, "depth")

@@ -70,24 +70,17 @@ def halvings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
 
 
 def savings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
-    """The choices that surely take less time for the scene's own error, cheapest first.
-
-    Samples are compared along their curve. Every other choice must have an error that cannot be told from the scene's
-    or is smaller, and seconds whose band lies below the scene's.
-    """
-    prices = []
-    for c in curves:
-        if not c.points or c.knob in KEPT or default.error.rmse.middle <= 0:
-            continue
-        if is_samples(c.knob):
-            prices.append(price(c, default, 1.0))
-            continue
-        for p in c.points:
-            if p.seconds.high < default.seconds.low and p.error.rmse.middle <= default.error.rmse.high:
-                share = p.error.rmse.middle / default.error.rmse.middle
-                prices.append(Price(c.knob, 1.0, _ratio(p.seconds, default.seconds), share, p.value))
-    sure = [p for p in prices if p.factor.high < 1 and p.factor.middle <= GAIN]
-    return tuple(sorted(sure, key=lambda p: (p.factor.middle, p.knob)))
+    """The measured choices that are surely faster or surely more accurate than the scene as it is, and not worse in the
+    other respect; the best one by time times squared error first. Their `share` is their own error, as a share of the
+    scene's."""
+    prices, own = [], default.error.rmse
+    for p in (p for c in curves if c.knob not in KEPT and own.middle > 0 for p in c.points):
+        factor, share, error = _ratio(p.seconds, default.seconds), p.error.rmse.middle / own.middle, p.error.rmse
+        faster = factor.high < 1 and factor.middle <= GAIN
+        better = error.high < own.low and share <= GAIN
+        if (faster and error.middle <= own.high) or (better and p.seconds.middle <= default.seconds.high):
+            prices.append(Price(p.knob, share, factor, share, p.value))
+    return tuple(sorted(prices, key=lambda p: (p.factor.middle * p.share**2, p.factor.middle, p.knob)))
 
 
 def together(curves: Iterable[Curve], default: Record) -> Settings:
@@ -101,9 +94,10 @@ def together(curves: Iterable[Curve], default: Record) -> Settings:
     own = next((c for c in curves if c.knob == f"samples, {default.settings.get(SAMPLER)}"), None)
     power = float(np.clip(own.by_count.k if own and own.by_count else 0.5, 0.5, 1.0))
     turned: Settings = {}
-    samplers = savings([c for c in curves if is_samples(c.knob)], default)
+    samplers = [price(c, default, 1.0) for c in curves if is_samples(c.knob) and default.error.rmse.middle > 0]
+    samplers = [p for p in samplers if p.factor.high < 1 and p.factor.middle <= GAIN]
     if samplers:
-        turned[SAMPLER] = samplers[0].knob.removeprefix("samples, ")
+        turned[SAMPLER] = min(samplers, key=lambda p: p.factor.middle).knob.removeprefix("samples, ")
     for c in curves:
         if is_samples(c.knob):
             continue

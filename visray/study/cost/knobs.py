@@ -109,6 +109,13 @@ def default(scene: Scene, turned: Iterable[Knob]) -> Choice:
     return Choice("scene", "as it is", {a: value(scene, a) for a in addresses}, own=True)
 
 
+def sample_counts(sampler: str, quick: bool) -> list[int]:
+    """Samples per pixel that are measured: powers of 4, and for Sobol points all powers of 2. Between powers of 2 Sobol
+    points are worse, so the best choice is among these."""
+    counts = SAMPLES[not quick]
+    return sorted({*counts, *(2 * n for n in counts[:-1])}) if sampler == "sobol" else list(counts)
+
+
 def _samples(scene: Scene, sampler: str) -> Knob:
     """Samples per pixel with a sampler."""
     own, name = scene.settings, f"samples, {sampler}"
@@ -120,7 +127,9 @@ def _samples(scene: Scene, sampler: str) -> Knob:
     more = {own.spp}
     if sampler != "independent" or sampler == own.sampler:
         more.add(min(MORE * own.spp, MOST_SAMPLES))
-    return _ladder(name, "sampling", choice, *(sorted({*counts, *more}) for counts in SAMPLES))
+    return _ladder(
+        name, "sampling", choice, *(sorted({*sample_counts(sampler, quick), *more}) for quick in (True, False))
+    )
 
 
 def _light_samples(scene: Scene) -> Knob:

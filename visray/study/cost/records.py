@@ -189,7 +189,7 @@ class Report:
     curves: one for each knob
     joint: records where the best choices of several knobs are turned together
     frontier: records of which no other is both faster and more accurate, in the order of seconds
-    savings: what the scene's own error costs with other settings, cheapest first; only where they surely save time
+    savings: measured choices that are surely faster or more accurate, and in no respect worse; the best one first
     halvings: what half of the scene's error costs by each knob, cheapest first
     floors: errors that more samples do not reduce, by name ("8-bit output", "single precision", "depth 6")
     reference: the reference

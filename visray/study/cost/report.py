@@ -14,6 +14,7 @@ from visray.study.cost.records import Band, Price, Record, Report
 
 PICTURES = ("picture", "variance", "error_map")
 BEYOND = " (carried on from the measured slope)"
+SAME = 0.95  # a larger share of an error or a time is called the same
 STOPPED = "stopped before its end: this is what was measured until then"
 
 
@@ -49,10 +50,13 @@ def advice(report: Report) -> str:
         more = is_number(spp) and spp > 1
         return "Use 1 sample per pixel: this picture has no noise." if more else "Keep the settings: there is no noise."
     if not report.savings:
-        return "Keep the settings: nothing measured reaches the same error in clearly less time."
+        return "Keep the settings: nothing measured is clearly faster or more accurate at no cost."
     best = report.savings[0]
-    beyond = BEYOND if best.beyond else ""
-    return f"Use {_choice(best, report)}: the same error in {percent(best.factor.middle, 2)} of the time{beyond}."
+    error, time = (
+        f"the same {name}" if share > SAME else f"{percent(share, 2)} of the {name}"
+        for share, name in ((best.share, "error"), (best.factor.middle, "time"))
+    )
+    return f"Use {_choice(best, report)}: {error} in {time}."
 
 
 def halving(report: Report) -> str:

@@ -27,13 +27,13 @@ from visray.study.cost.knobs import (
     MORE,
     MOST_SAMPLES,
     SAMPLER,
-    SAMPLES,
     SPP,
     TOGETHER,
     Choice,
     Knob,
     default,
     knobs,
+    sample_counts,
 )
 from visray.study.cost.measuring import LONGEST, Measurement, Studio, reduced
 from visray.study.cost.page import display, page
@@ -184,7 +184,8 @@ def _joint(
     if set(turned) <= {SAMPLER}:
         return None
     spp = own.settings[SPP]
-    counts = sorted({*SAMPLES[not quick], spp, min(MORE * spp, MOST_SAMPLES)})
+    sampler = turned.get(SAMPLER, own.settings[SAMPLER])
+    counts = sorted({*sample_counts(sampler, quick), spp, min(MORE * spp, MOST_SAMPLES)})
     choices = [Choice(TOGETHER, n, turned | {SPP: n}) for n in counts]
     again, *ready = studio.prepared([replace(base.choice, knob="again"), *choices]) or [None]
     # Times go up by factors of 4, so all together take less than twice as long as the longest.

@@ -226,36 +226,43 @@ def estimates() -> list[str]:
     s = report["summary"]
     scenes = {r["scene"] for r in report["estimates"]}
     asked = [100 * r["asked"] for r in report["estimates"]]
+    pictures = s["pictures"]
+    within, met = (_of_all(round(s[key] * pictures), pictures) for key in ("within", "met"))
+    wider = " (the intervals are wider than needed)" if s["within"] > 0.95 else ""
     return [
         *prose(
-            f"{s['pictures']} pictures of {len(scenes)} scenes were made with `--error` from {min(asked):g} to "
+            f"{pictures} pictures of {len(scenes)} scenes were made with `--error` from {min(asked):g} to "
             f"{max(asked):g} %, and compared with references of at least 100 times the samples. "
-            f"{100 * s['within']:.0f} % of the true errors lie in the 95 % interval. {100 * s['met']:.0f} % are no "
-            f"larger than asked. The true error is {s['ratio_least']:.2f} to {s['ratio_most']:.2f} times the "
-            "estimated one."
+            f"{within} true errors lie in their 95 % intervals{wider}. {met} are no larger than asked. The true error "
+            f"is {s['ratio_least']:.2f} to {s['ratio_most']:.2f} times the estimated one."
         ),
         "",
         measured(report, "error_estimates"),
     ]
 
 
+def _of_all(count: int, total: int) -> str:
+    """A count and its total, in words: "All 84", "80 of 84"."""
+    return f"All {total}" if count == total else f"{count} of {total}"
+
+
 def adaptive() -> list[str]:
     """Lines about the time that --error saves."""
     report = loaded("bench_adaptive")
-    heads = ["scene", "true error", "`--error`: spp, s", "`--spp`: spp, s", "ratio"]
-    heads += ["Sobol everywhere: spp, s", "ratio"]
+    heads = ["scene", "true error", "`--error`: spp", "`--error`: s", "`--spp`: spp", "`--spp`: s"]
+    heads += ["`--spp` over `--error`", "Sobol `--spp`: spp", "Sobol `--spp`: s", "Sobol `--spp` over `--error`"]
     rows = []
     for r in report["rows"]:
         scene, error = f"{r['scene']}, {r['width']} x {r['height']}", f"{100 * r['error_true']:.2g} %"
         own, both = next(iter(r["uniform"].values())), r["uniform"]["sobol"]
-        a, b, c = (f"{x['spp']:.0f}, {x['seconds']:.2f}" for x in (r, own, both))
-        rows.append([scene, error, a, b, f"{own['ratio']:.1f}", c, f"{both['ratio']:.1f}"])
+        a, b, c = ((f"{x['spp']:.0f}", f"{x['seconds']:.2f}") for x in (r, own, both))
+        rows.append([scene, error, *a, *b, f"{own['ratio']:.1f}", *c, f"{both['ratio']:.1f}"])
     return [
         *prose(
             "`--error` is compared with equally many samples in each pixel (`--spp`), at equal true error. "
-            "`--error` uses Sobol points; `--spp` uses the scene's own sampler, and Sobol points in the "
-            "last two columns. *Ratio*: how many times longer `--spp` takes. Only the colour is rendered, and "
-            "kernels are compiled before:"
+            "`--error` uses Sobol points; `--spp` uses the scene's own sampler, and Sobol points in the last three "
+            "columns. *Over*: how many times longer `--spp` takes than `--error`. Below 1, `--error` is slower. Only "
+            "the colour is rendered, and kernels are compiled before:"
         ),
         *table(heads, rows),
         measured(report, "bench_adaptive"),

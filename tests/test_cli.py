@@ -65,6 +65,13 @@ def test_render_json_and_set(tmp_path, capsys):
     )
 
 
+def test_layers_without_an_exr_file_are_noted(tmp_path, capsys):
+    out = str(tmp_path / "a.png")
+    code, _, errors = said(capsys, "render", SPHERE, "-o", out, *SMALL, "--layers", "N,Z")
+    assert code == 0 and "--layers: only an EXR file has layers, and none is written" in errors
+    assert "--layers" not in said(capsys, "render", SPHERE, "-o", out, *SMALL, "--layers", "RGB")[2]
+
+
 def test_gamma_and_exposure(tmp_path, capsys):
     paths = [str(tmp_path / f"{i}.png") for i in range(3)]
     for path, extra in zip(paths, ([], ["--gamma", "2"], ["--exposure", "-1"])):

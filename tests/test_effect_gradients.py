@@ -472,7 +472,7 @@ WARNINGS = {
     "what is behind glass": (
         scene_of(camera=look((0.0, 0.1, 0.0)), objects={"ball": BALL, "far": vr.Sphere(center=(0.0, 0.0, -5.0))},
                  materials={"paint": plain(kt=WHITE)}, depth=2),
-        "materials.paint.ior", "paths",
+        "materials.paint.ior", "refractions",
     ),
     "the edge of a square": (
         scene_of(camera=DOWN, objects={"floor": FLOOR}, materials={"floor": vr.Material(texture="t")},

@@ -116,7 +116,7 @@ def test_kinds_with_creases_are_right_on_a_face_but_warn(kind, thing, addresses)
     scene = replace(CLOSE, objects={"thing": thing})
     for address in (f"objects.thing.{a}" for a in addresses):
         for part in parts(scene, address):
-            with pytest.warns(vr.EdgeWarning, match="creases are in view"):
+            with pytest.warns(vr.EdgeWarning, match=r"moving edges \(creases\): .*far off; compare with vr.difference"):
                 slope = vr.derivative(scene, part)
             truth = vr.difference(scene, part)
             assert np.abs(slope - truth).max() <= 10 * ROUNDING * max(1.0, np.abs(truth).max()), part
@@ -180,7 +180,7 @@ def test_shadow_edges_warn():
     hidden = vr.Sphere(center=(0.8, 0.6, 1.7), radius=0.2)
     down = vr.Camera(origin=(0.0, 1.0, 3.0), target=(0.0, -1.0, -0.5), fov=30.0)
     scene = replace(CLOSE, camera=down, objects={"floor": floor, "hidden": hidden})
-    with pytest.warns(vr.EdgeWarning, match="^shadow edges are in view"):
+    with pytest.warns(vr.EdgeWarning, match=r"^the picture has moving edges \(shadow edges\)"):
         vr.derivative(scene, "lights.key.position.0")
 
 

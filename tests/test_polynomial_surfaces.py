@@ -654,7 +654,7 @@ def test_loose_crossings_of_glass_end(ends: str) -> None:
         assert np.isfinite(picture(scene)).all()
 
 
-@pytest.mark.filterwarnings("ignore:creases are in view")
+@pytest.mark.filterwarnings(r"ignore:the picture has moving edges \(creases\)")
 def test_derivatives_where_crossings_are_loose() -> None:
     """They are those at the point that is found: as far off as that point is."""
     near = vr.Camera(origin=(0.1, 0.2, 4.0), target=(0.0, 0.0, 1.0), fov=6.0)
@@ -672,7 +672,7 @@ def test_derivatives_where_crossings_are_loose() -> None:
 
 
 @pytest.mark.parametrize("ends", ["open", "capped"])
-@pytest.mark.filterwarnings("ignore:creases are in view")
+@pytest.mark.filterwarnings(r"ignore:the picture has moving edges \(creases\)")
 def test_derivatives_by_parameters_are_central_differences(ends: str) -> None:
     """Of a dome that fills the picture: no edge is in view. The clip and the numbers in the text have no address."""
     near = vr.Camera(origin=(0.1, 0.2, 4.0), target=(0.0, 0.0, 1.0), fov=6.0)

@@ -1,5 +1,8 @@
 """The public names of visray, and what old names say."""
 
+import subprocess
+import sys
+
 import pytest
 
 import visray as vr
@@ -25,3 +28,9 @@ def test_a_name_that_never_was_gets_pythons_own_errors() -> None:
         _ = vr.Sphare
     with pytest.raises(ImportError, match="cannot import name 'Sphare'"):
         exec("from visray import Sphare")
+
+
+def test_the_message_for_an_old_name_ends_without_a_suggestion_of_python() -> None:
+    """When Python prints the error itself, it suggests names that look like the old one: here "gradient"."""
+    done = subprocess.run([sys.executable, "-c", "import visray as vr\nvr.Gradient"], capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1] == "AttributeError: visray.Gradient is now visray.SkyGradient; use the new name"

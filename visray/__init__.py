@@ -95,4 +95,5 @@ def __getattr__(name: str) -> object:
     text = f"visray.{name} is now visray.{_RENAMED[name]}; use the new name"
     # In `from visray import Gradient`, Python would replace the text of an AttributeError by its own.
     importing = sys._getframe(1).f_globals.get("__name__") == "importlib._bootstrap"
-    raise ImportError(text) if importing else AttributeError(text)
+    # Because `name` is given, Python adds no suggestion of its own, such as "Did you mean: 'gradient'?".
+    raise ImportError(text) if importing else AttributeError(text, name=None)

@@ -35,7 +35,7 @@ from visray.setup import prepare
 
 
 class EdgeWarning(UserWarning):
-    """A derivative does not contain what moving silhouettes or shadow edges add."""
+    """The picture has moving edges, such as silhouettes and shadow edges, and the derivative leaves them out."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,9 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
         problem = "no derivative with respect to motion passes through its coloured shadow"
         raise UserError(f"objects.{name}: {problem}; give this {scene.objects[name].type} a material without kt")
     if any(_moves(scene, w) for w in wrt) and (edges := _edges(s, prepared.x, prepared.y)):
-        warnings.warn(f"{edges}: the derivative leaves out what their motion adds", EdgeWarning, stacklevel=3)
+        problem = f"the picture has moving edges ({edges}): the derivative leaves them out and can be far off"
+        advice = "compare with vr.difference(scene, address, step=0.01)"
+        warnings.warn(f"{problem}; {advice}", EdgeWarning, stacklevel=3)
     plan = SamplePlan.of(prepared.a, scene.settings.seed, spp, 0, spp)
     return AttachedPicture(slots, integrator.attached_mean(s, plan, prepared.x, prepared.y), prepared.order)
 
@@ -129,13 +131,15 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
     # Rays to area lights, occlusion rays and paths meet further edges, unless there is only one object.
     sampled_edges = {
         "penumbras": "area lights",
-        "occlusion": "sky occlusion",
-        "closeness": "near occlusion",
-        "paths": "paths",
+        "sky occlusion": "sky occlusion",
+        "near occlusion": "near occlusion",
+        "reflections": "reflection",
+        "refractions": "refraction",
+        "scattered light": "scatter",
     }
     if sum(map(len, s.batches)) > 1:
         edges += [name for name, effect in sampled_edges.items() if s.features[effect]]
-    return " and ".join(edges) + " are in view" if edges else ""
+    return ", ".join(edges)
 
 
 def _fully_lit(b: LightSample) -> Any:

@@ -73,8 +73,9 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> 
     if accelerator == "tree":
         return _plan(numbers, small - set(bounded), set(bounded), f"settings.accelerator is tree{endless}")
     total = sum(sizes[i].rows for i in bounded)
+    count = "1 bounded object" if total == 1 else f"{total} bounded objects"
     if total <= limit:
-        return _plan(numbers, small, set(), f"{total} bounded objects, at most {limit}: each is tested")
+        return _plan(numbers, small, set(), f"{count}, at most {limit}: each is tested")
     # One tree serves all rays. So the bounded batches outside it have at most MAX_UNROLLED rows together, also for rays
     # with a shared origin.
     unrolled: set[int] = set()
@@ -82,7 +83,7 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: bool) -> 
         if sum(sizes[j].rows for j in unrolled) + sizes[i].rows <= MAX_UNROLLED:
             unrolled.add(i)
     tree = set(bounded) - unrolled
-    return _plan(numbers, small - tree, tree, f"{total} bounded objects, more than {limit}{endless}")
+    return _plan(numbers, small - tree, tree, f"{count}, more than {limit}{endless}")
 
 
 def _plan(numbers: range, unrolled: set[int], tree: set[int], reason: str) -> Plan:

@@ -72,13 +72,17 @@ def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
         all layers if there is an EXR file, else only colour, coverage and the certificate.
     outputs: paths of the files to write.
     """
+    has_exr = any(o.suffix.lower() == ".exr" for o in outputs)
     if text is None or text == "all":
-        return NAMES if any(o.suffix.lower() == ".exr" for o in outputs) else ("RGB", "A", *names_from("certificate"))
+        return NAMES if has_exr else ("RGB", "A", *names_from("certificate"))
     by_lower = {name.lower(): name for name in NAMES}
     asked = [word.strip() for word in text.split(",")]
     if unknown := [word for word in asked if word.lower() not in by_lower]:
         raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
-    return tuple(dict.fromkeys(("RGB", "A", *(by_lower[word.lower()] for word in asked))))
+    names = tuple(dict.fromkeys(("RGB", "A", *(by_lower[word.lower()] for word in asked))))
+    if len(names) > 2 and not has_exr:
+        warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
+    return names
 
 
 def _summary_of_samples(facts: dict[str, Any]) -> str:

@@ -55,7 +55,7 @@ def layers(text: str) -> None:
 
 def moving_light(text: str) -> None:
     """The warning says what is left out; the picture shows pixels that brighten, and pixels that darken."""
-    assert "the derivative leaves out" in text
+    assert "the derivative leaves them out" in text
     picture = np.asarray(Pillow.open("moving_light.png"))
     assert (picture[..., 0] > 0).mean() > 0.01 and (picture[..., 2] > 0).mean() > 0.01
     assert not (picture[..., 0].astype(bool) & picture[..., 2].astype(bool)).any()

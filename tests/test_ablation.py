@@ -188,6 +188,7 @@ def test_runs_must_be_a_number() -> None:
 def test_ctrl_c_stops_between_two_pictures(
     file: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    handler = signal.getsignal(signal.SIGINT)
     made = []
 
     def seconds(picture: UncachedPicture) -> float:
@@ -200,4 +201,4 @@ def test_ctrl_c_stops_between_two_pictures(
     assert main(["explain", file, "--cost"]) == 130
     out, err = capsys.readouterr()
     assert out == "" and "stopped" in err and len(made) == 2
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGINT) is handler

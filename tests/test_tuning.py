@@ -288,7 +288,7 @@ def test_ctrl_c_while_a_scene_is_written_loses_nothing(
 
 
 @pytest.mark.parametrize("renders", [0, 1, 2])
-def test_ctrl_c_keeps_the_scene_s_own_settings_once_they_are_rendered(
+def test_ctrl_c_keeps_the_better_of_the_settings_that_were_rendered(
     smooth: Report, renders: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rendered, once = made_up(monkeypatch), tuning._Tuner._render
@@ -308,6 +308,7 @@ def test_ctrl_c_keeps_the_scene_s_own_settings_once_they_are_rendered(
     tuned = search.run()
     # After two renders, one of each, the better one is known.
     assert tuned.stopped and tuned.met and bool(tuned.changed) == (renders == 2)
+    assert "stopped before its end: not all renders were made" in tuned.reasons
 
 
 @pytest.mark.slow

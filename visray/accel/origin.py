@@ -62,11 +62,6 @@ class Geometry:
         """Whether a hit needs a part number, because some kind has several parts."""
         return any(b.kind.parts > 1 for b in self.batches)
 
-    @property
-    def uses_parts(self) -> bool:
-        """Whether the crossings of some kind depend on the part that a ray starts or ends on."""
-        return any(b.kind.uses_part for b in self.batches)
-
 
 @dataclass(frozen=True)
 class Candidate:

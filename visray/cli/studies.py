@@ -185,7 +185,7 @@ def tune(
     """Choose the knobs of a scene for an error or a time, and say why.
 
     Samples per pixel are left to the adaptive sampler: render the scene with the same --error or --time. Ctrl-C keeps
-    the scene's own settings, if they were rendered.
+    the better of the settings that were rendered.
     """
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study

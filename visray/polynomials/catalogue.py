@@ -63,7 +63,6 @@ def _chebyshev(n: int, values: dict[int, str], odd: Iterable[int]) -> tuple[Poin
     )
 
 
-_T2 = "(2*{0}^2 - 1)"
 _T4 = "(2*(2*{0}^2 - 1)^2 - 1)"
 _T6 = "(2*(4*{0}^3 - 3*{0})^2 - 1)"
 _T8 = "(2*(2*(2*{0}^2 - 1)^2 - 1)^2 - 1)"

@@ -127,7 +127,8 @@ def _halvings(r: Report) -> str:
         k = slopes.get(h.knob)
         power = f"time^-{k.k:.2f} ({k.low:.2f} to {k.high:.2f})" if k else "-"
         rows.append(((h.knob, text, value, percent(h.least, 2), power), False))
-    note = f"Each knob alone, cheapest first. Not measured: carried on from the slope of the samples.{_together(r)}"
+    beyond = ' "(not measured)": carried on from the slope of the samples.' if any(h.beyond for h in r.halvings) else ""
+    note = f"Each knob alone, cheapest first.{beyond}{_together(r)}"
     heads = ("knob", "half of the error takes", "with", "least error measured, of the scene's", "error falls as")
     return f"<h2>What half of the error costs</h2>{_table(note, heads, rows)}"
 

@@ -92,8 +92,8 @@ class _Tuner:
         return {a: v for a, v in self.report.default.settings.items() if a != SPP}
 
     def run(self) -> Tuned:
-        """The result. Ctrl-C raises KeyboardInterrupt before the first render is complete; after it, the scene's own
-        settings are the result."""
+        """The result. Ctrl-C raises KeyboardInterrupt before the first render is complete. After it, the better of the
+        settings that were rendered is the result."""
         self._refuse_far_targets()
         error = self.target.error or self.report.default.error.rmse.middle
         candidate = self.own | self._together() | self._depth(error) | self._precision(error)
@@ -217,8 +217,9 @@ class _Tuner:
         if not met:
             reasons.append("the target was missed: these settings come nearest")
         if self.interrupts.requested:
-            reasons.append("stopped before its end: only the scene's own settings were rendered")
-        reasons.append(f"to get this picture, render the scene with {option}")
+            reasons.append("stopped before its end: not all renders were made")
+        more = "" if self.target.time is None else " and some seconds more: there, loading and compiling count"
+        reasons.append(f"to get this picture, render the scene with {option}{more}")
         return Tuned(
             target=self.target,
             settings=best.settings,

@@ -95,6 +95,7 @@ def test_a_cost_says_where_it_is_noise() -> None:
     assert not (clear.as_json()["seconds_in_noise"] or clear.as_json()["compile_seconds_in_noise"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["diffuse", "scatter"])
 def test_the_report_of_a_scene_with_one_effect(effect: str) -> None:
     scene = small(STEPS[effect][1](MATTE))

@@ -731,6 +731,7 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
     assert facts["forecast_seconds"] == pytest.approx(took, rel=0.3, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """As soon as that is known, not when all pixels have their first samples."""
     machine = Machine(monkeypatch, rate=2e-4)

@@ -192,6 +192,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_partial_picture(tmp_path):
     """A long render is interrupted as a terminal does it; the file holds the passes that were done."""
     out = tmp_path / "partial.exr"

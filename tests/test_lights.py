@@ -660,6 +660,7 @@ def test_a_light_on_an_edge_lights_all_that_the_thing_does_not_hide(
         assert (np.abs(found - hand) <= gamma(20, precision) * hand)[sure].all()
 
 
+@pytest.mark.slow
 @PRECISIONS
 def test_a_bulb_of_the_size_of_its_light_shines_with_the_half_that_is_seen(precision: str) -> None:
     """A sphere light on the very surface of a sphere: what faces the point is a cap of height r - r^2 / d, the share

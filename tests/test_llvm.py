@@ -91,6 +91,7 @@ def test_a_path_that_does_not_exist_is_one_line() -> None:
     assert lines[0].startswith(f"{llvm.VARIABLE}=/no/such/libLLVM.so does not exist; set it to")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["notes.txt", "libLLVM.so.23.1"])
 def test_a_text_file_is_one_line_whatever_its_name(name: str, tmp_path) -> None:
     path = tmp_path / name
@@ -114,11 +115,13 @@ def test_drjit_imported_before_with_a_fatal_library_is_one_line(version: int) ->
     assert "import visray before drjit and mitsuba" in lines[0]
 
 
+@pytest.mark.slow
 def test_drjit_imported_before_with_a_usable_library_is_left_alone() -> None:
     code, lines = run(DRJIT_FIRST, usable())
     assert (code, lines) == (0, [f"uses {usable()}", "computes 2.0"])
 
 
+@pytest.mark.slow
 def test_prepare_is_idempotent_and_a_child_process_searches_anew() -> None:
     code, lines = run("from visray import llvm; print(llvm.prepare() is llvm.prepare())", llvm.NOWHERE)
     assert (code, lines) == (0, ["True"])

@@ -238,6 +238,7 @@ def tori(rng: np.random.Generator, count: int) -> list[Torus]:
     return found
 
 
+@pytest.mark.slow
 def test_torus_agrees_with_exact_algebra() -> None:
     """4,000 rays of 40 tori about y: the first positive root of the exact quartic, certified, and t to within so many
     roundings of what it comes from over the slope."""
@@ -476,6 +477,7 @@ BESIDE_GLASS = vr.Scene(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::visray.EdgeWarning")
 @pytest.mark.parametrize("address", ["objects.ring.major", "objects.egg.center.1"])
 def test_an_opaque_torus_beside_glass_has_derivatives(address: str) -> None:

@@ -24,6 +24,7 @@ def test_every_kind_has_a_quick_test(kind, quick):
     assert kind.__name__ in {v.__name__ if isinstance(v, type) else v for v in values if isinstance(v, type | str)}
 
 
+@pytest.mark.slow
 def test_nightly_prints_a_line_for_each_check_and_fails_if_one_does(monkeypatch, capsys):
     """With checks that are made up: one passes, one fails and has written why."""
     loader = SourceFileLoader("nightly", str(Path(__file__).resolve().parents[1] / "reference" / "nightly"))

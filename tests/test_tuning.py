@@ -187,6 +187,7 @@ def test_the_picture_keeps_to_the_error(known: None, truth: np.ndarray, error: f
     assert tuned.error.low / 1.1 <= sqrt(np.mean(squares)) <= 1.1 * tuned.error.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [{"error": 0.01}, {"time": 3.0}])
 def test_the_best_number_of_light_samples_is_taken(
     smooth: Report, asked: dict[str, float], monkeypatch: pytest.MonkeyPatch
@@ -206,6 +207,7 @@ def test_the_best_number_of_light_samples_is_taken(
         assert tuned.error.middle < tuned.before.error.middle and tuned.seconds.middle == 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [{"error": 0.01}, {"time": 3.0}])
 def test_renders_decide_where_the_study_is_wrong(
     smooth: Report, asked: dict[str, float], monkeypatch: pytest.MonkeyPatch
@@ -218,6 +220,7 @@ def test_renders_decide_where_the_study_is_wrong(
     assert tuned.reasons[0] == "the scene's own settings: nothing that was measured is clearly better"
 
 
+@pytest.mark.slow
 def test_a_miss_is_told(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up(monkeypatch)
     once = tuning._Tuner._render
@@ -287,6 +290,7 @@ def test_ctrl_c_while_a_scene_is_written_loses_nothing(
     assert "output" not in json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("renders", [0, 1, 2])
 def test_ctrl_c_keeps_the_better_of_the_settings_that_were_rendered(
     smooth: Report, renders: int, monkeypatch: pytest.MonkeyPatch
@@ -324,6 +328,7 @@ def test_what_is_out_of_reach(known: None, asked: dict[str, float], text: str) -
         tune(SOFT, progress=False, **asked)
 
 
+@pytest.mark.slow
 def test_double_precision_only_if_the_error_needs_it(smooth: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     """The scene's own settings are then out of reach, if the renders say so."""
     rendered, once = made_up(monkeypatch), tuning._Tuner._render
@@ -367,6 +372,7 @@ def test_the_bias_of_a_depth_is_that_of_converged_pictures(report: Report) -> No
         assert low < middle < high and 0.9 * left < middle < 1.1 * left and 0.97 * left <= high < 1.3 * left
 
 
+@pytest.mark.slow
 def test_the_depth_is_the_least_that_leaves_out_far_less_than_the_error(
     report: Report, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -575,6 +575,7 @@ def test_more_glass_than_can_be_checked_counts_as_opaque() -> None:
     assert any(f"{MOST_TRANSPARENT + 1} transparent objects count as opaque" in note for note in report.notes)
 
 
+@pytest.mark.slow
 def test_what_is_not_compared_is_switched_off_and_named(ground: Scene) -> None:
     mirror = Material(kr=(0.8, 0.8, 0.8))
     s = painted(

@@ -57,6 +57,7 @@ def test_a_fatal_library_is_refused_in_one_line(version: int) -> None:
     assert "17 or newer" in lines[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [14, 15])
 def test_a_fatal_library_under_another_name_is_asked_and_refused(version: int, tmp_path) -> None:
     path = tmp_path / "compiler.so"
@@ -66,6 +67,7 @@ def test_a_fatal_library_under_another_name_is_asked_and_refused(version: int, t
     assert "is LLVM 15 or older" in lines[0]
 
 
+@pytest.mark.slow
 def test_without_the_variable_a_usable_one_is_found_and_computes() -> None:
     code, lines = run(REQUIRE, None)
     assert code == 0
@@ -108,6 +110,7 @@ def test_a_name_without_folder_is_looked_up_by_the_linker() -> None:
     assert "cannot be loaded" in lines[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [14, 15])
 def test_drjit_imported_before_with_a_fatal_library_is_one_line(version: int) -> None:
     code, lines = run(DRJIT_FIRST, system(version))

@@ -16,7 +16,7 @@ import numpy as np
 from visray import clock, integrator
 from visray import film as films
 from visray.adaptive.error_floor import Files
-from visray.adaptive.loop import NotANumber, render_adaptively
+from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.errors import GoalWarning, UserError
@@ -87,8 +87,8 @@ def render(
     scene_hash = scene.hash()
     if goal:
         goal = replace(goal, reserve=_seconds_to_finish(scene.film.width * scene.film.height, layers, files))
-        # Stratified samples need their number beforehand.
-        scene = adjusted(scene, sampler="sobol") if scene.settings.sampler == "stratified" else scene
+        sampler = adaptive_sampler(scene.settings.sampler)
+        scene = adjusted(scene, sampler=sampler) if sampler != scene.settings.sampler else scene
     if threads is not None:
         set_threads(threads)
     prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)

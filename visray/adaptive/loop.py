@@ -291,6 +291,12 @@ class AdaptiveResult:
     facts: dict[str, Any]
 
 
+def adaptive_sampler(sampler: str) -> str:
+    """The sampler of an adaptive render, for the sampler that a scene asks for: Sobol points in place of stratified
+    samples, which need their number beforehand."""
+    return "sobol" if sampler == "stratified" else sampler
+
+
 def render_adaptively(
     prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, interrupts: Interrupts
 ) -> AdaptiveResult:

@@ -76,9 +76,10 @@ def savings(curves: Iterable[Curve], default: Record) -> tuple[Price, ...]:
     prices, own = [], default.error.rmse
     for p in (p for c in curves if c.knob not in KEPT and own.middle > 0 for p in c.points):
         factor, share, error = _ratio(p.seconds, default.seconds), p.error.rmse.middle / own.middle, p.error.rmse
-        faster = factor.high < 1 and factor.middle <= GAIN
         better = error.high < own.low and share <= GAIN
-        if (faster and error.middle <= own.high) or (better and p.seconds.middle <= default.seconds.high):
+        if (_surely_faster(factor) and error.middle <= own.high) or (
+            better and p.seconds.middle <= default.seconds.high
+        ):
             prices.append(Price(p.knob, share, factor, share, p.value))
     return tuple(sorted(prices, key=lambda p: (p.factor.middle * p.share**2, p.factor.middle, p.knob)))
 
@@ -91,22 +92,32 @@ def together(curves: Iterable[Curve], default: Record) -> Settings:
     Other values are better where they are faster and the error cannot be told from the scene's.
     """
     curves = [c for c in curves if c.points and c.knob not in KEPT]
-    own = next((c for c in curves if c.knob == f"samples, {default.settings.get(SAMPLER)}"), None)
+    own = own_samples(curves, default)
     power = float(np.clip(own.by_count.k if own and own.by_count else 0.5, 0.5, 1.0))
     turned: Settings = {}
     samplers = [price(c, default, 1.0) for c in curves if is_samples(c.knob) and default.error.rmse.middle > 0]
-    samplers = [p for p in samplers if p.factor.high < 1 and p.factor.middle <= GAIN]
+    samplers = [p for p in samplers if _surely_faster(p.factor)]
     if samplers:
         turned[SAMPLER] = min(samplers, key=lambda p: p.factor.middle).knob.removeprefix("samples, ")
     for c in curves:
         if is_samples(c.knob):
             continue
         ratios = [(_efficiency(p, default, c.kind, power), p) for p in c.points if not p.same_choice(default)]
-        sure = [(r.middle, i) for i, (r, _) in enumerate(ratios) if r.high < 1 and r.middle <= GAIN]
+        sure = [(r.middle, i) for i, (r, _) in enumerate(ratios) if _surely_faster(r)]
         if sure:
             chosen = ratios[min(sure)[1]][1].settings
             turned |= {a: v for a, v in chosen.items() if v != default.settings[a] and a not in (SPP, SAMPLER)}
     return {a: v for a, v in turned.items() if v != default.settings.get(a)}
+
+
+def own_samples(curves: Iterable[Curve], default: Record) -> Curve | None:
+    """The curve of samples per pixel with the scene's own sampler; None if it was not measured."""
+    return next((c for c in curves if c.knob == f"samples, {default.settings.get(SAMPLER)}"), None)
+
+
+def _surely_faster(factor: Band) -> bool:
+    """Whether a multiple of the scene's time is below 1 beyond the noise, by enough to be worth a change."""
+    return factor.high < 1 and factor.middle <= GAIN
 
 
 def _efficiency(p: Record, default: Record, kind: str, power: float) -> Band:

@@ -20,7 +20,7 @@ from visray import clock
 from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import DEEPEST, LARGER, Files, check_precision
-from visray.adaptive.loop import NotANumber, render_adaptively
+from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.errors import UserError
 from visray.progress import Interrupts
@@ -30,7 +30,7 @@ from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
 from visray.study.cost import study
-from visray.study.cost.comparing import GAIN, together
+from visray.study.cost.comparing import GAIN, own_samples, together
 from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP
 from visray.study.cost.measuring import band
 from visray.study.cost.records import Band, Report, Settings
@@ -43,7 +43,8 @@ BELOW = 1 / 16
 PILOT = 4
 # Renders with the same settings are repeated, by turns, up to RENDERS times until they took so many seconds together.
 RENDERS, ENOUGH = 5, 2.0
-MOST_SAMPLES = 2**18
+# Samples per pixel that an error may take; a larger number would take hours, even for a small picture.
+MOST_SPP = 2**18
 
 
 def tune(
@@ -104,12 +105,12 @@ class _Tuner:
         return self._result(before, after)
 
     def _refuse_far_targets(self) -> None:
-        """Raises a UserError if an error would take more than MOST_SAMPLES samples per pixel, by the slope of the
+        """Raises a UserError if an error would take more than MOST_SPP samples per pixel, by the slope of the
         scene's own sampler. Adaptive samples are fewer than that, but not by orders of magnitude."""
-        curve = next(c for c in self.report.curves if c.knob == f"samples, {self.report.default.settings[SAMPLER]}")
+        curve = own_samples(self.report.curves, self.report.default)
         last, k = curve.points[-1], float(np.clip(curve.by_count.k, 0.5, 1.5)) if curve.by_count else 0.5
         error = self.target.error or np.inf
-        if (samples := last.value * (last.error.deviation.low / error) ** (1 / k)) > MOST_SAMPLES:
+        if (samples := last.value * (last.error.deviation.low / error) ** (1 / k)) > MOST_SPP:
             raise UserError(f"error = {error:g}: it would take about {samples:.1g} samples per pixel; {LARGER}")
 
     def _better(self, one: Measured, other: Measured) -> bool:
@@ -126,7 +127,7 @@ class _Tuner:
         turned = together(self.report.curves, self.report.default)
         settings = {a: v for a, v in turned.items() if a not in (SPP, SAMPLER, DEPTH, PRECISION)}
         # The adaptive sampler takes Sobol points in place of stratified ones.
-        sampler, own = (_adaptive(x) for x in (turned.get(SAMPLER, self.own[SAMPLER]), self.own[SAMPLER]))
+        sampler, own = (adaptive_sampler(x) for x in (turned.get(SAMPLER, self.own[SAMPLER]), self.own[SAMPLER]))
         return settings | ({SAMPLER: sampler} if sampler != own else {})
 
     def _precision(self, error: float) -> Settings:
@@ -161,7 +162,7 @@ class _Tuner:
         """Renders to the target with each of these settings, by turns and with new seeds. None stands for settings that
         cannot reach the target, or that Ctrl-C left without a render; raises the error if all of them are such."""
         scenes = [changed(self.scene, self._changes(settings)) for settings in choices]
-        prepared = [prepare(adjusted(s, sampler=_adaptive(s.settings.sampler))) for s in scenes]
+        prepared = [prepare(adjusted(s, sampler=adaptive_sampler(s.settings.sampler))) for s in scenes]
         renders: list[list[Measured]] = [[] for _ in choices]
         refusals: dict[int, UserError] = {}
         for p in prepared:
@@ -232,12 +233,6 @@ class _Tuner:
             scene=changed(self.scene, changes),
             report=self.report,
         )
-
-
-def _adaptive(sampler: str) -> str:
-    """The sampler that an adaptive render uses: Sobol points in place of stratified ones, which must be counted
-    beforehand."""
-    return "sobol" if sampler == "stratified" else sampler
 
 
 def _median(renders: list[Measured]) -> Measured:

@@ -12,6 +12,8 @@ clock errors version pass_timer
 llvm
 quantities pytree
 ray geometry transforms
+meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons meshes.assembly
+meshes.text meshes.obj meshes.ply meshes.reading meshes
 warp
 polynomials.error polynomials.expression polynomials.simplify polynomials.literals polynomials.grammar
 polynomials.monomials polynomials.modular

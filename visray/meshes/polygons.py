@@ -1,0 +1,72 @@
+"""Cuts polygons into triangles."""
+
+import numpy as np
+
+from visray.meshes.triangle_mesh import edge_vectors
+
+
+def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of polygons: for each its three places in `corners`, and its polygon.
+
+    vertices: positions
+    corners: vertices of all polygons, one polygon after the other
+    sizes: number of corners of each polygon, at least 3
+
+    A convex polygon becomes a fan around its first corner. Others are cut ear by ear, so that no triangle lies outside.
+
+    Shapes: vertices (V, 3), corners (C), sizes (P); result (F, 3) and (F).
+    """
+    first = np.cumsum(sizes) - sizes
+    if (sizes == 3).all():
+        return np.arange(len(corners)).reshape(-1, 3), np.arange(len(sizes))
+    polygon = np.repeat(np.arange(len(sizes)), sizes - 2)
+    # The place of a triangle in its fan.
+    place = np.arange(len(polygon)) - np.repeat(np.cumsum(sizes - 2) - (sizes - 2), sizes - 2)
+    fans = first[polygon][:, None] + np.stack([np.zeros_like(place), place + 1, place + 2], axis=1)
+    normals = np.cross(*edge_vectors(vertices, corners[fans]))
+    # The vector area of a polygon is the sum of those of its fan, whatever its form.
+    area = np.stack([np.bincount(polygon, normals[:, i], len(sizes)) for i in range(3)], axis=1)
+    bent = np.unique(polygon[(normals * area[polygon]).sum(axis=1) < 0])
+    for p in bent[sizes[bent] > 3]:
+        own = slice(*np.searchsorted(polygon, [p, p + 1]))
+        fans[own] = first[p] + _ears(vertices[corners[first[p] : first[p] + sizes[p]]], area[p])
+    return fans, polygon
+
+
+def _ears(points: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Triangles of one polygon, cut off corner by corner. Shapes: points (N, 3), area (3); result (N - 2, 3).
+
+    Where no corner can be cut off (a polygon that crosses itself), the rest becomes a fan.
+    """
+    # The projection along the largest component of the area keeps the order of the corners.
+    axis = int(np.abs(area).argmax())
+    plane = np.delete(points, axis, axis=1)
+    if (area[axis] < 0) != (axis == 1):
+        plane = plane[:, ::-1]
+    left, triangles = list(range(len(points))), []
+    while len(left) > 3:
+        for place in range(len(left)):
+            ear = left[place - 1], left[place], left[(place + 1) % len(left)]
+            if _is_ear(plane, ear, left):
+                break
+        else:
+            break
+        triangles.append(ear)
+        del left[place]
+    return np.array(triangles + [(left[0], left[i], left[i + 1]) for i in range(1, len(left) - 1)])
+
+
+def _is_ear(plane: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
+    """Whether a corner of a polygon is convex, and its triangle holds no other corner. Shapes: plane (N, 2)."""
+    a, b, c = plane[list(ear)]
+    if _turn(a, b, c) <= 0:
+        return False
+    rest = plane[[i for i in left if i not in ear]]
+    # A corner at the place of one of the three (a seam of a polygon with a hole) is no obstacle.
+    rest = rest[~((rest[:, None] == np.stack([a, b, c])).all(axis=2).any(axis=1))]
+    return not ((_turn(a, b, rest) >= 0) & (_turn(b, c, rest) >= 0) & (_turn(c, a, rest) >= 0)).any()
+
+
+def _turn(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Twice the area of the triangles a, b, p in a plane; positive where p lies to the left of a b."""
+    return (b[0] - a[0]) * (p[..., 1] - a[1]) - (b[1] - a[1]) * (p[..., 0] - a[0])

@@ -34,6 +34,7 @@ feature_rules features progress
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack address_index repack batches sampling moments film
+accel.cell_views accel.footprints accel.cells
 accel.policy accel.sah accel.bvh accel.bvh_walk accel.culling accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
 kernel_scene

@@ -228,6 +228,34 @@ def test_a_crossing_of_odd_multiplicity_is_found_once(m: int) -> None:
     assert np.abs(np.array(found) - r).max() <= 2.0**-52
 
 
+@pytest.mark.parametrize("crosses", [False, True])
+def test_the_rounding_error_of_a_known_root_costs_no_steps(crosses: bool) -> None:
+    """(s + 1) q(s) with a rounding error of either sign: the search starts at the root -1. It takes as many steps as
+    without the error, asks for no accurate coefficients, and finds the root of q, or none."""
+    r = np.linspace(-0.9, 0.9, 501)
+    q = np.array([r, -1 + 0 * r, 0 * r] if crosses else [r * r + 0.3, -2 * r, 1 + 0 * r])
+    c = np.vstack([q, 0 * r]) + np.vstack([0 * r, q])
+    noise = array(8 * 2.0**-53 * np.abs(c).sum(0))
+    steps = []
+    for error in (-4, 0, 4):
+        shifted = tuple(map(array, [c[0] + error * 2.0**-53 * np.abs(c).sum(0), *c[1:]]))
+        calls = dr.zeros(A.U, 1)
+
+        def bound(r: Any, calls: Any = calls) -> Any:
+            dr.scatter_add(calls, A.U(1), A.U(0), r == r)
+            return noise
+
+        def accurate_bernstein(*_: Any) -> tuple:
+            return [-D(1)] * 4, noise
+
+        part = isolate(shifted, bound, accurate_bernstein, D(-1), D(1), A.B(True), A.B(True))
+        low, high = np.array(part.low), np.array(part.high)
+        assert not np.array(part.unresolved).any() and (np.array(part.exists) == crosses).all()
+        assert not crosses or ((low <= r) & (r <= high)).all()
+        steps.append(int(np.array(calls)[0]))
+    assert steps[0] == steps[1] == steps[2] < 8 * len(r)
+
+
 def test_touching_is_no_crossing() -> None:
     """(s - r)^2 touches zero: left behind, and counted, as rounding could make two crossings of it."""
     r = np.linspace(-0.9, 0.9, 501)

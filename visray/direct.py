@@ -172,7 +172,11 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
 
 
 def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
-    """The light sample from a directional light. row: numbers of the light."""
+    """The light sample from a directional light. row: numbers of the light.
+
+    Its shadow rays are endless and share their direction. They start at the surface point, so the start is the known
+    end, and a search for roots begins there.
+    """
     a = s.a
     d = -dr.normalize(row.direction)
     l = a.V(d)

@@ -112,7 +112,9 @@ class FactorOnChord:
         reach = (dr.fma(dr.abs(y), r, dr.abs(x)) for x, y in zip(self.segment.centre, self.segment.axis))
         return value_error(self.factor, self.constants, reach)
 
-    def first_root(self, negative: Any, floor: Any, active: Any, on_start: Any, tolerance: Any) -> tuple[Any, Any, Any]:
+    def first_root(
+        self, negative: Any, floor: Any, active: Any, on_start: Any, starts_at_root: Any, tolerance: Any
+    ) -> tuple[Any, Any, Any]:
         """The first root on the segment: (whether there is a root, s, number of unresolved places).
 
         At an unresolved place, rounding hides whether there is a root.
@@ -121,6 +123,8 @@ class FactorOnChord:
         floor: bound that is added to the error bounds of all values. It comes from the rounding of the segment's ends.
         active: mask of the lanes that search.
         on_start: mask of the lanes whose segment begins on the surface; None if there is no such lane.
+        starts_at_root: mask of those among them in which this factor is the one that is zero there; None if on_start
+            is None.
         tolerance: as in first_crossing.
         """
         # Values are divided by their error bound, in units of the unit roundoff, so that no product of values overflows
@@ -144,7 +148,7 @@ class FactorOnChord:
             b, error = self.accurate_bernstein(middle, half)
             return [x * turn for x in b], (error + floor) * scale
 
-        root = isolate(polynomial.c, noise, accurate_bernstein, *ends, active)
+        root = isolate(polynomial.c, noise, accurate_bernstein, *ends, active, starts_at_root)
         least = roundoff(floor)
         low, high = dr.maximum(polynomial(root.low), least), dr.minimum(polynomial(root.high), -least)
         if on_start is None:

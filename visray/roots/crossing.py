@@ -34,29 +34,32 @@ def first_crossing(
     active = active & (segment.first < segment.last)
     at_start = [f.value(segment.first) for f in factors]
     errors = [f.error_at(segment.first) for f in factors]
-    # If the value at the start is within rounding of zero, the sign just after the start is taken.
-    negatives = [f.starts_below(x, dr.abs(x) <= e) for x, e, f in zip(at_start, errors, factors)]
+    is_noise, starts_at_root = [dr.abs(x) <= e for x, e in zip(at_start, errors)], [None] * len(factors)
     floors = [0 * x for x in at_start]
     if known.on_start is not None:
-        nearest = _nearest(at_start, errors)
+        starts_at_root = [known.on_start & nearest for nearest in _nearest(at_start, errors)]
+        # The known side replaces the sign of the factor that is zero at the start, so its sign is not needed.
+        is_noise = [noise & ~root for noise, root in zip(is_noise, starts_at_root)]
         # On the surface the true value is zero, so the whole computed value is the rounding error of the point and of
         # the evaluation.
-        floors = [dr.select(known.on_start & n, dr.abs(x) + e, 0) for n, x, e in zip(nearest, at_start, errors)]
+        floors = [dr.select(root, dr.abs(x) + e, 0) for root, x, e in zip(starts_at_root, at_start, errors)]
     if known.on_end is not None:
         at_end = [f.value(segment.last) for f in factors]
         end_errors = [f.error_at(segment.last) for f in factors]
         nearest_at_end = _nearest(at_end, end_errors)
         sizes = [dr.select(known.on_end & n, dr.abs(x) + e, 0) for n, x, e in zip(nearest_at_end, at_end, end_errors)]
         floors = [dr.maximum(floor, size) for floor, size in zip(floors, sizes)]
+    # If the value at the start is within rounding of zero, the sign just after the start is taken.
+    negatives = [f.starts_below(x, noise) for x, noise, f in zip(at_start, is_noise, factors)]
     below = reduce(operator.xor, negatives) ^ (program.sign < 0)
     if known.on_start is not None:
         # If the side on which the ray starts is known, it replaces the computed sign at the start.
         wrong = known.on_start & (below != known.inside)
-        negatives = [negative ^ (wrong & n) for negative, n in zip(negatives, nearest)]
+        negatives = [negative ^ (wrong & root) for negative, root in zip(negatives, starts_at_root)]
         below = below ^ wrong
     t, part, unresolved = dr.inf, None, 0
-    for number, (factor, negative, floor) in enumerate(zip(factors, negatives, floors)):
-        exists, s, places = factor.first_root(negative, floor, active, known.on_start, tolerance)
+    for number, (factor, negative, floor, root) in enumerate(zip(factors, negatives, floors, starts_at_root)):
+        exists, s, places = factor.first_root(negative, floor, active, known.on_start, root, tolerance)
         distance = dr.select(exists & segment.is_after_begin(s), segment.distance(s), dr.inf)
         if len(factors) > 1:
             u = dr.uint32_array_t(distance)

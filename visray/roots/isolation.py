@@ -89,8 +89,9 @@ def to_bernstein(c: Sequence) -> list[Any]:
 
 
 def isolate(
-    c: tuple, noise: Callable, accurate_bernstein: Callable, first: Any, last: Any, active: Any
-) -> IsolatedRoot:
+    c: tuple, noise: Callable, accurate_bernstein: Callable, first: Any, last: Any, active: Any,
+    starts_at_root: Any = None,
+) -> IsolatedRoot:  # fmt: skip
     """Isolates the first root on [first, last] of a polynomial that counts as positive at `first`.
 
     This root is the place where the polynomial becomes negative.
@@ -101,6 +102,8 @@ def isolate(
         [middle - half, middle + half], computed more accurately than from c, and their error bound. It is called if the
         least coefficient is negative, but not by more than the noise.
     active: mask of the lanes that search.
+    starts_at_root: mask of the lanes in which `first` is known to be a root. Then the computed value there is a
+        rounding error, and its sign does not count. None if there is no such lane.
 
     A loop goes from interval to interval. If the signs of the Bernstein coefficients change more than once, the loop
     skips the first piece of the interval, in which the convex hull of the coefficients is positive, and halves what is
@@ -115,12 +118,15 @@ def isolate(
         half = 0.5 * w
         middle = a + half
         b, error = bernstein(c, middle, half), noise(dr.abs(middle) + half)
-        least, most = _range(b)
+        # The value at a known root is a rounding error. If it were taken for a negative value, the interval would be
+        # halved again and again, down to the size of the rounding errors.
+        begins_at_root = None if starts_at_root is None else starts_at_root & (a == first)
+        least, most = _range(b, begins_at_root)
         blurred = (least < 0) & (least >= -error)
 
         def again(*_: Any) -> tuple:
             b, error = accurate_bernstein(middle, half)
-            return (*b, error, *_range(b))
+            return (*b, error, *_range(b, begins_at_root))
 
         state = (*b, error, least, most)
         *b, error, least, most = dr.if_stmt(state, blurred, again, lambda *same: same, label="blurred")
@@ -161,9 +167,12 @@ def isolate(
     return IsolatedRoot(a, a + w, isolated, unresolved + dr.select(unsure, count(1), 0))
 
 
-def _range(b: Sequence) -> tuple[Any, Any]:
-    """(the least, the greatest) of several arrays, lane by lane."""
-    least = most = b[0]
+def _range(b: Sequence, begins_at_root: Any) -> tuple[Any, Any]:
+    """(the least, the greatest) of the Bernstein coefficients, lane by lane.
+
+    begins_at_root: mask of the lanes in which the first coefficient counts as 0, whatever its computed value, or None.
+    """
+    least = most = b[0] if begins_at_root is None else dr.select(begins_at_root, 0, b[0])
     for x in b[1:]:
         least, most = dr.select(x < least, x, least), dr.select(x > most, x, most)
     return least, most

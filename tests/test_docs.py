@@ -15,7 +15,8 @@ import pytest
 from PIL import Image
 
 import visray as vr
-from visray import lights, primitives, textures
+from visray import camera, lights, primitives, textures
+from visray.camera import Viewpoint
 from visray.cli.options import app
 from visray.lights.light import AreaLight, Light
 from visray.output.layers import BY_NAME, names_from
@@ -228,7 +229,7 @@ def test_each_command_is_on_the_page_of_commands():
 
 
 FOR_TABLES = {
-    "Scene": vr.Scene, "Camera": vr.Camera, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
+    "Scene": vr.Scene, "Camera": Viewpoint, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
     "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
     "Object": Primitive, "Polynomial": vr.Polynomial,
 }  # fmt: skip
@@ -287,6 +288,7 @@ def test_a_table_of_fields_has_all_of_them_with_their_defaults(name):
         ("area lights", [k for k in lights.KINDS if k.has_area], AreaLight),
         ("objects", [k for k in primitives.KINDS if k is not vr.Polynomial], Primitive),
         ("textures", textures.KINDS, Texture),
+        ("cameras", camera.KINDS, Viewpoint),
     ],
 )
 def test_a_table_of_kinds_has_all_of_them_with_their_fields(name, kinds, base):

@@ -651,7 +651,7 @@ def test_one_wrong_setting(tmp_path: Path, settings: dict, what: str) -> None:
         ({"focus": -0.5}, "focus = -0.5: must be at least 0"),
         (
             {"Aperture": 1},
-            "Aperture: unknown key; did you mean 'aperture'? (one of origin, target, up, fov, aperture, focus)",
+            "Aperture: unknown key; did you mean 'aperture'? (one of type, origin, target, up, fov, aperture, focus)",
         ),
     ],
 )
@@ -837,7 +837,7 @@ def test_checked_validates_a_scene_from_python() -> None:
         "camera.fov = 0.0: must be at least 0.01",
         "lights.l.position.2 = NaN: must be finite",
         "objects.a.radius = -1: must be greater than 0",
-        f"objects.c: the key 'type' is missing; one of {KINDS}",
+        f'objects.c.type = "perspective": unknown type; one of {KINDS}',
         "objects.b.max = [-1.0, 1.0, 1.0]: must be greater than min in x",
     )
     with pytest.raises(UserError, match="not a dict"):

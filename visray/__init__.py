@@ -17,7 +17,7 @@ from visray import llvm
 llvm.prepare()  # before Dr.Jit is imported, because its import loads LLVM
 
 from visray import lights, primitives
-from visray.camera import Camera
+from visray.camera import Camera, OrthographicCamera
 from visray.errors import UserError
 from visray.gradients import EdgeWarning, derivative, difference, gradient
 from visray.lights import *
@@ -53,6 +53,7 @@ __all__ = [
     "Material",
     "Matrix",
     "Occlusion",
+    "OrthographicCamera",
     "Prepared",
     "Rotate",
     "Scale",

@@ -1,17 +1,18 @@
-"""The camera: a pinhole or a thin lens."""
+"""The cameras: perspective, with a pinhole or a thin lens, and orthographic, whose rays are parallel."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Literal
 
 import drjit as dr
 from pydantic import ConfigDict
 
-from visray.quantities import Angle, Arrays, Direction, LengthOrZero, Point
+from visray.geometry import gamma, l1_norm
+from visray.quantities import Angle, Arrays, Direction, Length, LengthOrZero, Point
 
 
 @dataclass(frozen=True)
 class View:
-    """The camera prepared for kernels.
+    """A perspective camera prepared for kernels.
 
     o: origin
     pixel_right, pixel_down: vectors from a pixel to its right and to its lower neighbour, on the image plane at
@@ -34,22 +35,46 @@ class View:
     target_distance: Any
 
 
-@dataclass(frozen=True, kw_only=True)
-class Camera:
-    """Looks from `origin` to `target`; `up` points upwards in the picture; `fov` is the vertical angle of view.
+@dataclass(frozen=True)
+class ParallelView:
+    """An orthographic camera prepared for kernels. Its rays are parallel. They start on the sheet, the rectangle of the
+    picture in the camera's plane. All numbers but `target_distance` are in double.
 
-    `aperture` is the diameter of the lens. With aperture 0 everything is sharp; otherwise only points at distance
-    `focus` along the view are sharp. `focus` 0 means the distance of the target.
+    o: the camera's origin, in the middle of the sheet
+    pixel_right, pixel_down: vectors from a pixel to its right and to its lower neighbour, on the sheet
+    corner: top left corner of the sheet, relative to o
+    right, up: unit vectors along the sheet
+    forward: unit direction of all rays
+    half_width, half_height: half the extents of the sheet
+    clearance: bound on the rounding error of the distance of a surface in the camera's plane. Crossings nearer than
+        this are on the plane, and not in front of it
+    target_distance: distance from o to the target
     """
 
+    o: Any
+    pixel_right: Any
+    pixel_down: Any
+    corner: Any
+    right: Any
+    up: Any
+    forward: Any
+    half_width: Any
+    half_height: Any
+    clearance: Any
+    target_distance: Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viewpoint:
+    """The camera is at `origin` and looks at `target`; `up` points upwards in the picture."""
+
     __pydantic_config__ = ConfigDict(extra="forbid")
+    # By the name of a field that only another type of camera has: what is right instead.
+    MISPLACED: ClassVar[dict[str, str]] = {}
 
     origin: Point = (0.0, 1.0, 6.0)
     target: Point = (0.0, 0.0, 0.0)
     up: Direction = (0.0, 1.0, 0.0)
-    fov: Angle = 40.0
-    aperture: LengthOrZero = 0.0
-    focus: LengthOrZero = 0.0
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
         """Unit directions to the right, up and forward in the picture, and the distance of the target. The camera's
@@ -59,6 +84,24 @@ class Camera:
         forward, target_distance = dr.normalize(view), dr.norm(view)
         right = dr.normalize(dr.cross(forward, self.up))
         return right, dr.cross(right, forward), forward, target_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera(Viewpoint):
+    """A perspective camera: its rays start at one point, or on a lens around it. `fov` is the vertical angle of view.
+
+    `aperture` is the diameter of the lens. With aperture 0 everything is sharp; otherwise only points at distance
+    `focus` along the view are sharp. `focus` 0 means the distance of the target.
+    """
+
+    MISPLACED: ClassVar[dict[str, str]] = {
+        "height": 'a perspective camera has none; write fov, or "type": "orthographic"'
+    }
+
+    type: Literal["perspective"] = "perspective"
+    fov: Angle = 40.0
+    aperture: LengthOrZero = 0.0
+    focus: LengthOrZero = 0.0
 
     def view(self, width: int, height: int, a: Arrays) -> View:
         """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here."""
@@ -70,3 +113,62 @@ class Camera:
         lens = (0.5 * self.aperture) * right, (0.5 * self.aperture) * up
         steps = (a.V(v) for v in (pixel * right, -pixel * up, corner, forward))
         return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(target_distance))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrthographicCamera(Viewpoint):
+    """An orthographic camera: its rays are parallel, so that parallel lines stay parallel and distance makes nothing
+    smaller. `height` is the vertical extent of the picture. What lies behind the camera's plane is not seen."""
+
+    MISPLACED: ClassVar[dict[str, str]] = {
+        "fov": "an orthographic camera has none; write height, the vertical extent of the picture in world units",
+        "aperture": "an orthographic camera has no lens; leave it out",
+        "focus": "an orthographic camera has no lens; leave it out",
+    }
+    # No field: parallel rays pass no lens.
+    aperture: ClassVar[float] = 0.0
+
+    type: Literal["orthographic"] = "orthographic"
+    height: Length = 4.0
+
+    def view(self, width: int, height: int, a: Arrays) -> ParallelView:
+        """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here.
+
+        Error: the distance of a surface in the camera's plane has the roundings of a surface's distance from a point
+            (culling.point_rounding) for points of the sheet. Numbers of the surface are assumed to be at most as large
+            as those of the sheet and the target's distance.
+        """
+        right, up, forward, target_distance = self.axes()
+        columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
+        pixel, half_height = self.height / rows, 0.5 * self.height
+        half_width = half_height * columns / rows
+        corner = half_height * up - half_width * right
+        size = l1_norm(self.origin) + l1_norm(corner) + target_distance
+        return ParallelView(
+            o=self.origin,
+            pixel_right=pixel * right,
+            pixel_down=-pixel * up,
+            corner=corner,
+            right=right,
+            up=up,
+            forward=forward,
+            half_width=half_width,
+            half_height=half_height,
+            clearance=dr.detach(gamma(32) * size),
+            target_distance=a.F(target_distance),
+        )
+
+
+KINDS = (Camera, OrthographicCamera)
+BY_TYPE = {kind.type: kind for kind in KINDS}
+
+
+def retyped(camera: dict[str, Any], type: str) -> dict[str, Any]:
+    """The fields of a camera that becomes one of another type. Those that both types have are kept; all others have
+    their default values.
+
+    camera: fields of the camera as plain values
+    type: name of a type of camera
+    """
+    defaults = {f.name: f.default for f in fields(BY_TYPE[type])}
+    return defaults | {name: value for name, value in camera.items() if name in defaults and name != "type"}

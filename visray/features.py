@@ -10,6 +10,7 @@ An address is the dotted name of a value in a scene, such as `materials.red.kd`.
 from dataclasses import dataclass, replace
 
 from visray import modes
+from visray.camera import OrthographicCamera
 from visray.feature_rules import RULES, Rule, used_materials
 from visray.scene.scene import Scene
 
@@ -91,6 +92,8 @@ def _ruled_out(name: str, scene: Scene, wrt: tuple[str, ...]) -> str | None:
         return "settings.shadows is false"
     if name in ("reflection", "refraction", "nested media") and not settings.depth:
         return "settings.depth is 0"
+    if name == "defocus" and isinstance(scene.camera, OrthographicCamera):
+        return "an orthographic camera has no lens"
     unlit = not modes.BY_NAME[settings.shading].lit
     if unlit and name not in ("textures", "bilinear", "defocus", "background", "coverage"):
         return f"settings.shading is {settings.shading}"

@@ -111,7 +111,7 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
     x, y: columns and rows of the pixels
     """
     ray = integrator.camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
-    hit = closest(s.origin, ray)
+    hit = closest(integrator.camera_origin(s, ray), ray)
     si = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(x)))
     fully_lit = [_fully_lit(light_sample(s, si, light)) for light in s.lights if not light.kind.has_area]
     edges = []

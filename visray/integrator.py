@@ -10,6 +10,7 @@ from visray import indirect, media, sampling, warp
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
+from visray.camera import ParallelView
 from visray.geometry import UNIT_ROUNDOFF
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
@@ -31,8 +32,28 @@ def camera_direction(s: KernelScene, x: Any, y: Any) -> Any:
 
 
 def camera_ray(s: KernelScene, x: Any, y: Any) -> Ray:
-    """Ray of a pinhole camera through the point (x, y) of the picture, in pixels from its top left corner."""
+    """Ray of a camera without a lens through the point (x, y) of the picture, in pixels from its top left corner."""
+    if isinstance(s.view, ParallelView):
+        return parallel_ray(s, sheet_point(s, x, y))
     return Ray(s.view.o, camera_direction(s, x, y)).exact()
+
+
+def sheet_point(s: KernelScene, x: Any, y: Any) -> Any:
+    """Origin of the ray of an orthographic camera through the point (x, y) of the picture, in pixels from its top left
+    corner."""
+    view, number = s.view, s.a.D
+    return view.o + (view.corner + number(x) * view.pixel_right + number(y) * view.pixel_down)
+
+
+def parallel_ray(s: KernelScene, o: Any) -> Ray:
+    """Ray of an orthographic camera that starts at o. It shares its direction with all other rays of the camera."""
+    forward = s.view.forward
+    return Ray(o, forward, clearance=s.view.clearance, d_single=None if s.a.V is s.a.W else s.a.V(forward))
+
+
+def camera_origin(s: KernelScene, ray: Ray) -> RayOrigin:
+    """The origin of camera rays without a lens."""
+    return s.origin or RayOrigin(s.geometry, ray.o, shared=False)
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:
@@ -61,8 +82,8 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     state: random numbers of the sample
     """
     effects = s.features
-    state = state or single_sample_state(s, max(dr.width(ray.d), dr.width(ray.o)))
-    origin = RayOrigin(s.geometry, ray.o, shared=False) if effects["defocus"] else s.origin
+    state = state or single_sample_state(s, ray.lanes)
+    origin = RayOrigin(s.geometry, ray.o, shared=False) if effects["defocus"] else camera_origin(s, ray)
     hit, ray = closest(origin, ray, s.brute_force), ray.exact()
     si = interact(s, ray, hit, state)
     colour = shade(s, si)
@@ -91,8 +112,7 @@ def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: M
     def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
         state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
         next_ray = pixels.ray(pixels.state(i + 1, next_stratum))
-        ray = Ray(s.view.o, d) if o is None else Ray(o, d).exact()
-        colour, covered = radiance(s, ray, state)
+        colour, covered = radiance(s, pixels.whole_ray(d, o), state)
         block_sums = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
         return i + 1, next_stratum, *next_ray, *block_sums.arrays[3:]
 
@@ -123,8 +143,7 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
 
     def step(i: Any, stratum: Any, reference: Any, total: Any) -> tuple:
         state = pixels.state(i + plan.first, stratum)
-        d, o = pixels.ray(state)
-        colour, _ = radiance(s, Ray(s.view.o, d) if o is None else Ray(o, d).exact(), state)
+        colour, _ = radiance(s, pixels.whole_ray(*pixels.ray(state)), state)
         reference = dr.select(i == 0, dr.detach(colour), reference)
         return i + 1, sampling.next_stratum(plan, stratum), reference, total + (colour - reference)
 
@@ -147,13 +166,21 @@ class _Pixels:
         return SampleState(self.s.settings.sampler, self.s.a.F, self.plan, self.key, index, stratum)
 
     def ray(self, state: SampleState) -> tuple[Any, Any]:
-        """Direction and origin of a sample's camera ray. The origin is None if all camera rays share it."""
+        """Direction and origin of a sample's camera ray. Either is None if all camera rays share it."""
         offset_x, offset_y = state.pixel()
         x, y = self.left + offset_x, self.top + offset_y
+        if isinstance(self.s.view, ParallelView):
+            return None, sheet_point(self.s, x, y)
         if not self.s.features["defocus"]:
             return camera_direction(self.s, x, y), None
         ray = lens_ray(self.s, x, y, *state.dimension(LENS).point())
         return ray.d if ray.d_single is None else ray.d_single, ray.o
+
+    def whole_ray(self, d: Any, o: Any) -> Ray:
+        """The camera ray with the direction and the origin that `ray` returned."""
+        if d is None:
+            return parallel_ray(self.s, o)
+        return Ray(self.s.view.o, d) if o is None else Ray(o, d).exact()
 
 
 def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
@@ -165,7 +192,7 @@ def first_hit(s: KernelScene, x: Any, y: Any) -> dict[str, Any]:
     """
     a = s.a
     ray = camera_ray(s, a.F(x) + 0.5, a.F(y) + 0.5)
-    hit = closest(s.origin, ray)
+    hit = closest(camera_origin(s, ray), ray)
     si = interact(s, ray, hit)
 
     def shown(value: Any) -> Any:
@@ -205,12 +232,12 @@ def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
     a, searched = s.a, [b for b in s.batches if b.kind.finds_roots]
     if not searched:
         return {}
-    unresolved, residual = dr.zeros(a.U, dr.width(ray.d)), dr.zeros(a.F, dr.width(ray.d))
+    unresolved, residual, begin = dr.zeros(a.U, ray.lanes), dr.zeros(a.F, ray.lanes), ray.begin(NOTHING_KNOWN)
     for batch in searched:
 
         def step(i: Any, total: Any, batch: Batch = batch) -> tuple:
             seen = batch.kind.seen(rows(batch.placed, i), ray.o)
-            return (total + batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved,)
+            return (total + batch.kind.crossing(seen, ray, begin, None, NOTHING_KNOWN).unresolved,)
 
         n = len(batch)
         unresolved = s.loop(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]

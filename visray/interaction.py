@@ -76,7 +76,7 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     The derivative of t follows from the implicit function theorem: f(o + t d) = 0 gives dt = -df / (g.d), where g is
     the gradient of f.
     """
-    a, n, textured = s.a, dr.width(ray.d), s.features["textures"]
+    a, n, textured = s.a, ray.lanes, s.features["textures"]
     # Lanes without a hit compute at the ray's origin, so that no inf or NaN enters a derivative.
     t = dr.select(hit.valid, hit.t, 0)
     # Without derivatives, p does not depend on the row, so no branch needs to return it.

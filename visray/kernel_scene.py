@@ -15,7 +15,7 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.origin import Geometry, RayOrigin
 from visray.batches import Batch, place
-from visray.camera import View
+from visray.camera import OrthographicCamera, ParallelView, View
 from visray.features import Features, RayFamily
 from visray.images import Atlas
 from visray.lights.light import Light
@@ -78,7 +78,7 @@ class KernelScene:
     settings: settings of the scene
     geometry: batches and the tree over them
     view: the camera
-    origin: the camera as origin of rays
+    origin: the camera as origin of rays; None if it is orthographic, since its rays have no common origin
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
     sky: background
@@ -99,8 +99,8 @@ class KernelScene:
     features: Features
     settings: Settings
     geometry: Geometry
-    view: View
-    origin: RayOrigin
+    view: View | ParallelView
+    origin: RayOrigin | None
     lights: tuple[PreparedLight, ...]
     looped_lights: tuple[LightBatch, ...]
     sky: SkyGradient
@@ -181,7 +181,7 @@ def kernel_scene(
         settings=settings,
         geometry=geometry,
         view=view,
-        origin=RayOrigin(geometry, view.o),
+        origin=None if isinstance(view, ParallelView) else RayOrigin(geometry, view.o),
         lights=lights,
         looped_lights=looped,
         sky=packed.background,
@@ -260,7 +260,8 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
     # A single light of its kind is never looped over.
     point_like = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
-    shares_origin = {"camera": not effects["defocus"]}
+    parallel = isinstance(scene.camera, OrthographicCamera)
+    shares_origin = {"camera, parallel": False} if parallel else {"camera": not effects["defocus"]}
     if effects["shadows"] and point_like:
         shares_origin["shadow rays of point and spot lights"] = True
     other_rays = {

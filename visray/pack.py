@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.camera import Camera
+from visray.camera import Camera, OrthographicCamera
 from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import Material
@@ -102,7 +102,7 @@ class Packed:
     batches: tuple[Columns, ...]
     lights: tuple[LightColumns, ...]
     materials: Material
-    camera: Camera
+    camera: Camera | OrthographicCamera
     background: SkyGradient
     ambient: Any
     occlusion: Occlusion
@@ -129,7 +129,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
             batches=tuple(object_columns(scene, a, kind, members) for (kind, _), members in objects.items()),
             lights=tuple(_light_columns(scene, a, kind, members) for kind, members in lights.items()),
             materials=stacked(a, Material, list(materials.values())),
-            camera=stacked(a, Camera, [scene.camera]),
+            camera=stacked(a, type(scene.camera), [scene.camera]),
             background=stacked(a, SkyGradient, [sky]),
             ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
             occlusion=stacked(a, Occlusion, [scene.settings.occlusion]),

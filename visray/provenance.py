@@ -7,6 +7,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.camera import OrthographicCamera
 from visray.primitives.primitive import scalars
 from visray.scene.scene import Scene
 from visray.setup import Prepared
@@ -44,7 +45,8 @@ def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     right: v M.
 
     In camera space x points to the right, y up, and z along the view direction. In NDC the picture extends from (0, 0)
-    at the top left to (1, 1) at the bottom right.
+    at the top left to (1, 1) at the bottom right; z is 1 for a perspective camera, and the depth for an orthographic
+    one.
     """
     c, f = scene.camera, scene.film
     right, up, forward, _ = (np.array(v, float) for v in scalars(c).axes())
@@ -52,8 +54,14 @@ def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     to_camera = np.eye(4)
     to_camera[:3, :3] = np.stack([right, up, forward], axis=1)
     to_camera[3, :3] = -o @ to_camera[:3, :3]
-    half = np.tan(np.radians(c.fov) / 2)
+    parallel = isinstance(c, OrthographicCamera)
+    half = 0.5 * c.height if parallel else np.tan(np.radians(c.fov) / 2)
+    to_middle = [0.5, 0.5, 0, 1]
     to_ndc = np.array(
-        [[0.5 * f.height / f.width / half, 0, 0, 0], [0, -0.5 / half, 0, 0], [0.5, 0.5, 1, 1], [0, 0, 0, 0]]
+        [
+            [0.5 * f.height / f.width / half, 0, 0, 0],
+            [0, -0.5 / half, 0, 0],
+            *([[0, 0, 1, 0], to_middle] if parallel else [[0.5, 0.5, 1, 1], [0, 0, 0, 0]]),
+        ]
     )
     return {"worldToCamera": to_camera.tolist(), "worldToNDC": (to_camera @ to_ndc).tolist()}

@@ -50,6 +50,11 @@ class Ray:
     to_target: Any = None
     d_single: Any = None
 
+    @property
+    def lanes(self) -> int:
+        """Number of lanes. All rays may share their origin, or their direction."""
+        return max(dr.width(self.d), dr.width(self.o))
+
     def exact(self) -> "Ray":
         """The same ray with direction and clearance in double. Rays may start with a direction in single precision,
         because few of them need more."""

@@ -37,12 +37,13 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
 
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
-    of lights, names and textures of materials, and the kind of background."""
+    of lights, names and textures of materials, and the kinds of background and camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
         [(name, m.texture) for name, m in materials_of(scene).items()],
         isinstance(scene.background, SkyGradient),
+        type(scene.camera),
     )
 
 

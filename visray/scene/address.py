@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any, get_args
 
+from visray import camera as cameras
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
@@ -34,12 +35,17 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     assignments: dict from addresses to new values. They are assigned in order, and the scene is checked once, after the
         last one.
 
+    A camera that gets another type keeps the fields that both types have, and gets defaults for the others.
+
     Textures, materials, lights and objects that no assignment changes are the same instances in both scenes.
     """
     raw = parts(scene)
     for address, new in assignments.items():
         _value_at(raw, address)
-        raw = _with(raw, address.split("."), _without_instances(new))
+        if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
+            raw = raw | {"camera": cameras.retyped(raw["camera"], new)}
+        else:
+            raw = _with(raw, address.split("."), _without_instances(new))
     result, flaws = examined(raw)
     if flaws:
         raise UserError(*flaws)
@@ -100,11 +106,23 @@ def _value_at(root: Any, address: str) -> Any:
         if key not in choices:
             owner = ".".join(keys[:i]) or "the scene"
             text = f"{owner} has no {key!r}; {hint(key, choices)}"
+            if owner == "camera" and (instead := _misplaced(node, key)):
+                text = instead
             if not choices and not isinstance(node, (dict, tuple)):
                 text = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
             raise UserError(printable(f"{address}: {text}"))
         node = _entry(node, key)
     return node
+
+
+def _misplaced(camera: Any, key: str) -> str | None:
+    """What is right instead of a key that only another type of camera has; None for all other keys.
+
+    camera: a camera, or its plain dict.
+    """
+    type_name = camera["type"] if isinstance(camera, dict) else camera.type
+    kind = cameras.BY_TYPE.get(type_name) if isinstance(type_name, str) else None
+    return kind and kind.MISPLACED.get(key)
 
 
 def _without_instances(new: Any) -> Any:

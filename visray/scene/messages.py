@@ -160,6 +160,9 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
     if e["loc"][-1:] == ("[key]",):
         return f"{_dotted(address[:-1])}: {json.dumps(address[-1], default=str)} is not a valid name; {NAME_RULE}"
     if kind == "unexpected_keyword_argument":
+        instead = getattr(bare(place.parent), "MISPLACED", {}).get(address[-1])
+        if instead:
+            return line(_dotted(address), e["input"], instead)
         return f"{_dotted(address)}: unknown key; {_key_hint(place)}"
     if kind == "missing" and isinstance(address[-1], str):
         return _missing_message(place)

@@ -2,12 +2,12 @@
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, Union
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
+from visray import camera as cameras
 from visray import lights, modes, primitives, textures
-from visray.camera import Camera
 from visray.materials import Material
 from visray.quantities import Color, Count, Length, Name
 
@@ -109,6 +109,15 @@ class Settings:
     scatter: Scatter = field(default_factory=Scatter)
 
 
+def _camera_type(raw: Any) -> Any:
+    """Type of a camera, given as a dict or as an instance; None for anything else. A dict without a type stands for a
+    perspective camera."""
+    if isinstance(raw, dict):
+        return raw.get("type", cameras.Camera.type)
+    return getattr(raw, "type", None)
+
+
+Camera = Annotated[Union[tuple(Annotated[kind, Tag(kind.type)] for kind in cameras.KINDS)], Discriminator(_camera_type)]
 Object = Annotated[Union[primitives.KINDS], Field(discriminator="type")]
 Light = Annotated[Union[lights.KINDS], Field(discriminator="type")]
 Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
@@ -120,7 +129,7 @@ class Scene:
     order of the file."""
 
     __pydantic_config__ = STRICT
-    camera: Camera = field(default_factory=Camera)
+    camera: Camera = field(default_factory=cameras.Camera)
     film: Film = field(default_factory=Film)
     background: SkyGradient | Color = SkyGradient(top=(0.5, 0.7, 1.0), bottom=(1.0, 1.0, 1.0))
     ambient: Color = (1.0, 1.0, 1.0)

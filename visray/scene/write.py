@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from visray import lights, primitives, textures
-from visray.camera import Camera
+from visray.camera import Camera, OrthographicCamera
 from visray.lights.light import AreaLight
 from visray.materials import Material
 from visray.modes import MODES
@@ -26,7 +26,7 @@ from visray.transforms import STEPS, Matrix, Rotate, Scale
 
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-TYPED = (*textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
+TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
 KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
 # Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform")
@@ -35,6 +35,7 @@ LAST = ("material", "transform")
 # (quantities.Quantity).
 MEANINGS: dict[type, dict[str, str]] = {
     Scene: {
+        "camera": "where you look from, and where to; perspective if it has no type",
         "background": "colour of rays that hit nothing: a colour, or a gradient",
         "textures": "textures by name",
         "materials": "materials by name",
@@ -148,7 +149,8 @@ def _json_tree(value: Any, like: Any = None) -> Any:
     """
     previous = like if isinstance(like, dict) else {}
     if is_dataclass(value):
-        written = [f for f in fields(value) if f.name in {"type", *previous} or getattr(value, f.name) != _default(f)]
+        kept = {*previous, "type"} if type(value) in TYPED else {*previous}
+        written = [f for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]
         written.sort(key=lambda f: (f.name != "type", f.name in LAST))
         value = {f.name: getattr(value, f.name) for f in written}
     if isinstance(value, dict):

@@ -74,7 +74,7 @@ def geometry(prepared: Prepared, truth: Prepared, seed: int = 0) -> Geometry:
 def _view(prepared: Prepared, ray: Ray) -> View:
     """First hits of rays from the camera."""
     s = prepared.kernel
-    si = interact(s, ray, closest(s.origin, ray, s.brute_force))
+    si = interact(s, ray, closest(integrator.camera_origin(s, ray), ray, s.brute_force))
     dr.eval(si.hit, si.surface, si.n, si.from_inside)
     index = np.array(si.hit.row).astype(np.int64)
     index[index == NO_ROW] = -1

@@ -34,7 +34,7 @@ def _with_settings(**values: object) -> Callable[[Scene], Scene]:
 
 
 def _without_defocus(scene: Scene) -> Scene:
-    return replace(scene, camera=replace(scene.camera, aperture=0.0))
+    return replace(scene, camera=replace(scene.camera, aperture=0.0)) if scene.camera.aperture else scene
 
 
 def _without_area_lights(scene: Scene) -> Scene:

@@ -97,7 +97,9 @@ class VisrayScene:
         film = self.prepared.scene.film
         y, x = np.divmod(np.arange(film.width * film.height, dtype=np.uint32), np.uint32(film.width))
         ray = integrator.camera_ray(self.kernel, self.a.F(x) + 0.5, self.a.F(y) + 0.5)
-        return Rays(np.zeros((1, 3), np.float32), to_numpy(ray.d).astype(np.float32))
+        o = np.zeros((1, 3)) if self.kernel.origin else to_numpy(ray.o) - self.centre
+        d = np.broadcast_to(to_numpy(ray.d), (len(x), 3))
+        return Rays(o.astype(np.float32), d.astype(np.float32))
 
     def triples(self, v: np.ndarray) -> Any:
         """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
@@ -110,7 +112,7 @@ class VisrayScene:
         """
         a = self.a
         leaving = () if source is None else (a.U(source.astype(np.uint32)), dr.full(a.B, False, len(d)))
-        shared = len(o) == 1 and not o.any()
+        shared = self.kernel.origin is not None and len(o) == 1 and not o.any()
         ray = Ray(self.kernel.view.o if shared else self.triples(self.centre + o), unit(self.triples(d), a.W), *leaving)
         origin = self.kernel.origin if shared else RayOrigin(self.kernel.geometry, ray.o)
         hit = closest(origin, ray)

@@ -13,7 +13,8 @@ llvm
 quantities pytree
 ray geometry transforms
 meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons meshes.assembly
-meshes.text meshes.obj meshes.ply meshes.reading meshes
+meshes.text meshes.obj meshes.ply meshes.stl meshes.off
+meshes.gltf_accessors meshes.gltf_nodes meshes.gltf meshes.reading meshes
 warp
 polynomials.error polynomials.expression polynomials.simplify polynomials.literals polynomials.grammar
 polynomials.monomials polynomials.modular
@@ -121,6 +122,7 @@ def outside(path: Path) -> set[str]:
         ("cyclopts", ("cli",)),
         ("OpenEXR", ("output.", "study.")),
         ("sympy", ("polynomials.",)),
+        ("trimesh", ("meshes.",)),
         ("flip_evaluator", ("study.cost.errors",)),
     ],
 )

@@ -8,8 +8,10 @@ from visray.meshes.normals import face_normals
 from visray.meshes.polygons import triangulated
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, check_vertices, with_area
 
-# Largest number of triangles and of vertices: the three corners of each triangle then have 32-bit numbers.
-MOST_TRIANGLES = 2**28
+# Largest number of triangles: a few GB of memory. A small file can name one mesh a million times.
+MOST_TRIANGLES = 2**25
+# Largest file that is read. A text of this size takes several times as much memory while it is read.
+MOST_BYTES = 2**30
 
 
 @dataclass(eq=False)
@@ -24,6 +26,7 @@ class FileMesh:
     parts, part_of: names of the parts, and for each polygon the index of its part
     notes: sentences for the user
     first: the number that the file gives its first vertex, 0 or 1
+    files: other files that it is read from
 
     Shapes: vertices (V, 3), corners, normal_of and uv_of (C), sizes and part_of (P), normals (N, 3), uvs (T, 2).
     """
@@ -39,6 +42,7 @@ class FileMesh:
     part_of: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
     first: int = 0
+    files: list[str] = field(default_factory=list)
 
 
 def assembled(raw: FileMesh, name: str) -> TriangleMesh:

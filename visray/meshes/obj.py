@@ -4,6 +4,8 @@ trimesh's own reader is not used: it counts relative indices from the end of the
 corners from the first one, and cuts all lines to the shortest; each of these changes the mesh without a word.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from visray.meshes.assembly import FileMesh
@@ -21,20 +23,18 @@ KNOWN = {"v", "vt", "vn", "f", "o", "g"} | IGNORED | OTHER_SHAPES
 _NONE = np.empty(0, int)
 
 
-def read_obj(raw: bytes, name: str) -> FileMesh:
-    """The mesh of an OBJ file.
-
-    name: name of the part of all faces that stand before the first `o` or `g`.
-    """
+def read_obj(raw: bytes, path: Path) -> FileMesh:
+    """The mesh of an OBJ file. Faces before the first `o` or `g` belong to a part with the name of the file."""
     text = Text.of(raw)
-    line_of_keyword = _lines(text)
+    del raw  # a large file is not kept twice
+    line_of_keyword = text.lines_by_keyword(KNOWN, "OBJ")
     vertices = _rows(text, line_of_keyword.get("v", _NONE), 3)
     normals = _rows(text, line_of_keyword.get("vn", _NONE), 3)
     uvs = _rows(text, line_of_keyword.get("vt", _NONE), 1, 2)
     lines = line_of_keyword.get("f", _NONE)
     if not len(lines):
         raise MeshError("file", "has no triangles (no line begins with f)")
-    words = _words_after(text, lines)
+    words = text.after_keyword(lines)
     indices = _corner_indices(text, words)
     sizes = np.diff(text.first)[lines] - 1
     if sizes.min() < 3:
@@ -46,7 +46,7 @@ def read_obj(raw: bytes, name: str) -> FileMesh:
         _absolute(text, index, of_corner, line_of_keyword.get(key, _NONE), noun, count)
         for index, (key, noun, count) in zip(indices, kinds)
     )
-    parts, part_of = _parts(text, line_of_keyword, lines, name)
+    parts, part_of = _parts(text, line_of_keyword, lines, path.stem)
     mesh = FileMesh(vertices, v, sizes, parts=parts, part_of=part_of, first=1)
     if (vn >= 0).any():
         mesh.normals, mesh.normal_of = normals, vn
@@ -57,32 +57,6 @@ def read_obj(raw: bytes, name: str) -> FileMesh:
     if others := OTHER_SHAPES & set(line_of_keyword):
         mesh.notes.append(f"its points, lines and curves ({', '.join(sorted(others))}) are not used")
     return mesh
-
-
-def _lines(text: Text) -> dict[str, np.ndarray]:
-    """For each keyword of the file, the lines that begin with it. A line is an index into `text.first`."""
-    heads = text.first[:-1]
-    begin, length = text.word[heads], np.minimum(text.word_end[heads] - text.word[heads], 8)
-    # The first seven characters and the length in one number tell all known keywords apart.
-    code = length << 56
-    for i in range(7):
-        character = text.data[np.minimum(begin + i, len(text.data) - 1)].astype(np.int64)
-        code |= np.where(i < length, character, 0) << 8 * i
-    codes, firsts = np.unique(code, return_index=True)
-    words = {}
-    for line, value in sorted(zip(firsts, codes)):
-        word = text[heads[line]]
-        if word not in KNOWN:
-            raise MeshError("file", f"is no OBJ file: its line {text.line(heads[line])} begins with {word[:20]!r}")
-        words[word] = np.flatnonzero(code == value)
-    return words
-
-
-def _words_after(text: Text, lines: np.ndarray) -> np.ndarray:
-    """The words of some lines without their keywords."""
-    sizes = np.diff(text.first)[lines] - 1
-    offset = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    return np.repeat(text.first[lines] + 1, sizes) + offset
 
 
 def _rows(text: Text, lines: np.ndarray, least: int, wanted: int | None = None) -> np.ndarray:
@@ -98,7 +72,7 @@ def _rows(text: Text, lines: np.ndarray, least: int, wanted: int | None = None) 
     if len(sizes) and sizes.min() < least:
         number = text.first[lines[sizes.argmin()]]
         raise MeshError("file", f"line {text.line(number)} has {sizes.min()} numbers after {text[number]}, not {least}")
-    values = text.numbers(_words_after(text, lines))
+    values = text.numbers(text.after_keyword(lines))
     place = (np.cumsum(sizes) - sizes)[:, None] + np.arange(wanted)
     missing = np.arange(wanted) >= sizes[:, None]
     return np.where(missing, 0.0, np.append(values, 0.0)[np.where(missing, len(values), place)])
@@ -110,7 +84,22 @@ def _corner_indices(text: Text, words: np.ndarray) -> tuple[np.ndarray, np.ndarr
     Shapes: words (C); result (C) each.
     """
     characters = text.characters(words)
-    slash = np.flatnonzero(characters == SLASH)
+    has_2, has_3 = _has_indices(text, words, np.flatnonzero(characters == SLASH))
+    characters[characters == SLASH] = ord(" ")
+    count = 1 + has_2.astype(np.int64) + has_3
+    place = np.cumsum(count) - count
+    values = text.parsed(characters, words, int(count.sum()), np.int64)
+    second = np.where(has_2, values[np.minimum(place + 1, len(values) - 1)], 0)
+    third = np.where(has_3, values[place + count - 1], 0)
+    return values[place], second, third
+
+
+def _has_indices(text: Text, words: np.ndarray, slash: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether corners have a second and a third index. A number follows a slash unless the word ends there or another
+    slash stands there.
+
+    slash: places of the slashes, counted from the first of the words
+    """
     begin = text.word[words] - text.word[words[0]]
     end = text.word_end[words] - text.word[words[0]]
     first = np.searchsorted(slash, begin)
@@ -119,23 +108,8 @@ def _corner_indices(text: Text, words: np.ndarray) -> tuple[np.ndarray, np.ndarr
         number = words[slashes.argmax()]
         raise MeshError("file", f"line {text.line(number)} has {text[number]!r} where a corner such as 3/1/2 must be")
     places = np.append(slash, [0, 0])
-    # A number follows a slash unless the word ends there or another slash stands there.
-    stop_1 = np.where(slashes == 2, places[first + 1], end)
-    has_2 = (slashes >= 1) & (stop_1 > places[first] + 1)
-    has_3 = (slashes == 2) & (end > places[first + 1] + 1)
-    if len(slash):
-        characters = characters.copy()
-        characters[slash] = ord(" ")
-    count = 1 + has_2.astype(np.int64) + has_3
-    values = text.parsed_words(characters, words, int(count.sum()), np.int64)
-    place = np.cumsum(count) - count
-    values = np.append(values, 0)
-    nothing = len(values) - 1
-    return (
-        values[place],
-        values[np.where(has_2, place + 1, nothing)],
-        values[np.where(has_3, place + 1 + has_2, nothing)],
-    )
+    stop = np.where(slashes == 2, places[first + 1], end)
+    return (slashes >= 1) & (stop > places[first] + 1), (slashes == 2) & (end > places[first + 1] + 1)
 
 
 def _absolute(text: Text, index: np.ndarray, of_corner: np.ndarray, lines: np.ndarray, noun: str, count: int):

@@ -5,6 +5,7 @@ early, or lines that lack a number, without a word.
 """
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -46,8 +47,8 @@ class Element:
     properties: list[Property] = field(default_factory=list)
 
 
-def read_ply(raw: bytes, name: str) -> FileMesh:
-    """The mesh of a PLY file. `name` is not used: the only part has the default name."""
+def read_ply(raw: bytes, path: Path) -> FileMesh:
+    """The mesh of a PLY file."""
     order, elements, start, notes = _header(raw)
     if order:
         tables = _binary_tables(raw, start, order, elements)

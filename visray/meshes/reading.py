@@ -1,4 +1,4 @@
-"""Reads mesh files: OBJ and PLY."""
+"""Reads mesh files."""
 
 import difflib
 import os
@@ -8,19 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
-from visray.meshes.assembly import assembled
+from visray.meshes.assembly import MOST_BYTES, assembled
+from visray.meshes.gltf import read_gltf
 from visray.meshes.obj import read_obj
+from visray.meshes.off import read_off
 from visray.meshes.ply import read_ply
+from visray.meshes.stl import read_stl
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh
 
-READERS = {".obj": read_obj, ".ply": read_ply}
-# Largest file that is read. A text of this size takes several times as much memory while it is read.
-MOST_BYTES = 2**30
+READERS = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl, ".off": read_off}
+READERS |= {".gltf": read_gltf, ".glb": read_gltf}
 # Largest number of bytes that the meshes in the cache take.
 CACHE_BYTES = 2**30
 
-# Cache of meshes. Key: path. Value: modification time and size of the file, and its mesh.
-_cache: dict[str, tuple[tuple[int, int], TriangleMesh]] = {}
+# For each file that a mesh was read from, its path, modification time and size.
+Stamps = tuple[tuple[str, int, int], ...]
+# Cache of meshes. Key: path. Value: the files that the mesh was read from, and the mesh.
+_cache: dict[str, tuple[Stamps, TriangleMesh]] = {}
 
 
 def read(path: str) -> TriangleMesh:
@@ -28,16 +32,24 @@ def read(path: str) -> TriangleMesh:
 
     Raises a MeshError about the field `file`.
     """
-    status = _status(path)
-    key, stamp = os.path.abspath(path), (status.st_mtime_ns, status.st_size)
-    entry = _cache.pop(key, None)
-    if entry is None or entry[0] != stamp:
-        entry = stamp, _read(path, status.st_size)
+    stamp = _stamp(path)
+    entry = _cache.pop(stamp[0], None)
+    if entry is None or entry[0][0] != stamp or any(_changed(other) for other in entry[0][1:]):
+        mesh, others = _read(path, stamp[2])
+        entry = (stamp, *(_stamp(other) for other in others)), mesh
     # The cache is ordered by last use; the least recently used meshes are removed first.
-    _cache[key] = entry
+    _cache[stamp[0]] = entry
     while len(_cache) > 1 and sum(_size(mesh) for _, mesh in _cache.values()) > CACHE_BYTES:
         del _cache[next(iter(_cache))]
     return entry[1]
+
+
+def _changed(stamp: tuple[str, int, int]) -> bool:
+    """Whether a file has changed or vanished."""
+    try:
+        return _stamp(stamp[0]) != stamp
+    except MeshError:
+        return True
 
 
 def _size(mesh: TriangleMesh) -> int:
@@ -45,8 +57,8 @@ def _size(mesh: TriangleMesh) -> int:
     return sum(getattr(getattr(mesh, f.name), "nbytes", 0) for f in fields(mesh))
 
 
-def _status(path: str) -> os.stat_result:
-    """Status of a file: its size and modification time. Raises a MeshError if it is not a regular file."""
+def _stamp(path: str) -> tuple[str, int, int]:
+    """Path, modification time and size of a file. Raises a MeshError if it is not a regular file."""
     try:
         status = os.stat(path)
     except FileNotFoundError:
@@ -58,7 +70,7 @@ def _status(path: str) -> os.stat_result:
     # A pipe must not be opened: that would wait for a writer.
     if not stat.S_ISREG(status.st_mode):
         raise MeshError("file", "is not a regular file; give a mesh file")
-    return status
+    return os.path.abspath(path), status.st_mtime_ns, status.st_size
 
 
 def _reason(error: Exception) -> str:
@@ -66,8 +78,8 @@ def _reason(error: Exception) -> str:
     return " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
 
 
-def _read(path: str, size: int) -> TriangleMesh:
-    """The triangle mesh of a regular file of `size` bytes."""
+def _read(path: str, size: int) -> tuple[TriangleMesh, list[str]]:
+    """The triangle mesh of a regular file of `size` bytes, and the other files that it was read from."""
     reader = READERS.get(Path(path).suffix.lower())
     if reader is None:
         known = ", ".join(suffix.removeprefix(".").upper() for suffix in READERS)
@@ -77,8 +89,8 @@ def _read(path: str, size: int) -> TriangleMesh:
     if not size:
         raise MeshError("file", "is empty; save the mesh anew")
     try:
-        name = Path(path).stem
-        return assembled(reader(Path(path).read_bytes(), name), name)
+        mesh = reader(Path(path).read_bytes(), Path(path))
+        return assembled(mesh, Path(path).stem), mesh.files
     except MeshError as error:
         # To the user, all errors of a file are about the file.
         raise MeshError("file", str(error)) from None
@@ -86,6 +98,9 @@ def _read(path: str, size: int) -> TriangleMesh:
         raise MeshError("file", f"cannot be read ({_reason(error)}); check its permissions") from None
     except MemoryError:
         raise MeshError("file", "does not fit into memory; make the mesh smaller") from None
+    # The readers check what a damaged file can say; should one forget a case, the user still gets one line.
+    except Exception as error:
+        raise MeshError("file", f"is damaged ({type(error).__name__}: {_reason(error)}); save it anew") from None
 
 
 def part(mesh: TriangleMesh, name: str) -> TriangleMesh:

@@ -1,6 +1,7 @@
 """How the triangles of a mesh hang together: shared edges, open edges, orientation and volume."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -87,7 +88,16 @@ def _ends(faces: np.ndarray, half_edges: np.ndarray) -> np.ndarray:
 def _groups(edges: np.ndarray) -> int:
     """Number of connected groups of edges. Shapes: edges (E, 2)."""
     vertices, ends = np.unique(edges, return_inverse=True)
-    return len(np.unique(group_labels(ends.reshape(-1, 2), len(vertices))))
+    return len(numbered(group_labels(ends.reshape(-1, 2), len(vertices)))[0])
+
+
+def numbered(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The different labels, and for each node the index of its own. A label is its own label.
+
+    Shapes: labels (N); result (G) and (N).
+    """
+    own = labels == np.arange(len(labels))
+    return np.flatnonzero(own), (np.cumsum(own) - 1)[labels]
 
 
 def group_labels(pairs: np.ndarray, count: int) -> np.ndarray:
@@ -110,9 +120,63 @@ def group_labels(pairs: np.ndarray, count: int) -> np.ndarray:
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Signed volume that triangles enclose. It is taken about the middle of the vertices, so that a mesh far from the
-    origin loses no digits. Shapes: vertices (V, 3), faces (F, 3)."""
-    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    a, b, c = ((vertices[faces[:, i]] - centre).T for i in range(3))
+    """Signed volume that triangles enclose. Shapes: vertices (V, 3), faces (F, 3)."""
+    return float(_volumes(vertices, faces).sum())
+
+
+def _volumes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Signed volumes of the tetrahedra between the faces and the middle of all vertices. About the middle, a mesh far
+    from the origin loses no digits. Shapes: vertices (V, 3), faces (F, 3); result (F)."""
+    around = (vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2).T
+    a, b, c = (around[:, faces[:, i]] for i in range(3))
     products = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
-    return float((products + a[2] * (b[0] * c[1] - b[1] * c[0])).sum() / 6)
+    return (products + a[2] * (b[0] * c[1] - b[1] * c[0])) / 6
+
+
+def oriented(mesh: TriangleMesh) -> tuple[TriangleMesh, int]:
+    """The mesh with faces turned so that neighbours run their common edge in opposite directions, and the number of
+    turned faces. A mesh that is consistent, with a volume that is not negative or with open edges, stays as it is.
+
+    Of each connected piece, as few faces are turned as possible; if the piece is closed, those that make its volume
+    positive. Then, if the volume of a closed mesh is negative, all faces are turned. So inner shells of a consistent
+    solid stay inner shells. Pieces that have only one side (a Moebius strip) stay as they are.
+    """
+    turned = _misfits(mesh)
+    candidate = _with_turned(mesh, turned)
+    if topology(candidate).volume < 0 and topology(candidate).closed:
+        turned = ~turned
+    return (_with_turned(mesh, turned), int(turned.sum())) if turned.any() else (mesh, 0)
+
+
+def _with_turned(mesh: TriangleMesh, turned: np.ndarray) -> TriangleMesh:
+    """The mesh with some of its faces turned. Shapes: turned (F)."""
+    of = {name: getattr(mesh, name) for name in ("faces", "normal_of", "uv_of")}
+    return replace(
+        mesh, **{name: None if v is None else np.where(turned[:, None], v[:, ::-1], v) for name, v in of.items()}
+    )
+
+
+def _misfits(mesh: TriangleMesh) -> np.ndarray:
+    """Mask of the faces to turn in pieces that are inconsistent. Shape: (F)."""
+    count, table = len(mesh.faces), edge_table(mesh.faces)
+    pair = table.first[table.count == 2]
+    one, other = table.half_edges[pair] // 3, table.half_edges[pair + 1] // 3
+    agree = table.forward[pair] != table.forward[pair + 1]
+    if agree.all():
+        return np.zeros(count, bool)
+    # Each face stands twice in a graph: as it is (even) and turned (odd). An edge joins those that fit together.
+    left, right = 2 * one, 2 * other + ~agree
+    pairs = np.concatenate([np.stack([left, right], axis=1), np.stack([left + 1, right ^ 1], axis=1)])
+    label = group_labels(pairs, 2 * count).reshape(-1, 2)
+    one_sided = label[:, 0] == label[:, 1]
+    turned = label[:, 0] > label[:, 1]
+    piece = label.min(axis=1) // 2
+    total = partial(np.bincount, piece, minlength=count)
+    closed = np.ones(count, bool)
+    closed[piece[table.half_edges[np.repeat(table.count != 2, table.count)] // 3]] = False
+    inside_out = total(np.where(turned, -1, 1) * _volumes(mesh.vertices, mesh.faces)) < 0
+    flip = np.where(closed, inside_out, total(turned) > total(~turned))
+    inconsistent = np.zeros(count, bool)
+    inconsistent[piece[one[~agree]]] = True
+    inconsistent[piece[one_sided]] = False
+    return (turned ^ flip[piece]) & inconsistent[piece]

@@ -144,9 +144,9 @@ def from_arrays(vertices: Any, faces: Any) -> TriangleMesh:
 
 
 def _table(values: Any, field: Field, entry: str) -> np.ndarray:
-    """The values as a table of numbers with three columns and at least one row."""
+    """A copy of the values as a table of numbers with three columns and at least one row."""
     try:
-        table = np.asarray(values)
+        table = np.array(values)
     except ValueError:  # rows of different lengths
         table = np.empty(0, object)
     if table.dtype.kind not in "iuf" or table.ndim != 2 or table.shape[1] != 3:

@@ -35,9 +35,10 @@ class Batch:
     centre, radius: bounding ball of each row; None for unbounded kinds
     coordinate_bound: size of each row's world coordinates, from which rounding bounds are computed: |centre| + radius
         for bounded kinds, |origin of the frame| for unbounded kinds, where |v| is geometry.l1_norm
-    material: material of each row
-    texture: number of each row's texture, or NO_TEXTURE
-    object: number of each row's object in the scene
+    object_of: number of each row's object among the objects of the batch; None if each row is an object
+    material: material of each object
+    texture: number of each object's texture, or NO_TEXTURE
+    object: number of each object in the scene
     """
 
     kind: type[Primitive]
@@ -49,6 +50,7 @@ class Batch:
     centre: Any
     radius: Any
     coordinate_bound: Any
+    object_of: Any
     material: Material
     texture: Any
     object: Any
@@ -65,8 +67,16 @@ class Batch:
         are filled; all other arrays are None."""
         return Batch(
             self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
-            coordinate_bound=None, material=None, texture=None, object=None,
+            coordinate_bound=None, object_of=None, material=None, texture=None, object=None,
         )  # fmt: skip
+
+    def object_at(self, i: Any) -> Any:
+        """Number of the object of row `i`, among the objects of the batch; the entry of `material`, `texture` and
+        `object` that belongs to the row."""
+        if self.object_of is None:
+            return i
+        u = type(self.object_of)
+        return u(0) if dr.width(self.object) == 1 else dr.gather(u, self.object_of, i)
 
     def part(self, part: Any) -> Any:
         """The part of a hit as an argument for methods of the kind: `part`, or None if the kind has a single part."""
@@ -90,8 +100,8 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     material = rows(materials, columns.material)
     return evaluated(
-        Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound, material,
-              columns.texture, columns.object)
+        Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
+              columns.object_of, material, columns.texture, columns.object)
     )  # fmt: skip
 
 

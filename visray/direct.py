@@ -115,8 +115,7 @@ def _from_point(
         inverse_distance = inverse_length(to_light, None)
     l = to_light * inverse_distance
     distance = squared_distance * inverse_distance
-    cosine = dr.dot(si.n, l)
-    arrives = si.hit.valid & (cosine > 0)
+    cosine, arrives = _incidence(si, l)
     sample = LightSample(l, cosine, arrives, attenuation(s, row, distance))
     if centre is not None:
         sample = LightSample(centre.l, centre.cosine, arrives & centre.arrives, centre.weight)
@@ -146,8 +145,7 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
         inverse_distance = inverse_length(from_light, None)
         d = from_light * inverse_distance
     distance, l = squared_distance * inverse_distance, a.V(-d)
-    cosine = dr.dot(si.n, l)
-    arrives = si.hit.valid & (cosine > 0)
+    cosine, arrives = _incidence(si, l)
     exact_falloff = starts_single and light.kind.falloff is not Light.falloff
     weight = attenuation(s, row, a.F(distance))
     falloff = row.falloff(from_light * inverse_length(from_light, a.F32) if exact_falloff else d)
@@ -166,7 +164,8 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
     # above the point by at most the errors of the point and of the ray's end does not occlude: to within rounding it is
     # the surface that is shaded.
     error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))
-    target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=cosine)
+    slope = si.face_cosine(l, cosine)
+    target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=slope)
     ray = Ray(row.position, d, to_target=from_light if starts_single else None)
     return _shadowed(s, light.origin, ray, target, sample)
 
@@ -180,16 +179,24 @@ def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
     a = s.a
     d = -dr.normalize(row.direction)
     l = a.V(d)
-    cosine = dr.dot(si.n, l)
+    cosine, arrives = _incidence(si, l)
     weight = None
     if s.features["attenuation"]:
         weight = dr.select(row.a > 0, dr.rcp(row.a), 1)
-    sample = LightSample(l, cosine, si.hit.valid & (cosine > 0), weight)
+    sample = LightSample(l, cosine, arrives, weight)
     if not s.features["shadows"]:
         return sample
     zeros = dr.zeros(a.D, dr.width(si.surface.p))
     ray = si.spawn_ray(d + zeros, cosine)
     return _shadowed(s, si.origin, ray, Target(zeros + dr.inf, zeros), sample)
+
+
+def _incidence(si: Interaction, l: Any) -> tuple[Any, Any]:
+    """(cosine of the angle between the direction l to the light and the normal, mask of the lanes in which the light is
+    on the side of the surface that is seen)."""
+    cosine = dr.dot(si.n, l)
+    arrives = si.hit.valid & (cosine > 0)
+    return cosine, arrives if si.face is None else arrives & (si.face_cosine(l, cosine) > 0)
 
 
 def attenuation(s: KernelScene, row: Any, distance: Any) -> Any:

@@ -67,8 +67,11 @@ def scattered(s: KernelScene, si: Interaction, j: Any) -> Bounce:
     u, v = dimension.point() if j is None else dimension.set_point(j, s.sample_sets["scatter"])
     d = warp.cosine(si.n, u, v)
     always = dr.full(s.a.B, True, dr.width(d))
-    ray = si.spawn_ray(unit(d, s.a.W), s.a.D(dr.dot(si.n, d))).exact()
-    return Bounce(ray, si.material.kd, always, always)
+    cosine = s.a.D(dr.dot(si.n, d))
+    ray = si.spawn_ray(unit(d, s.a.W), cosine).exact()
+    # A direction above the normal for shading may be below the surface; no light comes from there.
+    alive = always if si.face is None else si.face_cosine(d, cosine) > 0
+    return Bounce(ray, si.material.kd, alive, always)
 
 
 def bounce(
@@ -93,7 +96,7 @@ def bounce(
     kt = _strength(m.kt) if effects["refraction"] else a.F(0)
     shiny = kr + kt > 0
     matte = (max_component(m.kr) + max_component(m.kt) == 0) & (_strength(m.kd) > 0) if effects["scatter"] else None
-    n = dr.select(si.from_inside, -si.surface.exact, si.surface.exact)
+    n, face = _normal(si, ray)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
     if effects["reflection"]:
@@ -113,6 +116,10 @@ def bounce(
         d = dr.select(through, refracted, d)
         if (hidden := interface.hidden) is not None:
             d, weight, through = dr.select(hidden, ray.d, d), dr.select(hidden, 1, weight), through | hidden
+    if si.face is not None:
+        # A direction from the normal for shading may be on the wrong side of the surface. It is mirrored at the surface.
+        across = dr.dot(face, d)
+        d = dr.select((across < 0) ^ through, d - (2 * across) * face, d)
     alive = shiny & (specular_left > 0)
     inside = si.from_inside ^ through
     ray = replace(si.spawn_ray(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
@@ -123,10 +130,20 @@ def bounce(
     return Bounce(result.ray, result.weight, alive_and_lit, result.scattered)
 
 
+def _normal(si: Interaction, ray: Ray) -> tuple[Any, Any]:
+    """The normal at which a ray is reflected and refracted, and the normal of the surface itself, both in double and on
+    the side that the ray comes from."""
+    face = dr.select(si.from_inside, -si.surface.exact, si.surface.exact)
+    if si.face is None:
+        return face, face
+    n = dr.select(si.from_inside, -si.surface.shading, si.surface.shading)
+    return dr.select(dr.dot(n, ray.d) < 0, n, face), face
+
+
 def _either(use_x: Any, x: Bounce, y: Bounce) -> Bounce:
     """Bounce x in lanes where `use_x` is true, else bounce y. x is a scattering, y a reflection or refraction."""
     ray = _ray(*(dr.select(use_x, p, q) for p, q in zip(_state(x.ray), _state(y.ray))))
-    return Bounce(ray, dr.select(use_x, x.weight, y.weight), use_x | y.alive, use_x)
+    return Bounce(ray, dr.select(use_x, x.weight, y.weight), dr.select(use_x, x.alive, y.alive), use_x)
 
 
 def miss_radiance(s: KernelScene, d: Any) -> Any:

@@ -216,7 +216,8 @@ def object_of(s: KernelScene, hit: Hit) -> Any:
     index = dr.full(s.a.U, NO_ROW, dr.width(hit.row))
     for batch in s.batches:
         in_batch = batch.has(hit.row)
-        objects = dr.gather(s.a.U, batch.object, dr.select(in_batch, hit.row - batch.first_row, 0))
+        row = dr.select(in_batch, hit.row - batch.first_row, 0)
+        objects = dr.gather(s.a.U, batch.object, batch.object_at(row))
         index = dr.select(in_batch, objects, index)
     return index
 

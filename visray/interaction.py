@@ -29,7 +29,8 @@ class Interaction:
     o, d: origin and direction of the ray
     hit: result of the search
     surface: surface point with its outward normal
-    n: unit normal on the side that the ray comes from
+    n: unit normal for shading, on the side that the ray comes from
+    face: unit normal of the surface itself on this side; None if it is `n` in all lanes
     from_inside: whether the ray sees the surface from inside
     material: material at the point, with the texture's colour as kd
     u, v: texture coordinates
@@ -42,6 +43,7 @@ class Interaction:
     hit: Hit
     surface: Surface
     n: Any
+    face: Any
     from_inside: Any
     material: Material
     u: Any
@@ -58,16 +60,28 @@ class Interaction:
         The ray ignores other surfaces whose height above the point is at most the error of the point, because to within
         rounding they lie on the same surface.
         """
+        if self.face is not None:
+            cosine = dr.abs(self.face_cosine(d, cosine))
         return Ray(self.surface.p, d, self.hit.row, self.from_inside, self.surface.error, cosine, self.hit.part)
+
+    def face_cosine(self, d: Any, cosine: Any) -> Any:
+        """Cosine of the angle between a direction d and the normal of the surface itself. It decides on which side of
+        the surface d runs. cosine: the same for the normal n."""
+        return cosine if self.face is None else dr.dot(type(d)(self.face), d)
 
 
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
     """The interaction at the hit of a ray. sample: random numbers of the sample, if further rays start there."""
     surface, material, u, v = surface_of(s, ray, hit)
     d = s.a.V(ray.d if ray.d_single is None else ray.d_single)
-    n, from_inside = face_forward(surface.n, d)
+    face, from_inside = face_forward(surface.n, d)
+    n, shading = face, surface.shading
+    if shading is None:
+        face = None
+    else:
+        n = s.a.V(dr.select(from_inside, -shading, shading))
     origin = RayOrigin(s.geometry, surface.p, shared=False) if s.rays_leave_surfaces and sample is not None else None
-    return Interaction(ray.o, d, hit, surface, n, from_inside, material, u, v, origin, sample)
+    return Interaction(ray.o, d, hit, surface, n, face, from_inside, material, u, v, origin, sample)
 
 
 def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
@@ -82,7 +96,12 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     # Without derivatives, p does not depend on the row, so no branch needs to return it.
     p = dr.fma(t, ray.d, ray.o)
     attached_p = dr.zeros(a.W, n) if s.attached else None
-    normals = dr.zeros(a.V, n), dr.zeros(a.W, n) if s.features["paths"] else None
+    bends_normals = any(batch.kind.bends_normals for batch in s.batches)
+    normals = (
+        dr.zeros(a.V, n),
+        dr.zeros(a.W, n) if s.features["paths"] else None,
+        dr.zeros(a.W, n) if bends_normals else None,
+    )
     texture = dr.zeros(a.U, n) if textured else None
     # Double, because texture coordinates far out on a plane are large.
     zero = dr.zeros(a.D if textured else a.F, n)
@@ -99,11 +118,8 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
         in_batch = batch.has(hit.row)
 
         def evaluate(*_: Any, batch: Batch = batch, in_batch: Any = in_batch) -> tuple:
-            table = (batch.placed, batch.material, batch.texture if textured else None, batch.coordinate_bound)
-            placed, material, texture, coordinate_bound = _row_of(
-                s, table, len(batch), in_batch, hit.row - batch.first_row
-            )
-            attached_p, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part)
+            placed, material, texture, coordinate_bound = _row_of(s, batch, in_batch, hit.row - batch.first_row)
+            attached_p, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part, bends_normals)
             return leaves((attached_p, *normals, coordinate_bound, material, texture, type(zero)(u), type(zero)(v)))
 
         if len(s.batches) == 1:
@@ -112,13 +128,13 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
             state = rebuilt(state, tuple(dr.select(in_batch, new, old) for new, old in zip(evaluate(), leaves(state))))
         else:
             state = rebuilt(state, dr.if_stmt(leaves(state), in_batch, evaluate, lambda *old: old, label="interact"))
-    attached_p, normal, exact, coordinate_bound, material, texture, u, v = state
+    attached_p, normal, exact, shading, coordinate_bound, material, texture, u, v = state
     # The error of p: two roundings for each coordinate of o + t d, and five more for the error of t, which moves p
     # along the ray by at most the error of the local origin. The rounded numbers are at most |o| + t + the coordinate
     # bound of the row. Tested against exact arithmetic; a transform that shears multiplies the error by the distortion
     # of its frame.
     error = gamma(8) * (l1_norm(ray.o) + t + coordinate_bound)
-    surface = Surface(attached_p if s.attached else p, normal, error, exact)
+    surface = Surface(attached_p if s.attached else p, normal, error, exact, shading)
     if textured:
         untextured = texture == NO_TEXTURE
         texture_colour = texturing.colour(a, s.atlas, dr.select(untextured, 0, texture), u, v, s.features["bilinear"])
@@ -132,31 +148,41 @@ def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
     return dr.dot(surface_of(s, ray, hit)[0].p - ray.o, ray.d)
 
 
-def _row_of(s: KernelScene, table: tuple, size: int, in_batch: Any, index: Any) -> tuple:
-    """The row of a table that each lane needs, as a tuple of the same structure.
+def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
+    """The data of the row that each lane needs: a tuple of placed data, material, texture (None in scenes without
+    textures) and coordinate bound.
 
     A small table is read by branches, because the lanes of a packet need few of its rows. A large table is gathered
     from memory, and so is every table if derivatives are asked for: Dr.Jit 1.5 returns zero derivatives for values from
     outside a loop that pass through a branch inside it.
 
-    size: number of rows in the table
-    in_batch: mask of the lanes that hit a row of the table
-    index: number of this row in the table
+    in_batch: mask of the lanes that hit a row of the batch
+    index: number of this row in the batch
     """
-    if s.attached or size > policy.MAX_INLINED:
+    looks = batch.material, batch.texture if s.features["textures"] else None
+    table = (batch.placed, *looks, batch.coordinate_bound)
+    if batch.object_of is not None:
+        index = dr.select(in_batch, index, 0)
+        placed, bound = rows((batch.placed, batch.coordinate_bound), index)
+        return (placed, *rows(looks, batch.object_at(index)), bound)
+    if s.attached or len(batch) > policy.MAX_INLINED:
         return rows(table, dr.select(in_batch, index, 0))
     u = s.a.U
     row = leaves(rows(table, u(0)))
-    for i in range(1, size):
+    for i in range(1, len(batch)):
         row = dr.if_stmt(row, index == i, lambda *_, i=i: leaves(rows(table, u(i))), lambda *old: old, label="row")
     return rebuilt(table, row)
 
 
-def _surface(s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any, part: Any) -> tuple:
+def _surface(
+    s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any, part: Any, bends_normals: bool
+) -> tuple:
     """Surface data at the points p = o + t d on rows of a batch. Returns a tuple of p with derivatives (None if none
-    are asked for), the unit normal, the same normal in double (None if no path continues), u and v.
+    are asked for), the unit normal, the same normal in double (None if no path continues), the unit normal for shading
+    in double (None if no kind of the scene has its own), u and v.
 
     placed: placed data of each lane's row
+    bends_normals: whether some kind of the scene has its own normals for shading
     """
     kind, part = batch.kind, batch.part(part)
     f, g = kind.surface_at(placed, p, part)
@@ -166,4 +192,7 @@ def _surface(s: KernelScene, batch: Batch, placed: Any, ray: Ray, t: Any, p: Any
         g = kind.surface_at(placed, p, part)[1]
     u, v = kind.uv(placed, p, part)
     exact = dr.normalize(g) if s.features["paths"] else None
-    return p if s.attached else None, dr.normalize(s.a.V(g)), exact, u, v
+    shading = None
+    if bends_normals:
+        shading = kind.shading_normal(placed, p, part) if kind.bends_normals else dr.normalize(g)
+    return p if s.attached else None, dr.normalize(s.a.V(g)), exact, shading, u, v

@@ -15,6 +15,7 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.origin import Geometry, RayOrigin
 from visray.batches import Batch, place
+from visray.accel.lists import camera_sheet
 from visray.camera import OrthographicCamera, ParallelView, View
 from visray.features import Features, RayFamily
 from visray.images import Atlas
@@ -174,6 +175,14 @@ def kernel_scene(
     inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
     attached = dr.grad_enabled(leaves(inputs))
     lights, looped = _lights(packed, geometry, features, a, attached)
+    parallel = isinstance(view, ParallelView)
+    families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
+    if any(geometry.plan(shared).tree for shared in families.values()):
+        _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
+    camera_origin = None
+    if not parallel:
+        sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
+        camera_origin = RayOrigin(geometry, view.o, views=(sheet,))
     counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
     return KernelScene(
         a=a,
@@ -181,7 +190,7 @@ def kernel_scene(
         settings=settings,
         geometry=geometry,
         view=view,
-        origin=None if isinstance(view, ParallelView) else RayOrigin(geometry, view.o),
+        origin=camera_origin,
         lights=lights,
         looped_lights=looped,
         sky=packed.background,
@@ -212,7 +221,7 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Pac
     unchanged = reusable and all(new is old for new, old in zip(batches, previous[1].batches))
     if unchanged and previous[1].geometry.accelerator == settings.accelerator:
         return previous[1].geometry
-    return Geometry.of(a, tuple(batches), settings.accelerator)
+    return Geometry(a, tuple(batches), settings.accelerator)
 
 
 # The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
@@ -258,20 +267,33 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     batch_sizes = Counter(map(batch_key, scene.objects.values()))
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
     looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
+    shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))
+    plans = {name: policy.plan(sizes, scene.settings.accelerator, by) for name, by in shared.items()}
+    return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
+
+
+def shared_by(
+    features: Features, kinds: list[type[Light]], looped: bool, parallel: bool
+) -> dict[str, policy.SharedBy]:
+    """What the rays of each family share: a dict from the names of all families of a scene.
+
+    kinds: kinds of the scene's lights
+    looped: whether lights are looped over, if there are several of a kind
+    parallel: whether the camera is orthographic
+    """
     # A single light of its kind is never looped over.
     point_like = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
-    parallel = isinstance(scene.camera, OrthographicCamera)
-    shares_origin = {"camera, parallel": False} if parallel else {"camera": not effects["defocus"]}
-    if effects["shadows"] and point_like:
-        shares_origin["shadow rays of point and spot lights"] = True
+    families: dict[str, policy.SharedBy] = {"camera, parallel": "nothing"}
+    if not parallel:
+        families = {"camera": "nothing" if features["defocus"] else "origin"}
+    if features["shadows"] and point_like:
+        families["shadow rays of point and spot lights"] = "origin"
     other_rays = {
-        "shadow rays of other lights": effects["shadows"] and len(point_like) < len(kinds),
-        "occlusion rays": effects["sky occlusion"] or effects["near occlusion"],
-        "reflected, refracted and scattered rays": effects["paths"],
+        "shadow rays of other lights": features["shadows"] and len(point_like) < len(kinds),
+        "occlusion rays": features["sky occlusion"] or features["near occlusion"],
+        "reflected, refracted and scattered rays": features["paths"],
     }
-    shares_origin |= {name: False for name, present in other_rays.items() if present}
-    plans = {name: policy.plan(sizes, scene.settings.accelerator, shared) for name, shared in shares_origin.items()}
-    return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
+    return families | {name: "nothing" for name, present in other_rays.items() if present}
 
 
 def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:

@@ -24,11 +24,11 @@ def sky(s: KernelScene, si: Interaction) -> Any:
     """Visible share of the sky: the share of rays that hit nothing. Shapes: (N)."""
 
     def step(j: Any, visible: Any) -> tuple:
-        ray = _ray(s, si, SKY, j)
+        ray, below = _ray(s, si, SKY, j)
         n = dr.width(visible)
         no_target = Target(dr.full(s.a.F, dr.inf, n), dr.zeros(s.a.F, n))
         is_occluded = occluded(origin, ray, no_target, si.hit.valid, s.brute_force)
-        return (visible + dr.select(is_occluded, s.a.F(0), 1),)
+        return (visible + dr.select(is_occluded | below, s.a.F(0), 1),)
 
     origin = _above(s, si)
     return _mean(s, si, "sky", s.settings.occlusion.sky, step)
@@ -39,10 +39,11 @@ def near(s: KernelScene, si: Interaction) -> Any:
     Shapes: (N)."""
 
     def step(j: Any, total: Any) -> tuple:
-        ray = _ray(s, si, NEAR, j)
+        ray, below = _ray(s, si, NEAR, j)
         hit = closest(origin, ray, s.brute_force, si.hit.valid, s.occlusion_distance)
         t = attached_distance(s, ray, hit) if s.attached else hit.t
-        return (total + dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.occlusion_distance)), 1),)
+        share = dr.select(hit.valid, s.a.F(t) * dr.rcp(s.a.F(s.occlusion_distance)), 1)
+        return (total + dr.select(below, 0, share),)
 
     origin = _above(s, si)
     return _mean(s, si, "near", s.settings.occlusion.near, step)
@@ -61,8 +62,9 @@ def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
     return dr.select(count > 0, total * dr.rcp(dr.maximum(s.a.F(count), 1)), 1)
 
 
-def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
-    """Ray j from the surface point, in the hemisphere on the viewer's side.
+def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> tuple[Ray, Any]:
+    """Ray j from the surface point, in the hemisphere on the viewer's side, and a mask of the lanes in which it runs
+    below the surface, because the normal for shading is not that of the surface.
 
     dimension: SKY for a ray of the set "sky", NEAR for a ray of the set "near"
     """
@@ -73,7 +75,9 @@ def _ray(s: KernelScene, si: Interaction, dimension: int, j: Any) -> Ray:
         d = warp.box(n, u, v, si.sample.dimension(dimension + TURN).set_number(j, rays))
     else:
         d = warp.cosine(n, u, v)
-    return si.spawn_ray(d, dr.dot(n, d))
+    cosine = dr.dot(n, d)
+    below = s.a.B(False) if si.face is None else si.face_cosine(d, cosine) <= 0
+    return si.spawn_ray(d, cosine), below
 
 
 def _above(s: KernelScene, si: Interaction) -> RayOrigin:

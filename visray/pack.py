@@ -25,10 +25,21 @@ NO_TEXTURE = 0xFFFFFFFF
 
 
 class Names:
-    """Names of a batch's rows: either listed, or made of a prefix and the row's number, such as t0, t1, t2."""
+    """Names of a batch's rows: either listed, or made of a prefix and the row's number, such as t0, t1, t2.
 
-    def __init__(self, listed: tuple[str, ...] = (), prefix: str = "", count: int | None = None):
-        self.listed, self.prefix, self.count = listed, prefix, len(listed) if count is None else count
+    If `counts` is given, each listed name belongs to so many rows in a row, such as the triangles of a mesh.
+    """
+
+    def __init__(
+        self,
+        listed: tuple[str, ...] = (),
+        prefix: str = "",
+        count: int | None = None,
+        counts: tuple[int, ...] | None = None,
+    ):
+        self.listed, self.prefix = listed, prefix
+        self.ends = None if counts is None else np.cumsum(counts)
+        self.count = (len(listed) if count is None else count) if counts is None else int(self.ends[-1])
 
     def __len__(self) -> int:
         return self.count
@@ -36,14 +47,17 @@ class Names:
     def __getitem__(self, row: int) -> str:
         if not 0 <= row < self.count:
             raise IndexError(row)
+        if self.ends is not None:
+            return self.listed[np.searchsorted(self.ends, row, side="right")]
         return self.listed[row] if self.listed else f"{self.prefix}{row}"
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        return {name: row for row, name in enumerate(self.listed)}
+        first = range(len(self.listed)) if self.ends is None else [0, *self.ends[:-1].tolist()]
+        return dict(zip(self.listed, first))
 
     def row(self, name: str) -> int | None:
-        """The row with this name; None if there is none."""
+        """The row with this name, the first one if there are several; None if there is none."""
         if self.listed:
             return self._rows.get(name)
         number = name.removeprefix(self.prefix)
@@ -60,14 +74,17 @@ class Columns:
     names: names of the rows
     numbers: the kind's fields, as arrays
     outer: transforms of the rows; None for a batch without transforms
-    material, texture: number of each row's material and texture
-    object: number of each row's object, in the order of the scene
+    object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
+        triangles of meshes; None if each row is an object
+    material, texture: number of each object's material and texture
+    object: number of each object, in the order of the scene
     """
 
     kind: type[Primitive]
     names: Names
     numbers: Any
     outer: Frame | None
+    object_of: Any
     material: Any
     texture: Any
     object: Any
@@ -110,7 +127,7 @@ class Packed:
 
 def batch_key(obj: Primitive) -> tuple[type[Primitive], bool]:
     """Key that is equal for objects of one batch: their kind, and whether they have a transform."""
-    return obj.kind, bool(obj.transform)
+    return obj.kind, bool(obj.transform) and not obj.many_rows
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
@@ -153,15 +170,19 @@ def object_columns(scene: Scene, a: Arrays, kind: type[Primitive], members: list
     index = {name: i for i, name in enumerate(materials)}
     texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
     texture_of = {name: texture[m.texture] for name, m in materials.items()}
-    outer = None
-    if objects[0].transform:
+    outer = object_of = counts = None
+    if kind.many_rows:
+        counts = tuple(x.row_count() for x in objects)
+        object_of = a.put(a.U, np.repeat(np.arange(len(objects), dtype=np.uint32), counts))
+    elif objects[0].transform:
         matrices = np.stack([compose(x.transform) for x in objects])
         outer = Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
     return Columns(
         kind=kind,
-        names=Names(names),
+        names=Names(names, counts=counts),
         numbers=kind.table(a, objects),
         outer=outer,
+        object_of=object_of,
         material=a.put(a.U, np.array([index[x.material] for x in objects], np.uint32)),
         texture=a.put(a.U, np.array([texture_of[x.material] for x in objects], np.uint32)),
         object=a.put(a.U, numbers),

@@ -61,7 +61,7 @@ def first_pass_samples(prepared: Prepared) -> int:
     rays = 1 + sum(getattr(light, "samples", 1) for light in prepared.scene.lights.values())
     rays += settings.occlusion.sky * effects["sky occlusion"] + settings.occlusion.near * effects["near occlusion"]
     paths = max(settings.scatter.rays * effects["scatter"], 1) * 2 if effects["paths"] else 0
-    has_tree, has_searched_kinds = s.geometry.tree is not None, any(b.kind.finds_roots for b in s.batches)
+    has_tree, has_searched_kinds = bool(s.geometry.plan("nothing").tree), any(b.kind.finds_roots for b in s.batches)
     rays *= 1 + 4 * paths
     samples = 2**25 // (rays * (8 if has_tree else 1) * (64 if has_searched_kinds else 1))
     # A small picture is a single pass, traced once, if that takes no more than about two seconds.

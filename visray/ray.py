@@ -149,12 +149,14 @@ class Surface:
     n: outward unit normal, in the precision of shading
     error: bound on the distance between p and the true point, in world units
     exact: the same normal in double if paths continue from the point; else None
+    shading: outward unit normal for shading, in double; None if it is n for all surfaces of the scene
     """
 
     p: Any
     n: Any
     error: Any
     exact: Any = None
+    shading: Any = None
 
 
 def unit(d: Any, w: Any) -> Any:

@@ -60,10 +60,27 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name
     for number, named in rows.items():
+        if batches[number].kind.many_rows:
+            batches[number] = _anew(batches[number], new, a)
+            if not _same_sizes(batches[number], packed.batches[number]):
+                return None
+            continue
         batch, indices = batches[number], a.put(a.U, np.array(list(named), np.uint32))
         replacement = object_columns(new, a, batch.kind, list(enumerate(named.values())))
         batches[number] = _scattered(batch, replace(replacement, object=dr.gather(a.U, batch.object, indices)), indices)
     return tuple(batches)
+
+
+def _anew(columns: Columns, scene: Scene, a: Arrays) -> Columns:
+    """The columns of the same objects, packed again."""
+    order = list(scene.objects)
+    return object_columns(scene, a, columns.kind, [(order.index(name), name) for name in columns.names.listed])
+
+
+def _same_sizes(x: Columns, y: Columns) -> bool:
+    """Whether all arrays of two batches of one kind have equal widths."""
+    sizes = [[dr.width(array) for array in leaves((c.numbers, c.object_of), shared=True)] for c in (x, y)]
+    return sizes[0] == sizes[1] and (x.numbers.uv_corners is None) == (y.numbers.uv_corners is None)
 
 
 def _scattered(columns: Columns, replacement: Columns, indices: Any) -> Columns:

@@ -109,6 +109,72 @@ def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
 
 
 @dataclass(frozen=True)
+class TriangleGuard:
+    """The guard of a triangle for rays from one origin, in single precision. It rejects rays that pass an edge on the
+    outer side, and so nearly all rays that miss the triangle.
+
+    The three planes through the origin and the edges bound the pyramid of the rays that meet the triangle.
+
+    bc, ca, ab: unit normals of these planes, which point into the pyramid.
+    margin: bound on the error of the products of a unit direction and these normals; inf if the origin lies in the
+        plane of the triangle to within rounding.
+    """
+
+    bc: Any
+    ca: Any
+    ab: Any
+    margin: Any
+
+    def may_hit(self, d: Any, _: Any = None) -> Any:
+        """Whether a ray may meet the triangle. d: direction of the ray, in single."""
+        least = -self.margin
+        return (dr.dot(self.bc, d) >= least) & (dr.dot(self.ca, d) >= least) & (dr.dot(self.ab, d) >= least)
+
+    def packets(self, a: Arrays) -> tuple[Any, Any, Any]:
+        """The guards of all rows as three arrays of packets of four numbers, which a loop reads at once."""
+        bc, ca, ab, margin = self.bc, self.ca, self.ab, self.margin
+        fours = (bc.x, bc.y, bc.z, ca.x), (ca.y, ca.z, ab.x, ab.y), (ab.z, margin, margin, margin)
+        return tuple(dr.ravel(a.Q32(*four)) for four in fours)
+
+    @staticmethod
+    def unpacked(a: Arrays, p: Any, q: Any, r: Any) -> "TriangleGuard":
+        """The guard whose packets are p, q and r."""
+        return TriangleGuard(a.V32(p.x, p.y, p.z), a.V32(p.w, q.x, q.y), a.V32(q.z, q.w, r.x), r.y)
+
+
+def triangle_guard(a: Arrays, corners: tuple[Any, Any, Any], o: Any) -> TriangleGuard:
+    """The guards of triangles for rays that start at o.
+
+    corners: the corners a, b, c of each triangle, in double.
+
+    Error: u is the unit roundoff of single. The exact test (Triangle.intersect_plane) computes k d . (b x c) in double
+    for corners relative to o, where k is the largest component of d, at least 1 / sqrt(3). Its products of two
+    differences have an error of at most gamma(12) 2 |b| |c|. So at a crossing d . (b x c) is at least
+    -gamma(42) |b| |c|. The product b x c has an error of at most gamma(8) |b| |c| here. So the unit normal n satisfies
+    n . d >= -gamma(64) |b| |c| / |b x c| at a crossing. In single, n . d has 4 u from a conversion and three roundings,
+    and 6 u from d (see ball_guard); the code allows 16 u.
+    The volume a . (b x c) gives the side of the triangle on which o lies. If rounding hides its sign, o lies in the
+    plane of the triangle, and the guard rejects nothing.
+    """
+    p, q, r = (x - o for x in corners)
+    bc, ca, ab = dr.cross(q, r), dr.cross(r, p), dr.cross(p, q)
+    volume = dr.dot(p, bc)
+    lengths = dr.norm(p), dr.norm(q), dr.norm(r)
+    hidden = dr.abs(volume) <= gamma(32) * lengths[0] * lengths[1] * lengths[2]
+    side = dr.select(volume < 0, -1.0, 1.0)
+    margin, normals = a.D(16 * UNIT_ROUNDOFF["single"]), []
+    for n, x, y in ((bc, 1, 2), (ca, 2, 0), (ab, 0, 1)):
+        length = dr.norm(n)
+        hidden |= length == 0
+        scale = side / dr.select(length > 0, length, 1)
+        normals.append(a.V32(n * scale))
+        own = 16 * UNIT_ROUNDOFF["single"] + gamma(64) * lengths[x] * lengths[y] * dr.abs(scale)
+        margin = dr.maximum(margin, own)
+    margin = a.F32(dr.select(hidden, dr.inf, margin * (1 + gamma(2, "single"))))
+    return TriangleGuard(*normals, margin)
+
+
+@dataclass(frozen=True)
 class PlaneGuard:
     """The guard of a plane, in single precision. It rejects rays that run away from the plane or end before it.
 

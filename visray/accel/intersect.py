@@ -113,13 +113,14 @@ def transmittance(
     length of the ray inside the row. A row that the ray only enters, or only leaves, multiplies it by kt. Opaque rows
     have kt = 0.
 
-    tints: (kt, dmax) for each batch, arrays with one entry per row.
+    tints: (kt, dmax) for each batch, arrays with one entry per object.
     attached: whether the result carries derivatives by the tints and by d. Then the kernel has no branches.
     """
     a = origin.a
 
     def tint(c: Candidate, segment: RaySegment, attached_segment: RaySegment | None, *state: Any) -> tuple:
-        kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), c.row)
+        object_index = origin.batches[c.batch].object_at(c.row)
+        kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), object_index)
         passes_through, inside = length_inside(attached_segment or segment)
         share = a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
         hit = occludes(segment)

@@ -8,7 +8,8 @@ It never rejects a ray that hits in the exact test, which is in double.
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -16,7 +17,9 @@ import numpy as np
 
 from visray.accel import policy
 from visray.accel.bvh import Tree, build
+from visray.accel.cell_views import CellView
 from visray.accel.culling import BallGuard, DirectionCone, PlaneGuard, ball_guard, plane_guard, point_rounding, touches
+from visray.accel.lists import row_lists
 from visray.batches import Batch, boxes
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
@@ -29,31 +32,29 @@ class Geometry:
 
     a: the Dr.Jit array types of the backend.
     batches: the batches of the scene.
-    tree: bounding volume hierarchy over some of the batches (policy.Plan.tree); None if the plan puts no batch in it.
     accelerator: the value of settings.accelerator.
     """
 
     a: Arrays
     batches: tuple[Batch, ...]
-    tree: Tree | None
-    accelerator: policy.Accelerator
+    accelerator: policy.Accelerator = "auto"
 
-    @staticmethod
-    def of(a: Arrays, batches: tuple[Batch, ...], accelerator: policy.Accelerator = "auto") -> "Geometry":
-        """The geometry of the batches. It has a tree only if policy.plan puts some batches in one."""
-        geometry = Geometry(a, batches, None, accelerator)
+    @cached_property
+    def tree(self) -> Tree | None:
+        """The bounding volume hierarchy over some of the batches (policy.Plan.tree); None if the plan puts no batch in
+        it. It is built when it is first asked for, because many scenes have no rays that use it."""
         # Every batch that is in the tree for rays with a shared origin is also in the tree for other rays.
-        in_tree = geometry.plan(shared=False).tree
+        in_tree = self.plan("nothing").tree
         if not in_tree:
-            return geometry
-        corners = [boxes(batches[i]) for i in in_tree]
+            return None
+        corners = [boxes(self.batches[i]) for i in in_tree]
         low, high = (np.concatenate(c) for c in zip(*corners))
-        index = np.concatenate([batches[i].first_row + np.arange(len(batches[i])) for i in in_tree])
-        batch = np.repeat(in_tree, [len(batches[i]) for i in in_tree])
-        return replace(geometry, tree=evaluated(build(a, low, high, batch, index)))
+        index = np.concatenate([self.batches[i].first_row + np.arange(len(self.batches[i])) for i in in_tree])
+        batch = np.repeat(in_tree, [len(self.batches[i]) for i in in_tree])
+        return evaluated(build(self.a, low, high, batch, index))
 
-    def plan(self, shared: bool) -> policy.Plan:
-        """The plan of how rays find rows. shared: whether all rays have the same origin."""
+    def plan(self, shared: policy.SharedBy) -> policy.Plan:
+        """The plan of how rays find rows. shared: what all rays share."""
         sizes = [policy.BatchSize(len(b), b.kind.bounded) for b in self.batches]
         return policy.plan(sizes, self.accelerator, shared)
 
@@ -102,14 +103,19 @@ class RayOrigin:
     o: the origins. Shape: (3, 1), or (3, lanes).
     shared: whether all rays start at one point. Then the data of all unrolled rows is computed once, and kernels read
         it. The default None means: True if `o` has one entry.
+    views: sheets that contain the directions of all rays; None for all directions. They are used only if all rays start
+        at one point.
+    lists: for each batch in lists (policy.Plan.lists), the lists of its rows; None for other batches.
     may_reach: for each row of each unrolled batch, whether some ray of a cone may hit the row; None without a cone.
     """
 
-    def __init__(self, geometry: Geometry, o: Any, shared: bool | None = None):
+    def __init__(
+        self, geometry: Geometry, o: Any, shared: bool | None = None, views: tuple[CellView, ...] | None = None
+    ):
         self.a, self.o, self.geometry = geometry.a, dr.detach(o), geometry
         self.batches = detached(geometry.batches)
         self.shared = dr.width(o) == 1 if shared is None else shared
-        self.plan = geometry.plan(self.shared)
+        self.plan = geometry.plan("origin" if self.shared else "nothing")
         unrolled = [i in self.plan.unrolled for i in range(len(self.batches))]
         self.may_reach: list[list[Any]] | None = None
         if self.shared:
@@ -121,6 +127,7 @@ class RayOrigin:
             self.guard_packets = tuple(g and dr.ravel(self.a.Q32(*leaves(g)[0], leaves(g)[1])) for g in self.guards)
             dr.eval(self.seen, self.guards, self.guard_packets)
             self.touching = tuple(_touching(b, self.o) for b in self.batches)
+            self.lists = row_lists(self.a, self.batches, self.plan.lists, self.o, views)
         else:
             # Guards are computed here and not for each ray, so that a loop over rays with this origin computes them
             # only once.
@@ -164,11 +171,15 @@ class RayOrigin:
         """Mask of the rays that the guard of a row does not reject.
 
         It is True for rows in the tree: they need no guard, because the ray has already entered their bounding box.
+        The guards of rows in lists are those of the lists.
 
         d: ray directions, in single.
         reach: length of the rays, in single; None for endless rays.
         """
-        return self.a.B(True) if c.batch in self.plan.tree else self.guard(c).may_hit(d, reach)
+        if c.batch in self.plan.tree:
+            return self.a.B(True)
+        guard = self.lists[c.batch].guard(self.a, c.row) if c.batch in self.plan.lists else self.guard(c)
+        return guard.may_hit(d, reach)
 
     def _row(self, c: Candidate) -> Batch:
         """The row of a candidate, as a batch."""

@@ -50,7 +50,7 @@ def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_forc
     pending: list[Candidate] = []
     for number, batch in enumerate(origin.batches):
         n = len(batch)
-        if number in origin.plan.tree and not brute_force:
+        if number in (*origin.plan.lists, *origin.plan.tree) and not brute_force:
             continue
         if number in origin.plan.looped or (brute_force and n > policy.MAX_UNROLLED):
             state, pending = _inlined(query, pending, state), []
@@ -68,6 +68,9 @@ def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_forc
             for first in range(0, n, 32):
                 state = _gathered(origin, query, batch, candidates[first : first + 32], first, state)
     state = _inlined(query, pending, state)
+    if not brute_force:
+        for number in origin.plan.lists:
+            state = _listed(origin, query, number, ray, state)
     if not brute_force and origin.plan.tree:
         state = _in_tree(origin, query, ray, state)
     return state
@@ -138,6 +141,28 @@ def _looped(origin: RayOrigin, query: Query, number: int, state: tuple, brute_fo
 
     i = dr.zeros(origin.a.U, dr.width(state))
     return dr.while_loop((i, *state), lambda i, *_: i < count, body, label="rows")[1:]
+
+
+def _listed(origin: RayOrigin, query: Query, number: int, ray: Ray, state: tuple) -> tuple:
+    """The state after the query has run on the rows of a batch that the ray's cell lists."""
+    a, lists, batch = origin.a, origin.lists[number], origin.batches[number]
+    d32 = a.V32(ray.d)
+    first, end = lists.span(a, d32, ~query.finished(*state))
+
+    def walk(*state: Any) -> tuple:
+        begun = query.begin() if query.begin else None
+
+        def step(k: Any, *state: Any) -> tuple:
+            row, near = dr.gather(a.U, lists.entries, k), dr.gather(a.F32, lists.near, k)
+            within = near <= query.t_max(state)
+            c = Candidate(number, row, row + batch.first_row, within)
+            more = {} if begun is None else {"begun": begun}
+            state = _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s, **more), "intersect")
+            return (dr.select(within & ~query.finished(*state), k + 1, end), *state)
+
+        return dr.while_loop((first, *state), lambda k, *_: k < end, step, label="list")[1:]
+
+    return _where(first < end, state, walk, "listed")
 
 
 def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:

@@ -123,6 +123,9 @@ class Primitive:
     parts = 1  # number of parts of the surface, such as faces
     uses_part = False  # whether crossings depend on the part on which a ray starts or ends
     max_crossings = 1  # greatest number of crossings of a line with the surface
+    triangular = False  # whether a row is a triangle (corners)
+    many_rows = False  # whether an object has several rows, such as the triangles of a mesh
+    bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 
     @property
     def kind(self) -> "type[Primitive]":
@@ -233,6 +236,20 @@ class Primitive:
     def uv(placed: Any, p: Any, part: Any = None) -> tuple[Any, Any]:
         """(u, v): texture coordinates of a surface point p. v grows upwards."""
         raise TypeError("no uv")
+
+    @staticmethod
+    def corners(placed: Any) -> tuple[Any, Any, Any]:
+        """The corners in world space. Domain: kinds that are `triangular`."""
+        raise TypeError("no corners")
+
+    @staticmethod
+    def shading_normal(placed: Any, p: Any, part: Any = None) -> Any:
+        """The unit normal with which a surface point p is shaded. Domain: kinds with `bends_normals`."""
+        raise TypeError("no normal of its own for shading")
+
+    def row_count(self) -> int:
+        """Number of rows of the object. Domain: kinds with `many_rows`."""
+        raise TypeError("an object is one row")
 
     def mitsuba(self) -> MitsubaShapes | str:
         """The shapes that represent the object in Mitsuba, or a text that says why Mitsuba cannot represent it."""

@@ -66,6 +66,8 @@ class Triangle(Flat):
     Source: Woop, Benthin, Wald 2013.
     """
 
+    triangular = True
+
     type: Literal["triangle"] = "triangle"
     a: Point
     b: Point
@@ -94,6 +96,10 @@ class Triangle(Flat):
         radius = dr.sqrt(dr.maximum(dr.maximum(squared[0], squared[1]), squared[2]))
         low, high = (f(f(p.a, p.b), p.c) for f in (dr.minimum, dr.maximum))
         return Bounds(low, high, centre, radius)
+
+    @staticmethod
+    def corners(placed: PlacedTriangle) -> tuple[Any, Any, Any]:
+        return placed.a, placed.b, placed.c
 
     @staticmethod
     def seen(placed: PlacedTriangle, o: Any) -> SeenTriangle:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 from visray import camera as cameras
 from visray import lights, modes, primitives, textures
 from visray.materials import Material
+from visray.number_table import DIGESTS
 from visray.quantities import Color, Count, Length, Name
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -141,7 +142,7 @@ class Scene:
 
     def hash(self) -> str:
         """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""
-        return hashlib.sha256(ADAPTER.dump_json(self)).hexdigest()
+        return hashlib.sha256(ADAPTER.dump_json(self, context={DIGESTS: True})).hexdigest()
 
 
 ADAPTER = TypeAdapter(Scene)

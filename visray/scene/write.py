@@ -13,8 +13,10 @@ from visray.camera import Camera, OrthographicCamera
 from visray.lights.light import AreaLight
 from visray.materials import Material
 from visray.modes import MODES
+from visray.number_table import NumberTable
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
+from visray.primitives.mesh import FitBox, Mesh
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
@@ -27,7 +29,7 @@ from visray.transforms import STEPS, Matrix, Rotate, Scale
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
-KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, *STEPS.values())
+KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, FitBox, *STEPS.values())
 # Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform")
 
@@ -96,6 +98,18 @@ MEANINGS: dict[type, dict[str, str]] = {
         "clip with f < 0",
         "tolerance": "largest error of a crossing, from 0 to 1, as a share of half the length of the ray in the clip",
     },
+    Mesh: {
+        "file": "path of the mesh file (OBJ, PLY, STL, glTF, GLB or OFF), relative to the scene file",
+        "part": "the name of a part of the file; default: all parts",
+        "vertices": "the vertices, if there is no file: x, y and z of each, in world units",
+        "faces": "the triangles, if there is no file: three numbers of vertices each, counted from 0",
+        "normals": "face: flat triangles; smooth: averaged over edges that bend by at most `crease`; file: those of the "
+        "file",
+        "crease": "degrees, from 0 to 180",
+        "fit": "longest side of the bounding box, which is then centred at the origin, or a box to fit into",
+        "solid": "auto: a mesh without open edges is a solid; true: open edges are an error; false: never a solid",
+    },
+    FitBox: {},
     Scale: {"scale": "one factor, or one for each axis; not 0"},
     Rotate: {"rotate": "degrees"},
     Matrix: {"matrix": "the upper three rows of a 4 x 4 matrix"},
@@ -123,15 +137,17 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
-    """The scene with other paths of texture files.
+    """The scene with other paths of texture and mesh files.
 
     renamed: function that returns the new path for each path.
     """
-    textures = {
-        name: replace(texture, file=renamed(texture.file)) if isinstance(texture, ImageTexture) else texture
-        for name, texture in scene.textures.items()
-    }
-    return replace(scene, textures=textures)
+
+    def moved(entries: dict[str, Any]) -> dict[str, Any]:
+        return {
+            name: replace(x, file=renamed(x.file)) if getattr(x, "file", None) else x for name, x in entries.items()
+        }
+
+    return replace(scene, textures=moved(scene.textures), objects=moved(scene.objects))
 
 
 def _relative_path(folder: str | Path, file: str) -> str:
@@ -156,7 +172,7 @@ def _json_tree(value: Any, like: Any = None) -> Any:
     if isinstance(value, dict):
         names = sorted(value, key=lambda k: list(previous).index(k) if k in previous else len(previous))
         return {k: _json_tree(value[k], previous.get(k)) for k in names}
-    tree = value
+    tree = value.values.tolist() if isinstance(value, NumberTable) else value
     if isinstance(value, tuple):
         like_parts = like if isinstance(like, list) and len(like) == len(value) else [None] * len(value)
         tree = [_json_tree(v, part) for v, part in zip(value, like_parts)]

@@ -1,0 +1,167 @@
+"""The mesh: a surface of triangles, from a file or from arrays."""
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from visray.geometry import Frame
+from visray.meshes.fit import fit_transform
+from visray.meshes.normals import smooth_normals
+from visray.meshes.reading import part, read
+from visray.meshes.topology import Topology, oriented, topology
+from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
+from visray.number_table import NumberTable, TableRule
+from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
+from visray.primitives.primitive import Bounds, MitsubaShapes, Primitive
+from visray.quantities import FARTHEST, Point, Real
+from visray.transforms import compose
+
+Vertices = Annotated[NumberTable, TableRule(3, False, "world units")]
+Faces = Annotated[NumberTable, TableRule(3, True, "numbers of vertices, from 0")]
+Size = Annotated[Real, Field(gt=0, le=FARTHEST)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitBox:
+    """A box, given by two opposite corners, into which a mesh is scaled and moved."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    low: Point
+    high: Point
+
+
+@dataclass(frozen=True)
+class MeshShape:
+    """A mesh as it is rendered, before its transform.
+
+    mesh: vertices and faces; faces of a closed mesh turn outwards
+    normals: unit normals of a smooth mesh; None for a mesh of flat faces. Shape: (N, 3)
+    normal_of: for each corner of each face, its row of `normals`; None without normals. Shape: (F, 3)
+    topology: edges that are open or inconsistent, and whether the mesh is closed
+    turned: number of faces that were turned
+    scale, shift: the map p -> scale p + shift that `fit` asks for
+    """
+
+    mesh: TriangleMesh
+    normals: np.ndarray | None
+    normal_of: np.ndarray | None
+    topology: Topology
+    turned: int
+    scale: float
+    shift: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh(Primitive):
+    """A surface of triangles, from a `file` (OBJ, PLY, STL, glTF, GLB or OFF) or from the lists `vertices` and `faces`.
+
+    `part`: the part of the file with this name; by default, all parts.
+    `normals`: if "face", each triangle is flat. If "smooth", normals are averaged across edges at which the surface
+    bends by at most `crease` degrees. If "file", they are those of the file.
+    `fit`: the mesh is scaled and moved, before its transform. If it is a number, this is the longest side of the
+    bounding box, and the box is centred at the origin. If it is a box, the mesh is as large as fits into it.
+    `solid`: a closed mesh is a solid, and a mesh with open edges is a sheet ("auto"). If true, a mesh with open edges
+    is refused. If false, a closed mesh is a sheet too.
+    uv: texture coordinates of the file. Without them, the corners of each triangle are (0, 0), (1, 0) and (0, 1).
+    """
+
+    type: Literal["mesh"] = "mesh"
+    file: Annotated[str, Field(strict=True, min_length=1)] | None = None
+    part: Annotated[str, Field(strict=True, min_length=1)] | None = None
+    vertices: Vertices | None = None
+    faces: Faces | None = None
+    normals: Literal["face", "smooth", "file"] = "smooth"
+    crease: Annotated[Real, Field(ge=0, le=180)] = 40.0
+    fit: Size | FitBox | None = None
+    solid: Literal["auto"] | bool = "auto"
+
+    many_rows = True
+
+    @property
+    def kind(self) -> Any:
+        return MeshTriangle if self.normals == "face" else SmoothMeshTriangle
+
+    @property
+    def closed(self) -> bool:
+        """Whether the object is a solid."""
+        return self.solid is not False and self.shape_of_file().topology.closed
+
+    @property
+    def textured(self) -> bool:
+        """Whether the mesh has texture coordinates."""
+        return self.shape_of_file().mesh.uvs is not None
+
+    def shape_of_file(self) -> MeshShape:
+        """The mesh as it is rendered, before its transform. Raises MeshError if the file or the lists are wrong."""
+        stamp = None
+        if self.file is not None and os.path.exists(self.file):
+            status = os.stat(self.file)
+            stamp = os.path.abspath(self.file), status.st_mtime_ns, status.st_size
+        fit = (self.fit.low, self.fit.high) if isinstance(self.fit, FitBox) else self.fit
+        return _shape(self.file, stamp, self.part, self.vertices, self.faces, self.normals, self.crease, fit)
+
+    def flaws(self) -> list[tuple[str, str]]:
+        if (self.file is None) == (self.vertices is None):
+            both = "is given beside vertices; keep one" if self.file else "is missing; or vertices and faces"
+            return [("file", both)]
+        if (self.vertices is None) != (self.faces is None):
+            return [("faces", "vertices and faces belong together; give both")]
+        if self.part is not None and self.file is None:
+            return [("part", "only a file has parts; leave it out")]
+        if isinstance(self.fit, FitBox) and not all(l < h for l, h in zip(self.fit.low, self.fit.high)):
+            return [("fit", "each coordinate of low must be less than that of high")]
+        try:
+            shape = self.shape_of_file()
+        except MeshError as error:
+            return [(error.field, str(error))]
+        if self.solid is True and not shape.topology.closed:
+            return [("solid", f"the mesh is not closed: {shape.topology.summary()}; mend it or leave solid out")]
+        return []
+
+    def bounds(self, outer: Frame | None) -> Bounds:
+        # This is only for bounding_box, outside of kernels; kernels use MeshRows.bounds.
+        shape = self.shape_of_file()
+        p = shape.mesh.vertices * shape.scale + shape.shift
+        matrix = compose(self.transform)
+        if matrix is not None:
+            p = p @ matrix[:, :3].T + matrix[:, 3]
+        low, high = p.min(axis=0), p.max(axis=0)
+        return Bounds(low, high, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)))
+
+    def row_count(self) -> int:
+        return len(self.shape_of_file().mesh.faces)
+
+    def mitsuba(self) -> MitsubaShapes | str:
+        shape = self.shape_of_file()
+        p = shape.mesh.vertices * shape.scale + shape.shift
+        matrix = compose(self.transform)
+        if matrix is not None:
+            p = p @ matrix[:, :3].T + matrix[:, 3]
+        return MitsubaShapes([{"type": "mesh", "vertices": p, "faces": shape.mesh.faces}])
+
+
+@lru_cache(maxsize=16)
+def _shape(
+    file: str | None, stamp: tuple | None, name: str | None, vertices: NumberTable | None, faces: NumberTable | None,
+    normals: str, crease: float, fit: Any,
+) -> MeshShape:  # fmt: skip
+    """As Mesh.shape_of_file. stamp: path, modification time and size of the file, so that a changed file is read anew."""
+    mesh = from_arrays(vertices.values, faces.values) if file is None else read(file)
+    scale, shift = (1.0, (0.0, 0.0, 0.0)) if fit is None else fit_transform(mesh, fit)
+    if name is not None:
+        mesh = part(mesh, name)
+    mesh, turned = oriented(mesh)
+    if normals == "file":
+        if mesh.normals is None:
+            raise MeshError("the file has no normals; use smooth or face", "normals")
+        unit_normals, normal_of = mesh.normals, mesh.normal_of
+    elif normals == "smooth":
+        unit_normals, normal_of = smooth_normals(mesh, crease)
+    else:
+        unit_normals, normal_of = None, None
+    return MeshShape(mesh, unit_normals, normal_of, topology(mesh), turned, scale, tuple(map(float, shift)))

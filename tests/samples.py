@@ -29,6 +29,7 @@ from visray.primitives import (
     Cylinder,
     Disk,
     Ellipsoid,
+    Mesh,
     Plane,
     Polynomial,
     Rectangle,
@@ -563,6 +564,33 @@ def _triangle(rng: np.random.Generator, scale: float) -> Triangle:
             return Triangle(**{k: tuple(v.tolist()) for k, v in zip("abc", corners)})
 
 
+def mesh_of(t: Triangle) -> Mesh:
+    """A mesh of one triangle; meshes of many have tests of their own (test_mesh.py)."""
+    return Mesh(vertices=np.array([t.a, t.b, t.c]), faces=np.array([[0, 1, 2]]), normals="face", transform=t.transform)
+
+
+def triangle_of(mesh: Mesh) -> Triangle:
+    """The triangle of a mesh of one triangle."""
+    a, b, c = (tuple(map(float, v)) for v in np.array(getattr(mesh.vertices, "values", mesh.vertices)))
+    return Triangle(a=a, b=b, c=c, transform=mesh.transform)
+
+
+class RoundMesh:
+    """As the triangle, which has a test of its own in NumPy."""
+
+    @staticmethod
+    def interval(s: Mesh, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        return RoundTriangle.interval(triangle_of(s), o, d, g)
+
+    @staticmethod
+    def faces(s: Mesh, p: np.ndarray) -> list[Face]:
+        return RoundTriangle.faces(triangle_of(s), p)
+
+    @staticmethod
+    def uv(s: Mesh, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return RoundTriangle.uv(triangle_of(s), p)
+
+
 def _box(rng: np.random.Generator, scale: float) -> Box:
     low = np.array(place(rng, scale))
     return Box(min=tuple(low.tolist()), max=tuple((low + [length(rng, scale) for _ in range(3)]).tolist()))
@@ -703,6 +731,20 @@ SAMPLES = {
                 (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (1, 0, 0), (0, 0)),
                 (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (3, 0, 0), (1, 0)),
                 (Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0)), (1, 2, 0), (0, 1)),
+            ),
+        ),
+        Sample(
+            Mesh,
+            lambda rng, scale: mesh_of(_triangle(rng, scale)),
+            RoundMesh,
+            lambda s: _corners_hull(triangle_of(s)),
+            lambda s: exact.triangle(triangle_of(s)),
+            (mesh_of(Triangle(a=(-0.5, -0.5, 0), b=(0.5, -0.5, 0), c=(-0.5, 0.5, 0))),),
+            mesh_of(Triangle(a=(-0.8, -0.5, 0), b=(0.9, -0.4, 0.2), c=(0.1, 0.9, -0.3))),
+            (
+                (mesh_of(Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0))), (1, 0, 0), (0, 0)),
+                (mesh_of(Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0))), (3, 0, 0), (1, 0)),
+                (mesh_of(Triangle(a=(1, 0, 0), b=(3, 0, 0), c=(1, 2, 0))), (1, 2, 0), (0, 1)),
             ),
         ),
         Sample(

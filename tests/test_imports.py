@@ -24,9 +24,11 @@ roots.number_types roots.isolation roots.refinement roots.chord roots.crossing r
 textures materials modes
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
 lights camera
+number_table
 primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule
+primitives.mesh_triangle primitives.mesh
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
@@ -36,7 +38,7 @@ output.files output.curves output.layers output.exr output.rounding output.png o
 images
 pack address_index repack batches sampling moments film
 accel.cell_views accel.footprints accel.cells
-accel.policy accel.sah accel.bvh accel.bvh_walk accel.culling accel.ray_segment accel.origin accel.traversal
+accel.policy accel.sah accel.bvh accel.bvh_walk accel.culling accel.lists accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
 kernel_scene
 interaction

@@ -13,21 +13,26 @@ from visray.accel.policy import BatchSize, plan
 from visray.cli import main
 
 SIZES = st.lists(st.builds(BatchSize, st.integers(1, 200), st.booleans()), max_size=8)
-WAYS = ("auto", "none", "tree")
+SHARED = ("origin", "direction", "nothing")
+WAYS = ("auto", "none", "lists", "tree")
 
 
 @given(SIZES, st.sampled_from(WAYS))
 def test_every_batch_is_found_in_one_way_and_no_endless_one_in_a_tree(sizes: list[BatchSize], way: str) -> None:
-    for shared in (False, True):
+    for shared in SHARED:
         p = plan(sizes, way, shared)
-        assert sorted([*p.unrolled, *p.looped, *p.tree]) == list(range(len(sizes)))
-        assert all(sizes[i].bounded for i in p.tree) and p.reason and p.name
-        limit = policy.MAX_UNROLLED_SHARED if shared else policy.MAX_UNROLLED
+        assert sorted([*p.unrolled, *p.looped, *p.lists, *p.tree]) == list(range(len(sizes)))
+        assert all(sizes[i].bounded for i in (*p.lists, *p.tree)) and p.reason and p.name
+        limit = policy.MAX_UNROLLED_SHARED if shared == "origin" else policy.MAX_UNROLLED
         assert all(sizes[i].rows <= limit for i in p.unrolled)
+        bounded = {i for i, s in enumerate(sizes) if s.bounded}
         if way == "none":
-            assert not p.tree
+            assert not p.tree and not p.lists
         if way == "tree":
-            assert set(p.tree) == {i for i, s in enumerate(sizes) if s.bounded}
+            assert set(p.tree) == bounded and not p.lists
+        if way == "lists" and shared != "nothing":
+            assert set(p.lists) == bounded
+        assert not (p.lists and shared == "nothing")
         # What code there is for rows that are written out is bounded.
         bounded = sum(sizes[i].rows for i in p.unrolled if sizes[i].bounded)
         assert way != "auto" or bounded <= limit
@@ -35,7 +40,7 @@ def test_every_batch_is_found_in_one_way_and_no_endless_one_in_a_tree(sizes: lis
 
 @given(SIZES, st.sampled_from(WAYS))
 def test_rays_that_share_an_origin_look_in_the_tree_that_all_others_have(sizes: list[BatchSize], way: str) -> None:
-    one, many = (plan(sizes, way, shared) for shared in (True, False))
+    one, many = (plan(sizes, way, shared) for shared in ("origin", "nothing"))
     assert one.tree in ((), many.tree)
 
 
@@ -78,8 +83,9 @@ def test_explain_says_how_rays_find_objects(tmp_path, capsys) -> None:
         "camera", "shadow rays of point and spot lights", "shadow rays of other lights",
         "reflected, refracted and scattered rays",
     }  # fmt: skip
-    assert all("tree" in r["accelerator"] and "140 bounded objects" in r["reason"] for r in rays.values())
+    ways = {name: "lists" if name in ("camera", "shadow rays of point and spot lights") else "tree" for name in rays}
+    assert all(ways[n] in r["accelerator"] and "140 bounded objects" in r["reason"] for n, r in rays.items())
     assert main(["explain", str(file), "--set", "settings.accelerator=none"]) == 0
     assert "none: every object is" in capsys.readouterr().out
     assert main(["explain", str(file), "--set", "settings.accelerator=bvh"]) == 2
-    assert "one of auto, none, tree" in capsys.readouterr().err
+    assert "one of auto, none, lists, tree, embree" in capsys.readouterr().err

@@ -117,7 +117,7 @@ def bounce(
         if (hidden := interface.hidden) is not None:
             d, weight, through = dr.select(hidden, ray.d, d), dr.select(hidden, 1, weight), through | hidden
     if si.face is not None:
-        # A direction from the normal for shading may be on the wrong side of the surface. It is mirrored at the surface.
+        # The normal for shading may give a direction on the wrong side of the surface. It is mirrored at the surface.
         across = dr.dot(face, d)
         d = dr.select((across < 0) ^ through, d - (2 * across) * face, d)
     alive = shiny & (specular_left > 0)

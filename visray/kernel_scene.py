@@ -13,9 +13,9 @@ from typing import Any
 import drjit as dr
 
 from visray.accel import policy
+from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
 from visray.batches import Batch, place
-from visray.accel.lists import camera_sheet
 from visray.camera import OrthographicCamera, ParallelView, View
 from visray.features import Features, RayFamily
 from visray.images import Atlas
@@ -263,8 +263,10 @@ def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
 
 def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     """How each family of rays in a scene, such as camera rays, finds what it hits, and why: a RayFamily for each."""
-    effects, kinds = features, [type(light) for light in scene.lights.values()]
-    batch_sizes = Counter(map(batch_key, scene.objects.values()))
+    kinds = [type(light) for light in scene.lights.values()]
+    batch_sizes: Counter = Counter()
+    for obj in scene.objects.values():
+        batch_sizes[batch_key(obj)] += obj.row_count() if obj.many_rows else 1
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
     looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
     shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))

@@ -56,7 +56,7 @@ class TableRule:
     unit: str
 
     def table(self, given: Any) -> NumberTable:
-        """The table of a value: a NumberTable, an array, or a list of lists. Raises ValueError if it is no such table."""
+        """The table of a value: a NumberTable, an array, or a list of lists. Raises ValueError if it is none."""
         if isinstance(given, NumberTable):
             return given
         sort = "whole numbers, not negative" if self.whole else "numbers"

@@ -1,9 +1,9 @@
 """Lists of rows for rays that share an origin, as kernels read them.
 
 A row is one object, or one triangle of a mesh, in the kernel's tables. The directions from the origin are cut into
-cells (cells.py). Each cell lists the rows that a ray through it can meet, the nearest first. A ray reads the list of its
-cell until the next row begins farther away than the hit that it has. So the result is that of a test of all rows, bit
-for bit (tests/test_lists.py).
+cells (cells.py). Each cell lists the rows that a ray through it can meet, the nearest first. A ray reads the list of
+its cell until the next row begins farther away than the hit that it has. So the result is that of a test of all rows,
+bit for bit (tests/test_lists.py).
 
 Source: the item buffer of Weghorst, Hooper and Greenberg 1984; the light buffer of Haines and Greenberg 1986.
 """
@@ -128,8 +128,8 @@ class RowLists:
             lists = ball_lists(views, *balls(batch), BUDGET)
         near = lists.near[lists.entries] if len(lists.entries) else np.zeros(1, np.float32)
         entries = lists.entries if len(lists.entries) else np.zeros(1, np.uint32)
-        return evaluated(RowLists(Sheet.of(a, lists), a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near),
-                                  packets, triangular))  # fmt: skip
+        arrays = a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near)
+        return evaluated(RowLists(Sheet.of(a, lists), *arrays, packets, triangular))
 
     def guard(self, a: Arrays, row: Any) -> BallGuard | TriangleGuard:
         """The guard of a row of the batch, for each lane."""

@@ -1,7 +1,7 @@
 """The policy of acceleration: how rays find the rows that they hit. Kernels follow it, and `visray explain` shows it.
 
-A row is one object, or one triangle of a mesh, in the kernel's tables. A batch is a set of rows of one kind, which share
-code. The policy chooses one of four methods for each batch. All methods give the same results, bit for bit:
+A row is one object, or one triangle of a mesh, in the kernel's tables. A batch is a set of rows of one kind, which
+share code. The policy chooses one of four methods for each batch. All methods give the same results, bit for bit:
 
     unrolled   the kernel's code contains a test for each row, one after the other
     looped     a loop in the kernel tests all rows
@@ -14,11 +14,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 Accelerator = Literal["auto", "none", "lists", "tree", "embree"]
-# What all rays of a family share, such as all camera rays of a pinhole camera: their origin, their direction, or neither.
+# What all rays of a family share, such as all rays of a pinhole camera: their origin, their direction, or neither.
 SharedBy = Literal["origin", "direction", "nothing"]
 
-# The greatest number of rows that are unrolled. If a scene has more, batches are put in lists or in the tree. An unrolled
-# row costs a few cycles per ray, and about a millisecond of compile time for each place of the kernel where rays start.
+# The greatest number of rows that are unrolled. If a scene has more, batches are put in lists or in the tree. An
+# unrolled row costs a few cycles per ray, and about a millisecond of compile time for each place of the kernel where
+# rays start.
 MAX_UNROLLED = 32
 # The same number for rays that share an origin and may not use lists.
 MAX_UNROLLED_SHARED = 128

@@ -1,6 +1,7 @@
 """The mesh: a surface of triangles, from a file or from arrays."""
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated, Any, Literal
@@ -12,7 +13,7 @@ from visray.geometry import Frame
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import smooth_normals
 from visray.meshes.reading import part, read
-from visray.meshes.topology import Topology, oriented, topology
+from visray.meshes.topology import Topology, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
 from visray.number_table import NumberTable, TableRule
 from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
@@ -20,8 +21,12 @@ from visray.primitives.primitive import Bounds, MitsubaShapes, Primitive
 from visray.quantities import FARTHEST, Point, Real
 from visray.transforms import compose
 
-Vertices = Annotated[NumberTable, TableRule(3, False, "world units")]
-Faces = Annotated[NumberTable, TableRule(3, True, "numbers of vertices, from 0")]
+TABLES = {
+    "vertices": TableRule(3, False, "world units"),
+    "faces": TableRule(3, True, "numbers of vertices, from 0"),
+}
+Vertices = Annotated[NumberTable, TABLES["vertices"]]
+Faces = Annotated[NumberTable, TABLES["faces"]]
 Size = Annotated[Real, Field(gt=0, le=FARTHEST)]
 
 
@@ -82,6 +87,13 @@ class Mesh(Primitive):
 
     many_rows = True
 
+    def __post_init__(self) -> None:
+        # Arrays become tables at once, because a mesh can be used before it is checked. The check reports wrong values.
+        for name, rule in TABLES.items():
+            with suppress(ValueError):
+                if (given := getattr(self, name)) is not None:
+                    object.__setattr__(self, name, rule.table(given))
+
     @property
     def kind(self) -> Any:
         return MeshTriangle if self.normals == "face" else SmoothMeshTriangle
@@ -120,7 +132,7 @@ class Mesh(Primitive):
         except MeshError as error:
             return [(error.field, str(error))]
         if self.solid is True and not shape.topology.closed:
-            return [("solid", f"the mesh is not closed: {shape.topology.summary()}; mend it or leave solid out")]
+            return [("solid", f"the mesh is not closed: {_gaps(shape.topology)}; mend it, or leave solid out")]
         return []
 
     def bounds(self, outer: Frame | None) -> Bounds:
@@ -145,23 +157,36 @@ class Mesh(Primitive):
         return MitsubaShapes([{"type": "mesh", "vertices": p, "faces": shape.mesh.faces}])
 
 
+def _gaps(edges: Topology) -> str:
+    """Why a mesh is not closed, in a few words. Domain: it is not."""
+    counts = {
+        "open edges": len(edges.open_edges),
+        "edges that two faces run in the same direction": edges.inconsistent,
+        "edges of three or more faces": edges.nonmanifold,
+    }
+    text = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
+    if not len(edges.open_edges):
+        return text
+    first, second = edges.open_edges[0]
+    return f"{text}, the first between the vertices {first} and {second}"
+
+
 @lru_cache(maxsize=16)
 def _shape(
     file: str | None, stamp: tuple | None, name: str | None, vertices: NumberTable | None, faces: NumberTable | None,
     normals: str, crease: float, fit: Any,
 ) -> MeshShape:  # fmt: skip
-    """As Mesh.shape_of_file. stamp: path, modification time and size of the file, so that a changed file is read anew."""
+    """As Mesh.shape_of_file. stamp: path, modification time and size of the file; if it changes, it is read anew."""
     mesh = from_arrays(vertices.values, faces.values) if file is None else read(file)
     scale, shift = (1.0, (0.0, 0.0, 0.0)) if fit is None else fit_transform(mesh, fit)
     if name is not None:
         mesh = part(mesh, name)
-    mesh, turned = oriented(mesh)
     if normals == "file":
         if mesh.normals is None:
-            raise MeshError("the file has no normals; use smooth or face", "normals")
+            raise MeshError("normals", "the file has no normals; use smooth or face")
         unit_normals, normal_of = mesh.normals, mesh.normal_of
     elif normals == "smooth":
         unit_normals, normal_of = smooth_normals(mesh, crease)
     else:
         unit_normals, normal_of = None, None
-    return MeshShape(mesh, unit_normals, normal_of, topology(mesh), turned, scale, tuple(map(float, shift)))
+    return MeshShape(mesh, unit_normals, normal_of, topology(mesh), 0, scale, tuple(map(float, shift)))

@@ -42,8 +42,8 @@ class MeshRows:
     vertices: vertices in coordinates of their mesh. Shape: (3, vertices)
     mesh_of: number of each vertex's mesh
     frames: for each mesh, the map from its coordinates to the world
-    normal_corners, normals: numbers of the corners' normals, and the unit normals in coordinates of their mesh; None for
-        meshes of flat faces
+    normal_corners, normals: numbers of the corners' normals, and the unit normals in coordinates of their mesh; None
+        for meshes of flat faces
     mesh_of_normal: number of each normal's mesh
     uv_corners, u, v: numbers of the corners' texture coordinates, and these; None if no mesh has any
     """

@@ -103,8 +103,8 @@ MEANINGS: dict[type, dict[str, str]] = {
         "part": "the name of a part of the file; default: all parts",
         "vertices": "the vertices, if there is no file: x, y and z of each, in world units",
         "faces": "the triangles, if there is no file: three numbers of vertices each, counted from 0",
-        "normals": "face: flat triangles; smooth: averaged over edges that bend by at most `crease`; file: those of the "
-        "file",
+        "normals": "face: flat triangles; smooth: averaged over edges that bend by at most `crease` degrees; file: "
+        "those of the file",
         "crease": "degrees, from 0 to 180",
         "fit": "longest side of the bounding box, which is then centred at the origin, or a box to fit into",
         "solid": "auto: a mesh without open edges is a solid; true: open edges are an error; false: never a solid",

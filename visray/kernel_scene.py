@@ -274,9 +274,7 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
 
 
-def shared_by(
-    features: Features, kinds: list[type[Light]], looped: bool, parallel: bool
-) -> dict[str, policy.SharedBy]:
+def shared_by(features: Features, kinds: list[type[Light]], looped: bool, parallel: bool) -> dict[str, policy.SharedBy]:
     """What the rays of each family share: a dict from the names of all families of a scene.
 
     kinds: kinds of the scene's lights

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import drjit as dr
 import numpy as np
@@ -12,13 +12,17 @@ from test_updated import compiled
 
 import visray as vr
 from visray import integrator
+from visray.accel.intersect import closest
+from visray.accel.policy import Accelerator
 from visray.address_index import AddressIndex
 from visray.camera import ParallelView
+from visray.cli import main
 from visray.geometry import gamma
 from visray.passes import expose
 from visray.scene.check import examined
 from visray.scene.write import dump
 from visray.setup import prepare
+from visray.study.mitsuba import crosscheck
 
 # Neither along an axis nor near one.
 TILTED = vr.OrthographicCamera(origin=(4.0, 3.0, 5.0), target=(0.1, -0.2, 0.3), up=(0.2, 1.0, 0.1), height=3.0)
@@ -179,24 +183,32 @@ def test_it_is_the_limit_of_a_perspective_camera_far_away() -> None:
 # Every way to find objects
 
 
+def first_hits(scene: vr.Scene, accelerator: str, brute_force: bool = False) -> list[bytes]:
+    """Numbers of the first hits of a scene whose objects are found in some way."""
+    way = replace(scene, settings=replace(scene.settings, accelerator=accelerator))
+    made = prepare(way, brute_force=brute_force)
+    ray = integrator.camera_ray(made.kernel, made.a.F(made.x) + 0.5, made.a.F(made.y) + 0.5)
+    hit = closest(integrator.camera_origin(made.kernel, ray), ray, brute_force)
+    dr.eval(hit)
+    return [np.array(hit.t).tobytes(), np.array(hit.row).tobytes()]
+
+
 @pytest.mark.slow
-def test_every_way_to_find_objects_gives_the_same_bits() -> None:
-    """All kinds at once, also more than are unrolled; the way of brute force is the reference."""
+@pytest.mark.parametrize("name", NAMES)
+def test_every_way_to_find_objects_gives_the_same_hits(name: str) -> None:
+    """A few objects of a kind, and more than are unrolled. Bit for bit those of brute force."""
     rng = np.random.default_rng(5)
-    for count in (1, 4):
-        objects = {f"{name} {i}": SAMPLES[name].random(rng, 1.0) for name in NAMES for i in range(count)}
-        scene = scene_of(
-            replace(TILTED, height=6.0), objects, lights={"sun": vr.DirectionalLight(direction=(-1, -2, -1))}
-        )
-        pictures = []
-        for accelerator, brute_force in (("auto", True), ("auto", False), ("none", False), ("tree", False)):
-            way = replace(scene, settings=replace(scene.settings, accelerator=accelerator))
-            made = prepare(way, brute_force=brute_force)
-            first = integrator.first_hit(made.kernel, made.x, made.y)
-            dr.eval(first)
-            values = [np.array(expose(made)[0].mean), *(np.array(first[k]) for k in ("Z", "id", "N"))]
-            pictures.append([v.tobytes() for v in values])
-        assert all(p == pictures[0] for p in pictures), count
+    for count in (3, 40):
+        objects = {}
+        for i in range(count):
+            angle, *move = (float(x) for x in rng.uniform(-2, 2, 4))
+            steps = vr.Scale(scale=0.4), vr.Rotate(rotate=90 * angle, axis=(1, 2, 3)), vr.Translate(translate=move)
+            objects[str(i)] = replace(SAMPLES[name].posed, transform=steps)
+        scene = scene_of(replace(TILTED, height=6.0), objects)
+        truth = first_hits(scene, "auto", brute_force=True)
+        assert len(set(np.frombuffer(truth[1], np.uint32))) > 1
+        for accelerator in get_args(Accelerator):
+            assert first_hits(scene, accelerator) == truth, (count, accelerator)
 
 
 @pytest.mark.slow
@@ -209,6 +221,7 @@ def test_all_effects_forced_give_the_same_bits() -> None:
     assert (defocus.on, defocus.reason) == (False, "an orthographic camera has no lens")
 
 
+@pytest.mark.slow
 def test_glass_mirrors_soft_shadows_and_certificates_work() -> None:
     """Through each path of the kernel once. The core is inside the glass: no ray from the camera meets it first."""
     scene = scene_of(
@@ -228,6 +241,38 @@ def test_a_picture_to_an_error_states_one() -> None:
     scene = scene_of(TILTED, {"ball": vr.Sphere()}, lights={"key": vr.PointLight(position=(2, 5, 3))})
     image = vr.render(scene, error=0.02, progress=False)
     assert 0 < image.metadata["error"] <= image.metadata["error_high"] <= 0.02
+
+
+# The witness
+
+
+def test_mitsubas_own_orthographic_camera_sends_the_same_rays() -> None:
+    """Its picture is as wide as the scale of `to_world`, twice; it starts rays at the distance `near_clip`. Positions
+    and directions are in single precision."""
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant("llvm_ad_rgb")
+    t, wide = mi.ScalarTransform4f, 0.5 * TILTED.height * FILM.width / FILM.height
+    to_world = t().look_at(origin=list(TILTED.origin), target=list(TILTED.target), up=list(TILTED.up))
+    near, film = 2.0**-10, {"type": "hdrfilm", "width": FILM.width, "height": FILM.height}
+    sensor = mi.load_dict(
+        {"type": "orthographic", "near_clip": near, "to_world": to_world @ t().scale([wide, wide, 1]), "film": film}
+    )
+    y, x = np.divmod(np.arange(FILM.width * FILM.height), FILM.width)
+    pixels = mi.Point2f((x + 0.5) / FILM.width, (y + 0.5) / FILM.height)
+    theirs, _ = sensor.sample_ray(0, 0.5, pixels, mi.Point2f(0.5))
+    forward, slack = axes(TILTED)[2], gamma(32, "single")
+    assert np.abs(array(theirs.d) - forward).max() <= slack
+    assert np.abs(array(theirs.o) - near * forward - sheet(TILTED, FILM).reshape(-1, 3)).max() <= slack * 10
+
+
+@pytest.mark.slow
+def test_mitsuba_agrees() -> None:
+    objects = {name: SAMPLES[name].random(np.random.default_rng(i), 1.0) for i, name in enumerate(NAMES)}
+    floor = {"floor": vr.Plane(point=(0, -1.5, 0), normal=(0.1, 1, 0))}
+    scene = scene_of(replace(TILTED, height=6.0), objects | floor, lights={"key": vr.PointLight(position=(2, 9, 4))})
+    report = crosscheck.check(scene, rays=2000)
+    assert report.passed, report.as_json()
+    assert report.pixels.hits > 0.9 * report.pixels.rays and report.picture.compared > 0.9 * report.picture.pixels
 
 
 # What is told, written, moved and derived
@@ -303,12 +348,24 @@ def test_only_its_own_numbers_have_derivatives() -> None:
         index.slot("camera.type")
 
 
-# Files
+# Files, and the command line
 
 
+def test_the_command_line_changes_the_type(tmp_path: Any, capsys: pytest.CaptureFixture) -> None:
+    file, written = tmp_path / "scene.json", tmp_path / "a.exr"
+    file.write_text(dump(scene_of(vr.Camera(fov=20.0), {"ball": vr.Sphere()})))
+    words = ["render", str(file), "-o", str(written), "--quiet", "--set", "camera.type=orthographic"]
+    assert main([*words, "--set", "camera.height=3"]) == 0
+    expected = vr.render(scene_of(vr.OrthographicCamera(height=3.0), {"ball": vr.Sphere()}), progress=False)
+    assert np.array_equal(vr.Image.read(written)["id"], expected["id"])
+    capsys.readouterr()
+    assert main([*words, "--set", "camera.fov=3"]) == 2
+    assert capsys.readouterr().err == f"visray: camera.fov: {WRONG_FOV}\n"
+
+
+WRONG_FOV = "an orthographic camera has none; write height, the vertical extent of the picture in world units"
 WRONG = {
-    '{"type": "orthographic", "fov": 30}': "camera.fov = 30: an orthographic camera has none; write height, the "
-    "vertical extent of the picture in world units",
+    '{"type": "orthographic", "fov": 30}': f"camera.fov = 30: {WRONG_FOV}",
     '{"type": "orthographic", "aperture": 0.2}': "camera.aperture = 0.2: an orthographic camera has no lens; leave it "
     "out",
     '{"type": "orthographic", "focus": 2}': "camera.focus = 2: an orthographic camera has no lens; leave it out",

@@ -139,7 +139,8 @@ class Triangles:
         inside = np.all([v >= -e for v, e in zip(volumes, zero)], axis=0)
         inside |= np.all([v <= e for v, e in zip(volumes, zero)], axis=0)
         total = sum(volumes)
-        inside &= np.abs(total) > sum(zero)  # rays within the plane of a triangle are not asked
+        # Rays in the plane of a triangle are left out: their distance has no meaning. It is exact to 2^-26 for others.
+        inside &= np.abs(total) > 2**26 * sum(zero)
         ray, row = np.nonzero(inside)
         weights = [v[ray, row] / total[ray, row] for v in volumes]  # of the corners c, a, b
         along = [sum(p[k][ray % len(p[k]), row] * d[ray, k] for k in range(3)) for p in corners]

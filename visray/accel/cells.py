@@ -13,13 +13,14 @@ Source: Weghorst, Hooper, Greenberg 1984 (item buffer); Haines and Greenberg 198
 """
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from visray.accel.cell_pairs import ordered, spans_of
 from visray.accel.cell_views import CellView, camera_view, parallel_view, point_views
-from visray.accel.footprints import Balls, Boxes, Triangles, rounded_down
+from visray.accel.footprints import Balls, Boxes
+from visray.accel.triangle_footprints import Triangles
 from visray.geometry import gamma
 
 __all__ = ["CellLists", "CellView", "ball_lists", "camera_view", "parallel_view", "point_views", "triangle_lists"]
@@ -71,7 +72,7 @@ def ball_lists(
     centre, radius: the balls, exact to within gamma(32) times their sizes. Shapes: (n, 3), (n).
     budget_bytes: greatest size of offsets and entries together.
     """
-    return _lists(views, Balls(np.asarray(centre, float), np.asarray(radius, float)), budget_bytes)
+    return _lists(views, Balls(centre, radius), budget_bytes)
 
 
 def triangle_lists(
@@ -82,27 +83,29 @@ def triangle_lists(
     a, b, c: corners of the triangles, exact to within gamma(32) times their sizes. Shape: (n, 3) each.
     budget_bytes: as in ball_lists.
     """
-    return _lists(views, Triangles(*(np.asarray(v, float) for v in (a, b, c))), budget_bytes)
+    return _lists(views, Triangles(a, b, c), budget_bytes)
 
 
 def _lists(views: tuple[CellView, ...], rows: Balls | Triangles, budget_bytes: int) -> CellLists | None:
     """The lists of rows, in the finest cells that pay and that the budget allows."""
     start = time.perf_counter()
-    near, far = _range(views[0], rows)
+    low, high, boxes = rows.seen(views)
+    near, far = _with_margins(views[0], low, high)
     rank, order = _ranks(near)
-    boxes = [rows.boxes(view) for view in views]
     side = _side(views, boxes, rows, budget_bytes)
     while True:
-        columns, rows_of_cells = _grid(views, side)
+        columns, rows_of_cells = grid = _grid(views, side)
         cells = len(views) * columns * rows_of_cells
-        parts = [_Pairs(v, b, rows, columns, rows_of_cells) for v, b in zip(views, boxes)]
-        size = 4 * (sum(p.count for p in parts) + cells + 1)
+        spans = [
+            spans_of(v, b, rows, rank, grid, k * columns * rows_of_cells) for k, (v, b) in enumerate(zip(views, boxes))
+        ]
+        size = 4 * (sum(int(s.length.sum()) for s in spans) + cells + 1)
         if size <= budget_bytes:
             break
         if side <= 1:
             return None
         side = max(1.0, side * min(0.9, (budget_bytes / size) ** 0.5))
-    offsets, entries = _sorted(parts, rank, order, cells)
+    offsets, entries = ordered(spans, order, cells)
     slack = np.max([v.slack(columns, rows_of_cells) for v in views], axis=0)
     far = far if views[0].parallel else None
     return CellLists(
@@ -110,18 +113,22 @@ def _lists(views: tuple[CellView, ...], rows: Balls | Triangles, budget_bytes: i
     )
 
 
-def _range(view: CellView, rows: Balls | Triangles) -> tuple[np.ndarray, np.ndarray]:
+def _with_margins(view: CellView, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounds on the distances or depths of rows, with a margin for all that a kernel computes in single. Shape: (n).
 
     Error: a depth in single has an error of at most 5 u reach. A distance in single has a relative error of at most 8 u
     (u of a conversion, 6 u of the unit direction).
     """
-    low, high = rows.range(view)
     if view.parallel:
         margin = gamma(8, "single") * view.reach
-        return rounded_down(low - margin), -rounded_down(-high - margin)
+        return _rounded_down(low - margin), -_rounded_down(-high - margin)
     margin = gamma(16, "single")
-    return np.maximum(rounded_down(low * (1 - margin)), np.float32(0)), -rounded_down(-high * (1 + margin))
+    return np.maximum(_rounded_down(low * (1 - margin)), np.float32(0)), -_rounded_down(-high * (1 + margin))
+
+
+def _rounded_down(x: np.ndarray) -> np.ndarray:
+    """Single-precision numbers that are less than x."""
+    return np.nextafter(x.astype(np.float32), np.float32(-np.inf))
 
 
 def _ranks(near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -164,79 +171,3 @@ def _side(views: tuple[CellView, ...], boxes: list[Boxes], rows: Balls | Triangl
     best = side[fits][-1] if fits.any() else 1.0
     short = entries <= NEARLY_SHORTEST * area * side * side
     return float(min(best, side[short][0])) if short.any() else float(best)
-
-
-class _Pairs:
-    """All pairs of a cell and a row of one view, as spans: one row, and neighbouring cells of one row of cells.
-
-    count: number of pairs.
-    """
-
-    def __init__(self, view: CellView, boxes: Boxes, rows: Balls | Triangles, columns: int, rows_of_cells: int):
-        self.columns, self.rows_of_cells = columns, rows_of_cells
-        grid = np.array([columns, rows_of_cells], np.float32)[:, None]
-        # Products of the boxes' corners and the numbers of cells are rounded in single, and the footprints in double.
-        slack = view.slack(columns, rows_of_cells)[:, None] + gamma(16, "single") * grid
-        self.slack = slack
-        low, high = boxes.low * grid - slack.astype(np.float32), boxes.high * grid + slack.astype(np.float32)
-        seen = np.all((high >= -slack) & (low <= grid + slack), axis=0)
-        first = np.clip(np.floor(low), 0, grid - 1).astype(np.int32)[:, seen]
-        last = np.clip(np.floor(high), 0, grid - 1).astype(np.int32)[:, seen]
-        self.row, self.projected = boxes.row[seen], boxes.projected[seen]
-        self.first, self.size = first, last - first + 1
-        self._span(view, rows)
-        self.count = int(self.length.sum())
-
-    def _span(self, view: CellView, rows: Balls | Triangles) -> None:
-        height = self.size[1]
-        owner = np.repeat(np.arange(len(height)), height)
-        j = self.first[1][owner] + np.arange(len(owner)) - np.repeat(np.cumsum(height) - height, height)
-        begin, length = self.first[0][owner], self.size[0][owner]
-        cut = self.projected & (self.size[0] > 1) & (self.size[1] > 1)
-        at = np.flatnonzero(cut[owner])
-        if len(at):
-            new = np.cumsum(cut) - 1
-            begin[at], length[at] = self._cut(view, rows, np.flatnonzero(cut), new[owner[at]], j[at])
-        self.owner, self.begin, self.length = owner, j * self.columns + begin, length
-
-    def _cut(self, view: CellView, rows: Triangles, which: np.ndarray, owner: np.ndarray, j: np.ndarray) -> tuple:
-        """Columns that triangles overlap in rows of cells: (first column, number of columns), one entry per span."""
-        x, y, margin = rows.spans(view, self.row[which], None)
-        x, y = x * self.columns, y * self.rows_of_cells
-        margin_x, margin_y = self.slack[0] + margin[0] * self.columns, self.slack[1] + margin[1] * self.rows_of_cells
-        lower = np.where(j == 0, -np.inf, j - margin_y[owner])
-        upper = np.where(j == self.rows_of_cells - 1, np.inf, j + 1 + margin_y[owner])
-        first, last = np.full(len(j), np.inf), np.full(len(j), -np.inf)
-        x, y = x[:, owner], y[:, owner]
-        for k in range(3):
-            xp, yp, xq, yq = x[k], y[k], x[(k + 1) % 3], y[(k + 1) % 3]
-            dy = yq - yp
-            dy[dy == 0] = 2.0**-1000
-            x0 = xp + np.clip((lower - yp) / dy, 0, 1) * (xq - xp)
-            x1 = xp + np.clip((upper - yp) / dy, 0, 1) * (xq - xp)
-            meets = (np.maximum(yp, yq) >= lower) & (np.minimum(yp, yq) <= upper)
-            first = np.where(meets, np.minimum(first, np.minimum(x0, x1)), first)
-            last = np.where(meets, np.maximum(last, np.maximum(x0, x1)), last)
-        first, last = first - margin_x[owner], last + margin_x[owner]
-        seen = (last >= -self.slack[0]) & (first <= self.columns + self.slack[0])
-        first = np.clip(np.floor(first), 0, self.columns - 1).astype(np.int32)
-        last = np.clip(np.floor(last), 0, self.columns - 1).astype(np.int32)
-        return first, np.where(seen, last - first + 1, 0)
-
-    def keys(self, rank: np.ndarray, base: int) -> Iterator[np.ndarray]:
-        """For each pair a number: the cell, and in the lower 32 bits the row's rank."""
-        cell = (self.begin + base).astype(np.uint64)
-        ends = np.cumsum(self.length)
-        step = np.uint64(32)
-        key = (cell << step) + rank[self.row[self.owner]] - ((ends - self.length).astype(np.uint64) << step)
-        yield np.repeat(key, self.length) + (np.arange(self.count, dtype=np.uint64) << step)
-
-
-def _sorted(parts: list[_Pairs], rank: np.ndarray, order: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """(offsets, entries) of all pairs."""
-    each = cells // len(parts)
-    keys = np.concatenate([k for v, p in enumerate(parts) for k in p.keys(rank, v * each)])
-    keys.sort()
-    entries = order[keys.astype(np.uint32)]
-    count = np.bincount((keys >> np.uint64(32)).astype(np.int64), minlength=cells)
-    return np.concatenate([[0], np.cumsum(count)]).astype(np.uint32), entries

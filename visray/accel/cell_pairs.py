@@ -1,0 +1,147 @@
+"""Pairs of a cell and a row that a ray through the cell can meet, and their order by cells.
+
+Pairs are found as spans: a span is one row, and neighbouring cells of one row of cells.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from visray.accel.cell_views import CellView
+from visray.accel.footprints import Balls, Boxes, chunks
+from visray.accel.triangle_footprints import Triangles
+from visray.geometry import gamma
+
+TALLEST = 16  # rows that overlap up to so many rows of cells are worked on together with others of their height
+MANY = 256  # number of rows of one height from which this pays
+SPANS = 1 << 13  # number of spans that are worked on at once; so many fit in the processor's cache
+BAND = 1 << 19  # number of pairs that are sorted at once
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Spans of rows over cells.
+
+    cell: number of the first cell. Shape: (m).
+    length: number of cells; may be 0. Shape: (m).
+    rank: place of the row in the order by distance. Shape: (m).
+    """
+
+    cell: np.ndarray
+    length: np.ndarray
+    rank: np.ndarray
+
+    @staticmethod
+    def joined(parts: list["Spans"]) -> "Spans":
+        """The spans of one or more records as one."""
+        return Spans(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("cell", "length", "rank")))
+
+
+def spans_of(
+    view: CellView, boxes: Boxes, rows: Balls | Triangles, rank: np.ndarray, grid: tuple[int, int], first_cell: int
+) -> Spans:
+    """The spans of all rows that a view sees.
+
+    rank: place of each row in the order by distance. Shape: (rows).
+    grid: numbers of columns and of rows of cells.
+    first_cell: number of the view's first cell.
+
+    Error: the column of a ray has an error of at most the slack, and rays up to the slack beyond the sheet's border
+    belong to its outermost cells. So footprints are dilated by twice the slack, and what still is beyond the border is
+    left out. The margin for products and sums in single is added to that.
+    """
+    counts = np.array(grid, np.float32)[:, None]
+    slack = (2 * view.slack(*grid)[:, None] + gamma(16, "single") * counts).astype(np.float32)
+    first = np.clip(np.floor(boxes.low * counts - slack), 0, counts).astype(np.int32)
+    last = np.clip(np.floor(boxes.high * counts + slack), -1, counts - 1).astype(np.int32)
+    size = np.maximum(last - first + 1, 0)
+    seen = (size > 0).all(axis=0)
+    cut = seen & boxes.outlined & (size >= rows.smallest).all(axis=0)
+    parts = [_whole(first[:, at], size[:, at], rank[boxes.row[at]], grid) for at in [np.flatnonzero(seen & ~cut)]]
+    at = np.flatnonzero(cut)
+    if len(at):
+        group = _groups(size[1, at])
+        order = np.argsort(group, kind="stable")
+        at, group = at[order], group[order]
+        numbers, bottom, height, rank = boxes.outline[:, at], first[1, at], size[1, at], rank[boxes.row[at]]
+        for part, j, to_part in _parts(bottom, height, group):
+            outline, part_rank = rows.outline(view, numbers[:, part], grid), rank[part]
+            if to_part is not None:
+                outline, part_rank = outline.at(to_part), part_rank[to_part]
+            parts.append(_cut(outline, j, part_rank, grid, slack[:, 0]))
+    spans = Spans.joined(parts)
+    spans.cell[:] += np.uint32(first_cell)
+    return spans
+
+
+def _groups(height: np.ndarray) -> np.ndarray:
+    """For each row its height, if many rows share it, or else TALLEST + 1. Shape: (m)."""
+    group = np.minimum(height, TALLEST + 1).astype(np.uint8)
+    few = np.bincount(group, minlength=TALLEST + 2) < MANY
+    return np.where(few[group], np.uint8(TALLEST + 1), group)
+
+
+def _whole(first: np.ndarray, size: np.ndarray, rank: np.ndarray, grid: tuple[int, int]) -> Spans:
+    """The spans of whole boxes. Shapes: first and size (2, m), rank (m)."""
+    cell, height = first[1] * grid[0] + first[0], size[1]
+    if (height == 1).all():
+        return Spans(cell.astype(np.uint32), size[0], rank)
+    above = np.arange(height.sum()) - np.repeat(np.cumsum(height) - height, height)
+    cell = np.repeat(cell, height) + above * grid[0]
+    return Spans(cell.astype(np.uint32), np.repeat(size[0], height), np.repeat(rank, height))
+
+
+def _parts(bottom: np.ndarray, height: np.ndarray, group: np.ndarray) -> Iterator[tuple]:
+    """Parts of rows that are worked on together: (slice of the rows, rows of cells j, positions in the part).
+
+    In a part of rows of equal height, j has the shape (height, m), and the third entry is None. In other parts, j has
+    one entry per span, and the third entry says which row of the part it belongs to.
+
+    bottom, height: first row of cells, and number of rows of cells. Shape: (m).
+    group: as in _groups, ascending. Shape: (m).
+    """
+    for h in range(1, TALLEST + 1):
+        begin, end = np.searchsorted(group, [h, h + 1])
+        for at in chunks(int(end - begin), SPANS // h):
+            part = slice(begin + at.start, begin + at.stop)
+            yield part, bottom[part] + np.arange(h, dtype=np.int32)[:, None], None
+    k = int(np.searchsorted(group, TALLEST + 1))
+    ends = np.cumsum(height)
+    while k < len(ends):
+        before = ends[k] - height[k]
+        part = slice(k, max(k + 1, int(np.searchsorted(ends, before + SPANS))))
+        owner = np.repeat(np.arange(part.stop - k), height[part])
+        above = np.arange(len(owner)) - (ends[part] - height[part] - before)[owner]
+        yield part, bottom[part][owner] + above, owner
+        k = part.stop
+
+
+def _cut(outline, j: np.ndarray, rank: np.ndarray, grid: tuple[int, int], slack: np.ndarray) -> Spans:
+    """The spans of rows in the rows of cells j, cut to the rows' outlines."""
+    columns, rows_of_cells = grid
+    lower, upper = j.astype(np.float32) - slack[1], j.astype(np.float32) + (1 + slack[1])
+    # Rays beyond the border of the sheet belong to its outermost cells.
+    lower[j == 0], upper[j == rows_of_cells - 1] = -np.inf, np.inf
+    low, high = outline.across(lower, upper)
+    first = np.maximum(np.minimum(np.floor(low - slack[0]), columns), 0).astype(np.int32)
+    last = np.minimum(np.maximum(np.floor(high + slack[0]), -1), columns - 1).astype(np.int32)
+    cell = (j * columns + first).astype(np.uint32)
+    length = np.maximum(last - first + 1, 0)
+    return Spans(cell.ravel(), length.ravel(), np.broadcast_to(rank, j.shape).ravel())
+
+
+def ordered(spans: list[Spans], order: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """(offsets, entries) of the lists of all cells. order: the rows in the order by distance. Shape: (rows)."""
+    keys = []
+    for s in spans:
+        ends = np.cumsum(s.length)
+        step = np.uint64(32)
+        key = ((s.cell.astype(np.uint64) - (ends - s.length).astype(np.uint64)) << step) + s.rank
+        total = int(ends[-1]) if len(ends) else 0
+        keys.append(np.repeat(key, s.length) + (np.arange(total, dtype=np.uint64) << step))
+    keys = np.concatenate(keys)
+    keys.sort()
+    entries = order[keys.astype(np.uint32)]
+    count = np.bincount((keys >> np.uint64(32)).astype(np.int64), minlength=cells)
+    return np.concatenate([[0], np.cumsum(count)]).astype(np.uint32), entries

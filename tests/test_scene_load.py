@@ -261,6 +261,23 @@ def test_the_files_of_textures_are_relative_to_the_scene_file(tmp_path: Path, mo
     assert load("x.json").textures["near"].file == "a.png"
 
 
+def test_the_files_of_meshes_are_relative_to_the_scene_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are read already when the scene is checked. A message shows the path that was tried, in full."""
+    folder = tmp_path / "scenes"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "one.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    write(folder, {"objects": {"one": {"type": "mesh", "file": "meshes/one.off"}}})
+    monkeypatch.chdir(tmp_path)
+    mesh = load("scenes/x.json").objects["one"]
+    assert (mesh.file, mesh.row_count()) == ("scenes/meshes/one.off", 1)
+    assert '"file": "../scenes/meshes/one.off"' in dump(load("scenes/x.json"), "elsewhere")
+    gone = f"meshes/{'far/' * 20}gone.off"
+    path = write(folder, {"objects": {"one": {"type": "mesh", "file": gone}}})
+    assert errors(folder, json.loads(path.read_text())) == [
+        f'objects.one.file = "{folder}/{gone}": there is no such file; check the path'
+    ]
+
+
 @pytest.mark.parametrize("folder", ["", ".", "scenes", "link", "nowhere/deep"])
 def test_dump_names_the_files_of_textures_from_a_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str

@@ -19,6 +19,7 @@ PAIRS = {
     "penombres": "setupPenombres",
     "cornell_box_geometry": "cornell_box_config_vis",
     "tests": "setupPoly",
+    "teapot": "setupRenderTeapot",
 }
 
 

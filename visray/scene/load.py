@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
-from visray.scene.check import checked, examined, flaws
+from visray.scene.check import SECTIONS, checked, examined, flaws
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line, printable
 from visray.scene.scene import Scene
 from visray.scene.source import read
-from visray.scene.write import dump, schema, with_files
+from visray.scene.write import dump, schema
 
 __all__ = ["checked", "dump", "flaws", "load", "schema"]
 
@@ -21,8 +21,8 @@ def load(path: str | Path, setup: str | Path | None = None, compat: bool = False
     setup: the setup file of a VisRayTrace scene, or None.
     compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
 
-    In the file, paths of texture files are relative to the folder of the file. In the scene, they are relative to the
-    current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
+    In the file, paths of texture and mesh files are relative to the folder of the file. In the scene, they are relative
+    to the current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
     UserError.
     """
     source = read(path)
@@ -37,11 +37,27 @@ def load(path: str | Path, setup: str | Path | None = None, compat: bool = False
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those have its rules; leave --compat out")
     repeated = [printable(f"{address}: the key is written twice; keep one") for address in source.repeated]
     raw, schema_flaws = _without_schema(source.raw)
-    scene, scene_flaws = examined(raw)
+    scene, scene_flaws = examined(_with_folder(raw, Path(path).parent))
     if repeated or schema_flaws or scene_flaws:
         raise UserError(*(f"{path}: {text}" for text in [*repeated, *schema_flaws, *scene_flaws]))
-    folder = Path(path).parent
-    return with_files(scene, lambda file: str(folder / file))
+    return scene
+
+
+def _with_folder(raw: Any, folder: Path) -> Any:
+    """Content of a scene file in which paths of files are relative to the current folder. Meshes are read when a scene
+    is checked, so their paths must be right before.
+
+    folder: folder of the scene file; in the file, paths are relative to it.
+    """
+    if not isinstance(raw, dict):
+        return raw
+
+    def moved(entry: Any) -> Any:
+        file = entry.get("file") if isinstance(entry, dict) else None
+        return entry | {"file": str(folder / file)} if file and isinstance(file, str) else entry
+
+    sections = {name: raw[name] for name in SECTIONS if isinstance(raw.get(name), dict)}
+    return raw | {name: {key: moved(entry) for key, entry in part.items()} for name, part in sections.items()}
 
 
 def _without_schema(raw: Any) -> tuple[Any, list[str]]:

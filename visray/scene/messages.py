@@ -22,9 +22,9 @@ LONGEST_VALUE = 60
 
 
 def line(address: str, value: Any, text: str) -> str:
-    """The message `ADDRESS = VALUE: text`. The value is written as JSON, and cut if it is long."""
+    """The message `ADDRESS = VALUE: text`. The value is written as JSON, and cut if it is long, unless it is a path."""
     shown = json.dumps(value, ensure_ascii=False, default=str)
-    shown = shown if len(shown) <= LONGEST_VALUE else shown[: LONGEST_VALUE - 3] + "..."
+    shown = shown if len(shown) <= LONGEST_VALUE or address.endswith(".file") else shown[: LONGEST_VALUE - 3] + "..."
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
 
 

@@ -9,6 +9,7 @@ In some points VisRayTrace deliberately follows other rules than visray. With `c
 - If ambient occlusion is on, its rays point to a half cube (settings.occlusion.hemisphere = "box").
 - A transparent surface shows its own colour with weight 1, not 1 - kt (settings.local = "full").
 - The numbers of an image file are kd directly, without the sRGB curve (textures with encoding = "linear").
+- The triangles of meshes are flat (normals = "face").
 - MAXDEPTH limits paths even if it is 1, its default: no reflection, no refraction (settings.depth = MAXDEPTH - 1).
 
 `compat` does not restore VisRayTrace's defects:
@@ -35,8 +36,10 @@ from visray.scene.check import examined
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import SCENE, SCENES, SETUP
 from visray.scene.legacy.materials import Materials
+from visray.scene.legacy.meshes import Meshes
 from visray.scene.legacy.names import with_legacy_address
 from visray.scene.legacy.objects import clip_polynomials, objects
+from visray.scene.legacy.resources import Resources
 from visray.scene.legacy.setup import enabled_effects, setup
 from visray.scene.legacy.textures import Textures
 from visray.scene.messages import hint, line
@@ -76,8 +79,8 @@ def convert(
 
     compat: whether VisRayTrace's rules apply (see the module's docstring).
 
-    In the scene, paths of image files are relative to the current folder. Raises a UserError that lists all errors of
-    both files.
+    In the scene, paths of image and mesh files are relative to the current folder. Raises a UserError that lists all
+    errors of both files.
     """
     log, setup_log = Log(str(scene_file)), Log(str(setup_file or scene_file))
     raw, raw_setup = _read(scene_file, log), {} if setup_file is None else _read(setup_file, setup_log)
@@ -88,8 +91,9 @@ def convert(
         log.warn("no setup file: no lights, a black background, and a camera at (0, 0, 10) that looks at the origin")
         raw_setup = {"camera": {"vup": [0, 1, 0], "vfov": 90}}
     e = Entry(raw_setup, "", SETUP, setup_log)
-    materials = Materials(enabled_effects(e), Textures(scene_file, compat))
-    objects_by_name = _objects(raw, materials, log)
+    resources = Resources(scene_file)
+    materials = Materials(enabled_effects(e), Textures(resources, compat))
+    objects_by_name = _objects(raw, materials, Meshes(resources, compat), log)
     setup_parts = setup(e, materials.by_name.values(), compat)
     clip_polynomials(objects_by_name, setup_parts["camera"]["origin"], log)
     scene_parts = {
@@ -132,7 +136,7 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
         setup_log.error(line("", raw_setup, "is not a setup; a setup is an object {...}"))
 
 
-def _objects(raw: dict, materials: Materials, log: Log) -> dict[str, dict]:
+def _objects(raw: dict, materials: Materials, meshes: Meshes, log: Log) -> dict[str, dict]:
     """Dict of the objects in a scene file, by name. Logs an error if visray cannot render scenes of this type yet."""
     e = Entry(raw, "", SCENE, log)
     written = e.text("typeScene")
@@ -149,4 +153,4 @@ def _objects(raw: dict, materials: Materials, log: Log) -> dict[str, dict]:
         log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
     elif not e.has("objects"):
         log.error("objects: the key is missing; it is the list of the scene's objects")
-    return objects(e.items("objects"), materials, log)
+    return objects(e.items("objects"), materials, meshes, log)

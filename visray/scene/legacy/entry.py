@@ -14,11 +14,15 @@ from visray.scene.messages import hint, line, printable
 
 @dataclass
 class Log:
-    """Errors and warnings about one file. Each line begins with the name of the file."""
+    """Errors and warnings about one file. Each line begins with the name of the file.
+
+    said: topics of the warnings that are given only once.
+    """
 
     name: str
     errors: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    said: set[str] = field(default_factory=set)
 
     def error(self, text: str) -> None:
         """Adds an error."""
@@ -27,6 +31,12 @@ class Log:
     def warn(self, text: str) -> None:
         """Adds a warning."""
         self.warnings.append(f"{self.name}: {printable(text)}")
+
+    def warn_once(self, topic: str, text: str) -> None:
+        """Adds a warning, unless there is one about this topic already."""
+        if topic not in self.said:
+            self.said.add(topic)
+            self.warn(text)
 
 
 QUOTE = "'"

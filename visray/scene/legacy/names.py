@@ -26,6 +26,7 @@ MATERIAL = {"kr": "ks", "ior": "nut"}
 OBJECTS = {
     "box": {"min": "minPoint", "max": "maxPoint"},
     "cylinder": {"height": "h"},
+    "mesh": {"file": "objFileName"},
     "triangle": {"a": "p1", "b": "p2", "c": "p3"},
     "rectangle": {"center": "point", "width": "pmax", "height": "pmax"},
 }

@@ -10,22 +10,22 @@ from visray.quantities import FARTHEST
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import OBJECTS
 from visray.scene.legacy.materials import Materials
+from visray.scene.legacy.meshes import Meshes
 from visray.scene.legacy.names import unique_name, valid_name
 from visray.scene.messages import hint, line
 
-# Types of objects that visray cannot read yet, each with the key that messages quote.
-NOT_BUILT = {"mesh": "objFileName"}
 HYPERBOLOID = ("x2", "y2", "-z2", "-1")
 # Monomials that VisRayTrace read correctly. Exceptions: a letter occurs twice, once with an exponent, as in "xx2".
 READ_CORRECTLY = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
 REPEATED_WITH_EXPONENT = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
 
 
-def objects(raw: list[Any], materials: Materials, log: Log) -> dict[str, dict]:
+def objects(raw: list[Any], materials: Materials, meshes: Meshes, log: Log) -> dict[str, dict]:
     """Dict of the objects by name. Adds their materials to `materials`.
 
     raw: list of the objects as the file gives them.
     """
+    readers = FIELDS | {"mesh": meshes.fields}
     by_name: dict[str, dict] = {}
     taken: set[str] = set()
     for i, entry in enumerate(raw):
@@ -33,7 +33,7 @@ def objects(raw: list[Any], materials: Materials, log: Log) -> dict[str, dict]:
             log.error(line(f"objects.{i}", entry, "must be an object {...}"))
             continue
         name = _name(entry, i, taken, log)
-        shape = _shape(entry, f"objects.{name}", log)
+        shape = _shape(entry, f"objects.{name}", readers, log)
         if shape is None:
             continue
         material = materials.name(entry, name, log)
@@ -75,10 +75,11 @@ def _name(entry: dict, i: int, taken: set[str], log: Log) -> str:
     return name
 
 
-def _shape(entry: dict, address: str, log: Log) -> dict | None:
+def _shape(entry: dict, address: str, readers: dict[str, Callable[[Entry], dict]], log: Log) -> dict | None:
     """Fields of an object without its material. If something in it is wrong, None with an error in the log.
 
     entry: the object as the file gives it.
+    readers: for each type of object, the function that reads its fields.
     """
     kind = entry.get("type")
     if kind is None:
@@ -88,11 +89,8 @@ def _shape(entry: dict, address: str, log: Log) -> dict | None:
     if key not in OBJECTS:
         log.error(line(f"{address}.type", kind, f"unknown type; {hint(kind, OBJECTS)}"))
         return None
-    if key in NOT_BUILT:
-        log.error(line(f"{address}.{NOT_BUILT[key]}", entry.get(NOT_BUILT[key]), f"{key} is not built yet"))
-        return None
     errors_before = len(log.errors)
-    shape = FIELDS[key](Entry(entry, address, OBJECTS[key], log))
+    shape = readers[key](Entry(entry, address, OBJECTS[key], log))
     return shape if len(log.errors) == errors_before else None
 
 
@@ -191,7 +189,7 @@ def _offset(e: Entry, point: tuple[float, ...]) -> tuple[float, float]:
     return center if relative else (0.0, 0.0)
 
 
-# For each type of object, the function that reads its fields.
+# For each type of object but the mesh, the function that reads its fields.
 FIELDS: dict[str, Callable[[Entry], dict]] = {
     "sphere": _sphere,
     "plane": _plane,

@@ -20,6 +20,7 @@ from visray.meshes import gltf as gltf_module
 from visray.meshes import gltf_nodes, reading
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import face_normals, smooth_normals
+from visray.meshes.polygons import triangulated
 from visray.meshes.reading import part, read
 from visray.meshes.topology import oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
@@ -160,11 +161,33 @@ def test_concave_polygons_are_cut_within_themselves(tmp_path):
         arrow = read(written(tmp_path, f"{turn}.obj", square(",".join(corners[turn:] + corners[:turn]), "f 1 2 3 4")))
         areas = np.cross(*(arrow.vertices[arrow.faces[:, i]] - arrow.vertices[arrow.faces[:, 0]] for i in (1, 2)))
         assert (areas[:, 2] > 0).all() and areas[:, 2].sum() == 2 * 6
-    star = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [1, 0.3] * 5)]
-    text = square(",".join(f"{x} {y}" for x, y in star), "f 1 2 3 4 5 6 7 8 9 10")
-    mesh = read(written(tmp_path, "star.obj", text))
-    areas = np.cross(*(mesh.vertices[mesh.faces[:, i]] - mesh.vertices[mesh.faces[:, 0]] for i in (1, 2)))[:, 2]
-    assert (areas > 0).all() and areas.sum() == pytest.approx(10 * 0.3 * np.sin(np.pi / 5))
+
+
+@given(st.lists(st.floats(0.1, 10), min_size=5, max_size=12))
+def test_polygons_around_a_point_keep_their_area(radii):
+    angles = np.arange(len(radii)) * 2 * np.pi / len(radii)
+    corners = np.stack([np.cos(angles) * radii, np.sin(angles) * radii, 0 * angles], axis=1)
+    triangles, _ = triangulated(corners, np.arange(len(radii)), np.array([len(radii)]))
+    a, b, c = (corners[triangles[:, i]] for i in range(3))
+    areas = np.cross(b - a, c - a)[:, 2]
+    assert len(triangles) == len(radii) - 2 and sorted({*triangles.flat}) == list(range(len(radii)))
+    # No triangle runs backwards by more than the rounding of its products, which are below 400.
+    assert (areas > -400 * gamma(4)).all()
+    assert areas.sum() == pytest.approx(np.cross(corners, np.roll(corners, -1, axis=0))[:, 2].sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("turn", range(5))
+def test_corners_on_one_line_leave_a_solid_closed(tmp_path, turn):
+    # A cube, turned so that rounding matters, with one more corner in the middle of an edge between two faces.
+    axes, _ = np.linalg.qr(np.random.default_rng(turn).normal(size=(3, 3)))
+    axes *= np.sign(np.linalg.det(axes))
+    grid = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)] + [(0, 0, 0.5)])
+    faces = [(0, 8, 1, 3, 2), (0, 4, 5, 1, 8), (4, 6, 7, 5), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [np.roll(face, turn) + 1 for face in faces]
+    text = "".join("v {} {} {}\n".format(*p) for p in grid @ axes.T)
+    text += "".join(f"f {' '.join(map(str, face))}\n" for face in faces)
+    found = topology(read(written(tmp_path, "a.obj", text)))
+    assert found.closed and found.volume == pytest.approx(1, rel=1e-14)
 
 
 def test_polygons_of_points_on_a_line_and_crossing_ones_end(tmp_path):
@@ -177,7 +200,7 @@ OBJ = "o base\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\ng lid\nv 0 0 1\nf 
 
 
 def test_obj_reads_polygons_relative_indices_and_parts(tmp_path):
-    mesh = read(written(tmp_path, "a.obj", OBJ))
+    mesh = read(written(tmp_path, "a.obj", "\ufeff" + OBJ.replace("\n", "\r\n")))
     assert mesh.parts == ("base", "base/lid") and mesh.part_of.tolist() == [0, 0, 1, 1]
     assert len(part(mesh, "base/lid").vertices) == 4
     assert mesh.vertices[mesh.faces[2]].tolist() == [[0, 0, 1], [0, 0, 0], [1, 0, 0]]
@@ -317,6 +340,7 @@ BAD = [
     ("zero.obj", CORNERS + "f 0 1 2\n", "line 4 names vertex 0"),
     ("before.obj", CORNERS + "f -1 -2 -4\n", "line 4 names vertex -4"),
     ("uv.obj", CORNERS + "vt 0 0\nf 1/1 2/2 3/1\n", "line 5 names texture coordinate 2; the file has 1"),
+    ("none.obj", CORNERS + "f\n", "line 4 has a face of 0 corners"),
     ("two.obj", CORNERS + "f 1 2\n", "line 4 has a face of 2 corners"),
     ("word.obj", CORNERS + "f 1 2 x3\n", "line 4 has 'x3' where a whole number"),
     ("half.obj", CORNERS + "f 1 2 3.5\n", "line 4 has '3.5' where a whole number"),

@@ -34,12 +34,11 @@ def read_obj(raw: bytes, path: Path) -> FileMesh:
     lines = line_of_keyword.get("f", _NONE)
     if not len(lines):
         raise MeshError("file", "has no triangles (no line begins with f)")
-    words = text.after_keyword(lines)
-    indices = _corner_indices(text, words)
     sizes = np.diff(text.first)[lines] - 1
     if sizes.min() < 3:
         line = text.line(text.first[lines[sizes.argmin()]])
         raise MeshError("file", f"line {line} has a face of {sizes.min()} corners; a face has at least 3")
+    indices = _corner_indices(text, text.after_keyword(lines))
     of_corner = np.repeat(lines, sizes)
     kinds = (("v", "vertex", len(vertices)), ("vt", "texture coordinate", len(uvs)), ("vn", "normal", len(normals)))
     v, vt, vn = (

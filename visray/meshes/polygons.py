@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from visray.meshes.triangle_mesh import edge_vectors
+from visray.geometry import gamma
+from visray.meshes.triangle_mesh import edge_vectors, without_area
 
 
 def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -12,7 +13,8 @@ def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
     corners: vertices of all polygons, one polygon after the other
     sizes: number of corners of each polygon, at least 3
 
-    A convex polygon becomes a fan around its first corner. Others are cut ear by ear, so that no triangle lies outside.
+    A convex polygon becomes a fan around its first corner. Others, and those with corners on one line, are cut ear by
+    ear, so that no triangle lies outside and none is without area.
 
     Shapes: vertices (V, 3), corners (C), sizes (P); result (F, 3) and (F).
     """
@@ -26,8 +28,14 @@ def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
     normals = np.cross(*edge_vectors(vertices, corners[fans]))
     # The vector area of a polygon is the sum of those of its fan, whatever its form.
     area = np.stack([np.bincount(polygon, normals[:, i], len(sizes)) for i in range(3)], axis=1)
-    bent = np.unique(polygon[(normals * area[polygon]).sum(axis=1) < 0])
-    for p in bent[sizes[bent] > 3]:
+    # A triangle without area would leave a corner in the middle of an edge of its neighbour.
+    backwards = (normals * area[polygon]).sum(axis=1) < 0
+    bent = np.unique(polygon[backwards | without_area(vertices, corners[fans])])
+    # A quad with an inward corner is cut along the other diagonal.
+    quad = np.searchsorted(polygon, bent[sizes[bent] == 4])
+    fans[quad] += [1, 1, 1]
+    fans[quad + 1] += [1, 1, -3]
+    for p in bent[sizes[bent] > 4]:
         own = slice(*np.searchsorted(polygon, [p, p + 1]))
         fans[own] = first[p] + _ears(vertices[corners[first[p] : first[p] + sizes[p]]], area[p])
     return fans, polygon
@@ -68,5 +76,8 @@ def _is_ear(plane: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bo
 
 
 def _turn(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Twice the area of the triangles a, b, p in a plane; positive where p lies to the left of a b."""
-    return (b[0] - a[0]) * (p[..., 1] - a[1]) - (b[1] - a[1]) * (p[..., 0] - a[0])
+    """Twice the area of the triangles a, b, p in a plane: positive where p lies to the left of a b, 0 where its sign is
+    lost in rounding."""
+    first, second = (b[0] - a[0]) * (p[..., 1] - a[1]), (b[1] - a[1]) * (p[..., 0] - a[0])
+    certain = np.abs(first - second) > gamma(4) * (np.abs(first) + np.abs(second))
+    return np.where(certain, first - second, 0.0)

@@ -41,7 +41,7 @@ class Text:
         it stands within a word."""
         if b"\0" in raw:
             raise MeshError("file", "is not a text; it is damaged, or of another format than its name says")
-        raw = b"\n" + raw + b"\n"
+        raw = b"\n" + raw.removeprefix(b"\xef\xbb\xbf") + b"\n"
         if b"\r" in raw:
             raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         if b"#" in raw:

@@ -4,12 +4,14 @@ Pairs are found as spans: a span is one row, and neighbouring cells of one row o
 """
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from visray.accel.cell_views import CellView
-from visray.accel.footprints import Balls, Boxes, chunks
+from visray.accel.footprints import Balls, Boxes, Outline
+from visray.accel.sheet_arithmetic import chunks
 from visray.accel.triangle_footprints import Triangles
 from visray.geometry import gamma
 
@@ -117,7 +119,7 @@ def _parts(bottom: np.ndarray, height: np.ndarray, group: np.ndarray) -> Iterato
         k = part.stop
 
 
-def _cut(outline, j: np.ndarray, rank: np.ndarray, grid: tuple[int, int], slack: np.ndarray) -> Spans:
+def _cut(outline: Outline, j: np.ndarray, rank: np.ndarray, grid: tuple[int, int], slack: np.ndarray) -> Spans:
     """The spans of rows in the rows of cells j, cut to the rows' outlines."""
     columns, rows_of_cells = grid
     lower, upper = j.astype(np.float32) - slack[1], j.astype(np.float32) + (1 + slack[1])
@@ -126,22 +128,47 @@ def _cut(outline, j: np.ndarray, rank: np.ndarray, grid: tuple[int, int], slack:
     low, high = outline.across(lower, upper)
     first = np.maximum(np.minimum(np.floor(low - slack[0]), columns), 0).astype(np.int32)
     last = np.minimum(np.maximum(np.floor(high + slack[0]), -1), columns - 1).astype(np.int32)
-    cell = (j * columns + first).astype(np.uint32)
+    cell = (j * columns + np.minimum(first, columns - 1)).astype(np.uint32)
     length = np.maximum(last - first + 1, 0)
     return Spans(cell.ravel(), length.ravel(), np.broadcast_to(rank, j.shape).ravel())
 
 
-def ordered(spans: list[Spans], order: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """(offsets, entries) of the lists of all cells. order: the rows in the order by distance. Shape: (rows)."""
-    keys = []
-    for s in spans:
-        ends = np.cumsum(s.length)
-        step = np.uint64(32)
-        key = ((s.cell.astype(np.uint64) - (ends - s.length).astype(np.uint64)) << step) + s.rank
-        total = int(ends[-1]) if len(ends) else 0
-        keys.append(np.repeat(key, s.length) + (np.arange(total, dtype=np.uint64) << step))
-    keys = np.concatenate(keys)
+def ordered(spans: Spans, order: np.ndarray, cells: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """(offsets, entries) of the lists of all cells. order: the rows in the order by distance. Shape: (rows).
+
+    Pairs are sorted by a number, the cell and then the rank of the row. They are cut into bands, neighbouring rows of
+    cells, which several threads sort. The numbers are all different, so the result does not depend on the threads.
+    """
+    along = spans.cell // np.uint32(columns)
+    count = np.bincount(along, weights=spans.length, minlength=cells // columns)
+    before = np.cumsum(count) - count
+    band_of = (before // BAND).astype(np.uint16)
+    begins = np.searchsorted(band_of, np.arange(band_of[-1] + 2))
+    band = band_of[along]
+    counts, entries = np.empty(cells, np.int64), np.empty(int(count.sum()), np.uint32)
+
+    def fill(k: int) -> None:
+        first, last = begins[k] * columns, begins[k + 1] * columns
+        at = np.flatnonzero(band == k)
+        part = Spans(spans.cell[at] - np.uint32(first), spans.length[at], spans.rank[at])
+        place = slice(int(before[begins[k]]), int(before[begins[k]]) + int(part.length.sum())) if len(at) else slice(0)
+        counts[first:last], entries[place] = _sorted(part, order, int(last - first))
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(fill, range(len(begins) - 1)))
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32), entries
+
+
+def _sorted(spans: Spans, order: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """(number of pairs in each cell, row of each pair in the order of the lists)."""
+    bits = len(order).bit_length()
+    number = np.uint32 if bits + cells.bit_length() <= 32 else np.uint64
+    ends = np.cumsum(spans.length, dtype=number)
+    # A span's numbers grow with its cells. If their common part is repeated, adding the place of each pair among all
+    # pairs counts the cells. Differences may be negative; they wrap around, and so do the sums.
+    common = ((spans.cell.astype(number) - (ends - spans.length.astype(number))) << number(bits)) + spans.rank
+    keys = np.repeat(common, spans.length)
+    keys += np.arange(len(keys), dtype=number) << number(bits)
     keys.sort()
-    entries = order[keys.astype(np.uint32)]
-    count = np.bincount((keys >> np.uint64(32)).astype(np.int64), minlength=cells)
-    return np.concatenate([[0], np.cumsum(count)]).astype(np.uint32), entries
+    count = np.bincount((keys >> number(bits)).astype(np.int64), minlength=cells)
+    return count, order[keys & number((1 << bits) - 1)]

@@ -4,15 +4,19 @@ A ray that starts at a point is a point of a plane at distance 1 in front of it,
 point of a plane across that direction. A rectangle of such a plane, a sheet, is cut into cells (cells.py).
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from visray.accel.sheet_arithmetic import along, chunks, relative, tangent_slopes
 from visray.geometry import UNIT_ROUNDOFF, gamma
 
-# All balls that point_views covers by one pyramid lie within this angle of its axis. The pyramid's corners are then
-# 2.3 times as far away as its middle. At greater angles the cells at its border become long and narrow.
+# Greatest slope of a pyramid that point_views chooses, as an angle. The pyramid's corners are then 2.3 times as far
+# away as its middle. At greater angles the cells at its border become long and narrow.
 WIDEST = np.radians(55)
+# The axis of the pyramid is found from so many balls, and from those that were outermost in the tries before.
+SAMPLE, TRIES = 512, 4
 # Parallel rays may start up to so many times as far from the sheet's origin as the farthest point of a row. Farther
 # starting points would need a greater margin, and so would fill more cells.
 REACH = 64.0
@@ -97,24 +101,25 @@ def camera_view(
 def point_views(origin: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> tuple[CellView, ...]:
     """The sheets of all rays from a point that can meet some of n balls.
 
-    The result is one pyramid if all balls lie within 55 degrees of one direction. Else it is the six faces of a cube,
-    in the order +x, -x, +y, -y, +z, -z. A face is a sheet from -1 to 1; `right` and `up` are the two next axes in the
-    cyclic order x, y, z, both positive. So on the faces +x and -x, `right` is +y and `up` is +z. A ray belongs to the
-    face of the component of d with the greatest size.
+    The result is one pyramid if one was found in which all slopes are at most tan 55 degrees. Else it is the six faces
+    of a cube, in the order +x, -x, +y, -y, +z, -z. A face is a sheet from -1 to 1; `right` and `up` are the two next
+    axes in the cyclic order x, y, z, both positive. So on the faces +x and -x, `right` is +y and `up` is +z. A ray
+    belongs to the face of the component of d with the greatest size.
 
     Shapes: origin (3,), centre (n, 3), radius (n).
     """
-    origin = np.array(origin, float)
-    to_centre = np.asarray(centre, float) - origin
-    radius = radius + gamma(64) * (np.abs(centre).sum(axis=-1) + np.abs(origin).sum() + radius)
-    forward = _axis(to_centre, radius)
-    if forward is None:
-        return _cube(origin)
-    right, up = _across(forward)
-    z = to_centre @ forward
-    slopes = [tangent_slopes(to_centre @ v, z, radius) for v in (right, up)]
-    low, high = np.array([[s.min(), t.max()] for s, t in slopes]).T
-    return (_widened(CellView(origin, right, up, forward, low, high)),)
+    origin, centre, radius = np.array(origin, float), np.asarray(centre, float), np.asarray(radius, float)
+    sample = np.arange(0, len(radius), max(1, len(radius) // SAMPLE))
+    for _ in range(TRIES):
+        forward = _axis(*_grown(origin, centre[sample], radius[sample]))
+        if forward is None:
+            break
+        view = CellView(origin, *_across(forward), forward, np.zeros(2), np.zeros(2))
+        low, high, outermost = _bounds(view, centre, radius)
+        if max(-low.min(), high.max()) <= np.tan(WIDEST):
+            return (_widened(replace(view, low=low, high=high)),)
+        sample = np.union1d(sample, outermost)
+    return _cube(origin)
 
 
 def parallel_view(direction: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> CellView:
@@ -123,57 +128,53 @@ def parallel_view(direction: np.ndarray, centre: np.ndarray, radius: np.ndarray)
     Shapes: direction (3,), centre (n, 3), radius (n).
     Domain: n >= 1; the direction is not zero.
     """
-    centre = np.asarray(centre, float)
+    centre, radius = np.asarray(centre, float), np.asarray(radius, float)
     forward = np.array(direction, float)
     forward /= np.linalg.norm(forward)
-    right, up = _across(forward)
-    lows, highs = centre - np.asarray(radius)[:, None], centre + np.asarray(radius)[:, None]
-    origin = 0.5 * (lows.min(axis=0) + highs.max(axis=0))
-    to_centre = centre - origin
-    radius = radius + gamma(64) * (np.abs(centre).sum(axis=-1) + np.abs(origin).sum() + radius)
-    along = [to_centre @ v for v in (right, up)]
-    low, high = (
-        np.array([x.min() for x in (a - radius for a in along)]),
-        np.array([(a + radius).max() for a in along]),
-    )
-    reach = REACH * float((np.linalg.norm(to_centre, axis=1) + radius).max())
-    return _widened(CellView(origin, right, up, forward, low, high, True, max(reach, 2.0**-60)))
-
-
-def tangent_slopes(x: np.ndarray, z: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest slope x / z of the points with z > 0 of discs in the plane of x and z. Shape: (n) each.
-
-    The tangents from (0, 0) to a disc have the directions of (x, z), turned by an angle with the tangent radius / L,
-    where L^2 = x^2 + z^2 - radius^2. A slope is -inf or inf where the disc reaches behind z = 0 on that side.
-
-    Error: L is rounded downwards, which makes the angle greater. Then a slope s has an error of at most
-    gamma(8) (1 + s^2) in double.
-    Domain: z + radius > 0; the result means nothing for other discs.
-    """
-    square = (x * x + z * z) * (1 - gamma(8))
-    length = np.sqrt(np.maximum(square - radius * radius, 0))
-    around = square <= radius * radius
-    xl, zl, xr, zr = x * length, z * length, x * radius, z * radius
-    below, above = zl + xr, zl - xr
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low = np.where((below > 0) & ~around, (xl - zr) / below, -np.inf)
-        high = np.where((above > 0) & ~around, (xl + zr) / above, np.inf)
-    return low, high
+    origin = 0.5 * centre.min(axis=0) + 0.5 * centre.max(axis=0)
+    view = CellView(origin, *_across(forward), forward, np.zeros(2), np.zeros(2), True, 1.0)
+    low, high, _ = _bounds(view, centre, radius)
+    far = max(np.sqrt((p * p).sum(axis=0)).max() + r.max() for p, r in _chunks(origin, centre, radius))
+    return _widened(replace(view, low=low, high=high, reach=max(REACH * float(far), 2.0**-60)))
 
 
 def _widened(view: CellView) -> CellView:
-    """The view with a sheet that is greater by its own rounding error on each side. So it is never empty."""
+    """The view with a sheet that is greater by twice its own rounding error on each side. So it is never empty."""
     margin = 2 * view.error + gamma(64) * (1 + np.maximum(np.abs(view.low), np.abs(view.high)) ** 2)
-    return CellView(
-        view.origin,
-        view.right,
-        view.up,
-        view.forward,
-        view.low - margin,
-        view.high + margin,
-        view.parallel,
-        view.reach,
-    )
+    return replace(view, low=view.low - margin, high=view.high + margin)
+
+
+def _grown(origin: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(centres relative to the origin, radii grown by the rounding bounds of both). Shapes: (3, m), (m)."""
+    p = relative(centre, origin)
+    return p, radius + gamma(64) * 2 * (np.abs(origin).sum() + np.abs(p).sum(axis=0) + radius)
+
+
+def _chunks(origin: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """What _grown returns, for some balls at a time."""
+    return (_grown(origin, centre[at], radius[at]) for at in chunks(len(radius)))
+
+
+def _bounds(view: CellView, centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(low, high corner of the box around the footprints of balls, numbers of the balls at its sides).
+
+    The box has infinite sides if a ball may reach behind the origin. Shapes: (2), (2), (4).
+    """
+    low, high, outermost, begin = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(4, int), 0
+    for p, r in _chunks(view.origin, centre, radius):
+        z = along(p, view.forward)
+        for k, axis in enumerate((view.right, view.up)):
+            x = along(p, axis)
+            first, last = (x - r, x + r) if view.parallel else tangent_slopes(x, z, r)
+            if not view.parallel:
+                first[z <= r], last[z <= r] = -np.inf, np.inf
+            i, j = np.argmin(first), np.argmax(last)
+            if first[i] < low[k]:
+                low[k], outermost[k] = first[i], begin + i
+            if last[j] > high[k]:
+                high[k], outermost[2 + k] = last[j], begin + j
+        begin += len(r)
+    return low, high, outermost
 
 
 def _cube(origin: np.ndarray) -> tuple[CellView, ...]:
@@ -192,22 +193,24 @@ def _axis(to_centre: np.ndarray, radius: np.ndarray) -> np.ndarray | None:
 
     The direction is turned by ever smaller steps towards the ball that is farthest from it.
     Source: Badoiu and Clarkson 2003.
+
+    Shapes: to_centre (3, m), radius (m).
     """
-    distance = np.linalg.norm(to_centre, axis=1)
-    if not len(radius) or not np.all(distance * (1 - gamma(8)) > radius):
+    distance = np.sqrt((to_centre * to_centre).sum(axis=0))
+    if not len(radius) or not np.all(distance > radius):
         return None
-    directions, half = to_centre / distance[:, None], np.arcsin(radius / distance)
-    axis, best, least = directions.mean(axis=0), None, WIDEST
+    directions, half = to_centre / distance, np.arcsin(radius / distance)
+    axis, best, least = directions.mean(axis=1), None, WIDEST
     for step in range(1, 33):
         length = np.linalg.norm(axis)
         if length < UNIT_ROUNDOFF["single"]:
             break
         axis = axis / length
-        angle = np.arccos(np.clip(directions @ axis, -1, 1)) + half
+        angle = np.arccos(np.clip(along(directions, axis), -1, 1)) + half
         farthest = int(np.argmax(angle))
         if angle[farthest] < least:
             best, least = axis, angle[farthest]
-        axis = axis + (directions[farthest] - axis) / (step + 1)
+        axis = axis + (directions[:, farthest] - axis) / (step + 1)
     return best
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visray.accel.cell_pairs import ordered, spans_of
+from visray.accel.cell_pairs import Spans, ordered, spans_of
 from visray.accel.cell_views import CellView, camera_view, parallel_view, point_views
 from visray.accel.footprints import Balls, Boxes
 from visray.accel.triangle_footprints import Triangles
@@ -105,7 +105,7 @@ def _lists(views: tuple[CellView, ...], rows: Balls | Triangles, budget_bytes: i
         if side <= 1:
             return None
         side = max(1.0, side * min(0.9, (budget_bytes / size) ** 0.5))
-    offsets, entries = ordered(spans, order, cells)
+    offsets, entries = ordered(Spans.joined(spans), order, cells, columns)
     slack = np.max([v.slack(columns, rows_of_cells) for v in views], axis=0)
     far = far if views[0].parallel else None
     return CellLists(

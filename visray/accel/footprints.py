@@ -5,21 +5,14 @@ coordinates of a sheet are scaled so that it is the square from 0 to 1. The foot
 triangle_footprints.py.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
 
-from visray.accel.cell_views import CellView, tangent_slopes
+from visray.accel.cell_views import CellView
+from visray.accel.sheet_arithmetic import along, chunks, relative, tangent_slopes
 from visray.geometry import gamma
-
-CHUNK = 1 << 13  # number of rows that are worked on at once; so many fit in the processor's cache
-
-
-def chunks(n: int, size: int = CHUNK) -> Iterator[slice]:
-    """Slices of at most `size` entries that cover n entries."""
-    return (slice(k, min(k + size, n)) for k in range(0, n, size))
 
 
 @dataclass(frozen=True)
@@ -72,20 +65,6 @@ class Outline:
         Domain: there is such a part; otherwise the result is any part of the row's box.
         """
         raise NotImplementedError
-
-
-def relative(p: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Points minus the origin. Shapes: p (m, 3), result (3, m)."""
-    result = np.empty((3, len(p)))
-    for k in range(3):
-        np.subtract(p[:, k], origin[k], out=result[k])
-    return result
-
-
-def along(v: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Scalar products of vectors and an axis, in the vectors' precision. Shapes: v (3, ...), axis (3)."""
-    products = [v[k] * v.dtype.type(axis[k]) for k in range(3) if axis[k]]
-    return sum(products[1:], start=products[0])
 
 
 def facing(view: CellView, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from visray.accel.cell_views import CellView
-from visray.accel.footprints import Boxes, Outline, along, ball_boxes, chunks, facing, relative
+from visray.accel.footprints import Boxes, Outline, ball_boxes, facing
+from visray.accel.sheet_arithmetic import along, chunks, relative
 from visray.geometry import gamma
 
 # A corner of a triangle may lie so many sheets away from the sheet. If it lies farther away, or behind the plane of the

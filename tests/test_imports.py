@@ -29,6 +29,7 @@ primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule
 primitives.mesh_triangle primitives.mesh
+primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene

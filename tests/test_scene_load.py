@@ -20,7 +20,7 @@ from visray.errors import UserError
 from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
 from visray.lights.light import AreaLight, Light
 from visray.materials import Material
-from visray.primitives import Box, Plane, Polynomial, Rectangle, Sphere, Triangle
+from visray.primitives import Box, Instance, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.clips import Ball, Block
 from visray.scene.check import examined
 from visray.scene.load import checked, dump, flaws, load, schema
@@ -31,7 +31,8 @@ from visray.transforms import Matrix, Rotate, Scale, Translate
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(p for p in (ROOT / "scenes").glob("*.json") if p.name != "schema.json")
 KINDS, LIGHTS = (
-    ", ".join(kind.__dataclass_fields__["type"].default for kind in kinds) for kinds in (primitives.KINDS, lights.KINDS)
+    ", ".join(kind.__dataclass_fields__["type"].default for kind in kinds)
+    for kinds in (primitives.OBJECTS, lights.KINDS)
 )
 TEXTURES = "image, checker"
 MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
@@ -75,6 +76,7 @@ def everything() -> Scene:
         Rotate(rotate=30.0, axis=(1.0, 1.0, 0.0)),
         Matrix(matrix=((1.0, 0.0, 0.0, 5.0), (0.0, 1.0, 0.5, 0.0), (0.0, 0.0, 1.0, 0.1))),
     )
+    things["copy"] = Instance(geometry="shape", material="plain", transform=steps[:2])
     things["placed ball"] = Sphere(center=(0.1, 0.2, 0.3), radius=1e-3, material="gold, polished", transform=steps)
     return Scene(
         camera=Camera(origin=(1.0, 2.0, 3.0), fov=35.5, aperture=0.1, focus=4.0),
@@ -99,6 +101,7 @@ def everything() -> Scene:
             "lid": DiskLight(position=(1.0, 2.0, 3.0), normal=(1.0, 0.0, 0.0), radius=0.25),
             "bulb": SphereLight(position=(1.0, 2.0, 3.0), radius=0.125, Ia=(0.1, 0.1, 0.1)),
         },
+        geometries={"shape": Sphere(radius=0.5, transform=steps[2:3])},
         objects=things,
         settings=Settings(
             spp=4,
@@ -120,7 +123,7 @@ def everything() -> Scene:
 def test_everything_has_every_kind() -> None:
     whole = everything()
     for kinds, found in (
-        (primitives.KINDS, whole.objects),
+        (primitives.OBJECTS, whole.objects),
         (lights.KINDS, whole.lights),
         (textures.KINDS, whole.textures),
     ):
@@ -467,7 +470,7 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
         (
             {"camra": {}},
             "camra: unknown key; did you mean 'camera'? "
-            "(one of camera, film, background, ambient, textures, materials, lights, objects, settings)",
+            "(one of camera, film, background, ambient, textures, materials, lights, geometries, objects, settings)",
         ),
     ],
 )

@@ -10,6 +10,8 @@ import numpy as np
 
 from visray.errors import UserError
 from visray.pack import Columns, LightColumns, Packed, materials_of
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene import address as addresses
 from visray.scene.scene import Scene, SkyGradient
@@ -20,29 +22,34 @@ class Slot:
     """The place where the packed arrays contain the value of one address: a number or a triple of numbers.
 
     arrays: the arrays that contain the value. A background of one colour is stored twice, as top and bottom of a sky,
-        and has two arrays; every other value has one.
-    row: index of the array entry
+        and has two arrays. A value of a geometry is stored once for each of its instances.
+    rows: for each array, the indices of the entries that contain the value
     component: 0, 1 or 2 for one number of a triple; None for the whole entry
     """
 
     arrays: tuple[Any, ...]
-    row: int
+    rows: tuple[tuple[int, ...], ...]
     component: int | None
+
+    @staticmethod
+    def at(arrays: tuple[Any, ...], row: int, component: int | None) -> "Slot":
+        """The place of a value that is the entry `row` of each array."""
+        return Slot(arrays, ((row,),) * len(arrays), component)
 
     def read(self, values: tuple | list) -> Any:
         """Reads the entry at this place from `values`. Returns a number, or a NumPy array of three numbers.
 
-        values: one array for each of `self.arrays`, of the same shape, such as its gradient. If there are two, their
-            entries are added.
+        values: one array for each of `self.arrays`, of the same shape, such as its gradient. If there are several
+            entries, they are added.
         """
-        entry = sum(np.array(v, float)[..., self.row] for v in values)
+        entry = sum(np.array(v, float)[..., list(rows)].sum(-1) for v, rows in zip(values, self.rows))
         return float(entry) if entry.ndim == 0 else entry if self.component is None else float(entry[self.component])
 
     def one_hot(self) -> list[np.ndarray]:
         """NumPy arrays with the shapes of `self.arrays` that are 1 at this place and 0 elsewhere, as a list."""
         hot = [np.zeros(np.array(v).shape) for v in self.arrays]
-        for h in hot:
-            h[(Ellipsis, self.row) if self.component is None else (self.component, self.row)] = 1
+        for h, rows in zip(hot, self.rows):
+            h[(Ellipsis, list(rows)) if self.component is None else (self.component, list(rows))] = 1
         return hot
 
 
@@ -72,18 +79,21 @@ class AddressIndex:
         if isinstance(value := addresses.value(self.scene, address), dict) or is_dataclass(value):
             raise UserError(f"{address}: is not one number or three; name one of its parts")
         if head == "ambient":
-            return Slot((packed.ambient,), 0, int(name) if name else None)
+            return Slot.at((packed.ambient,), 0, int(name) if name else None)
         if head == "background":
             plain, sky = not isinstance(self.scene.background, SkyGradient), packed.background
             colours = (sky.top, sky.bottom) if plain else (getattr(sky, name or "top"),)
             rest = name if plain else field
-            return Slot(colours, 0, int(rest) if rest else None)
+            return Slot.at(colours, 0, int(rest) if rest else None)
         if head == "camera":
             table, row, field, rest = packed.camera, 0, name, parts[2:]
         elif head == "materials":
             table, row, rest = packed.materials, list(materials_of(self.scene)).index(name), parts[3:]
         elif head == "objects":
-            return self._of_object(name, parts[2:])
+            return self._of_shapes(self.scene.objects[name], address, [name], parts[2:])
+        elif head == "geometries":
+            instances = [n for n, obj in self.scene.objects.items() if getattr(obj, "geometry", None) == name]
+            return self._of_shapes(self.scene.geometries[name], address, instances, parts[2:])
         elif head == "lights":
             number, row = self.row_of(packed.lights, name)
             table, rest = packed.lights[number].numbers, parts[3:]
@@ -93,21 +103,26 @@ class AddressIndex:
             raise UserError(f"{address}: is not a number that a picture depends on smoothly")
         if field not in quantities(type(table)):
             raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
-        return Slot((getattr(table, field),), row, int(rest[0]) if rest else None)
+        return Slot.at((getattr(table, field),), row, int(rest[0]) if rest else None)
 
-    def _of_object(self, name: str, path: list[str]) -> Slot:
-        """The place of one value of an object. Raises UserError if the value has no derivative.
+    def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot:
+        """The place of one value of an object, or of a geometry. Raises UserError if the value has no derivative.
 
-        name: name of the object
-        path: rest of the address after this name, split at the dots
+        shape: the object or the geometry
+        address: address of the value
+        names: name of the object, or names of the instances of the geometry
+        path: rest of the address after the name, split at the dots
         """
-        obj = self.scene.objects[name]
-        number, row = self.row_of(self.packed.batches, name)
-        batch = self.packed.batches[number]
-        columns = batch.kind.columns(obj, batch.numbers)
-        for field, column in columns.items():
+        rows: dict[int, list[int]] = {}
+        for number, row in (self.row_of(self.packed.batches, name) for name in names):
+            rows.setdefault(number, []).append(row)
+        batches = [self.packed.batches[number] for number in rows]
+        columns = [batch.kind.columns(shape, batch.numbers) for batch in batches]
+        columns = [{}] if isinstance(shape, Instance) else columns
+        for field in columns[0]:
             size = len(field.split("."))
             if ".".join(path[:size]) == field:
-                return Slot((column,), row, int(path[size]) if path[size:] else None)
-        known = ", ".join(columns) or "none of its own"
-        raise UserError(f"objects.{name}.{'.'.join(path)}: has no derivative; those of a {obj.type} are {known}")
+                arrays = tuple(x[field] for x in columns)
+                return Slot(arrays, tuple(map(tuple, rows.values())), int(path[size]) if path[size:] else None)
+        known = ", ".join(columns[0]) or "none of its own"
+        raise UserError(f"{address}: has no derivative; those of a {shape.type} are {known}")

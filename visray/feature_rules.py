@@ -87,7 +87,7 @@ def _shadows(scene: Scene) -> list[str]:
 
 def _can_occlude(scene: Scene) -> bool:
     """Whether any object can hide a light from a point of a surface. A flat object that is the only object cannot."""
-    single_flat = len(scene.objects) == 1 and isinstance(next(iter(scene.objects.values())), Flat)
+    single_flat = len(scene.objects) == 1 and isinstance(scene.shape_of(next(iter(scene.objects.values()))), Flat)
     return bool(scene.objects) and not single_flat
 
 
@@ -104,7 +104,7 @@ def _nested(scene: Scene) -> list[str]:
     surface of a solid)."""
     transparent = {n for n, m in scene.materials.items() if any(m.kt)}
     objects = {n: o for n, o in scene.objects.items() if o.material in transparent} if transparent else {}
-    can_nest = len(objects) > 1 and any(o.closed for o in objects.values())
+    can_nest = len(objects) > 1 and any(scene.shape_of(o).closed for o in objects.values())
     return [f"objects.{n}" for n in objects] if can_nest else []
 
 

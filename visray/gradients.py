@@ -60,7 +60,7 @@ EDGE_MOVING_FIELDS = {"position", "direction", "angle", "width", "height", "norm
 def _moves(scene: Scene, address: str) -> bool:
     """Whether a change of the value at the address moves edges in the picture."""
     movers = EDGE_MOVING_FIELDS | {"shininess"} if _stepped(scene.settings) else EDGE_MOVING_FIELDS
-    return address.startswith(("objects.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
+    return address.startswith(("objects.", "geometries.", "camera.")) or not movers.isdisjoint(address.split(".")[2:3])
 
 
 def _stepped(settings: Settings) -> bool:

@@ -266,7 +266,8 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     kinds = [type(light) for light in scene.lights.values()]
     batch_sizes: Counter = Counter()
     for obj in scene.objects.values():
-        batch_sizes[batch_key(obj)] += obj.row_count() if obj.many_rows else 1
+        shape = scene.shape_of(obj)
+        batch_sizes[batch_key(scene, obj)] += shape.row_count() if shape.many_rows else 1
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
     looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
     shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))

@@ -125,9 +125,10 @@ class Packed:
     occlusion: Occlusion
 
 
-def batch_key(obj: Primitive) -> tuple[type[Primitive], bool]:
+def batch_key(scene: Scene, obj: Primitive) -> tuple[type[Primitive], bool]:
     """Key that is equal for objects of one batch: their kind, and whether they have a transform."""
-    return obj.kind, bool(obj.transform) and not obj.many_rows
+    shape = scene.shape_of(obj)
+    return shape.kind, bool(shape.transform or obj.transform) and not shape.many_rows
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
@@ -135,7 +136,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     materials = materials_of(scene)
     objects: dict[tuple, list[tuple[int, str]]] = {}
     for number, (name, obj) in enumerate(scene.objects.items()):
-        objects.setdefault(batch_key(obj), []).append((number, name))
+        objects.setdefault(batch_key(scene, obj), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -165,7 +166,7 @@ def object_columns(scene: Scene, a: Arrays, kind: type[Primitive], members: list
     members: number in the scene and name of each object
     """
     numbers, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
-    objects = [scene.objects[name] for name in names]
+    objects = [scene.placed_shape(scene.objects[name]) for name in names]
     materials = materials_of(scene)
     index = {name: i for i, name in enumerate(materials)}
     texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}

@@ -22,17 +22,26 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
     """
     paths = [address.split(".") for address in addressed]
     sections = {section for section, *_ in paths}
-    if sections & {"textures", "film"} or ["objects"] in paths or _structure(old) != _structure(new):
+    whole_section = ["objects"] in paths or ["geometries"] in paths
+    if sections & {"textures", "film"} or whole_section or _structure(old) != _structure(new):
         return None
     changes: dict[str, Any] = {}
-    batches = _updated_batches(packed, old, new, {rest[0] for section, *rest in paths if section == "objects"}, a)
+    batches = _updated_batches(packed, old, new, _objects_of(new, paths), a)
     if batches is None:
         return None
-    if sections - {"objects"}:
+    if sections - {"objects", "geometries"}:
         without_objects = pack(replace(new, objects={}), a)
         fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
         changes = {fields[s]: getattr(without_objects, fields[s]) for s in sections if s in fields}
     return replace(packed, batches=batches, **changes)
+
+
+def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
+    """Names of the objects that change with the values at some addresses: objects, and instances of geometries."""
+    changed = {section: {rest[0] for s, *rest in paths if s == section} for section in ("objects", "geometries")}
+    geometries = changed["geometries"]
+    instances = {name for name, obj in scene.objects.items() if getattr(obj, "geometry", None) in geometries}
+    return changed["objects"] | (instances if geometries else set())
 
 
 def _structure(scene: Scene) -> tuple:
@@ -55,7 +64,7 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     for name in names:
         before, after = old.objects[name], new.objects[name]
-        if batch_key(before) != batch_key(after):
+        if batch_key(old, before) != batch_key(new, after):
             return None
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name

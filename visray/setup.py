@@ -108,7 +108,7 @@ def prepare(
 
 def _identities(scene: Scene) -> tuple:
     """All names in a scene, each with the id() of its value, as a tuple of pairs."""
-    sections = scene.textures, scene.materials, scene.lights, scene.objects
+    sections = scene.textures, scene.materials, scene.lights, scene.geometries, scene.objects
     return tuple((name, id(value)) for section in sections for name, value in section.items())
 
 

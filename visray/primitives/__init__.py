@@ -9,6 +9,7 @@ from visray.primitives.cone import Cone
 from visray.primitives.cylinder import Cylinder
 from visray.primitives.disk import Disk
 from visray.primitives.ellipsoid import Ellipsoid
+from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.plane import Plane
 from visray.primitives.polynomial import Polynomial
@@ -18,5 +19,7 @@ from visray.primitives.torus import Torus
 from visray.primitives.triangle import Triangle
 
 KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Ellipsoid, Capsule, Torus, Polynomial, Mesh)
+# An object of the scene is of one of these kinds, or an instance of a geometry of one of them.
+OBJECTS = (*KINDS, Instance)
 # The public names of this folder. They are also public names of visray.
-__all__ = [kind.__name__ for kind in KINDS]
+__all__ = [kind.__name__ for kind in OBJECTS]

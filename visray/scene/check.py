@@ -1,7 +1,7 @@
 """Checks scenes from files and from Python: first each field alone, then the conditions between several fields.
 
-An entry is a texture, a material, a light or an object. A section is the dict of a scene that contains entries of one
-of these four sorts by name. A flaw is an error that concerns several fields together.
+An entry is a texture, a material, a light, a geometry or an object. A section is the dict of a scene that contains
+entries of one of these five sorts by name. A flaw is an error that concerns several fields together.
 
 Entries that were validated before are not validated again (validated.py). References by name are checked every time,
 since a user may change the dicts of a scene. If anything is wrong, the whole scene is validated again without this
@@ -20,6 +20,7 @@ from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
+from visray.primitives.instance import Instance
 from visray.quantities import FARTHEST, Name
 from visray.scene.garbage import uncollected
 from visray.scene.messages import hint, line, lines, printable
@@ -30,13 +31,14 @@ from visray.transforms import Transform, bounds, compose
 DEFAULT_MATERIAL = "default"
 # Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
 # while the rest of the scene is checked.
-STAND_INS = {"textures": {"type": "checker"}, "materials": {}}
+STAND_INS = {"textures": {"type": "checker"}, "materials": {}, "geometries": {"type": "sphere"}}
 # The sections of a scene, each with the kinds of its entries.
 SECTIONS = {
     "textures": frozenset(textures.KINDS),
     "materials": frozenset((Material,)),
     "lights": frozenset(lights.KINDS),
-    "objects": frozenset(primitives.KINDS),
+    "geometries": frozenset(primitives.KINDS),
+    "objects": frozenset(primitives.OBJECTS),
 }
 NAMES = TypeAdapter(list[Name])
 
@@ -111,7 +113,7 @@ def _accepted(raw: dict) -> Scene | None:
         return None
     joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
     scene = replace(new, **joined)
-    if _has_own_flaws(new) or _has_unknown_reference(scene):
+    if _has_own_flaws(new) or _has_wrong_reference(scene):
         return None
     for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
@@ -139,22 +141,30 @@ def _joined(entries: dict, known: dict, new: dict) -> dict:
 
 
 def _has_own_flaws(scene: Scene) -> bool:
-    """Whether the camera, a light or an object has a flaw that does not depend on other parts of the scene."""
+    """Whether the camera, a light, a geometry or an object has a flaw that does not depend on other parts of the
+    scene."""
     with np.errstate(all="ignore"):
+        shapes = *scene.geometries.values(), *scene.objects.values()
         return bool(
             _camera_flaws(scene.camera)
             or any(light.flaws() for light in scene.lights.values())
-            or any(shape.flaws() or _transform_flaw(shape.transform) for shape in scene.objects.values())
+            or any(shape.flaws() or _transform_flaw(shape.transform) for shape in shapes)
         )
 
 
-def _has_unknown_reference(scene: Scene) -> bool:
-    """Whether a material names a texture that does not exist, or an object names a material that does not exist."""
+def _has_wrong_reference(scene: Scene) -> bool:
+    """Whether a material names a texture that does not exist, an object names a material or a geometry that does not
+    exist, no object names a geometry, a geometry has a material, or an instance cannot be placed."""
     textures_named = {m.texture for m in scene.materials.values()}
     materials_named = {x.material for x in scene.objects.values()}
-    return not (
-        textures_named <= {None, *scene.textures} and materials_named <= {DEFAULT_MATERIAL, *scene.materials}
-    )  # fmt: skip
+    instances = [x for x in scene.objects.values() if type(x) is Instance]
+    return (
+        not textures_named <= {None, *scene.textures}
+        or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
+        or {x.geometry for x in instances} != set(scene.geometries)
+        or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
+        or any(_placement_flaw(scene, x) for x in instances)
+    )
 
 
 def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
@@ -187,6 +197,8 @@ def flaws(scene: Scene) -> list[str]:
             texts += _texture_flaws(scene, f"materials.{name}.texture", material.texture)
         for name, light in scene.lights.items():
             texts += _own_flaws(f"lights.{name}", light)
+        for name, shape in scene.geometries.items():
+            texts += _geometry_flaws(scene, name, shape)
         for name, shape in scene.objects.items():
             texts += _object_flaws(scene, f"objects.{name}", shape)
         return [printable(text) for text in texts]
@@ -221,9 +233,39 @@ def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
         texts.append(line(f"{address}.material", shape.material, text))
     texts += _own_flaws(address, shape)
     flaw = _transform_flaw(shape.transform)
-    if flaw:
-        texts.append(line(f"{address}.transform", [asdict(step) for step in shape.transform], flaw))
+    if isinstance(shape, Instance):
+        if shape.geometry not in scene.geometries:
+            text = f"unknown geometry; {hint(shape.geometry, scene.geometries)}"
+            texts.append(line(f"{address}.geometry", shape.geometry, text))
+        else:
+            flaw = flaw or _placement_flaw(scene, shape)
+    return texts + _transform_lines(address, shape, flaw)
+
+
+def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
+    """List of the errors of a geometry: a material, its own flaws, a transform without an inverse, and no instance."""
+    address, texts = f"geometries.{name}", []
+    if shape.material != DEFAULT_MATERIAL:
+        text = "a geometry has no material; give one to each of its instances"
+        texts.append(line(f"{address}.material", shape.material, text))
+    texts += _own_flaws(address, shape) + _transform_lines(address, shape, _transform_flaw(shape.transform))
+    if not any(getattr(obj, "geometry", None) == name for obj in scene.objects.values()):
+        texts.append(f"{address}: no object is an instance of it; add one, or leave the geometry out")
     return texts
+
+
+def _transform_lines(address: str, shape: Any, flaw: str | None) -> list[str]:
+    """List with the line about the transform of an object or a geometry; empty without a flaw."""
+    if not flaw:
+        return []
+    return [line(f"{address}.transform", [asdict(step) for step in shape.transform], flaw)]
+
+
+def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
+    """Reason why the transforms of an instance and of its geometry do not go together, or None if they do."""
+    steps = scene.geometries[instance.geometry].transform
+    flaw = _transform_flaw(steps + instance.transform) if steps and instance.transform else None
+    return flaw and f"after the transform of geometries.{instance.geometry}, {flaw}"
 
 
 def _camera_flaws(camera: Camera) -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from visray.primitives.instance import Instance
 from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
 from visray.scene.scene import Scene
 from visray.transforms import STEPS
@@ -206,6 +207,8 @@ def _tag_message(place: _Place, raw: Any) -> str:
     if members[0] in STEPS.values():
         return line(address, value, f"unknown step; it has one of the keys {', '.join(STEPS)}")
     names = [tag_of(m) for m in members]
+    if value.get("type") == Instance.type and place.address[0] == "geometries":
+        return line(f"{address}.type", value["type"], "a geometry cannot be an instance; write the shape itself")
     if "type" not in value:
         return f"{address}: the key 'type' is missing; one of {', '.join(names)}"
     return line(f"{address}.type", value["type"], f"unknown type; {hint(value['type'], names)}")

@@ -10,6 +10,8 @@ from visray import camera as cameras
 from visray import lights, modes, primitives, textures
 from visray.materials import Material
 from visray.number_table import DIGESTS
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
 from visray.quantities import Color, Count, Length, Name
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -119,15 +121,17 @@ def _camera_type(raw: Any) -> Any:
 
 
 Camera = Annotated[Union[tuple(Annotated[kind, Tag(kind.type)] for kind in cameras.KINDS)], Discriminator(_camera_type)]
-Object = Annotated[Union[primitives.KINDS], Field(discriminator="type")]
+Geometry = Annotated[Union[primitives.KINDS], Field(discriminator="type")]
+Object = Annotated[Union[primitives.OBJECTS], Field(discriminator="type")]
 Light = Annotated[Union[lights.KINDS], Field(discriminator="type")]
 Texture = Annotated[Union[textures.KINDS], Field(discriminator="type")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A scene: everything that determines a picture. Textures, materials, lights and objects are dicts by name, in the
-    order of the file."""
+    """A scene: everything that determines a picture. Textures, materials, lights, geometries and objects are dicts by
+    name, in the order of the file. A geometry is a shape without a material; the objects that are its instances show
+    it."""
 
     __pydantic_config__ = STRICT
     camera: Camera = field(default_factory=cameras.Camera)
@@ -137,8 +141,18 @@ class Scene:
     textures: dict[Name, Texture] = field(default_factory=dict)
     materials: dict[Name, Material] = field(default_factory=dict)
     lights: dict[Name, Light] = field(default_factory=dict)
+    geometries: dict[Name, Geometry] = field(default_factory=dict)
     objects: dict[Name, Object] = field(default_factory=dict)
     settings: Settings = field(default_factory=Settings)
+
+    def shape_of(self, obj: Object) -> Primitive:
+        """The geometry of an instance, without the instance's own transform; any other object itself."""
+        return self.geometries[obj.geometry] if isinstance(obj, Instance) else obj
+
+    def placed_shape(self, obj: Object) -> Primitive:
+        """The object that is rendered for an object of the scene: for an instance, its geometry with the material and
+        the transform of the instance; any other object itself."""
+        return obj.placed_shape(self.geometries[obj.geometry]) if isinstance(obj, Instance) else obj
 
     def hash(self) -> str:
         """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""

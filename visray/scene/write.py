@@ -16,6 +16,7 @@ from visray.modes import MODES
 from visray.number_table import NumberTable
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
+from visray.primitives.instance import Instance
 from visray.primitives.mesh import FitBox, Mesh
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
@@ -27,8 +28,10 @@ from visray.textures import ImageTexture, Texture
 from visray.transforms import STEPS, Matrix, Rotate, Scale
 
 LONGEST_LINE = 100
+# The sections of a scene whose entries may name a file.
+WITH_FILES = ("textures", "geometries", "objects")
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.KINDS, Ball, Block)
+TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.OBJECTS, Ball, Block)
 KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, FitBox, *STEPS.values())
 # Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform")
@@ -42,6 +45,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "textures": "textures by name",
         "materials": "materials by name",
         "lights": "lights by name",
+        "geometries": "shapes by name that objects of the type instance show, each many times; they have no material",
         "objects": "objects by name",
     },
     Film: {
@@ -110,6 +114,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "solid": "auto: a mesh without open edges is a solid; true: open edges are an error; false: never a solid",
     },
     FitBox: {},
+    Instance: {"geometry": "the name of one of the scene's geometries"},
     Scale: {"scale": "one factor, or one for each axis; not 0"},
     Rotate: {"rotate": "degrees"},
     Matrix: {"matrix": "the upper three rows of a 4 x 4 matrix"},
@@ -147,7 +152,7 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
             name: replace(x, file=renamed(x.file)) if getattr(x, "file", None) else x for name, x in entries.items()
         }
 
-    return replace(scene, textures=moved(scene.textures), objects=moved(scene.objects))
+    return replace(scene, **{name: moved(getattr(scene, name)) for name in WITH_FILES})
 
 
 def _relative_path(folder: str | Path, file: str) -> str:

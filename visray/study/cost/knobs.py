@@ -94,7 +94,8 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     if on["reflection"] or on["refraction"]:
         turned.append(_depth(settings.depth))
     turned.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
-    if curved := [f"objects.{n}.tolerance" for n, o in scene.objects.items() if _searched(o)]:
+    shapes = {"objects": scene.objects, "geometries": scene.geometries}
+    if curved := [f"{section}.{n}.tolerance" for section in shapes for n, o in shapes[section].items() if _searched(o)]:
         turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.objects:
         turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ("auto", "none", "tree")))

@@ -38,7 +38,7 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     """
     if rays < 1:
         raise UserError(f"rays = {rays}: must be at least 1")
-    shapes, left_out = mitsuba_shapes(other or scene)
+    shapes, left_out = mitsuba_shapes(_without_instances(other or scene))
     if not shapes:
         why = "; ".join(f"objects.{name}: {reason}" for name, reason in left_out.items()) or "it has no objects"
         raise UserError(f"nothing of the scene can be checked: {why}")
@@ -46,6 +46,7 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     scene, effect_notes = without_omitted_effects(full_scene)
     their_lights = (other or full_scene).lights
     their_scene = without_omitted_effects(_only_objects(other, shapes))[0] if other else scene
+    their_scene = _without_instances(their_scene)
     with Bar("checking", 6) as bar:
         ours = VisrayScene(opaque(scene))
         theirs = MitsubaScene(their_scene, ours.names, shapes, ours.centre)
@@ -57,7 +58,7 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
         opaque_scene = replace(opaque(scene), lights=full_scene.lights)
         area_lights, area_light_examples = area_shadows.compare(opaque_scene, theirs, their_lights, of_pixels.rays)
         bar.update(4)
-        of_random = RayComparison(ours, theirs, random_rays(scene, ours.centre, rays, seed))
+        of_random = RayComparison(ours, theirs, random_rays(their_scene, ours.centre, rays, seed))
         bar.update(5)
         coloured, picture, difference = _compare_pictures(of_pixels, scene, shadow_comparison)
     return Report(
@@ -84,7 +85,17 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
 
 
 def _only_objects(scene: Scene, shapes: dict[str, MitsubaShapes]) -> Scene:
-    return replace(scene, objects={name: primitive for name, primitive in scene.objects.items() if name in shapes})
+    """The scene with only the objects that have shapes in Mitsuba, and the geometries that these name."""
+    objects = {name: primitive for name, primitive in scene.objects.items() if name in shapes}
+    named = {getattr(x, "geometry", None) for x in objects.values()}
+    geometries = {name: shape for name, shape in scene.geometries.items() if name in named}
+    return replace(scene, objects=objects, geometries=geometries)
+
+
+def _without_instances(scene: Scene) -> Scene:
+    """The scene with the geometry, at its place, in place of each instance."""
+    objects = {name: scene.placed_shape(x) for name, x in scene.objects.items()}
+    return replace(scene, objects=objects, geometries={})
 
 
 def _reduced(scene: Scene) -> tuple[Scene, list[str]]:

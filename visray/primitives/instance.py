@@ -1,0 +1,22 @@
+"""Instances: objects that take their shape from one of the scene's geometries."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from visray.primitives.primitive import Primitive
+from visray.quantities import Name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instance(Primitive):
+    """A copy of one of the scene's `geometries`, with its own material and transform.
+
+    The transform of the geometry is applied first, then that of the instance.
+    """
+
+    type: Literal["instance"] = "instance"
+    geometry: Name
+
+    def placed_shape(self, geometry: Primitive) -> Primitive:
+        """The geometry as an object of its own kind, with the material of the instance and both transforms."""
+        return replace(geometry, material=self.material, transform=geometry.transform + self.transform)

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 
 from visray.geometry import gamma
 from visray.meshes import gltf as gltf_module
-from visray.meshes import gltf_nodes, reading
+from visray.meshes import gltf_nodes, polygons, reading
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import face_normals, smooth_normals
 from visray.meshes.polygons import triangulated
@@ -188,6 +188,12 @@ def test_corners_on_one_line_leave_a_solid_closed(tmp_path, turn):
     text += "".join(f"f {' '.join(map(str, face))}\n" for face in faces)
     found = topology(read(written(tmp_path, "a.obj", text)))
     assert found.closed and found.volume == pytest.approx(1, rel=1e-14)
+
+
+def test_a_concave_polygon_has_a_largest_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(polygons, "MOST_CORNERS", 4)
+    outline = square("0 0,2 -1,0 3,-2 -1,-1 -0.9", "f 1 2 3 4 5")
+    assert "a concave face of 5 corners; visray cuts up to 4" in refusal(written(tmp_path, "a.obj", outline))
 
 
 def test_polygons_of_points_on_a_line_and_crossing_ones_end(tmp_path):

@@ -3,7 +3,10 @@
 import numpy as np
 
 from visray.geometry import gamma
-from visray.meshes.triangle_mesh import edge_vectors, without_area
+from visray.meshes.triangle_mesh import MeshError, edge_vectors, without_area
+
+# Largest number of corners of a concave polygon: the time to cut it grows with the square.
+MOST_CORNERS = 10_000
 
 
 def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -35,7 +38,10 @@ def triangulated(vertices: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
     quad = np.searchsorted(polygon, bent[sizes[bent] == 4])
     fans[quad] += [1, 1, 1]
     fans[quad + 1] += [1, 1, -3]
-    for p in bent[sizes[bent] > 4]:
+    bent = bent[sizes[bent] > 4]
+    if (count := sizes[bent].max(initial=0)) > MOST_CORNERS:
+        raise MeshError("file", f"has a concave face of {count:,} corners; visray cuts up to {MOST_CORNERS:,}")
+    for p in bent:
         own = slice(*np.searchsorted(polygon, [p, p + 1]))
         fans[own] = first[p] + _ears(vertices[corners[first[p] : first[p] + sizes[p]]], area[p])
     return fans, polygon
@@ -51,28 +57,33 @@ def _ears(points: np.ndarray, area: np.ndarray) -> np.ndarray:
     plane = np.delete(points, axis, axis=1)
     if (area[axis] < 0) != (axis == 1):
         plane = plane[:, ::-1]
-    left, triangles = list(range(len(points))), []
+    left, triangles, start = np.arange(len(points)), [], 0
     while len(left) > 3:
-        for place in range(len(left)):
-            ear = left[place - 1], left[place], left[(place + 1) % len(left)]
+        # The search goes on where the last ear was: from the first corner, a long outline would be searched over again.
+        for step in range(len(left)):
+            place = (start + step) % len(left)
+            ear = left[[place - 1, place, (place + 1) % len(left)]]
             if _is_ear(plane, ear, left):
                 break
         else:
             break
         triangles.append(ear)
-        del left[place]
-    return np.array(triangles + [(left[0], left[i], left[i + 1]) for i in range(1, len(left) - 1)])
+        left, start = np.delete(left, place), place
+    return np.array([*triangles, *((left[0], left[i], left[i + 1]) for i in range(1, len(left) - 1))])
 
 
-def _is_ear(plane: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
-    """Whether a corner of a polygon is convex, and its triangle holds no other corner. Shapes: plane (N, 2)."""
-    a, b, c = plane[list(ear)]
+def _is_ear(plane: np.ndarray, ear: np.ndarray, left: np.ndarray) -> bool:
+    """Whether a corner of a polygon is convex, and its triangle holds no other corner.
+
+    Shapes: plane (N, 2), ear (3): the corner between its neighbours, left (L): the corners that are not cut off.
+    """
+    a, b, c = plane[ear]
     if _turn(a, b, c) <= 0:
         return False
-    rest = plane[[i for i in left if i not in ear]]
-    # A corner at the place of one of the three (a seam of a polygon with a hole) is no obstacle.
-    rest = rest[~((rest[:, None] == np.stack([a, b, c])).all(axis=2).any(axis=1))]
-    return not ((_turn(a, b, rest) >= 0) & (_turn(b, c, rest) >= 0) & (_turn(c, a, rest) >= 0)).any()
+    rest = plane[left]
+    inside = (_turn(a, b, rest) >= 0) & (_turn(b, c, rest) >= 0) & (_turn(c, a, rest) >= 0)
+    # The three corners themselves, and others at their places (a seam of a polygon with a hole), are no obstacle.
+    return bool((rest[inside][:, None] == plane[ear]).all(axis=2).any(axis=1).all())
 
 
 def _turn(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:

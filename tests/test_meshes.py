@@ -192,7 +192,7 @@ def test_corners_on_one_line_leave_a_solid_closed(tmp_path, turn):
 
 def test_a_concave_polygon_has_a_largest_size(tmp_path, monkeypatch):
     monkeypatch.setattr(polygons, "MOST_CORNERS", 4)
-    outline = square("0 0,2 -1,0 3,-2 -1,-1 -0.9", "f 1 2 3 4 5")
+    outline = square("2 -1,0 3,-2 -1,-1 -0.9,0 0", "f 1 2 3 4 5")
     assert "a concave face of 5 corners; visray cuts up to 4" in refusal(written(tmp_path, "a.obj", outline))
 
 

@@ -48,6 +48,19 @@ class DirectionCone:
 
 
 @dataclass(frozen=True)
+class CrossingBounds:
+    """What a guard knows of the first crossing of a ray with a row's surface, in single precision.
+
+    sure: mask of the rays that surely cross the surface, in the exact test too
+    low, high: bounds of the distance of the crossing, as the exact test finds it. Domain: rays that are sure
+    """
+
+    sure: Any
+    low: Any
+    high: Any
+
+
+@dataclass(frozen=True)
 class BallGuard:
     """The guard of a bounded row: a test of rays against the row's bounding ball, in single precision.
 
@@ -67,6 +80,26 @@ class BallGuard:
         d: direction of the ray, in single. The second parameter is not used; it is there because PlaneGuard has it.
         """
         return dr.dot(self.to_centre, d) >= self.least
+
+    def bounds(self, d: Any) -> CrossingBounds:
+        """What is known of the first crossing with the ball itself. d: direction of the ray, in single.
+
+        The crossing is at h - sqrt(x), for h = to_centre . d and x = h^2 - T^2 with the length T of the tangents.
+
+        Error: u is the unit roundoff of single, and q = |to_centre|^2. The error of h is at most 10 u sqrt(q) (see
+        ball_guard), so that of h^2 is at most 21 u q. The square of `least` is below T^2 by at most 30 u q. With the
+        roundings of both squares and of the difference, x has an error of at most 64 u q. Where x is more than four
+        times as large, its root has an error of at most 64 u q / sqrt(x). The bounds allow 16 u sqrt(q) for h and all
+        that is left.
+        """
+        u = UNIT_ROUNDOFF["single"]
+        h, q = dr.dot(self.to_centre, d), dr.squared_norm(self.to_centre)
+        x = h * h - self.least * self.least
+        root = dr.sqrt(dr.maximum(x, 0))
+        error = 64 * u * q / root + 16 * u * dr.sqrt(q)
+        low, high = h - root - error, h - root + error
+        # The first two comparisons are false if the origin may be inside the ball, because `least` is then -inf.
+        return CrossingBounds((self.least > 0) & (x > 256 * u * q) & (h > 0) & (low > 0), low, high)
 
     def may_hit_cone(self, cone: DirectionCone) -> Any:
         """Whether some ray of a cone may meet the ball.
@@ -110,14 +143,14 @@ def ball_guard(a: Arrays, centre: Any, radius: Any, o: Any) -> BallGuard:
 
 @dataclass(frozen=True)
 class TriangleGuard:
-    """The guard of a triangle for rays from one origin, in single precision. It rejects rays that pass an edge on the
-    outer side, and so nearly all rays that miss the triangle.
+    """The guard of a triangle for rays from one origin, in single precision. It rejects nearly all rays that miss the
+    triangle, and knows of most others that they hit it, and where.
 
-    The three planes through the origin and the edges bound the pyramid of the rays that meet the triangle.
+    Seen from the origin, the corners a, b, c of a triangle are a base of space. In this base, a direction d has the
+    coordinates n . d, for three vectors n, and a ray meets the triangle if none of them is negative. Their sum is 1 / t.
 
-    bc, ca, ab: unit normals of these planes, which point into the pyramid.
-    margin: bound on the error of the products of a unit direction and these normals; inf if the origin lies in the
-        plane of the triangle to within rounding.
+    bc, ca, ab: the vectors n for the corners a, b and c: b x c, c x a and a x b, divided by the volume a . (b x c)
+    margin: for each of the products n . d, a bound on its error, as a vector; inf if rounding may hide the volume
     """
 
     bc: Any
@@ -125,21 +158,51 @@ class TriangleGuard:
     ab: Any
     margin: Any
 
+    def coordinates(self, d: Any) -> tuple[Any, Any, Any]:
+        """The coordinates of a direction d, in single."""
+        return dr.dot(self.bc, d), dr.dot(self.ca, d), dr.dot(self.ab, d)
+
     def may_hit(self, d: Any, _: Any = None) -> Any:
         """Whether a ray may meet the triangle. d: direction of the ray, in single."""
-        least = -self.margin
-        return (dr.dot(self.bc, d) >= least) & (dr.dot(self.ca, d) >= least) & (dr.dot(self.ab, d) >= least)
+        x, y, z = self.coordinates(d)
+        return (x >= -self.margin.x) & (y >= -self.margin.y) & (z >= -self.margin.z)
+
+    def bounds(self, d: Any) -> "CrossingBounds":
+        """What is known of the crossing. d: direction of the ray, in single.
+
+        Error: the sum of the coordinates has the errors of all three, and two roundings. 1 / t has one more.
+        """
+        x, y, z = self.coordinates(d)
+        total, error = x + y + z, self.margin.x + self.margin.y + self.margin.z
+        error += gamma(4, "single") * total
+        sure = (x >= self.margin.x) & (y >= self.margin.y) & (z >= self.margin.z) & (total > 2 * error)
+        low = dr.rcp(total + error) * (1 - gamma(8, "single"))
+        high = dr.rcp(total - error) * (1 + gamma(8, "single"))
+        return CrossingBounds(sure, low, high)
+
+    def cosine(self, d: Any) -> Any:
+        """Lower bound of the cosine of the angle between a direction d and the triangle's normal. Domain: the triangle
+        is surely hit.
+
+        The distance of the origin from the triangle's plane is 1 / |bc + ca + ab|, which is at least
+        1 / (|bc| + |ca| + |ab|), and t times the cosine is this distance. Each margin is more than 16 u times the length
+        of its vector.
+        """
+        lengths = (self.margin.x + self.margin.y + self.margin.z) / (16 * UNIT_ROUNDOFF["single"])
+        x, y, z = self.coordinates(d)
+        return (x + y + z) / lengths * (1 - gamma(8, "single"))
 
     def packets(self, a: Arrays) -> tuple[Any, Any, Any]:
         """The guards of all rows as three arrays of packets of four numbers, which a loop reads at once."""
         bc, ca, ab, margin = self.bc, self.ca, self.ab, self.margin
-        fours = (bc.x, bc.y, bc.z, ca.x), (ca.y, ca.z, ab.x, ab.y), (ab.z, margin, margin, margin)
+        fours = (bc.x, bc.y, bc.z, ca.x), (ca.y, ca.z, ab.x, ab.y), (ab.z, margin.x, margin.y, margin.z)
         return tuple(dr.ravel(a.Q32(*four)) for four in fours)
 
     @staticmethod
     def unpacked(a: Arrays, p: Any, q: Any, r: Any) -> "TriangleGuard":
         """The guard whose packets are p, q and r."""
-        return TriangleGuard(a.V32(p.x, p.y, p.z), a.V32(p.w, q.x, q.y), a.V32(q.z, q.w, r.x), r.y)
+        vectors = (p.x, p.y, p.z), (p.w, q.x, q.y), (q.z, q.w, r.x), (r.y, r.z, r.w)
+        return TriangleGuard(*(a.V32(*v) for v in vectors))
 
 
 def triangle_guard(a: Arrays, corners: tuple[Any, Any, Any], o: Any) -> TriangleGuard:
@@ -150,28 +213,30 @@ def triangle_guard(a: Arrays, corners: tuple[Any, Any, Any], o: Any) -> Triangle
     Error: u is the unit roundoff of single. The exact test (Triangle.intersect_plane) computes k d . (b x c) in double
     for corners relative to o, where k is the largest component of d, at least 1 / sqrt(3). Its products of two
     differences have an error of at most gamma(12) 2 |b| |c|. So at a crossing d . (b x c) is at least
-    -gamma(42) |b| |c|. The product b x c has an error of at most gamma(8) |b| |c| here. So the unit normal n satisfies
-    n . d >= -gamma(64) |b| |c| / |b x c| at a crossing. In single, n . d has 4 u from a conversion and three roundings,
-    and 6 u from d (see ball_guard); the code allows 16 u.
-    The volume a . (b x c) gives the side of the triangle on which o lies. If rounding hides its sign, o lies in the
-    plane of the triangle, and the guard rejects nothing.
+    -gamma(42) |b| |c|. The product b x c has an error of at most gamma(8) |b| |c| here. Together this is the second part
+    of the margin, gamma(64) |b| |c| over the volume. In single, n . d has 4 u |n| from a conversion and three roundings,
+    and 6 u |n| from d (see ball_guard); the code allows 16 u |n|, which also covers the volume's relative error.
+    The volume is a . ((b - a) x (c - a)), whose error is at most gamma(16) |a| |b - a| |c - a|. Rounding may hide it if
+    it is not 2^24 times as large. The exact test takes t as a mean of the corners' distances, whose weights have an
+    error of gamma(42) |b| |c| over the projected area. It is within u t of the true one if the triangle is seen at an
+    angle of at least 2^-23 across its narrowest side. Otherwise the guard rejects nothing and is never sure.
     """
     p, q, r = (x - o for x in corners)
-    bc, ca, ab = dr.cross(q, r), dr.cross(r, p), dr.cross(p, q)
-    volume = dr.dot(p, bc)
-    lengths = dr.norm(p), dr.norm(q), dr.norm(r)
-    hidden = dr.abs(volume) <= gamma(32) * lengths[0] * lengths[1] * lengths[2]
-    side = dr.select(volume < 0, -1.0, 1.0)
-    margin, normals = a.D(16 * UNIT_ROUNDOFF["single"]), []
-    for n, x, y in ((bc, 1, 2), (ca, 2, 0), (ab, 0, 1)):
-        length = dr.norm(n)
-        hidden |= length == 0
-        scale = side / dr.select(length > 0, length, 1)
-        normals.append(a.V32(n * scale))
-        own = 16 * UNIT_ROUNDOFF["single"] + gamma(64) * lengths[x] * lengths[y] * dr.abs(scale)
-        margin = dr.maximum(margin, own)
-    margin = a.F32(dr.select(hidden, dr.inf, margin * (1 + gamma(2, "single"))))
-    return TriangleGuard(*normals, margin)
+    e, f = q - p, r - p
+    volume = dr.dot(p, dr.cross(e, f))
+    sizes = dr.norm(p), dr.norm(q), dr.norm(r)
+    farthest = dr.maximum(dr.maximum(sizes[0], sizes[1]), sizes[2])
+    sides = dr.norm(e), dr.norm(f)
+    hidden = ~(dr.abs(volume) > gamma(16) * 2.0**24 * farthest * sides[0] * sides[1])
+    hidden |= ~(dr.abs(volume) > 2.0**-23 * dr.maximum(sides[0], sides[1]) * dr.square(farthest))
+    scale = dr.rcp(dr.select(hidden, 1, volume))
+    vectors, margins = [], []
+    for x, y, size in ((q, r, sizes[1] * sizes[2]), (r, p, sizes[2] * sizes[0]), (p, q, sizes[0] * sizes[1])):
+        n = dr.select(hidden, 0, dr.cross(x, y) * scale)
+        margin = 16 * UNIT_ROUNDOFF["single"] * dr.norm(n) + gamma(64) * size * dr.abs(scale)
+        vectors.append(a.V32(n))
+        margins.append(a.F32(dr.select(hidden, dr.inf, margin * (1 + gamma(2, "single")))))
+    return TriangleGuard(*vectors, a.V32(*margins))
 
 
 @dataclass(frozen=True)

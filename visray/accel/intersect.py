@@ -15,9 +15,11 @@ from typing import Any
 
 import drjit as dr
 
-from visray.accel.culling import point_rounding, touches
+from visray.accel.culling import CrossingBounds, TriangleGuard, point_rounding, touches
+from visray.accel.lists import RowLists
 from visray.accel.origin import Candidate, RayOrigin
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
+from visray.accel.screening import any_hit, nearest
 from visray.accel.traversal import Query, traverse
 from visray.geometry import gamma
 from visray.pytree import detached, leaves, rows
@@ -60,7 +62,12 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
         part = tuple(dr.select(nearer, a.U(0) if x.part is None else x.part, old) for old in part)
         return dr.select(nearer, x.t, t), dr.select(nearer, c.index, row), *part
 
-    query = Query(may_hit, intersect, lambda state: state[0], lambda *_: ~(active | a.B(False)))
+    def screen(lists: RowLists, d: Any, first: Any, end: Any, guarded: Callable, state: tuple) -> tuple:
+        return *nearest(a, lists, d, first, end, state[0], guarded), state
+
+    finished = lambda *_: ~(active | a.B(False))  # noqa: E731 - no state ends the search
+    screens = ray.row is None and ray.clearance is None
+    query = Query(may_hit, intersect, lambda state: state[0], finished, screen=screen if screens else None)
     return Hit(*traverse(origin, query, ray, start, brute_force))
 
 
@@ -96,11 +103,34 @@ class Target:
 def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool = False) -> Any:
     """Mask of the rays that meet a row between their origin and their target. Inactive lanes: False."""
 
+    a = origin.a
+
     def stop(c: Candidate, segment: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
         return (hidden | occludes(segment),)
 
-    start = (dr.full(origin.a.B, False, _width(origin, ray)),)
-    (hidden,) = _between(origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden)
+    def screen(lists: RowLists, d: Any, first: Any, end: Any, guarded: Callable, state: tuple) -> tuple:
+        hit, unsure = any_hit(a, lists, d, first, end, a.D(reach), guarded, surely)
+        return unsure, end, (state[0] | hit,)
+
+    def surely(c: Candidate, guard: Any, bounds: CrossingBounds) -> Any:
+        """Mask of the rays whose crossing with a row is sure to be before their end."""
+        if isinstance(guard, TriangleGuard):
+            # The end must be behind the triangle's plane by more than its error (Flat.crossing).
+            return (last - bounds.high) * guard.cosine(d32) > error
+        return (bounds.high < last) & (target.row != c.index)
+
+    screens = ray.row is None and ray.clearance is None and target.row is not None and not target.may_touch
+    if screens:
+        d32, reach, error = dr.detach(a.V32(ray.d)), dr.detach(a.F32(target.distance)), dr.detach(a.F32(target.error))
+        # A lower bound of the end's distance; the distance in single has a few rounding errors.
+        last = reach * (1 - gamma(32, "single"))
+        if target.slack is not None:
+            last -= dr.detach(a.F32(target.slack / target.cosine)) * (1 + gamma(8, "single"))
+        error *= 1 + gamma(8, "single")
+    start = (dr.full(a.B, False, _width(origin, ray)),)
+    (hidden,) = _between(
+        origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden, screen if screens else None
+    )
     return hidden & active
 
 
@@ -140,7 +170,7 @@ def _width(origin: RayOrigin, ray: Ray) -> int:
 
 def _between(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
-    finished: Callable,
+    finished: Callable, screen: Callable | None = None,
 ) -> tuple:  # fmt: skip
     """The state (a tuple of arrays) after each ray is tested against all rows between its origin and its target.
 
@@ -148,6 +178,7 @@ def _between(
     change(c, segment, attached_segment, *state): function that returns the state after one row. `attached_segment` is
         the segment with derivatives; None if neither the row nor the ray carries any.
     finished(*state): function that returns a mask of the rays whose state no other row can change.
+    screen: as in Query
     """
     a, attached_ray, attached_target = origin.a, ray, target
     ray, target, active = detached(ray), detached(target), dr.detach(active)
@@ -204,5 +235,5 @@ def _between(
 
     # The distance in single has a few rounding errors.
     farthest = a.D(target.distance) * (1 + gamma(16, "single"))
-    query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin)
+    query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin, screen)
     return traverse(origin, query, ray, start, brute_force)

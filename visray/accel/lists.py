@@ -19,6 +19,7 @@ from visray.accel.cells import CellLists, ball_lists, triangle_lists
 from visray.accel.culling import BallGuard, TriangleGuard, ball_guard, triangle_guard
 from visray.batches import Batch
 from visray.camera import Camera
+from visray.geometry import SimilarityInverse
 from visray.pytree import evaluated
 from visray.quantities import Arrays
 
@@ -102,6 +103,7 @@ class RowLists:
     near: lower bound of the distance between the origin and the row of each entry. Shape: (entries)
     packets: numbers of each row's guard, four at a time. Shape: (4 x rows) each
     triangular: whether the guards are those of triangles; else they are those of balls
+    screens: whether the guards know where a row is hit (screening.py), because rows are triangles or balls themselves
     """
 
     sheet: Sheet
@@ -110,6 +112,7 @@ class RowLists:
     near: Any
     packets: tuple[Any, ...]
     triangular: bool
+    screens: bool
 
     @staticmethod
     def of(a: Arrays, batch: Batch, o: Any, views: tuple[CellView, ...]) -> "RowLists":
@@ -129,7 +132,8 @@ class RowLists:
         near = lists.near[lists.entries] if len(lists.entries) else np.zeros(1, np.float32)
         entries = lists.entries if len(lists.entries) else np.zeros(1, np.uint32)
         arrays = a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near)
-        return evaluated(RowLists(Sheet.of(a, lists), *arrays, packets, triangular))
+        screens = triangular or (batch.kind.fills_ball and isinstance(batch.placed.inverse, SimilarityInverse))
+        return evaluated(RowLists(Sheet.of(a, lists), *arrays, packets, triangular, screens))
 
     def guard(self, a: Arrays, row: Any) -> BallGuard | TriangleGuard:
         """The guard of a row of the batch, for each lane."""

@@ -19,6 +19,7 @@ from visray.accel import policy
 from visray.accel.bvh_walk import Walk
 from visray.accel.origin import Candidate, RayOrigin
 from visray.batches import Batch
+from visray.geometry import gamma
 from visray.ray import Ray
 
 
@@ -32,6 +33,10 @@ class Query:
     finished(*state): returns a mask of the rays whose state no other row can change.
     begin(): returns data in double that all exact tests of a ray share. `intersect` then takes it as the argument
         `begun`. None if there is no such data.
+    screen(lists, d, first, end, guarded, state): returns (first, end, state): the entries of a list that still need an
+        exact test after guards in single precision have been asked, and the state after what they decide. `guarded`
+        returns for an entry (mask of the rays that may hit its row, the row's guard, the candidate). None if guards
+        decide nothing.
     """
 
     may_hit: Callable
@@ -39,6 +44,7 @@ class Query:
     t_max: Callable
     finished: Callable
     begin: Callable | None = None
+    screen: Callable | None = None
 
 
 def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_force: bool) -> tuple:
@@ -144,25 +150,53 @@ def _looped(origin: RayOrigin, query: Query, number: int, state: tuple, brute_fo
 
 
 def _listed(origin: RayOrigin, query: Query, number: int, ray: Ray, state: tuple) -> tuple:
-    """The state after the query has run on the rows of a batch that the ray's cell lists."""
+    """The state after the query has run on the rows of a batch that the ray's cell lists.
+
+    A ray looks for the next row that its guard does not reject, in an inner loop in single precision. Then all rays of
+    a packet test their rows exactly at the same time. So a packet runs the exact test as often as the ray with the most
+    such rows, and not once for each place in the lists.
+    """
     a, lists, batch = origin.a, origin.lists[number], origin.batches[number]
     d32 = a.V32(ray.d)
     first, end = lists.span(a, d32, ~query.finished(*state))
 
-    def walk(*state: Any) -> tuple:
-        begun = query.begin() if query.begin else None
+    def candidate(k: Any, present: Any) -> Candidate:
+        row = dr.gather(a.U, lists.entries, k, present)
+        return Candidate(number, row, row + batch.first_row, present)
+
+    def next_candidate(k: Any, end: Any, state: tuple) -> Any:
+        """The first place from k on whose row may be hit, or `end`."""
+
+        def look(k: Any, looking: Any) -> tuple:
+            within = dr.gather(a.F32, lists.near, k, looking) <= farthest
+            may_hit = within & query.may_hit(candidate(k, looking), *state)
+            k = dr.select(may_hit, k, dr.select(within, k + 1, end))
+            return k, ~may_hit & (k < end)
+
+        farthest = a.F32(query.t_max(state) * (1 + gamma(4, "single")))
+        return dr.while_loop((k, k < end), lambda k, looking: looking, look, label="list")[0]
+
+    if query.screen is not None and lists.screens and origin.touching[number] is None:
+
+        def guarded(k: Any, looking: Any) -> tuple:
+            c = candidate(k, looking)
+            return query.may_hit(c, *state), lists.guard(a, c.row), c
+
+        k, end, state = query.screen(lists, d32, first, end, guarded, state)
+    else:
+        k = next_candidate(first, end, state)
+
+    def test_all(k: Any, *state: Any) -> tuple:
+        begun = {"begun": query.begin()} if query.begin else {}
 
         def step(k: Any, *state: Any) -> tuple:
-            row, near = dr.gather(a.U, lists.entries, k), dr.gather(a.F32, lists.near, k)
-            within = near <= query.t_max(state)
-            c = Candidate(number, row, row + batch.first_row, within)
-            more = {} if begun is None else {"begun": begun}
-            state = _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s, **more), "intersect")
-            return (dr.select(within & ~query.finished(*state), k + 1, end), *state)
+            state = query.intersect(candidate(k, k < end), *state, **begun)
+            k = dr.select(query.finished(*state), end, k + 1)
+            return next_candidate(k, end, state), *state
 
-        return dr.while_loop((first, *state), lambda k, *_: k < end, step, label="list")[1:]
+        return dr.while_loop((k, *state), lambda k, *_: k < end, step, label="tests")
 
-    return _where(first < end, state, walk, "listed")
+    return _where(k < end, (k, *state), test_all, "listed")[1:]
 
 
 def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:

@@ -124,6 +124,7 @@ class Primitive:
     uses_part = False  # whether crossings depend on the part on which a ray starts or ends
     max_crossings = 1  # greatest number of crossings of a line with the surface
     triangular = False  # whether a row is a triangle (corners)
+    fills_ball = False  # whether an object without a transform is its own bounding ball
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 

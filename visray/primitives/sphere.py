@@ -74,6 +74,8 @@ class Sphere(UnitSphere):
     uv: u is 0.5 at +x and grows eastwards; v is 0 at the south pole (-y) and 1 at the north pole (+y).
     """
 
+    fills_ball = True
+
     type: Literal["sphere"] = "sphere"
     center: Point = (0.0, 0.0, 0.0)
     radius: Length = 1.0

@@ -20,7 +20,7 @@ from visray.geometry import gamma, l1_norm
 from visray.materials import Material
 from visray.pack import Columns, Names
 from visray.primitives.primitive import Primitive
-from visray.pytree import detached, evaluated, rows
+from visray.pytree import Packets, detached, evaluated, rows
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class Batch:
     object_of: number of each row's object among the objects of the batch; None if each row is an object
     material: material of each object
     texture: number of each object's texture, or NO_TEXTURE
+    packets: the materials once more, in packets; None if there are few, or if derivatives are asked for
     object: number of each object in the scene
     """
 
@@ -54,6 +55,7 @@ class Batch:
     material: Material
     texture: Any
     object: Any
+    packets: Packets | None = None
 
     def __len__(self) -> int:
         return len(self.names)

@@ -159,15 +159,15 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
     in_batch: mask of the lanes that hit a row of the batch
     index: number of this row in the batch
     """
-    looks = batch.material, batch.texture if s.features["textures"] else None
-    table = (batch.placed, *looks, batch.coordinate_bound)
-    if batch.object_of is not None:
+    texture = batch.texture if s.features["textures"] else None
+    if s.attached or batch.object_of is not None or len(batch) > policy.MAX_INLINED:
         index = dr.select(in_batch, index, 0)
         placed, bound = rows((batch.placed, batch.coordinate_bound), index)
-        return (placed, *rows(looks, batch.object_at(index)), bound)
-    if s.attached or len(batch) > policy.MAX_INLINED:
-        return rows(table, dr.select(in_batch, index, 0))
-    u = s.a.U
+        number = batch.object_at(index)
+        if batch.packets is None or s.attached:
+            return (placed, *rows((batch.material, texture), number), bound)
+        return placed, batch.packets.rows(batch.material, number), rows(texture, number), bound
+    u, table = s.a.U, (batch.placed, batch.material, texture, batch.coordinate_bound)
     row = leaves(rows(table, u(0)))
     for i in range(1, len(batch)):
         row = dr.if_stmt(row, index == i, lambda *_, i=i: leaves(rows(table, u(i))), lambda *old: old, label="row")

@@ -22,7 +22,7 @@ from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.pack import LightColumns, Packed, batch_key
-from visray.pytree import evaluated, leaves, mapped, rows
+from visray.pytree import Packets, evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
@@ -165,9 +165,7 @@ def kernel_scene(
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
-    geometry = replace(
-        geometry, batches=tuple(replace(b, material=_needed(b.material, features)) for b in geometry.batches)
-    )
+    geometry = replace(geometry, batches=tuple(_with_needed(b, features, a) for b in geometry.batches))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
     lights_ambient = _lights_ambient(packed.lights, a)
     evaluated((view, lights_ambient))
@@ -227,6 +225,8 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Pac
 # The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
 # other fields are always read.
 FIELD_READERS = {
+    "ks": ("specular",),
+    "shininess": ("specular",),
     "kr": ("reflection", "scatter"),
     "kt": ("refraction", "coloured shadows", "scatter"),
     "ior": ("refraction",),
@@ -238,6 +238,14 @@ def _needed(material: Material, features: Features) -> Material:
     """The materials, with None for each field that no effect of the scene reads."""
     unused = [name for name, effects in FIELD_READERS.items() if not any(features[e] for e in effects)]
     return replace(material, **dict.fromkeys(unused))
+
+
+def _with_needed(batch: Batch, features: Features, a: Arrays) -> Batch:
+    """The batch with only those numbers of its materials that effects of the scene read."""
+    material = _needed(batch.material, features)
+    many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(material))
+    packets = evaluated(Packets.of(a.Q32, material)) if many and a.F is a.F32 else None
+    return replace(batch, material=material, packets=packets)
 
 
 def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:

@@ -52,6 +52,53 @@ def rows(tree: Any, index: Any, active: Any = True) -> Any:
     return mapped(lambda x: dr.gather(type(x), x, index, active), tree)
 
 
+@dataclass(frozen=True)
+class Packets:
+    """The single-precision numbers of a table, row by row in packets of four. A packet is read from memory at once, in
+    less than half the time of four numbers that lie apart.
+
+    four: type of a packet
+    count: packets per row
+    numbers: the numbers of all rows; rows are filled up with zeros. Shape: (4 x count x rows)
+    """
+
+    four: type
+    count: int
+    numbers: Any
+
+    @staticmethod
+    def of(four: type, table: Any) -> "Packets":
+        """The packets of a table. Its arrays have one entry for each row; those of other types are left out."""
+        components = _components(table, dr.value_t(four))
+        columns = components + [0 * components[0]] * (-len(components) % 4)
+        size = dr.width(columns)
+        numbers = dr.zeros(dr.value_t(four), len(columns) * size)
+        for k, column in enumerate(columns):
+            dr.scatter(numbers, column, dr.arange(dr.uint32_array_t(numbers), size) * len(columns) + k)
+        return Packets(four, len(columns) // 4, numbers)
+
+    def rows(self, table: Any, index: Any) -> Any:
+        """As the function `rows`, for the table that the packets were made of."""
+        packets = [dr.gather(self.four, self.numbers, self.count * index + k) for k in range(self.count)]
+        source = iter([x for packet in packets for x in packet])
+        number = dr.value_t(self.four)
+
+        def row(x: Any) -> Any:
+            if type(x) is number:
+                return next(source)
+            if dr.value_t(x) is number:
+                return type(x)(*(next(source) for _ in range(len(x))))
+            return dr.gather(type(x), x, index)
+
+        return mapped(row, table)
+
+
+def _components(table: Any, number: type) -> list:
+    """All arrays of type `number` in a table, and all components of its vectors of this type, in order."""
+    arrays = [x for x in leaves(table) if number in (type(x), dr.value_t(x))]
+    return [c for x in arrays for c in ([x] if type(x) is number else list(x))]
+
+
 def leaves(tree: Any, shared: bool = False) -> tuple:
     """The arrays of a tree, in order, as a tuple. shared: whether arrays inside Shared are included."""
     arrays: list = []

@@ -147,7 +147,7 @@ class TriangleGuard:
     triangle, and knows of most others that they hit it, and where.
 
     Seen from the origin, the corners a, b, c of a triangle are a base of space. In this base, a direction d has the
-    coordinates n . d, for three vectors n, and a ray meets the triangle if none of them is negative. Their sum is 1 / t.
+    coordinates n . d, for three vectors n. A ray meets the triangle if none of them is negative; their sum is 1 / t.
 
     bc, ca, ab: the vectors n for the corners a, b and c: b x c, c x a and a x b, divided by the volume a . (b x c)
     margin: for each of the products n . d, a bound on its error, as a vector; inf if rounding may hide the volume
@@ -185,8 +185,8 @@ class TriangleGuard:
         is surely hit.
 
         The distance of the origin from the triangle's plane is 1 / |bc + ca + ab|, which is at least
-        1 / (|bc| + |ca| + |ab|), and t times the cosine is this distance. Each margin is more than 16 u times the length
-        of its vector.
+        1 / (|bc| + |ca| + |ab|), and t times the cosine is this distance. Each margin is more than 16 u times the
+        length of its vector.
         """
         lengths = (self.margin.x + self.margin.y + self.margin.z) / (16 * UNIT_ROUNDOFF["single"])
         x, y, z = self.coordinates(d)
@@ -213,9 +213,10 @@ def triangle_guard(a: Arrays, corners: tuple[Any, Any, Any], o: Any) -> Triangle
     Error: u is the unit roundoff of single. The exact test (Triangle.intersect_plane) computes k d . (b x c) in double
     for corners relative to o, where k is the largest component of d, at least 1 / sqrt(3). Its products of two
     differences have an error of at most gamma(12) 2 |b| |c|. So at a crossing d . (b x c) is at least
-    -gamma(42) |b| |c|. The product b x c has an error of at most gamma(8) |b| |c| here. Together this is the second part
-    of the margin, gamma(64) |b| |c| over the volume. In single, n . d has 4 u |n| from a conversion and three roundings,
-    and 6 u |n| from d (see ball_guard); the code allows 16 u |n|, which also covers the volume's relative error.
+    -gamma(42) |b| |c|. The product b x c has an error of at most gamma(8) |b| |c| here. Together this is the second
+    part of the margin, gamma(64) |b| |c| over the volume. In single, n . d has 4 u |n| from a conversion and three
+    roundings, and 6 u |n| from d (see ball_guard); the code allows 16 u |n|, which also covers the volume's relative
+    error.
     The volume is a . ((b - a) x (c - a)), whose error is at most gamma(16) |a| |b - a| |c - a|. Rounding may hide it if
     it is not 2^24 times as large. The exact test takes t as a mean of the corners' distances, whose weights have an
     error of gamma(42) |b| |c| over the projected area. It is within u t of the true one if the triangle is seen at an

@@ -571,20 +571,20 @@ def mesh_of(t: Triangle) -> Mesh:
 
 def triangle_of(mesh: Mesh) -> Triangle:
     """The triangle of a mesh of one triangle."""
-    a, b, c = (tuple(map(float, v)) for v in np.array(getattr(mesh.vertices, "values", mesh.vertices)))
+    a, b, c = (tuple(map(float, v)) for v in mesh.vertices.values)
     return Triangle(a=a, b=b, c=c, transform=mesh.transform)
 
 
-class RoundMesh:
-    """As the triangle, which has a test of its own in NumPy."""
+class RoundMesh(RoundFlat):
+    """That of the triangle."""
 
     @staticmethod
-    def interval(s: Mesh, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
-        return RoundTriangle.interval(triangle_of(s), o, d, g)
+    def plane(s: Mesh) -> tuple[np.ndarray, np.ndarray]:
+        return RoundTriangle.plane(triangle_of(s))
 
     @staticmethod
-    def faces(s: Mesh, p: np.ndarray) -> list[Face]:
-        return RoundTriangle.faces(triangle_of(s), p)
+    def outline(s: Mesh, p: np.ndarray) -> np.ndarray:
+        return RoundTriangle.outline(triangle_of(s), p)
 
     @staticmethod
     def uv(s: Mesh, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -634,6 +634,11 @@ def _box_hull(s: Box) -> tuple[np.ndarray, float]:
 def _corners_hull(s: Triangle) -> tuple[np.ndarray, float]:
     corners = np.array([s.a, s.b, s.c])
     middle = corners.mean(0)
+    return middle, float(np.linalg.norm(corners - middle, axis=1).max())
+
+
+def _box_middle_hull(corners: np.ndarray) -> tuple[np.ndarray, float]:
+    middle = (corners.min(0) + corners.max(0)) / 2
     return middle, float(np.linalg.norm(corners - middle, axis=1).max())
 
 
@@ -737,7 +742,7 @@ SAMPLES = {
             Mesh,
             lambda rng, scale: mesh_of(_triangle(rng, scale)),
             RoundMesh,
-            lambda s: _corners_hull(triangle_of(s)),
+            lambda s: _box_middle_hull(s.vertices.values),
             lambda s: exact.triangle(triangle_of(s)),
             (mesh_of(Triangle(a=(-0.5, -0.5, 0), b=(0.5, -0.5, 0), c=(-0.5, 0.5, 0))),),
             mesh_of(Triangle(a=(-0.8, -0.5, 0), b=(0.9, -0.4, 0.2), c=(0.1, 0.9, -0.3))),
@@ -889,6 +894,8 @@ def shifted(thing: Any, by: np.ndarray) -> Any:
         ball = round_of(thing)
         centre = tuple((np.array(ball.center) + by).tolist())
         return polynomial_sphere(centre, ball.radius, material=thing.material, transform=thing.transform)
+    if isinstance(thing, Mesh):
+        return replace(thing, vertices=thing.vertices.values + by)
     points = [k for k in ("center", "point", "a", "b", "c", "min", "max", "base") if hasattr(thing, k)]
     return replace(thing, **{k: tuple((np.array(getattr(thing, k)) + by).tolist()) for k in points})
 
@@ -1010,8 +1017,9 @@ def distortion(thing: Any) -> tuple[float, float]:
     The rows of the inverse are cross products over a determinant: their relative error is gamma(8) times Hadamard's
     ratio |x||y||z| / |det| of the frame's columns, once for the products and once for the determinant.
     """
-    # Of a polynomial only the clip has one.
-    frame = (scalars(thing.clip) if isinstance(thing, Polynomial) else scalars(thing)).frame()
+    # Of a polynomial only the clip has one, and of a mesh its triangle.
+    framed = thing.clip if isinstance(thing, Polynomial) else triangle_of(thing) if isinstance(thing, Mesh) else thing
+    frame = scalars(framed).frame()
     columns = np.eye(3) if not hasattr(frame, "x") else np.array([frame.x, frame.y, frame.z], float).reshape(3, 3).T
     m, _ = outer(thing)
     whole = m @ columns

@@ -23,10 +23,9 @@ from samples import (
 )
 
 from visray.geometry import gamma
-from visray.primitives import KINDS
 
 EACH = pytest.mark.parametrize("name", NAMES)
-CLOSED = [k.__name__ for k in KINDS if k.closed]
+CLOSED = [name for name in NAMES if SAMPLES[name].posed.closed]
 
 
 class Traced:

@@ -26,6 +26,7 @@ from samples import (
     round_of,
     rounding,
     shifted,
+    triangle_of,
     truth,
     unit,
 )
@@ -40,6 +41,7 @@ from visray.primitives import (
     Cone,
     Cylinder,
     Ellipsoid,
+    Mesh,
     Polynomial,
     Rectangle,
     Sphere,
@@ -55,9 +57,10 @@ from visray.scene.scene import Scene
 from visray.transforms import Scale
 
 OBJECTS, RAYS = 250, 64
-FLATS = [k.__name__ for k in KINDS if issubclass(k, Flat)]
-SOLIDS = [k.__name__ for k in KINDS if issubclass(k, ConvexSolid)]
-ALGEBRAIC = [k.__name__ for k in KINDS if issubclass(k, Algebraic)]
+FLATS = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, Flat)]
+SOLIDS = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, ConvexSolid)]
+ALGEBRAIC = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, Algebraic)]
+TRIANGULAR = [name for name in NAMES if SAMPLES[name].posed.kind.triangular]
 U = 2.0**-53
 
 
@@ -147,7 +150,7 @@ def test_normal_is_that_of_the_twin(name: str, moved: bool) -> None:
         k, _ = distortion(thing)
         _, n, bend, crease = gap(thing, r.p[i][hit])
         # The corners of a triangle are rounded one by one, which tilts it.
-        bend = np.minimum(bend, _least(thing)) if name == "Triangle" else bend
+        bend = np.minimum(bend, _least(thing)) if name in TRIANGULAR else bend
         bound = local_rounding(thing, r.o[i][hit], r.d[i][hit], r.t[i][hit])
         away = crease > 2 * bound
         sine = norm(np.cross(n, r.n[i][hit]))
@@ -496,6 +499,7 @@ def _least(thing) -> float:
         return round_of(thing).radius
     if isinstance(thing, Box):
         return min(h - l for l, h in zip(thing.min, thing.max))
+    thing = triangle_of(thing) if isinstance(thing, Mesh) else thing
     if isinstance(thing, Triangle):
         corners = real([thing.a, thing.b, thing.c])
         sides = norm(np.roll(corners, -1, 0) - corners)
@@ -736,7 +740,7 @@ def test_small_triangle_seen_from_far_keeps_its_shape() -> None:
 
 def test_a_mirrored_solid_has_its_normal_outside() -> None:
     """A negative scale turns the coordinates over, but the outward normal stays outward."""
-    for name in [k.__name__ for k in KINDS if k.closed]:
+    for name in [n for n in NAMES if SAMPLES[n].posed.closed]:
         thing = replace(SAMPLES[name].plain[0], transform=(Scale(scale=(-2, 1, 3)),))
         rng = np.random.default_rng(8)
         o, d = aimed(rng, thing, 500)

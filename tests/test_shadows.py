@@ -38,7 +38,7 @@ from visray.transforms import Matrix, Rotate, Translate
 WHITE = Material(ka=BLACK, kd=(1.0, 1.0, 1.0))
 # The polynomial of the sample is a convex solid, though not all are.
 SOLIDS = [n for n in NAMES if issubclass(SAMPLES[n].kind, ConvexSolid | Polynomial)]
-FLATS = [n for n in NAMES if issubclass(SAMPLES[n].kind, Flat) and n != "Plane"]
+FLATS = [n for n in NAMES if issubclass(SAMPLES[n].posed.kind, Flat) and n != "Plane"]
 EACH_SOLID = pytest.mark.parametrize("name", SOLIDS)
 MOVED = pytest.mark.parametrize("moved", [False, True], ids=["as it is", "transformed"])
 KT = (1.0, 0.5, 0.125)

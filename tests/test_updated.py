@@ -5,9 +5,11 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import pytest
+import trimesh
 from samples import NAMES, SAMPLES
 
 import visray as vr
+from visray.number_table import NumberTable
 from visray.pack import Names
 from visray.pytree import Shared, detached, evaluated, leaves, mapped, rebuilt, rows
 from visray.quantities import Arrays
@@ -128,16 +130,17 @@ def test_a_tree_follows_what_moves() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_number_of_every_kind_can_be_moved(name: str) -> None:
-    """To that of another object of the kind, address by address of all numbers that kernels read."""
+    """To that of another object of the kind, address by address of all numbers and tables that kernels read."""
     rng = np.random.default_rng(3)
     one, two = (SAMPLES[name].random(rng, 1.0) for _ in range(2))
     scene = vr.Scene(film=vr.Film(width=8, height=6), objects={"x": one, "y": one}, settings=vr.Settings(spp=1))
     other = vr.Scene(objects={"x": two})
     change = {a: value(other, a) for a in numeric_addresses(other) if a.startswith("objects.x.")}
+    change |= {f"objects.x.{k}": x.values for k, x in vars(two).items() if isinstance(x, NumberTable)}
     prepared = vr.prepare(scene)
     new = prepared.updated(change)
     fresh = vr.prepare(new.scene)
-    for ours, theirs in zip(leaves(new.packed.batches), leaves(fresh.packed.batches)):
+    for ours, theirs in zip(*(leaves(p.packed.batches, shared=True) for p in (new, fresh))):
         assert np.array_equal(np.array(ours), np.array(theirs))
     assert len(prepared.packed.batches) != 1 or new.packed.batches[0] is not prepared.packed.batches[0]
 
@@ -174,6 +177,47 @@ def test_names_are_listed_or_numbered() -> None:
     assert list(listed) == ["a", "b.c"] and [listed.row(n) for n in ("a", "b.c", "d")] == [0, 1, None]
     assert list(numbered) == ["rain.0", "rain.1", "rain.2"] and len(numbered) == 3
     assert [numbered.row(n) for n in ("rain.2", "rain.3", "rain.02", "rain.", "snow.1", "rain.-1")] == [2, *5 * [None]]
+
+
+def test_names_of_several_rows_each() -> None:
+    names = Names(("a", "b"), counts=(2, 3))
+    assert list(names) == ["a", "a", "b", "b", "b"] and len(names) == 5
+    assert [names.row(n) for n in ("a", "b", "c")] == [0, 2, None]
+
+
+def mesh_scene(normals: str) -> vr.Scene:
+    """A lit ball of 320 triangles before a floor, and another mesh in the same batch."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    mesh = vr.Mesh(vertices=ball.vertices, faces=ball.faces, normals=normals)
+    turned = (vr.Rotate(rotate=30.0), vr.Translate(translate=(1.5, 0.2, 0.0)))
+    box = trimesh.creation.box()
+    other = vr.Mesh(vertices=box.vertices, faces=box.faces, normals=normals, transform=turned)
+    objects = {"floor": vr.Plane(point=(0, -1, 0)), "m": mesh, "box": other}
+    return vr.Scene(film=SCENE.film, lights=SCENE.lights, objects=objects, settings=vr.Settings(spp=2))
+
+
+@pytest.mark.parametrize("normals", ["face", "smooth"])
+def test_a_mesh_with_other_vertices_is_that_of_a_fresh_scene_and_compiles_nothing(normals: str) -> None:
+    """As long as its sizes stay. Another number of triangles is prepared anew, and is as good."""
+    prepared = vr.prepare(mesh_scene(normals))
+    old = prepared.scene.objects["m"]
+    v = old.vertices.values
+    waves = v * (1 + 0.05 * np.sin(7 * v.sum(1, keepdims=True)))
+    picture(prepared)
+    # In the first change, small kernels place the batch of meshes alone.
+    picture(prepared.updated({"objects.m.vertices": waves}))
+    assert compiled(lambda: picture(prepared.updated({"objects.m.vertices": 0.98 * waves}))) == 0
+    new = prepared.updated({"objects.m.vertices": 0.98 * waves})
+    assert np.array_equal(picture(new), picture(vr.prepare(new.scene)))
+    assert not np.array_equal(picture(new), picture(prepared))
+    assert old.vertices.values is v
+    # The other mesh follows its transform.
+    turned = prepared.updated({"objects.box.transform.0.rotate": 70.0})
+    picture(turned)
+    assert compiled(lambda: picture(prepared.updated({"objects.box.transform.0.rotate": 71.0}))) == 0
+    assert np.array_equal(picture(turned), picture(vr.prepare(turned.scene)))
+    half = prepared.updated({"objects.m.faces": old.faces.values[::2]})
+    assert np.array_equal(picture(half), picture(vr.prepare(half.scene)))
 
 
 def test_what_is_shared_is_left_whole() -> None:

@@ -137,24 +137,24 @@ class Mesh(Primitive):
 
     def bounds(self, outer: Frame | None) -> Bounds:
         # This is only for bounding_box, outside of kernels; kernels use MeshRows.bounds.
-        shape = self.shape_of_file()
-        p = shape.mesh.vertices * shape.scale + shape.shift
-        matrix = compose(self.transform)
-        if matrix is not None:
-            p = p @ matrix[:, :3].T + matrix[:, 3]
+        p = self._world_vertices()
         low, high = p.min(axis=0), p.max(axis=0)
-        return Bounds(low, high, 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)))
+        centre = 0.5 * (low + high)
+        return Bounds(low, high, centre, float(np.linalg.norm(p - centre, axis=1).max()))
 
     def row_count(self) -> int:
         return len(self.shape_of_file().mesh.faces)
 
     def mitsuba(self) -> MitsubaShapes | str:
+        faces = self.shape_of_file().mesh.faces
+        return MitsubaShapes([{"type": "mesh", "vertices": self._world_vertices(), "faces": faces}])
+
+    def _world_vertices(self) -> np.ndarray:
+        """The vertices in the world. Shape: (N, 3)."""
         shape = self.shape_of_file()
         p = shape.mesh.vertices * shape.scale + shape.shift
         matrix = compose(self.transform)
-        if matrix is not None:
-            p = p @ matrix[:, :3].T + matrix[:, 3]
-        return MitsubaShapes([{"type": "mesh", "vertices": p, "faces": shape.mesh.faces}])
+        return p if matrix is None else p @ matrix[:, :3].T + matrix[:, 3]
 
 
 def _gaps(edges: Topology) -> str:

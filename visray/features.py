@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from visray import modes
 from visray.camera import OrthographicCamera
 from visray.feature_rules import RULES, Rule, used_materials
+from visray.mesh_report import MeshFacts
 from visray.scene.scene import Scene
 
 
@@ -50,11 +51,13 @@ class Features:
     listed: the effects, in the order of RULES.
     shininess_bits: number of binary digits that the kernel provides for the largest shininess.
     rays: how each family of rays finds objects; filled in by render.explain only.
+    meshes: facts about each mesh; filled in by render.explain only.
     """
 
     listed: tuple[Feature, ...]
     shininess_bits: int
     rays: tuple[RayFamily, ...] = ()
+    meshes: tuple[MeshFacts, ...] = ()
 
     def __getitem__(self, name: str) -> bool:
         """Whether an effect is simulated. "paths" is simulated if reflection, refraction or scatter is."""

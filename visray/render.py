@@ -22,6 +22,7 @@ from visray.certificate import certificate_facts, warn_of_roots
 from visray.errors import GoalWarning, UserError
 from visray.features import Features, features
 from visray.kernel_scene import ray_families
+from visray.mesh_report import mesh_facts
 from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
@@ -212,10 +213,11 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
 
 
 def explain(scene: Scene) -> Features:
-    """The effects that a scene needs and those that it does not, each with the reason; and how rays find objects."""
+    """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; and facts
+    about meshes."""
     scene = checked(scene)
     on = features(scene)
-    return replace(on, rays=ray_families(scene, on))
+    return replace(on, rays=ray_families(scene, on), meshes=mesh_facts(scene))
 
 
 def set_threads(threads: int) -> None:

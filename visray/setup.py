@@ -12,6 +12,7 @@ from visray import images, llvm
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
+from visray.mesh_report import warn_of_meshes
 from visray.pack import Packed, pack
 from visray.quantities import BACKENDS, Arrays
 from visray.repack import repacked
@@ -99,6 +100,7 @@ def prepare(
     a = arrays(backend, scene.settings.precision)
     width, height = scene.film.width, scene.film.height
     films.check_memory(width, height)
+    warn_of_meshes(scene)
     effects, packed = features(scene, wrt, everything, without), pack(scene, a)
     if attach is not None:
         attach(packed)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from visray.cli.options import (
@@ -26,6 +27,7 @@ from visray.cli.options import (
     write_or_print,
 )  # fmt: skip
 from visray.errors import UserError
+from visray.mesh_report import MeshFacts
 from visray.output.files import check_writable
 from visray.output.image import check_destination
 from visray.polynomials.catalogue import SURFACES
@@ -34,6 +36,9 @@ from visray.render import explain as explain_scene
 from visray.render import render, set_threads
 from visray.scene.scene import Scene
 from visray.study import ablation
+
+# Number of parts of a mesh whose names `explain` shows.
+SHOWN_PARTS = 8
 
 
 @app.command
@@ -51,7 +56,8 @@ def explain(
 ) -> int:
     """List the effects that are simulated for a scene and those that are not, each with the reason.
 
-    A second table says how rays find objects. With --cost: what each effect costs in time.
+    A second table says how rays find objects, and a third one lists the meshes. With --cost: what each effect costs in
+    time.
     """
     loaded = load_scene(scene, setup, compat, set)
     # This comes first, because its arguments may be wrong, and then nothing else should be printed.
@@ -62,7 +68,8 @@ def explain(
     on = explain_scene(loaded)
     if json:
         effects, rays = [asdict(f) for f in on.listed], [asdict(family) for family in on.rays]
-        print_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays})
+        meshes = [asdict(facts) for facts in on.meshes]
+        print_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes})
         return 0
     table = Table("effect", "", "why")
     for f in on.listed:
@@ -72,9 +79,22 @@ def explain(
     for family in on.rays:
         table.add_row(family.rays, family.accelerator, family.reason)
     Console().print(table)
+    if on.meshes:
+        Console().print(_table_of_meshes(on.meshes))
     if measured:
         Console().print(measured.table())
     return 0
+
+
+def _table_of_meshes(meshes: tuple[MeshFacts, ...]) -> Table:
+    """A table with facts about meshes."""
+    table = Table("mesh", "triangles", "vertices", "parts", "kB", "")
+    for facts in meshes:
+        parts = ", ".join(facts.parts[:SHOWN_PARTS]) + (", ..." if len(facts.parts) > SHOWN_PARTS else "")
+        remarks = "; ".join(["closed" if facts.closed else facts.edges, *facts.notes])
+        numbers = (f"{number:,}" for number in (facts.triangles, facts.vertices))
+        table.add_row(facts.address, *numbers, escape(parts), f"{facts.bytes / 1000:,.0f}", escape(remarks))
+    return table
 
 
 @app.command

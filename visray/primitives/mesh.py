@@ -3,7 +3,7 @@
 import os
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from visray.geometry import Frame
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import smooth_normals
 from visray.meshes.reading import part, read
-from visray.meshes.topology import Topology, topology
+from visray.meshes.topology import Topology, oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
 from visray.number_table import NumberTable, TableRule
 from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
@@ -28,6 +28,10 @@ TABLES = {
 Vertices = Annotated[NumberTable, TABLES["vertices"]]
 Faces = Annotated[NumberTable, TABLES["faces"]]
 Size = Annotated[Real, Field(gt=0, le=FARTHEST)]
+# Coordinates are coarse if their steps are larger than this share of a mesh: a pixel of a picture 1024 pixels wide.
+COARSE = 2.0**-10
+# Largest number of bytes that the meshes in the cache take.
+CACHE_BYTES = 2**30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +64,37 @@ class MeshShape:
     scale: float
     shift: tuple[float, float, float]
 
+    @property
+    def bytes(self) -> int:
+        """Number of bytes of its arrays."""
+        mesh = self.mesh
+        arrays = (mesh.vertices, mesh.faces, mesh.uvs, mesh.uv_of, mesh.part_of, self.normals, self.normal_of)
+        return sum(array.nbytes for array in arrays if array is not None)
+
+    @cached_property
+    def box(self) -> np.ndarray:
+        """The low and the high corner of the bounding box of the vertices. Shape: (2, 3)."""
+        return np.stack([self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)])
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the user about what was left out, turned, or is not used, and about coarse coordinates."""
+        notes = list(self.mesh.notes)
+        if self.turned:
+            plural, own = ("triangle was", "its") if self.turned == 1 else ("triangles were", "their")
+            what = "to face outwards" if self.topology.closed else f"to agree with {own} neighbours"
+            notes.append(f"{self.turned:,} {plural} turned {what}")
+        largest, size = np.abs(self.box).max(), np.ptp(self.box, axis=0).max()
+        step = float(np.spacing(np.float32(largest)))
+        if step > COARSE * size and (self.mesh.vertices == self.mesh.vertices.astype(np.float32)).all():
+            text = f"its coordinates have single precision: at {largest:.6g} they lie {step:.2g} apart"
+            notes.append(f"{text}, and it is {size:.3g} wide; save it nearer to the origin")
+        return tuple(notes)
+
+
+# Cache of meshes. Key: the arguments of _shape. It is ordered by last use.
+_cache: dict[tuple, MeshShape] = {}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh(Primitive):
@@ -83,7 +118,7 @@ class Mesh(Primitive):
     normals: Literal["face", "smooth", "file"] = "smooth"
     crease: Annotated[Real, Field(ge=0, le=180)] = 40.0
     fit: Size | FitBox | None = None
-    solid: Literal["auto"] | bool = "auto"
+    solid: Literal["auto", True, False] = "auto"
 
     many_rows = True
 
@@ -115,14 +150,22 @@ class Mesh(Primitive):
             status = os.stat(self.file)
             stamp = os.path.abspath(self.file), status.st_mtime_ns, status.st_size
         fit = (self.fit.low, self.fit.high) if isinstance(self.fit, FitBox) else self.fit
-        return _shape(self.file, stamp, self.part, self.vertices, self.faces, self.normals, self.crease, fit)
+        crease = self.crease if self.normals == "smooth" else None
+        key = self.file, stamp, self.part, self.vertices, self.faces, self.normals, crease, fit
+        shape = _cache.pop(key, None) or _shape(*key)
+        _cache[key] = shape
+        while len(_cache) > 1 and sum(other.bytes for other in _cache.values()) > CACHE_BYTES:
+            del _cache[next(iter(_cache))]
+        return shape
 
     def flaws(self) -> list[tuple[str, str]]:
-        if (self.file is None) == (self.vertices is None):
-            both = "is given beside vertices; keep one" if self.file else "is missing; or vertices and faces"
-            return [("file", both)]
-        if (self.vertices is None) != (self.faces is None):
-            return [("faces", "vertices and faces belong together; give both")]
+        lists = {"vertices": self.vertices, "faces": self.faces}
+        missing = [name for name, table in lists.items() if table is None]
+        if self.file is not None and len(missing) < 2:
+            return [("file", "is given beside vertices or faces; keep one")]
+        if self.file is None and missing:
+            both = "is missing; give a file, or vertices and faces"
+            return [("file", both) if len(missing) == 2 else (missing[0], "is missing; give vertices and faces")]
         if self.part is not None and self.file is None:
             return [("part", "only a file has parts; leave it out")]
         if isinstance(self.fit, FitBox) and not all(l < h for l, h in zip(self.fit.low, self.fit.high)):
@@ -132,7 +175,7 @@ class Mesh(Primitive):
         except MeshError as error:
             return [(error.field, str(error))]
         if self.solid is True and not shape.topology.closed:
-            return [("solid", f"the mesh is not closed: {_gaps(shape.topology)}; mend it, or leave solid out")]
+            return [("solid", f"the mesh is not closed: {gaps(shape)}; mend it, or leave solid out")]
         return []
 
     def bounds(self, outer: Frame | None) -> Bounds:
@@ -157,30 +200,35 @@ class Mesh(Primitive):
         return p if matrix is None else p @ matrix[:, :3].T + matrix[:, 3]
 
 
-def _gaps(edges: Topology) -> str:
-    """Why a mesh is not closed, in a few words. Domain: it is not."""
+def gaps(shape: MeshShape) -> str:
+    """Why a mesh is not closed, in a few words: "" if it is closed. Positions are those of the file."""
+    edges = shape.topology
     counts = {
         "open edges": len(edges.open_edges),
-        "edges that two faces run in the same direction": edges.inconsistent,
-        "edges of three or more faces": edges.nonmanifold,
+        "edges that two triangles run in the same direction": edges.inconsistent,
+        "edges of three or more triangles": edges.nonmanifold,
     }
-    text = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
+    text = ", ".join(f"{count:,} {words}" for words, count in counts.items() if count)
     if not len(edges.open_edges):
         return text
-    first, second = edges.open_edges[0]
-    return f"{text}, the first between the vertices {first} and {second}"
+    first, second = (f"({x:.6g}, {y:.6g}, {z:.6g})" for x, y, z in shape.mesh.vertices[edges.open_edges[0]])
+    holes = "1 hole" if edges.open_loops == 1 else f"{edges.open_loops:,} holes"
+    return f"{text} around {holes}, the first from {first} to {second}"
 
 
-@lru_cache(maxsize=16)
 def _shape(
     file: str | None, stamp: tuple | None, name: str | None, vertices: NumberTable | None, faces: NumberTable | None,
-    normals: str, crease: float, fit: Any,
+    normals: str, crease: float | None, fit: Any,
 ) -> MeshShape:  # fmt: skip
     """As Mesh.shape_of_file. stamp: path, modification time and size of the file; if it changes, it is read anew."""
     mesh = from_arrays(vertices.values, faces.values) if file is None else read(file)
     scale, shift = (1.0, (0.0, 0.0, 0.0)) if fit is None else fit_transform(mesh, fit)
     if name is not None:
         mesh = part(mesh, name)
+    edges, turned = topology(mesh), 0
+    if edges.inconsistent or (edges.closed and edges.volume < 0):
+        mesh, turned = oriented(mesh)
+        edges = topology(mesh) if turned else edges
     if normals == "file":
         if mesh.normals is None:
             raise MeshError("normals", "the file has no normals; use smooth or face")
@@ -189,4 +237,4 @@ def _shape(
         unit_normals, normal_of = smooth_normals(mesh, crease)
     else:
         unit_normals, normal_of = None, None
-    return MeshShape(mesh, unit_normals, normal_of, topology(mesh), 0, scale, tuple(map(float, shift)))
+    return MeshShape(mesh, unit_normals, normal_of, edges, turned, scale, tuple(map(float, shift)))

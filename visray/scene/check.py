@@ -21,6 +21,7 @@ from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
 from visray.primitives.instance import Instance
+from visray.primitives.mesh import Mesh
 from visray.quantities import FARTHEST, Name
 from visray.scene.garbage import uncollected
 from visray.scene.messages import hint, line, lines, printable
@@ -113,7 +114,7 @@ def _accepted(raw: dict) -> Scene | None:
         return None
     joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
     scene = replace(new, **joined)
-    if _has_own_flaws(new) or _has_wrong_reference(scene):
+    if _has_own_flaws(new) or _has_wrong_reference(scene) or _has_mesh_flaws(scene):
         return None
     for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
@@ -165,6 +166,27 @@ def _has_wrong_reference(scene: Scene) -> bool:
         or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
         or any(_placement_flaw(scene, x) for x in instances)
     )
+
+
+def _has_mesh_flaws(scene: Scene) -> bool:
+    """Whether a mesh has a flaw, or an object shows a mesh with a material that it cannot have. This is checked every
+    time, because mesh files may change."""
+    shapes = [*scene.objects.values(), *scene.geometries.values()]
+    return any(shape.flaws() for shape in shapes if type(shape) is Mesh) or any(
+        _uv_flaw(scene, obj) for obj in scene.objects.values()
+    )
+
+
+def _uv_flaw(scene: Scene, obj: Any) -> str | None:
+    """What is wrong with the material of an object: it has a texture, and the object's mesh file has no texture
+    coordinates. None if nothing is wrong, or if the mesh has other flaws."""
+    texture = getattr(scene.materials.get(obj.material), "texture", None)
+    if texture is None:
+        return None
+    shape = scene.geometries.get(obj.geometry) if isinstance(obj, Instance) else obj
+    if type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
+        return None
+    return f"has the texture {texture!r}, and the mesh file has no texture coordinates; take a material without texture"
 
 
 def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
@@ -230,6 +252,8 @@ def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
     texts = []
     if shape.material != DEFAULT_MATERIAL and shape.material not in scene.materials:
         text = f"unknown material; {hint(shape.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
+        texts.append(line(f"{address}.material", shape.material, text))
+    if text := _uv_flaw(scene, shape):
         texts.append(line(f"{address}.material", shape.material, text))
     texts += _own_flaws(address, shape)
     flaw = _transform_flaw(shape.transform)

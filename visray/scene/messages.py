@@ -173,7 +173,8 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
         return _tag_message(place, raw)
     if kind == "literal_error":
         word = "type" if address[-1] == "type" else "value"
-        return line(_dotted(address), e["input"], f"unknown {word}; {hint(e['input'], get_args(place.annotation))}")
+        choices = [c if isinstance(c, str) else json.dumps(c) for c in get_args(place.annotation)]
+        return line(_dotted(address), e["input"], f"unknown {word}; {hint(e['input'], choices)}")
     if kind not in _BOUNDS:
         return _type_message(address, place.annotation, raw)
     context = {k: f"{v:g}" if isinstance(v, float) else v for k, v in e.get("ctx", {}).items()}

@@ -121,6 +121,23 @@ def test_a_mesh_file_that_goes_bad_after_loading_is_an_error_in_one_line(tmp_pat
         vr.explain(scene)
 
 
+def test_a_geometry_without_texture_coordinates_takes_no_texture(tmp_path):
+    file = folder_of(tmp_path) / "closed.off"
+    scene = vr.Scene(
+        textures={"squares": vr.CheckerTexture()},
+        materials={"painted": vr.Material(texture="squares")},
+        geometries={"m": vr.Mesh(file=str(file))},
+        objects={"one": vr.Instance(geometry="m"), "two": vr.Instance(geometry="m", material="painted")},
+    )
+    with pytest.raises(vr.UserError, match=r"^objects\.two\.material = \"painted\": has the texture 'squares', and "):
+        vr.explain(scene)
+    plain = vr.Scene(geometries=scene.geometries, objects={"one": vr.Instance(geometry="m")})
+    assert [facts.address for facts in vr.explain(plain).meshes] == ["geometries.m"]
+    file.unlink()
+    with pytest.raises(vr.UserError, match=r"^geometries\.m\.file = .*: there is no such file; check the path$"):
+        vr.explain(plain)
+
+
 def test_lists_without_texture_coordinates_may_have_a_texture():
     """Each triangle then shows the lower left half of the texture, as an object of the type triangle does."""
     scene = vr.Scene(

@@ -10,9 +10,12 @@ from dataclasses import replace
 import drjit as dr
 import numpy as np
 import pytest
+import trimesh
 
 import visray as vr
 from visray.accel import policy
+from visray.passes import expose
+from visray.setup import prepare
 
 ROUNDING = 1e-8
 PAINT = vr.Material(ka=(0.2, 0.1, 0.1), kd=(0.5, 0.2, 0.3), ks=(0.4, 0.5, 0.6), shininess=17.3)
@@ -120,6 +123,81 @@ def test_kinds_with_creases_are_right_on_a_face_but_warn(kind, thing, addresses)
                 slope = vr.derivative(scene, part)
             truth = vr.difference(scene, part)
             assert np.abs(slope - truth).max() <= 10 * ROUNDING * max(1.0, np.abs(truth).max()), part
+
+
+WEDGE = ([[-3, -3, 0], [3, -3, 0.2], [0, 4, 0.1], [9, 9, -5]], [[0, 1, 2], [1, 3, 2]])
+BALL = trimesh.creation.icosphere(subdivisions=1)
+MIRRORED = (vr.Rotate(rotate=20.0), vr.Scale(scale=(-1.0, 1.2, 1.0)))
+
+
+def mesh_scene(normals, **more):
+    """A mesh whose creases and silhouettes are out of view."""
+    v, f = (BALL.vertices * 1.1, BALL.faces) if normals == "smooth" else WEDGE
+    mesh = vr.Mesh(vertices=v, faces=f, normals=normals, crease=180.0, material="paint", transform=MIRRORED)
+    return replace(CLOSE, objects={"thing": replace(mesh, **more)})
+
+
+def mean_along(scene, address, way, step=1e-6):
+    """Slope of the picture's mean as the numbers of a table move along `way`."""
+    table = vr.value(scene, address).values
+    means = [
+        np.mean(np.array(expose(prepare(vr.replaced(scene, address, table + sign * step * way)))[0].mean))
+        for sign in (1, -1)
+    ]
+    return (means[0] - means[1]) / (2 * step)
+
+
+@pytest.mark.parametrize("normals", ["face", pytest.param("smooth", marks=pytest.mark.slow)])
+def test_vertices_of_a_mesh(normals):
+    """Normals of a smooth mesh move with the vertices."""
+    scene, address = mesh_scene(normals), "objects.thing.vertices"
+    # visray does not know whether a mesh of several triangles hides a part of itself.
+    quiet = warnings.catch_warnings() if normals == "face" else pytest.warns(vr.EdgeWarning, match=r"\(silhouettes\)")
+    with quiet:
+        slope = vr.derivative(scene, address)
+        found = vr.gradient(scene, [address])[address]
+    assert np.abs(slope - vr.difference(scene, address)).max() <= 10 * ROUNDING
+    way = np.random.default_rng(4).uniform(-1, 1, found.shape)
+    assert abs(np.sum(found * way) - mean_along(scene, address, way)) <= ROUNDING
+
+
+@pytest.mark.slow
+def test_vertices_of_a_geometry_are_those_of_all_its_instances():
+    mesh = mesh_scene("face").objects["thing"]
+    near, far = ((vr.Translate(translate=(0.0, 0.0, z)),) for z in (0.0, -99.0))
+    shape, address = replace(mesh, material="default"), "geometries.shape.vertices"
+    objects = {"far": vr.Instance(geometry="shape", transform=far)}
+    objects["near"] = vr.Instance(geometry="shape", transform=near, material="paint")
+    found = vr.gradient(replace(CLOSE, geometries={"shape": shape}, objects=objects), [address])[address]
+    alone = vr.gradient(mesh_scene("face"), ["objects.thing.vertices"])["objects.thing.vertices"]
+    np.testing.assert_allclose(found, alone, atol=ROUNDING)
+
+
+def test_faces_of_a_mesh_have_creases_between_them():
+    flat = replace(mesh_scene("smooth").objects["thing"], normals="face")
+    with pytest.warns(vr.EdgeWarning, match=r"\(silhouettes, creases\)"):
+        vr.gradient(replace(CLOSE, objects={"thing": flat}), ["objects.thing.vertices"])
+
+
+@pytest.mark.parametrize(
+    ("more", "path", "line"),
+    [
+        ({}, "faces", "those of a mesh are vertices"),
+        ({}, "transform.0.rotate", "those of a mesh are vertices"),
+        ({"fit": 2.0}, "vertices", "fit scales the mesh by the vertices; give fitted vertices, and leave fit out"),
+        (
+            {"vertices": None, "faces": None, "file": "ball.obj"},
+            "vertices",
+            "the vertices are in a file; give vertices and faces in the scene",
+        ),
+    ],
+)
+def test_what_of_a_mesh_has_no_derivative_says_why(tmp_path, more, path, line):
+    if "file" in more:
+        BALL.export(tmp_path / "ball.obj")
+        more = more | {"file": str(tmp_path / "ball.obj")}
+    with pytest.raises(vr.UserError, match=f"^objects.thing.{path}: has no derivative; {line}$"):
+        vr.gradient(mesh_scene("face", **more), [f"objects.thing.{path}"])
 
 
 def test_looped_objects_have_the_derivatives_of_written_out_ones(monkeypatch):

@@ -11,6 +11,7 @@ import numpy as np
 from visray.errors import UserError
 from visray.pack import Columns, LightColumns, Packed, materials_of
 from visray.primitives.instance import Instance
+from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene import address as addresses
@@ -53,6 +54,33 @@ class Slot:
         return hot
 
 
+@dataclass(frozen=True)
+class TableSlot:
+    """The place where the packed arrays contain a table of triples, such as the vertices of a mesh.
+
+    arrays: the arrays that contain the table. A table of a geometry is stored once for each of its instances
+    starts: for each array, the indices of the entries with which the table starts
+    count: number of triples
+    """
+
+    arrays: tuple[Any, ...]
+    starts: tuple[tuple[int, ...], ...]
+    count: int
+
+    def read(self, values: tuple | list) -> np.ndarray:
+        """As Slot.read. Shape: (count, 3)."""
+        tables = [np.array(v, float)[:, i : i + self.count] for v, starts in zip(values, self.starts) for i in starts]
+        return sum(tables).T
+
+    def one_hot(self) -> list[np.ndarray]:
+        """As Slot.one_hot."""
+        hot = [np.zeros(np.array(v).shape) for v in self.arrays]
+        for h, starts in zip(hot, self.starts):
+            for i in starts:
+                h[:, i : i + self.count] = 1
+        return hot
+
+
 class AddressIndex:
     """Maps the addresses of a scene to places in its packed arrays."""
 
@@ -71,9 +99,9 @@ class AddressIndex:
                 return number, row
         raise KeyError(name)
 
-    def slot(self, address: str) -> Slot:
+    def slot(self, address: str) -> Slot | TableSlot:
         """The place of the value at `address`. Raises UserError if the picture does not depend smoothly on this value,
-        or if the address names more than one number or triple."""
+        or if the address names more than one number, triple or table."""
         parts, packed = address.split("."), self.packed
         head, name, field = (parts + ["", ""])[:3]
         if isinstance(value := addresses.value(self.scene, address), dict) or is_dataclass(value):
@@ -105,7 +133,7 @@ class AddressIndex:
             raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
         return Slot.at((getattr(table, field),), row, int(rest[0]) if rest else None)
 
-    def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot:
+    def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot | TableSlot:
         """The place of one value of an object, or of a geometry. Raises UserError if the value has no derivative.
 
         shape: the object or the geometry
@@ -113,6 +141,8 @@ class AddressIndex:
         names: name of the object, or names of the instances of the geometry
         path: rest of the address after the name, split at the dots
         """
+        if shape.many_rows:
+            return self._of_mesh(shape, address, names, path)
         rows: dict[int, list[int]] = {}
         for number, row in (self.row_of(self.packed.batches, name) for name in names):
             rows.setdefault(number, []).append(row)
@@ -126,3 +156,22 @@ class AddressIndex:
                 return Slot(arrays, tuple(map(tuple, rows.values())), int(path[size]) if path[size:] else None)
         known = ", ".join(columns[0]) or "none of its own"
         raise UserError(f"{address}: has no derivative; those of a {shape.type} are {known}")
+
+    def _of_mesh(self, mesh: Mesh, address: str, names: list[str], path: list[str]) -> TableSlot:
+        """As _of_shapes, for a mesh. Only its vertices have derivatives."""
+        problem = None
+        if path != ["vertices"]:
+            problem = "those of a mesh are vertices"
+        elif mesh.vertices is None:
+            problem = "the vertices are in a file; give vertices and faces in the scene"
+        elif mesh.fit is not None:
+            problem = "fit scales the mesh by the vertices; give fitted vertices, and leave fit out"
+        if problem:
+            raise UserError(f"{address}: has no derivative; {problem}")
+        starts: dict[int, list[int]] = {}
+        for name in names:
+            number, _ = self.row_of(self.packed.batches, name)
+            batch = self.packed.batches[number]
+            starts.setdefault(number, []).append(batch.numbers.first_vertex(batch.names.listed.index(name)))
+        arrays = tuple(self.packed.batches[number].numbers.vertices.value for number in starts)
+        return TableSlot(arrays, tuple(map(tuple, starts.values())), len(mesh.vertices))

@@ -19,12 +19,13 @@ import numpy as np
 from visray import integrator, modes
 from visray.accel.intersect import closest
 from visray.accel.policy import MAX_UNROLLED
-from visray.address_index import AddressIndex, Slot
+from visray.address_index import AddressIndex, Slot, TableSlot
 from visray.direct import LightSample, light_sample
 from visray.errors import UserError
 from visray.images import Atlas
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
+from visray.number_table import NumberTable
 from visray.pack import Packed
 from visray.passes import expose
 from visray.render import adjusted
@@ -48,7 +49,7 @@ class AttachedPicture:
     order: number (row * width + column) of each lane's pixel
     """
 
-    slots: dict[str, Slot]
+    slots: dict[str, Slot | TableSlot]
     picture: Any
     order: np.ndarray
 
@@ -69,14 +70,16 @@ def _stepped(settings: Settings) -> bool:
     return model is not None and model.stepped
 
 
-def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], None], backend: str) -> AttachedPicture:
+def _traced(
+    scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot | TableSlot], None], backend: str
+) -> AttachedPicture:
     """Renders a picture with derivatives. Raises UserError if a derivative does not exist, and warns if moving edges
     are in view.
 
     wrt: addresses of the numbers with respect to which derivatives are taken
     mark: function that enables derivatives in the arrays of a slot
     """
-    slots: dict[str, Slot] = {}
+    slots: dict[str, Slot | TableSlot] = {}
 
     def attach(packed: Packed) -> None:
         index = AddressIndex(scene, packed)
@@ -87,7 +90,7 @@ def _traced(scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot], N
     prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
     s = prepared.kernel
     if s.features["coloured shadows"] and any(len(b) > MAX_UNROLLED for b in s.batches):
-        limit = f"derivatives through coloured shadows work for up to {MAX_UNROLLED} objects of a kind"
+        limit = f"derivatives through coloured shadows work for up to {MAX_UNROLLED} objects or triangles of a kind"
         raise UserError(f"objects: {limit}; take fewer objects, or materials without kt")
     searched_solids = [name for b in s.batches if b.kind.finds_roots and b.kind.closed for name in b.names]
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
@@ -120,7 +123,8 @@ def _edges(s: KernelScene, x: Any, y: Any) -> str:
     # A surface that a line can cross more than twice may hide a part of itself.
     if len(visible_rows) > 1 or any(kind.smooth and kind.max_crossings > 2 for kind in visible_kinds):
         edges.append("silhouettes")
-    if not all(kind.smooth for kind in visible_kinds):
+    flat_faces = [b for b in s.batches if b.kind.many_rows and not b.kind.bends_normals]
+    if not all(kind.smooth for kind in visible_kinds) or any(b.has(visible_rows).sum() > 1 for b in flat_faces):
         edges.append("creases")
     if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in fully_lit):
         edges.append("shadow edges")
@@ -164,7 +168,8 @@ def gradient(
     backend: str = "llvm",
 ) -> dict[str, Any]:
     """Derivatives of a loss with respect to the numbers at some addresses, by reverse-mode differentiation. Returns a
-    dict from address to a number, or to an array of three if the address names a triple.
+    dict from address to a number, to an array of three if the address names a triple, or to an array of shape (N, 3) if
+    it names the N vertices of a mesh.
 
     wrt: the addresses, or a single one
     loss: function from the picture to one number. The picture is a Dr.Jit triple whose H * W entries are the pixels,
@@ -193,14 +198,14 @@ def derivative(
     """Derivative of every pixel with respect to the number at one address, by forward-mode differentiation. Shapes: (H,
     W, 3).
 
-    If the address names a triple, its three numbers grow by the same amount; `.0`, `.1` or `.2` after the address names
-    a single number.
+    If the address names several numbers, all grow by the same amount; `.0`, `.1` or `.2` after the address of a triple
+    names a single number.
 
     spp: samples per pixel; by default those of the scene
     """
     scene = adjusted(scene, precision=precision, spp=spp)
 
-    def mark(slot: Slot) -> None:
+    def mark(slot: Slot | TableSlot) -> None:
         for array, hot in zip(slot.arrays, slot.one_hot()):
             dr.enable_grad(array)
             dr.set_grad(array, type(dr.detach(array))(hot))
@@ -225,12 +230,14 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     Unlike `derivative`, the result contains what moving edges add.
     """
     scene = adjusted(scene, precision="double", spp=spp)
-    value = np.array(addresses.value(scene, address), float)
+    value = addresses.value(scene, address)
+    value = np.array(value.values if isinstance(value, NumberTable) else value, float)
     step_size = step * max(1.0, float(np.max(np.abs(value))))
     pictures = []
     for sign in (1, -1):
         shifted = value + sign * step_size
-        prepared = prepare(addresses.replaced(scene, address, tuple(shifted) if shifted.ndim else float(shifted)))
+        new = float(shifted) if shifted.ndim == 0 else tuple(shifted) if shifted.ndim == 1 else shifted
+        prepared = prepare(addresses.replaced(scene, address, new))
         mean = np.array(expose(prepared)[0].mean).T
         pictures.append(np.empty_like(mean))
         pictures[-1][prepared.order] = mean

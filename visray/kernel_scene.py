@@ -171,7 +171,7 @@ def kernel_scene(
     evaluated((view, lights_ambient))
     light_tables = tuple(columns.numbers for columns in packed.lights)
     inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
-    attached = dr.grad_enabled(leaves(inputs))
+    attached = dr.grad_enabled(leaves(inputs, shared=True))
     lights, looped = _lights(packed, geometry, features, a, attached)
     parallel = isinstance(view, ParallelView)
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)

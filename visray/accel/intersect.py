@@ -224,7 +224,7 @@ def _between(
             # 0 whatever the length inside.
             return None
         placed = origin.geometry.batches[c.batch].placed
-        if not dr.grad_enabled(leaves((placed, attached_ray))):
+        if not dr.grad_enabled(leaves((placed, attached_ray), shared=True)):
             return None
         placed, (exact_ray, end) = rows(placed, c.row), attached_target.exact(a, attached_ray)
         return replace(segment, placed=placed, seen=segment.kind.seen(placed, attached_ray.o), ray=exact_ray, end=end)

@@ -63,14 +63,38 @@ class MeshRows:
         """The vertices in the world."""
         return _gathered(self.frames.value, self.mesh_of.value).point(self.vertices.value)
 
+    def first_vertex(self, mesh: int) -> int:
+        """Number of the first vertex of a mesh. mesh: its number."""
+        return int(np.searchsorted(np.array(self.mesh_of.value), mesh))
+
     def placed(self, outer: Frame | None) -> "PlacedMesh":
         """The triangles in the world. Each mesh has its own transform, so `outer` is None."""
         normals = None
         if self.normals is not None:
             inverse = _gathered(self.frames.value, self.mesh_of_normal.value).inverse()
-            normals = Shared(dr.normalize(inverse.normal(self.normals.value)))
+            normals = Shared(dr.normalize(inverse.normal(self.attached_normals())))
         return PlacedMesh(self.corners, Shared(self.world_vertices()), self.normal_corners, normals, self.uv_corners,
                           self.u, self.v)  # fmt: skip
+
+    def attached_normals(self) -> Any:
+        """The buffer of normals, with derivatives by the vertices if these carry any. Domain: smooth meshes.
+
+        A normal is the sum of the normals of the triangles around it, each times the angle of its corner
+        (meshes/normals.py). Which triangles these are is fixed.
+        """
+        normals = self.normals.value
+        if not dr.grad_enabled(self.vertices.value):
+            return normals
+        sums = dr.zeros(type(normals), dr.width(normals))
+        p = self.corners.read(self.vertices)
+        n = dr.normalize(dr.cross(p[1] - p[0], p[2] - p[0]))
+        for k, corner in enumerate((self.normal_corners.a, self.normal_corners.b, self.normal_corners.c)):
+            x, y = p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]
+            dr.scatter_add(sums, dr.atan2(dr.norm(dr.cross(x, y)), dr.dot(x, y)) * n, corner)
+        # A mesh that is mirrored has its corners in the other order here.
+        side = dr.dot(dr.detach(sums), normals)
+        new = sums * dr.select(side < 0, -1, 1) / dr.select(side == 0, 1, dr.norm(sums))
+        return normals + (new - dr.detach(new))
 
     def bounds(self, outer: Frame | None) -> Bounds:
         """As Primitive.bounds."""

@@ -130,7 +130,7 @@ def _from_point(
 def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
     """The light sample from a light without an area."""
     if not light.kind.has_position:
-        return _directional(s, si, light.light)
+        return _directional(s, si, light)
     a, row = s.a, light.light
     from_light = si.surface.p - row.position
     # Single precision suffices for shadow rays that pass far from all objects. The falloff needs double, because digits
@@ -170,13 +170,13 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
     return _shadowed(s, light.origin, ray, target, sample)
 
 
-def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
-    """The light sample from a directional light. row: numbers of the light.
+def _directional(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
+    """The light sample from a directional light.
 
     Its shadow rays are endless and share their direction. They start at the surface point, so the start is the known
     end, and a search for roots begins there.
     """
-    a = s.a
+    a, row = s.a, light.light
     d = -dr.normalize(row.direction)
     l = a.V(d)
     cosine, arrives = _incidence(si, l)
@@ -188,7 +188,7 @@ def _directional(s: KernelScene, si: Interaction, row: Any) -> LightSample:
         return sample
     zeros = dr.zeros(a.D, dr.width(si.surface.p))
     ray = si.spawn_ray(d + zeros, cosine)
-    return _shadowed(s, si.origin, ray, Target(zeros + dr.inf, zeros), sample)
+    return _shadowed(s, si.origin.along(light.lists), ray, Target(zeros + dr.inf, zeros), sample)
 
 
 def _incidence(si: Interaction, l: Any) -> tuple[Any, Any]:

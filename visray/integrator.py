@@ -53,7 +53,7 @@ def parallel_ray(s: KernelScene, o: Any) -> Ray:
 
 def camera_origin(s: KernelScene, ray: Ray) -> RayOrigin:
     """The origin of camera rays without a lens."""
-    return s.origin or RayOrigin(s.geometry, ray.o, shared=False)
+    return s.origin or RayOrigin(s.geometry, ray.o, shared=False).along(s.camera_lists)
 
 
 def lens_ray(s: KernelScene, x: Any, y: Any, u: Any, v: Any) -> Ray:

@@ -15,6 +15,7 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
+from visray.accel.parallel_lists import ParallelLists, parallel_lists
 from visray.batches import Batch, place
 from visray.camera import OrthographicCamera, ParallelView, View
 from visray.features import Features, RayFamily
@@ -22,7 +23,7 @@ from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.pack import LightColumns, Packed, batch_key
-from visray.pytree import Packets, evaluated, leaves, mapped, rows
+from visray.pytree import Packets, detached, evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
@@ -42,6 +43,7 @@ class PreparedLight:
     samples: number of its sample points, as a Python integer; 0 for looped lights
     number: number of the light in the scene; for looped lights, of the first light of their batch
     origin: its position as the origin of its shadow rays; None if its shadow rays start at the points that it lights
+    lists: lists of rows for its shadow rays, if these are parallel; else None
     """
 
     kind: type[Light]
@@ -50,6 +52,7 @@ class PreparedLight:
     samples: int
     number: int
     origin: RayOrigin | None
+    lists: ParallelLists | None = None
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ class KernelScene:
     geometry: batches and the tree over them
     view: the camera
     origin: the camera as origin of rays; None if it is orthographic, since its rays have no common origin
+    camera_lists: lists of rows for the rays of an orthographic camera; None for other cameras, or without lists
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
     sky: background
@@ -102,6 +106,7 @@ class KernelScene:
     geometry: Geometry
     view: View | ParallelView
     origin: RayOrigin | None
+    camera_lists: ParallelLists | None
     lights: tuple[PreparedLight, ...]
     looped_lights: tuple[LightBatch, ...]
     sky: SkyGradient
@@ -177,8 +182,11 @@ def kernel_scene(
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
         _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
-    camera_origin = None
-    if not parallel:
+    camera_origin = camera_lists = None
+    if parallel:
+        listed, forward = geometry.plan("direction").lists, dr.detach(view.forward)
+        camera_lists = parallel_lists(a, detached(geometry.batches), listed, forward, against=False)
+    else:
         sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
         camera_origin = RayOrigin(geometry, view.o, views=(sheet,))
     counts = {"sky": occlusion.sky, "near": occlusion.near, "scatter": max(scatter.rays, 1)}
@@ -189,6 +197,7 @@ def kernel_scene(
         geometry=geometry,
         view=view,
         origin=camera_origin,
+        camera_lists=camera_lists,
         lights=lights,
         looped_lights=looped,
         sky=packed.background,
@@ -292,13 +301,16 @@ def shared_by(features: Features, kinds: list[type[Light]], looped: bool, parall
     """
     # A single light of its kind is never looped over.
     point_like = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
-    families: dict[str, policy.SharedBy] = {"camera, parallel": "nothing"}
+    families: dict[str, policy.SharedBy] = {"camera, parallel": "direction"}
     if not parallel:
         families = {"camera": "nothing" if features["defocus"] else "origin"}
     if features["shadows"] and point_like:
         families["shadow rays of point and spot lights"] = "origin"
+    sunny = [k for k in kinds if not k.has_position and not (looped and kinds.count(k) > 1)]
+    if features["shadows"] and sunny:
+        families["shadow rays of directional lights"] = "direction"
     other_rays = {
-        "shadow rays of other lights": features["shadows"] and len(point_like) < len(kinds),
+        "shadow rays of other lights": features["shadows"] and len(point_like) + len(sunny) < len(kinds),
         "occlusion rays": features["sky occlusion"] or features["near occlusion"],
         "reflected, refracted and scattered rays": features["paths"],
     }
@@ -323,5 +335,9 @@ def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, a
             has_shared_origin = kind.has_position and not kind.has_area
             origin = RayOrigin(geometry, light.position) if has_shared_origin and features["shadows"] else None
             points = SampleSet.of(a, samples[i]) if kind.has_area else None
-            unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin)
+            lists = None
+            if not kind.has_position and features["shadows"]:
+                listed = geometry.plan("direction").lists
+                lists = parallel_lists(a, detached(geometry.batches), listed, dr.detach(light.direction), against=True)
+            unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin, lists)
     return tuple(unrolled[number] for number in sorted(unrolled)), tuple(looped)

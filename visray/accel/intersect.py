@@ -66,7 +66,7 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
         return *nearest(a, lists, d, first, end, state[0], guarded), state
 
     finished = lambda *_: ~(active | a.B(False))  # noqa: E731 - no state ends the search
-    screens = ray.row is None and ray.clearance is None
+    screens = ray.row is None and ray.clearance is None and origin.place is None
     query = Query(may_hit, intersect, lambda state: state[0], finished, screen=screen if screens else None)
     return Hit(*traverse(origin, query, ray, start, brute_force))
 
@@ -109,7 +109,7 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
         return (hidden | occludes(segment),)
 
     def screen(lists: RowLists, d: Any, first: Any, end: Any, guarded: Callable, state: tuple) -> tuple:
-        hit, unsure = any_hit(a, lists, d, first, end, a.D(reach), guarded, surely)
+        hit, unsure = any_hit(a, lists, d, first, end, origin.farthest(reach), guarded, surely)
         return unsure, end, (state[0] | hit,)
 
     def surely(c: Candidate, guard: Any, bounds: CrossingBounds) -> Any:
@@ -117,16 +117,23 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
         if isinstance(guard, TriangleGuard):
             # The end must be behind the triangle's plane by more than its error (Flat.crossing).
             return (last - bounds.high) * guard.cosine(d32) > error
-        return (bounds.high < last) & (target.row != c.index)
+        return (bounds.high < last) & (known_row != c.index)
 
-    screens = ray.row is None and ray.clearance is None and target.row is not None and not target.may_touch
-    if screens:
-        d32, reach, error = dr.detach(a.V32(ray.d)), dr.detach(a.F32(target.distance)), dr.detach(a.F32(target.error))
-        # A lower bound of the end's distance; the distance in single has a few rounding errors.
-        last = reach * (1 - gamma(32, "single"))
-        if target.slack is not None:
-            last -= dr.detach(a.F32(target.slack / target.cosine)) * (1 + gamma(8, "single"))
-        error *= 1 + gamma(8, "single")
+    d32, reach, known_row = dr.detach(a.V32(ray.d)), dr.detach(a.F32(target.distance)), None
+    if origin.place is not None:
+        # Rays to a directional light: the surface where they start is the end of the light's way.
+        screens, known_row = origin.parallel.against and target.row is None and not target.may_touch, ray.row
+        if screens:
+            clearance = a.F32(detached(ray.exact()).clearance)
+            last = origin.place.depth - clearance * (1 + gamma(8, "single"))
+    else:
+        screens = ray.row is None and ray.clearance is None and target.row is not None and not target.may_touch
+        if screens:
+            known_row, error = target.row, dr.detach(a.F32(target.error)) * (1 + gamma(8, "single"))
+            # A lower bound of the end's distance; the distance in single has a few rounding errors.
+            last = reach * (1 - gamma(32, "single"))
+            if target.slack is not None:
+                last -= dr.detach(a.F32(target.slack / target.cosine)) * (1 + gamma(8, "single"))
     start = (dr.full(a.B, False, _width(origin, ray)),)
     (hidden,) = _between(
         origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden, screen if screens else None

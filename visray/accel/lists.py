@@ -31,7 +31,8 @@ BUDGET = 2**27
 class Sheet:
     """A sheet of cells as kernels read it, in single precision.
 
-    right, up, forward: unit vectors of the sheet; None for the faces of a cube, whose axes are those of the world
+    right, up, forward: unit vectors of the sheet; None for the faces of a cube, whose axes are those of the world, and
+        for parallel rays
     low: corner of the sheet, along right and along up
     scale: number of cells per unit, along right and along up
     columns, rows: number of cells in each direction, as numbers of type U
@@ -47,6 +48,7 @@ class Sheet:
     rows: Any
     most_x: Any
     most_y: Any
+    faces: int
 
     @staticmethod
     def of(a: Arrays, lists: CellLists) -> "Sheet":
@@ -66,12 +68,18 @@ class Sheet:
             dr.opaque(a.U, rows),
             number(columns - 1),
             number(rows - 1),
+            len(lists.views),
         )
 
     def cell(self, a: Arrays, d: Any) -> tuple[Any, Any]:
-        """(number of the cell of each ray, mask of the rays that pass the sheet). d: directions, in single."""
+        """(number of the cell of each ray, mask of the rays that pass the sheet).
+
+        d: directions, in single; for parallel rays (x, y, 1) with their coordinates on the sheet
+        """
         face = None
-        if self.right is not None:
+        if self.right is None and self.faces == 1:
+            x, y, z, inside = d.x, d.y, d.z, a.B(True)
+        elif self.right is not None:
             x, y, z = dr.dot(d, self.right), dr.dot(d, self.up), dr.dot(d, self.forward)
             inside = z > 0
         else:
@@ -83,7 +91,7 @@ class Sheet:
             )
             face = dr.select(on_x, a.U(0), dr.select(on_y, a.U(2), 4)) + dr.select(z < 0, a.U(1), 0)
             z, inside = dr.abs(z), a.B(True)
-        inverse = dr.rcp(z)
+        inverse = 1 if self.right is None and self.faces == 1 else dr.rcp(z)
         column, row = ((c * inverse - low) * scale for c, low, scale in zip((x, y), self.low, self.scale))
         if face is None:
             # The sheet is wider than all rows by the error of these numbers, so a ray beyond its border meets no row.

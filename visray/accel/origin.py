@@ -20,6 +20,7 @@ from visray.accel.bvh import Tree, build
 from visray.accel.cell_views import CellView
 from visray.accel.culling import BallGuard, DirectionCone, PlaneGuard, ball_guard, plane_guard, point_rounding, touches
 from visray.accel.lists import row_lists
+from visray.accel.parallel_lists import ParallelLists, Place
 from visray.batches import Batch, boxes
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
@@ -106,6 +107,7 @@ class RayOrigin:
     views: sheets that contain the directions of all rays; None for all directions. They are used only if all rays start
         at one point.
     lists: for each batch in lists (policy.Plan.lists), the lists of its rows; None for other batches.
+    place: place of parallel rays on the sheet of their lists (`along`); None for other rays.
     may_reach: for each row of each unrolled batch, whether some ray of a cone may hit the row; None without a cone.
     """
 
@@ -118,6 +120,7 @@ class RayOrigin:
         self.plan = geometry.plan("origin" if self.shared else "nothing")
         unrolled = [i in self.plan.unrolled for i in range(len(self.batches))]
         self.may_reach: list[list[Any]] | None = None
+        self.place: Place | None = None
         if self.shared:
             self.seen = tuple(
                 b.kind.seen(b.placed, self.o) if prepared else None for b, prepared in zip(self.batches, unrolled)
@@ -141,6 +144,23 @@ class RayOrigin:
         if batch.radius is None:
             return plane_guard(self.a, batch, self.o)
         return ball_guard(self.a, batch.centre, batch.radius, self.o)
+
+    def along(self, lists: ParallelLists | None) -> "RayOrigin":
+        """A copy of the origin, for parallel rays that find rows in lists. If `lists` is None, the origin itself."""
+        if lists is None:
+            return self
+        origin = copy(self)
+        origin.plan, origin.lists = self.geometry.plan("direction"), lists.batches
+        origin.parallel, origin.place = lists, lists.place(self.a, self.o)
+        return origin
+
+    def farthest(self, t: Any) -> Any:
+        """The bound on `near` of rows in lists for rays up to the distance t, in single."""
+        return t if self.place is None else self.parallel.farthest(self.place, t)
+
+    def touches_rows(self, batch: int) -> bool:
+        """Whether a shared origin lies on some row of a batch."""
+        return self.shared and self.touching[batch] is not None
 
     def toward(self, cone: DirectionCone) -> "RayOrigin":
         """A copy of the origin, for rays whose directions lie in a cone. Its `may_reach` is set from the cone."""
@@ -178,8 +198,9 @@ class RayOrigin:
         """
         if c.batch in self.plan.tree:
             return self.a.B(True)
-        guard = self.lists[c.batch].guard(self.a, c.row) if c.batch in self.plan.lists else self.guard(c)
-        return guard.may_hit(d, reach)
+        if c.batch in self.plan.lists:
+            return self.lists[c.batch].guard(self.a, c.row).may_hit(self.place or d)
+        return self.guard(c).may_hit(d, reach)
 
     def _row(self, c: Candidate) -> Batch:
         """The row of a candidate, as a batch."""

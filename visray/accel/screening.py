@@ -53,7 +53,7 @@ def any_hit(
     """(mask of the rays that surely hit a row, first entry of a list that needs an exact test, or `end`).
 
     d, first, end, guarded: as in `nearest`
-    farthest: distance along each ray beyond which rows do not count, in double
+    farthest: bound on `near` beyond which rows do not count, in single
     surely(c, guard, bounds): function that returns a mask of the rays that hit a row before their end
     """
 
@@ -67,7 +67,7 @@ def any_hit(
         k = k + 1
         return k, hit, unsure, within & ~hit & (k < end)
 
-    most = a.F32(farthest * (1 + gamma(4, "single")))
+    most = farthest * (1 + gamma(4, "single"))
     start = (first, dr.full(a.B, False, dr.width(first)), end | dr.zeros(a.U, dr.width(first)), first < end)
     _, hit, unsure, _ = dr.while_loop(start, lambda *state: state[-1], look, label="any in list")
     return hit, dr.select(hit, end, unsure)

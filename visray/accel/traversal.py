@@ -157,8 +157,8 @@ def _listed(origin: RayOrigin, query: Query, number: int, ray: Ray, state: tuple
     such rows, and not once for each place in the lists.
     """
     a, lists, batch = origin.a, origin.lists[number], origin.batches[number]
-    d32 = a.V32(ray.d)
-    first, end = lists.span(a, d32, ~query.finished(*state))
+    d32 = a.V32(ray.d) if origin.place is None else origin.place
+    first, end = lists.span(a, d32 if origin.place is None else d32.at, ~query.finished(*state))
 
     def candidate(k: Any, present: Any) -> Candidate:
         row = dr.gather(a.U, lists.entries, k, present)
@@ -173,10 +173,10 @@ def _listed(origin: RayOrigin, query: Query, number: int, ray: Ray, state: tuple
             k = dr.select(may_hit, k, dr.select(within, k + 1, end))
             return k, ~may_hit & (k < end)
 
-        farthest = a.F32(query.t_max(state) * (1 + gamma(4, "single")))
+        farthest = origin.farthest(a.F32(query.t_max(state) * (1 + gamma(4, "single"))))
         return dr.while_loop((k, k < end), lambda k, looking: looking, look, label="list")[0]
 
-    if query.screen is not None and lists.screens and origin.touching[number] is None:
+    if query.screen is not None and lists.screens and not origin.touches_rows(number):
 
         def guarded(k: Any, looking: Any) -> tuple:
             c = candidate(k, looking)

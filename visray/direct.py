@@ -167,7 +167,7 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
     slope = si.face_cosine(l, cosine)
     target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=slope)
     ray = Ray(row.position, d, to_target=from_light if starts_single else None)
-    return _shadowed(s, light.origin, ray, target, sample)
+    return _shadowed(s, light.origin.along(light.lists, si.surface.p), ray, target, sample)
 
 
 def _directional(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:

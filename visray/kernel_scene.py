@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
+import numpy as np
 
 from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
-from visray.accel.parallel_lists import ParallelLists, parallel_lists
+from visray.accel.parallel_lists import ParallelLists, far_light, parallel_lists
 from visray.batches import Batch, place
 from visray.camera import OrthographicCamera, ParallelView, View
 from visray.features import Features, RayFamily
@@ -43,7 +44,7 @@ class PreparedLight:
     samples: number of its sample points, as a Python integer; 0 for looped lights
     number: number of the light in the scene; for looped lights, of the first light of their batch
     origin: its position as the origin of its shadow rays; None if its shadow rays start at the points that it lights
-    lists: lists of rows for its shadow rays, if these are parallel; else None
+    lists: lists of rows for its shadow rays, if these are parallel or nearly so; else None
     """
 
     kind: type[Light]
@@ -184,7 +185,7 @@ def kernel_scene(
         _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
     camera_origin = camera_lists = None
     if parallel:
-        listed, forward = geometry.plan("direction").lists, dr.detach(view.forward)
+        listed, forward = geometry.plan("direction").lists, np.array(view.forward, float)[:, 0]
         camera_lists = parallel_lists(a, detached(geometry.batches), listed, forward, against=False)
     else:
         sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
@@ -333,11 +334,15 @@ def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, a
         for i, number in enumerate(columns.scene_index):
             light = rows(table, a.U(i))
             has_shared_origin = kind.has_position and not kind.has_area
-            origin = RayOrigin(geometry, light.position) if has_shared_origin and features["shadows"] else None
             points = SampleSet.of(a, samples[i]) if kind.has_area else None
-            lists = None
-            if not kind.has_position and features["shadows"]:
-                listed = geometry.plan("direction").lists
-                lists = parallel_lists(a, detached(geometry.batches), listed, dr.detach(light.direction), against=True)
+            origin = lists = None
+            batches, listed = detached(geometry.batches), geometry.plan("direction").lists
+            if has_shared_origin and features["shadows"]:
+                far = far_light(batches, listed, dr.detach(light.position))
+                origin = RayOrigin(geometry, light.position, far=far is not None)
+                lists = far and parallel_lists(a, batches, listed, far[0], against=True, distance=far[1])
+            elif not kind.has_position and features["shadows"]:
+                direction = np.array(light.direction, float)[:, 0]
+                lists = parallel_lists(a, batches, listed, direction, against=True)
             unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin, lists)
     return tuple(unrolled[number] for number in sorted(unrolled)), tuple(looped)

@@ -106,14 +106,16 @@ class RayOrigin:
         it. The default None means: True if `o` has one entry.
     views: sheets that contain the directions of all rays; None for all directions. They are used only if all rays start
         at one point.
+    far: whether all rays start at one point that is so far away that they use lists for parallel rays (`along`).
     lists: for each batch in lists (policy.Plan.lists), the lists of its rows; None for other batches.
     place: place of parallel rays on the sheet of their lists (`along`); None for other rays.
     may_reach: for each row of each unrolled batch, whether some ray of a cone may hit the row; None without a cone.
     """
 
     def __init__(
-        self, geometry: Geometry, o: Any, shared: bool | None = None, views: tuple[CellView, ...] | None = None
-    ):
+        self, geometry: Geometry, o: Any, shared: bool | None = None, views: tuple[CellView, ...] | None = None,
+        far: bool = False,
+    ):  # fmt: skip
         self.a, self.o, self.geometry = geometry.a, dr.detach(o), geometry
         self.batches = detached(geometry.batches)
         self.shared = dr.width(o) == 1 if shared is None else shared
@@ -130,7 +132,8 @@ class RayOrigin:
             self.guard_packets = tuple(g and dr.ravel(self.a.Q32(*leaves(g)[0], leaves(g)[1])) for g in self.guards)
             dr.eval(self.seen, self.guards, self.guard_packets)
             self.touching = tuple(_touching(b, self.o) for b in self.batches)
-            self.lists = row_lists(self.a, self.batches, self.plan.lists, self.o, views)
+            listed = () if far else self.plan.lists
+            self.lists = row_lists(self.a, self.batches, listed, self.o, views)
         else:
             # Guards are computed here and not for each ray, so that a loop over rays with this origin computes them
             # only once.
@@ -145,13 +148,16 @@ class RayOrigin:
             return plane_guard(self.a, batch, self.o)
         return ball_guard(self.a, batch.centre, batch.radius, self.o)
 
-    def along(self, lists: ParallelLists | None) -> "RayOrigin":
-        """A copy of the origin, for parallel rays that find rows in lists. If `lists` is None, the origin itself."""
+    def along(self, lists: ParallelLists | None, p: Any = None) -> "RayOrigin":
+        """A copy of the origin, for parallel rays that find rows in lists. If `lists` is None, the origin itself.
+
+        p: points that the rays reach, if they come from a far light; None: the rays start at their own origins
+        """
         if lists is None:
             return self
         origin = copy(self)
         origin.plan, origin.lists = self.geometry.plan("direction"), lists.batches
-        origin.parallel, origin.place = lists, lists.place(self.a, self.o)
+        origin.parallel, origin.place = lists, lists.place(self.a, self.o if p is None else dr.detach(p))
         return origin
 
     def farthest(self, t: Any) -> Any:

@@ -1,8 +1,12 @@
-"""Lists of rows for parallel rays, such as the shadow rays of a directional light or the rays of an orthographic camera.
+"""Lists of rows for parallel rays: the shadow rays of a directional light, the rays of an orthographic camera.
 
 A row is one object, or one triangle of a mesh, in the kernel's tables. A plane across the rays is cut into cells
 (cells.py). Each cell lists the rows that a ray through it can meet. The depth of a point is its coordinate along
 the direction `forward`.
+
+The rays of a far point light are nearly parallel. They use such lists too, because seen from the light all rows have
+nearly the same direction. Rows then are larger by the spread of the rays: the distance by which a ray deviates from a
+parallel to the middle ray, on its way from the plane to the farthest row.
 """
 
 from dataclasses import dataclass, replace
@@ -19,6 +23,9 @@ from visray.batches import Batch
 from visray.geometry import UNIT_ROUNDOFF, SimilarityInverse, gamma, l1_norm
 from visray.pytree import evaluated
 from visray.quantities import Arrays
+
+# A point light is far if it is so many times as far away as the rows extend. Its rays are then nearly parallel.
+FAR = 256.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,7 @@ class ParallelLists:
     right, up, forward: unit vectors of the sheet, in double
     size: bound on the distance between `origin` and all rows, plus the size of their coordinates; in single
     against: whether rays run against `forward`, from their origin to less depth
+    distance: for rays to a point light, distance of the light from the plane, in double; None for parallel rays
     """
 
     batches: tuple[ParallelRowLists | None, ...]
@@ -133,11 +141,17 @@ class ParallelLists:
     forward: Any
     size: Any
     against: bool
+    distance: Any = None
 
     def place(self, a: Arrays, o: Any) -> Place:
         """The place of rays that start at o, in double."""
         p = o - self.origin
-        x, y, depth = (a.F32(dr.dot(p, v)) for v in (self.right, self.up, self.forward))
+        x, y, depth = (dr.dot(p, v) for v in (self.right, self.up, self.forward))
+        if self.distance is not None:
+            # Where the ray to the light meets the plane. In front of the light there is no such ray.
+            scale = self.distance / dr.maximum(self.distance + depth, 2.0**-20 * self.distance)
+            x, y = x * scale, y * scale
+        x, y, depth = a.F32(x), a.F32(y), a.F32(depth)
         reach = a.F32(l1_norm(p)) + self.size
         return Place(a.V32(x, y, 1), depth, reach * reach * (1 + gamma(8, "single")))
 
@@ -148,37 +162,68 @@ class ParallelLists:
         return place.depth + t + gamma(4, "single") * (dr.abs(place.depth) + t)
 
 
+def far_light(batches: tuple[Batch, ...], listed: tuple[int, ...], position: Any) -> tuple[Any, float] | None:
+    """(direction from a point light to the middle of all rows in lists, distance of the middle) if the light is far
+    from the rows, compared to their extent; else None."""
+    if not listed:
+        return None
+    centre, radius = (np.concatenate(x) for x in zip(*(balls(batches[i]) for i in listed)))
+    middle = 0.5 * ((centre - radius[:, None]).min(axis=0) + (centre + radius[:, None]).max(axis=0))
+    to_middle = middle - points(position)[0]
+    extent, distance = (np.linalg.norm(centre - middle, axis=1) + radius).max(), np.linalg.norm(to_middle)
+    return (to_middle, float(distance)) if distance > FAR * extent else None
+
+
 def parallel_lists(
-    a: Arrays, batches: tuple[Batch, ...], listed: tuple[int, ...], direction: Any, against: bool
-) -> ParallelLists | None:
+    a: Arrays, batches: tuple[Batch, ...], listed: tuple[int, ...], direction: Any, against: bool,
+    distance: float | None = None,
+) -> ParallelLists | None:  # fmt: skip
     """The lists for rays in one direction; None if no batch is in lists.
 
     listed: numbers of the batches in lists
-    direction: direction of depth
-    against: as in ParallelLists
+    direction: direction of depth. Shape: (3)
+    against, distance: as in ParallelLists; `distance` is that of the middle of all rows
     """
     if not listed:
         return None
     all_balls = [balls(batches[i]) for i in listed]
     centre, radius = (np.concatenate(x) for x in zip(*all_balls))
-    view = parallel_view(points(direction)[0], centre, radius)
+    spread = 0.0
+    if distance is not None:
+        # A row is at most `deep` away from the plane, and a ray deviates by at most the angle deep / distance.
+        middle = 0.5 * ((centre - radius[:, None]).min(axis=0) + (centre + radius[:, None]).max(axis=0))
+        deep = float((np.linalg.norm(centre - middle, axis=1) + radius).max())
+        spread = 2 * deep * deep / (distance - deep)
+    view = parallel_view(direction, centre, radius + spread)
     size = np.abs(centre - view.origin).sum(axis=1).max(initial=0) + radius.max(initial=0) + np.abs(view.origin).sum()
     vectors = [a.put(a.W, np.asarray(v)[:, None]) for v in (view.origin, view.right, view.up, view.forward)]
-    lists = tuple(_lists_of(a, b, view, vectors, size) if i in listed else None for i, b in enumerate(batches))
-    return ParallelLists(lists, *vectors, dr.opaque(a.F32, float(size)), against)
+    lists = tuple(_lists_of(a, b, view, vectors, size, spread) if i in listed else None for i, b in enumerate(batches))
+    far = None if distance is None else dr.opaque(a.D, distance)
+    return ParallelLists(lists, *vectors, dr.opaque(a.F32, float(size)), against, far)
 
 
-def _lists_of(a: Arrays, batch: Batch, view: CellView, vectors: list, size: float) -> ParallelRowLists:
-    """The lists of one batch. vectors: origin, right, up and forward of the view, in double."""
+def _lists_of(
+    a: Arrays, batch: Batch, view: CellView, vectors: list, size: float, spread: float
+) -> ParallelRowLists:  # fmt: skip
+    """The lists of one batch.
+
+    vectors: origin, right, up and forward of the view, in double
+    size: as in ParallelLists
+    spread: length by which rows are larger
+    """
     triangular = batch.kind.triangular
     extent = float(max(np.abs(view.low).max(), np.abs(view.high).max()))
-    error = 8 * UNIT_ROUNDOFF["single"] * extent + gamma(64) * size
+    error = 8 * UNIT_ROUNDOFF["single"] * extent + gamma(64) * size + spread
+    centre, radius = balls(batch)
     if triangular:
         corners = batch.kind.corners(batch.placed)
-        lists = triangle_lists((view,), *(points(x) for x in corners), BUDGET)
-        packets = _triangle_packets(a, corners, vectors, extent, lists)
+        if spread:
+            lists = ball_lists((view,), centre, radius + spread, BUDGET)
+        else:
+            lists = triangle_lists((view,), *(points(x) for x in corners), BUDGET)
+        packets = _triangle_packets(a, corners, vectors, extent, spread, lists)
     else:
-        lists = ball_lists((view,), *balls(batch), BUDGET)
+        lists = ball_lists((view,), centre, radius + spread, BUDGET)
         p = batch.centre - vectors[0]
         radius = a.F32(batch.radius) + dr.zeros(a.F32, len(batch))
         four = (a.F32(dr.dot(p, vectors[1])), a.F32(dr.dot(p, vectors[2])), radius, a.put(a.F32, lists.far))
@@ -192,14 +237,17 @@ def _lists_of(a: Arrays, batch: Batch, view: CellView, vectors: list, size: floa
     return evaluated(ParallelRowLists(sheet, *arrays, packets, triangular, screens, error))
 
 
-def _triangle_packets(a: Arrays, corners: tuple, vectors: list, extent: float, lists: CellLists) -> tuple:
+def _triangle_packets(
+    a: Arrays, corners: tuple, vectors: list, extent: float, spread: float, lists: CellLists
+) -> tuple:  # fmt: skip
     """The numbers of ParallelTriangleGuard for all triangles, as three arrays of packets of four.
 
-    Error: u is the unit roundoff of single. A product n . (x, y, 1) has at most 8 rounding errors of single, relative to
-    |n.x| |x| + |n.y| |y| + |n.z|; the margin allows 16. The exact test computes the same signs from corners relative to
+    Error: u is the unit roundoff of single. A product n . (x, y, 1) has at most 8 rounding errors of single, relative
+    to |n.x| |x| + |n.y| |y| + |n.z|; the margin allows 16. The exact test computes the same signs from corners relative to
     the ray's origin, with an error of at most gamma(42) L^2 over the doubled area on the sheet, where L is a bound on
-    the distance of the corners (triangle_guard). Rounding may hide the area if it is below 2^-23 times the square of the
-    longest side; then the guard rejects nothing and is never sure.
+    the distance of the corners (triangle_guard). Rounding may hide the area if it is below 2^-23 times the square of
+    the longest side; then the guard rejects nothing and is never sure. The spread of the rays changes a product by at
+    most |n.x| + |n.y| times the spread.
     """
     origin, right, up, _ = vectors
     (ax, ay), (bx, by), (cx, cy) = ((dr.dot(v - origin, right), dr.dot(v - origin, up)) for v in corners)
@@ -212,7 +260,8 @@ def _triangle_packets(a: Arrays, corners: tuple, vectors: list, extent: float, l
     for (px, py), (qx, qy) in (((bx, by), (cx, cy)), ((cx, cy), (ax, ay)), ((ax, ay), (bx, by))):
         n = [dr.select(hidden, 0, k * scale) for k in (py - qy, qx - px, px * qy - py * qx)]
         bound = (dr.abs(n[0]) + dr.abs(n[1])) * extent + dr.abs(n[2])
-        margin = dr.maximum(margin, 16 * UNIT_ROUNDOFF["single"] * bound)
+        slope = dr.abs(n[0]) + dr.abs(n[1])
+        margin = dr.maximum(margin, 16 * UNIT_ROUNDOFF["single"] * bound + slope * spread)
         rows += [a.F32(k) for k in n]
     margin = a.F32(dr.select(hidden, dr.inf, margin * (1 + gamma(2, "single"))))
     stretch = a.F32(dr.select(hidden, 0, gamma(64) * dr.abs(scale)))

@@ -243,11 +243,11 @@ def _triangle_packets(
     """The numbers of ParallelTriangleGuard for all triangles, as three arrays of packets of four.
 
     Error: u is the unit roundoff of single. A product n . (x, y, 1) has at most 8 rounding errors of single, relative
-    to |n.x| |x| + |n.y| |y| + |n.z|; the margin allows 16. The exact test computes the same signs from corners relative to
-    the ray's origin, with an error of at most gamma(42) L^2 over the doubled area on the sheet, where L is a bound on
-    the distance of the corners (triangle_guard). Rounding may hide the area if it is below 2^-23 times the square of
-    the longest side; then the guard rejects nothing and is never sure. The spread of the rays changes a product by at
-    most |n.x| + |n.y| times the spread.
+    to |n.x| |x| + |n.y| |y| + |n.z|; the margin allows 16. The exact test computes the same signs from corners
+    relative to the ray's origin, with an error of at most gamma(42) L^2 over the doubled area on the sheet, where L
+    is a bound on the distance of the corners (triangle_guard). Rounding may hide the area if it is below 2^-23 times
+    the square of the longest side; then the guard rejects nothing and is never sure. The spread of the rays changes a
+    product by at most |n.x| + |n.y| times the spread.
     """
     origin, right, up, _ = vectors
     (ax, ay), (bx, by), (cx, cy) = ((dr.dot(v - origin, right), dr.dot(v - origin, up)) for v in corners)

@@ -8,6 +8,7 @@ code for each of them, and looped if the same code runs for one after the other.
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -171,7 +172,7 @@ def kernel_scene(
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
-    geometry = replace(geometry, batches=tuple(_with_needed(b, features, a) for b in geometry.batches))
+    geometry = geometry.with_looks(tuple(_with_needed(b, features, a) for b in geometry.batches))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
     lights_ambient = _lights_ambient(packed.lights, a)
     evaluated((view, lights_ambient))
@@ -185,8 +186,8 @@ def kernel_scene(
         _ = geometry.tree  # It is built now, because no kernel that is being traced can build it.
     camera_origin = camera_lists = None
     if parallel:
-        listed, forward = geometry.plan("direction").lists, np.array(view.forward, float)[:, 0]
-        camera_lists = parallel_lists(a, detached(geometry.batches), listed, forward, against=False)
+        forward = np.array(view.forward, float)[:, 0]
+        camera_lists = _parallel(geometry, forward, against=False)
     else:
         sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
         camera_origin = RayOrigin(geometry, view.o, views=(sheet,))
@@ -318,6 +319,15 @@ def shared_by(features: Features, kinds: list[type[Light]], looped: bool, parall
     return families | {name: "nothing" for name, present in other_rays.items() if present}
 
 
+def _parallel(
+    geometry: Geometry, direction: np.ndarray, against: bool, distance: float | None = None
+) -> ParallelLists | None:
+    """The lists for parallel rays. direction, against, distance: as in parallel_lists."""
+    listed = geometry.plan("direction").lists
+    build = partial(parallel_lists, geometry.a, detached(geometry.batches), listed, direction, against, distance)
+    return geometry.lists.get(build, "direction", direction, against, distance or 0.0)
+
+
 def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
     """Two tuples: the lights that are unrolled, and the batches of lights that are looped over.
 
@@ -336,13 +346,12 @@ def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, a
             has_shared_origin = kind.has_position and not kind.has_area
             points = SampleSet.of(a, samples[i]) if kind.has_area else None
             origin = lists = None
-            batches, listed = detached(geometry.batches), geometry.plan("direction").lists
             if has_shared_origin and features["shadows"]:
-                far = far_light(batches, listed, dr.detach(light.position))
+                listed = geometry.plan("direction").lists
+                far = far_light(detached(geometry.batches), listed, dr.detach(light.position))
                 origin = RayOrigin(geometry, light.position, far=far is not None)
-                lists = far and parallel_lists(a, batches, listed, far[0], against=True, distance=far[1])
+                lists = far and _parallel(geometry, far[0], against=True, distance=far[1])
             elif not kind.has_position and features["shadows"]:
-                direction = np.array(light.direction, float)[:, 0]
-                lists = parallel_lists(a, batches, listed, direction, against=True)
+                lists = _parallel(geometry, np.array(light.direction, float)[:, 0], against=True)
             unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin, lists)
     return tuple(unrolled[number] for number in sorted(unrolled)), tuple(looped)

@@ -7,9 +7,10 @@ A ray meets only few rows. The guard of a row is a test in single precision that
 It never rejects a ray that hits in the exact test, which is in double.
 """
 
+from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any
 
 import drjit as dr
@@ -19,12 +20,34 @@ from visray.accel import policy
 from visray.accel.bvh import Tree, build
 from visray.accel.cell_views import CellView
 from visray.accel.culling import BallGuard, DirectionCone, PlaneGuard, ball_guard, plane_guard, point_rounding, touches
-from visray.accel.lists import row_lists
+from visray.accel.lists import points, row_lists
 from visray.accel.parallel_lists import ParallelLists, Place
 from visray.batches import Batch, boxes
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
 from visray.ray import KnownEnds, Ray
+
+
+@dataclass(frozen=True)
+class ListCache:
+    """The lists of a geometry, so that a new frame builds only those of an origin or a direction that has moved.
+
+    current: the lists that are in use. Key: what they were built for, as bytes.
+    previous: the lists of the frame before.
+    """
+
+    current: dict[tuple, Any] = field(default_factory=dict)
+    previous: dict[tuple, Any] = field(default_factory=dict)
+
+    def get(self, build: Callable, *arguments: Any) -> Any:
+        """The result of `build`, a function without arguments, from the cache if there is one.
+
+        arguments: arrays and flags that determine the result
+        """
+        key = tuple(np.asarray(x).tobytes() for x in arguments)
+        if key not in self.current:
+            self.current[key] = self.previous[key] if key in self.previous else build()
+        return self.current[key]
 
 
 @dataclass(frozen=True)
@@ -34,11 +57,20 @@ class Geometry:
     a: the Dr.Jit array types of the backend.
     batches: the batches of the scene.
     accelerator: the value of settings.accelerator.
+    lists: the lists of rows that were built.
     """
 
     a: Arrays
     batches: tuple[Batch, ...]
     accelerator: policy.Accelerator = "auto"
+    lists: ListCache = field(default_factory=ListCache)
+
+    def with_looks(self, batches: tuple[Batch, ...]) -> "Geometry":
+        """The same geometry for a new frame. batches: the same batches, whose materials may be others."""
+        geometry = replace(self, batches=batches, lists=ListCache(previous=self.lists.current))
+        if "tree" in vars(self):
+            vars(geometry)["tree"] = self.tree
+        return geometry
 
     @cached_property
     def tree(self) -> Tree | None:
@@ -133,7 +165,9 @@ class RayOrigin:
             dr.eval(self.seen, self.guards, self.guard_packets)
             self.touching = tuple(_touching(b, self.o) for b in self.batches)
             listed = () if far else self.plan.lists
-            self.lists = row_lists(self.a, self.batches, listed, self.o, views)
+            sheets = [x for v in views or () for x in (v.right, v.up, v.forward, v.low, v.high)]
+            build = partial(row_lists, self.a, self.batches, listed, self.o, views)
+            self.lists = geometry.lists.get(build, "origin", points(self.o), listed, *sheets)
         else:
             # Guards are computed here and not for each ray, so that a loop over rays with this origin computes them
             # only once.

@@ -76,7 +76,12 @@ def ours(balls: Balls, spp: int, panel: bool = False) -> vr.Scene:
 
 
 def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
-    """The same scene for Mitsuba. Its floor is a large rectangle, because Mitsuba has no infinite plane."""
+    """The same scene for Mitsuba."""
+    return mi.load_dict(mitsuba_content(balls, panel))
+
+
+def mitsuba_content(balls: Balls, panel: bool = False) -> dict:
+    """The same scene as a dict for Mitsuba. Its floor is a large rectangle, because Mitsuba has no infinite plane."""
     to_world = mi.ScalarTransform4f
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
     scene = {
@@ -101,7 +106,7 @@ def theirs(balls: Balls, panel: bool = False) -> "mi.Scene":
     for i, (centre, radius, colour) in enumerate(balls):
         bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
         scene[f"ball{i}"] = {"type": "sphere", "center": centre, "radius": radius, "bsdf": bsdf}
-    return mi.load_dict(scene)
+    return scene
 
 
 def seconds(work) -> float:

@@ -34,7 +34,8 @@ class Batch:
     low, high: corners of each row's bounding box; None for unbounded kinds
     centre, radius: bounding ball of each row; None for unbounded kinds
     coordinate_bound: size of each row's world coordinates, from which rounding bounds are computed: |centre| + radius
-        for bounded kinds, |origin of the frame| for unbounded kinds, where |v| is geometry.l1_norm
+        for bounded kinds, |origin of the frame| for unbounded kinds, where |v| is geometry.l1_norm. One number for all
+        rows of meshes
     object_of: number of each row's object among the objects of the batch; None if each row is an object
     material: material of each object
     texture: number of each object's texture, or NO_TEXTURE
@@ -98,6 +99,8 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         bounds = numbers.bounds(outer)
         low, high, centre, radius = detached((bounds.low, bounds.high, bounds.centre, bounds.radius))
         coordinate_bound = l1_norm(centre) + radius
+        if columns.kind.many_rows:
+            coordinate_bound = dr.max(coordinate_bound)
     else:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     material = rows(materials, columns.material)

@@ -162,7 +162,8 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
     texture = batch.texture if s.features["textures"] else None
     if s.attached or batch.object_of is not None or len(batch) > policy.MAX_INLINED:
         index = dr.select(in_batch, index, 0)
-        placed, bound = rows((batch.placed, batch.coordinate_bound), index)
+        placed, bound = rows(batch.placed, index), batch.coordinate_bound
+        bound = bound if batch.object_of is not None else rows(bound, index)
         number = batch.object_at(index)
         if batch.packets is None or s.attached:
             return (placed, *rows((batch.material, texture), number), bound)
@@ -195,4 +196,6 @@ def _surface(
     shading = None
     if bends_normals:
         shading = kind.shading_normal(placed, p, part) if kind.bends_normals else dr.normalize(g)
-    return p if s.attached else None, dr.normalize(s.a.V(g)), exact, shading, u, v
+    stored = kind.stores_normals and not s.attached and s.a.precision == "single"
+    normal = kind.unit_normal(placed) if stored else dr.normalize(s.a.V(g))
+    return p if s.attached else None, normal, exact, shading, u, v

@@ -112,12 +112,16 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
         hit, unsure = any_hit(a, lists, d, first, end, origin.farthest(reach), guarded, surely)
         return unsure, end, (state[0] | hit,)
 
-    def surely(c: Candidate, guard: Any, bounds: CrossingBounds) -> Any:
-        """Mask of the rays whose crossing with a row is sure to be before their end."""
+    def surely(c: Candidate, guard: Any, bounds: CrossingBounds) -> tuple[Any, Any]:
+        """(mask of the rays whose crossing with a row is sure to be before their end, mask of those whose crossing is
+        sure to be behind it)."""
+        if origin.place is not None:
+            return (bounds.high < last) & (known_row != c.index), a.B(False)
+        misses = bounds.low > reach * (1 + gamma(32, "single"))
         if isinstance(guard, TriangleGuard):
             # The end must be behind the triangle's plane by more than its error (Flat.crossing).
-            return (last - bounds.high) * guard.cosine(d32) > error
-        return (bounds.high < last) & (known_row != c.index)
+            return (last - bounds.high) * guard.cosine(d32) > error, misses
+        return (bounds.high < last) & (known_row != c.index), misses & (known_row != c.index)
 
     d32, reach, known_row = dr.detach(a.V32(ray.d)), dr.detach(a.F32(target.distance)), None
     if origin.place is not None:

@@ -28,9 +28,7 @@ def nearest(a: Arrays, lists: RowLists, d: Any, first: Any, end: Any, t: Any, gu
     """
 
     def look(k: Any, best: Any, low: Any, high: Any, doubt: Any, looking: Any) -> tuple:
-        within = dr.gather(a.F32, lists.near, k, looking) <= high
         candidate, guard, _ = guarded(k, looking)
-        candidate = candidate & within
         bounds = guard.bounds(d)
         nearer = candidate & bounds.sure & (bounds.high < low)
         doubt = doubt | candidate & ~nearer & ~(bounds.sure & (bounds.low > high))
@@ -38,11 +36,14 @@ def nearest(a: Arrays, lists: RowLists, d: Any, first: Any, end: Any, t: Any, gu
             dr.select(nearer, new, old) for new, old in zip((k, bounds.low, bounds.high), (best, low, high))
         )
         k = k + 1
+        # The next row is looked at only if it is near enough; most lists end here, at the back of the first object.
+        within = dr.gather(a.F32, lists.near, k, looking & (k < end)) <= high
         return k, best, low, high, doubt, within & ~doubt & (k < end)
 
     none, error = end, gamma(4, "single")
     low, high = a.F32(t * (1 - error)), a.F32(t * (1 + error))
-    start = (first, none, low, high, dr.full(a.B, False, dr.width(first)), first < end)
+    looking = (first < end) & (dr.gather(a.F32, lists.near, first, first < end) <= high)
+    start = (first, none, low, high, dr.full(a.B, False, dr.width(first)), looking)
     _, best, _, _, doubt, _ = dr.while_loop(start, lambda *state: state[-1], look, label="nearest in list")
     return dr.select(doubt, first, best), dr.select(doubt, end, dr.minimum(best + 1, end))
 
@@ -54,20 +55,22 @@ def any_hit(
 
     d, first, end, guarded: as in `nearest`
     farthest: bound on `near` beyond which rows do not count, in single
-    surely(c, guard, bounds): function that returns a mask of the rays that hit a row before their end
+    surely(c, guard, bounds): function that returns two masks, for rays that surely cross a row: whether they do so
+        before their end, and whether they do so behind it; both are false if this is uncertain
     """
 
     def look(k: Any, hit: Any, unsure: Any, looking: Any) -> tuple:
-        within = dr.gather(a.F32, lists.near, k, looking) <= most
         candidate, guard, c = guarded(k, looking)
-        candidate = candidate & within
         bounds: CrossingBounds = guard.bounds(d)
-        hit = hit | candidate & bounds.sure & surely(c, guard, bounds)
-        unsure = dr.select(candidate & ~hit & (unsure == end), k, unsure)
+        hits, misses = surely(c, guard, bounds)
+        hit = hit | (candidate & bounds.sure & hits)
+        unsure = dr.select(candidate & ~hit & ~(bounds.sure & misses) & (unsure == end), k, unsure)
         k = k + 1
+        within = dr.gather(a.F32, lists.near, k, looking & (k < end)) <= most
         return k, hit, unsure, within & ~hit & (k < end)
 
     most = farthest * (1 + gamma(4, "single"))
-    start = (first, dr.full(a.B, False, dr.width(first)), end | dr.zeros(a.U, dr.width(first)), first < end)
+    looking = (first < end) & (dr.gather(a.F32, lists.near, first, first < end) <= most)
+    start = (first, dr.full(a.B, False, dr.width(first)), end | dr.zeros(a.U, dr.width(first)), looking)
     _, hit, unsure, _ = dr.while_loop(start, lambda *state: state[-1], look, label="any in list")
     return hit, dr.select(hit, end, unsure)

@@ -73,8 +73,11 @@ class MeshRows:
         if self.normals is not None:
             inverse = _gathered(self.frames.value, self.mesh_of_normal.value).inverse()
             normals = Shared(dr.normalize(inverse.normal(self.attached_normals())))
-        return PlacedMesh(self.corners, Shared(self.world_vertices()), self.normal_corners, normals, self.uv_corners,
-                          self.u, self.v)  # fmt: skip
+        vertices = Shared(self.world_vertices())
+        a, b, c = self.corners.read(vertices)
+        n = dr.detach(dr.normalize(dr.cross(b - a, c - a)))
+        unit = dr.float32_array_t(type(n))(n)
+        return PlacedMesh(self.corners, vertices, unit, self.normal_corners, normals, self.uv_corners, self.u, self.v)
 
     def attached_normals(self) -> Any:
         """The buffer of normals, with derivatives by the vertices if these carry any. Domain: smooth meshes.
@@ -116,12 +119,14 @@ class PlacedMesh:
     """Triangles of meshes in the world.
 
     corners, vertices: numbers of the corners, and the vertices
+    unit: unit normals of the triangles, in single and without derivatives
     normal_corners, normals: numbers of the corners' unit normals, and these; None for flat faces
     uv_corners, u, v: numbers of the corners' texture coordinates, and these; None if there are none
     """
 
     corners: Corners
     vertices: Shared
+    unit: Any
     normal_corners: Corners | None
     normals: Shared | None
     uv_corners: Corners | None
@@ -147,6 +152,7 @@ class MeshTriangle(Flat):
 
     triangular = True
     many_rows = True
+    stores_normals = True
 
     @staticmethod
     def table(a: Arrays, objects: list) -> MeshRows:
@@ -168,6 +174,10 @@ class MeshTriangle(Flat):
         a, b, c = placed.corners.read(placed.vertices)
         n = dr.normalize(dr.cross(b - a, c - a))
         return dr.dot(p - a, n), n
+
+    @staticmethod
+    def unit_normal(placed: PlacedMesh) -> Any:
+        return placed.unit
 
     @staticmethod
     def uv(placed: PlacedMesh, p: Any, part: Any = None) -> tuple[Any, Any]:

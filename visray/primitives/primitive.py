@@ -126,6 +126,7 @@ class Primitive:
     triangular = False  # whether a row is a triangle (corners)
     fills_ball = False  # whether an object without a transform is its own bounding ball
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
+    stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 
     @property
@@ -242,6 +243,11 @@ class Primitive:
     def corners(placed: Any) -> tuple[Any, Any, Any]:
         """The corners in world space. Domain: kinds that are `triangular`."""
         raise TypeError("no corners")
+
+    @staticmethod
+    def unit_normal(placed: Any) -> Any:
+        """The unit normal of the surface, in single precision. Domain: kinds with `stores_normals`."""
+        raise TypeError("no stored normal")
 
     @staticmethod
     def shading_normal(placed: Any, p: Any, part: Any = None) -> Any:

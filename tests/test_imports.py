@@ -39,7 +39,8 @@ output.files output.curves output.layers output.exr output.rounding output.png o
 images
 pack address_index repack batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
-accel.policy accel.sah accel.bvh accel.bvh_walk accel.culling accel.lists accel.parallel_lists accel.screening
+accel.policy accel.sah accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack accel.bvh_step
+accel.bvh_walk accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
 kernel_scene

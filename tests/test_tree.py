@@ -8,10 +8,13 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray.accel import sah
-from visray.accel.bvh import NOTHING, ROW, STRIDE, build
-from visray.accel.bvh_walk import STACK, Walk
+from visray.accel import sah, walk_stack
+from visray.accel.blocks import BLOCK, CHILDREN, CORNER, FIRST_CHILD, HIGH, KIND, LOW, NODE, NUMBER, ROW, STEP, TreeRows
+from visray.accel.bvh import build, outwards
+from visray.accel.bvh_step import Certain, Search
+from visray.accel.bvh_walk import walk
 from visray.accel.sah import DEPTH, NONE, WIDTH, build_binary, widen
+from visray.accel.tree_rays import TreeRays
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, unit
 
@@ -29,10 +32,6 @@ class Rows:
     middle: np.ndarray
     half: np.ndarray
     spheres: int
-
-    @property
-    def batch(self) -> np.ndarray:
-        return (np.arange(self.middle.shape[1]) >= self.spheres).astype(int)
 
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
         return (self.middle - self.half).T, (self.middle + self.half).T
@@ -68,13 +67,16 @@ KINDS = (sphere, box)
 
 
 class Scene:
-    """Rows and their tree, asked through it or one by one."""
+    """Rows and their tree, asked through it or one by one. Its tree knows that spheres are balls, unless `plain`."""
 
-    def __init__(self, rows: Rows):
+    def __init__(self, rows: Rows, plain: bool = False):
         self.rows = rows
         self.n = rows.middle.shape[1]
         self.middle, self.half = A.put(A.W, rows.middle), A.put(A.W, rows.half)
-        self.tree = build(A, *rows.corners(), rows.batch, np.arange(self.n))
+        (low, high), k = rows.corners(), rows.spheres
+        balls = np.concatenate([rows.middle, rows.half[:1]])[:, :k].T
+        parts = {0: TreeRows(0, low[:k], high[:k], balls=None if plain else balls), 1: TreeRows(k, low[k:], high[k:])}
+        self.tree = build(A, {i: part for i, part in parts.items() if len(part.low)})
 
     def t(self, batch: int, row: Any, o: Any, d: Any) -> Any:
         return KINDS[batch](dr.gather(A.W, self.middle, row), dr.gather(A.W, self.half, row), o, d)
@@ -91,7 +93,9 @@ class Scene:
         start = (dr.full(A.D, dr.inf, dr.width(d)), dr.full(A.U, NO_ROW, dr.width(d)))
         if plain:
             return self.loop(start, visit)
-        return Walk.along(A, self.tree, o, d).traverse(start, visit, lambda s: s[0], lambda _: ~A.B(active))
+        certain = Certain(A.D(0), A.D(dr.inf), A.D(0))
+        search = Search(visit, lambda s: s[0], lambda _: ~A.B(active), certain=certain)
+        return walk(TreeRays.along(A, self.tree, o, d), start, search)
 
     def any(self, o: Any, d: Any, length: Any, plain: bool) -> Any:
         def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
@@ -100,7 +104,20 @@ class Scene:
         start = (dr.full(A.B, False, dr.width(d)),)
         if plain:
             return self.loop(start, visit)[0]
-        return Walk.along(A, self.tree, o, d).traverse(start, visit, lambda _: length, lambda s: s[0])[0]
+        certain = Certain(A.D(0), length, A.D(0), lambda _: (A.B(True),))
+        search = Search(visit, lambda _: length, lambda s: s[0], certain=certain)
+        return walk(TreeRays.along(A, self.tree, o, d), start, search)[0]
+
+    def count(self, o: Any, d: Any) -> Any:
+        """The number of rows that each ray meets, and the sum of their numbers."""
+
+        def visit(batch: int, state: tuple, row: Any, present: Any) -> tuple:
+            met = present & (self.t(batch, row, o, d) < dr.inf)
+            return state[0] + dr.select(met, A.U(1), 0), state[1] + dr.select(met, row, 0)
+
+        start = dr.zeros(A.U, dr.width(d)), dr.zeros(A.U, dr.width(d))
+        search = Search(visit, lambda _: A.D(dr.inf), lambda _: A.B(False))
+        return walk(TreeRays.along(A, self.tree, o, d), start, search), self.loop(start, visit)
 
     def loop(self, state: tuple, visit: Any) -> tuple:
         for batch, (begin, end) in enumerate(((0, self.rows.spheres), (self.rows.spheres, self.n))):
@@ -246,6 +263,13 @@ def test_a_tree_of_one_row() -> None:
     assert (np.array(scene.closest(o, d, False)[1]) == 0).any()
 
 
+def test_balls_found_in_single_are_those_found_in_double() -> None:
+    rows = world("only spheres")
+    o, d = (A.put(A.W, x) for x in rays(rows, np.random.default_rng(9), 1.0))
+    for x, y in zip(Scene(rows).closest(o, d, False), Scene(rows, plain=True).closest(o, d, False)):
+        assert np.array_equal(np.array(x), np.array(y))
+
+
 def test_rays_that_are_not_concerned() -> None:
     """Lanes that are done and lanes that are not finite visit nothing; a limit ends the walk before what is beyond."""
     scene, rng = Scene(world("small")), np.random.default_rng(6)
@@ -262,56 +286,93 @@ def test_rays_that_are_not_concerned() -> None:
         def visit(_: int, state: tuple, row: Any, present: Any) -> tuple:
             return state
 
-        start = (dr.full(A.D, within, RAYS),)
-        walk = Walk.along(A, scene.tree, o, d)
-        return tuple(np.array(x) for x in walk.traverse(start, visit, lambda s: s[0], lambda _: ~active, True)[1:])
+        start, rays = (dr.full(A.D, within, RAYS),), TreeRays.along(A, scene.tree, o, d)
+        result = walk(rays, start, Search(visit, lambda s: s[0], lambda _: ~active), counted=True)
+        return tuple(np.array(x) for x in result[1:])
 
-    nodes, rows = count(A.put(A.B, active), dr.inf)
-    assert np.array_equal(nodes > 0, asked) and not rows[~asked].any() and rows.any()
+    nodes, rows, tests = count(A.put(A.B, active), dr.inf)
+    assert np.array_equal(nodes > 0, asked) and not rows[~asked].any() and tests.any() and (tests <= rows).all()
     for x, y in zip(count(A.B(True), 0.01), count(A.B(True), dr.inf)):
         assert (x <= y).all() and x.sum() < 0.5 * y.sum()
     index = np.array(scene.closest(o, d, False, A.put(A.B, active))[1])
     assert (index[~asked] == NO_ROW).all() and (index[asked] != NO_ROW).any()
 
 
-def unpacked(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Low and high corners of the children of a tree's nodes, relative to its centre, and their words."""
-    nodes = np.array(scene.tree.nodes).reshape(-1, STRIDE)
-    corners = nodes[:, : 6 * WIDTH].reshape(-1, 2, WIDTH, 3)
-    return corners[:, 0], corners[:, 1], nodes[:, 6 * WIDTH : 7 * WIDTH].copy().view(np.uint32)
+def test_every_row_is_met_once() -> None:
+    """Searches that no hit decides, such as transmittance, count on it."""
+    for name in ("dense", "alike", "points", "only spheres"):
+        scene = Scene(world(name))
+        o, d = (A.put(A.W, x) for x in rays(scene.rows, np.random.default_rng(7), 1.0))
+        through, plain = scene.count(o, d)
+        assert all(np.array_equal(np.array(x), np.array(y)) for x, y in zip(through, plain))
+        assert np.array(plain[0]).max() > 1
+
+
+def test_stacks_that_spill(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A deep tree and few registers: entries go to memory and come back."""
+    scene = Scene(world("halved"))
+    o, d = (A.put(A.W, x) for x in rays(scene.rows, np.random.default_rng(8), 3.0))
+    many = scene.closest(o, d, plain=False)
+    dr.eval(many)
+    monkeypatch.setattr(walk_stack, "REGISTERS", 1)
+    for x, y in zip(many, scene.closest(o, d, plain=False)):
+        assert np.array_equal(np.array(x), np.array(y))
+
+
+class Blocks:
+    """The blocks of a tree in NumPy. Corners of boxes are relative to the tree's centre.
+
+    kind, first, count: kinds of all blocks; for nodes, the block of the first child and the number of children
+    number: numbers of rows
+    low, high: corners of the children's boxes. Shape: (blocks, WIDTH, 3)
+    """
+
+    def __init__(self, scene: Scene):
+        numbers = np.array(scene.tree.blocks).reshape(-1, BLOCK)
+        words = numbers.view(np.uint32)
+        self.kind, self.first, self.count, self.number = (words[:, k] for k in (KIND, FIRST_CHILD, CHILDREN, NUMBER))
+        corner, step = (numbers[:, k : k + 3].astype(np.longdouble) for k in (CORNER, STEP))
+        bytes_of = lambda k: words[:, k : k + 3].copy().view(np.uint8).reshape(-1, 3, WIDTH).swapaxes(1, 2)  # noqa: E731
+        with np.errstate(all="ignore"):
+            self.low, self.high = (corner[:, None] + bytes_of(k) * step[:, None] for k in (LOW, HIGH))
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_every_row_is_below_one_leaf_and_every_box_holds_what_is_below(name: str) -> None:
+def test_every_row_is_below_one_node_and_every_box_holds_what_is_below(name: str) -> None:
     scene = Scene(world(name))
-    low, high, words = unpacked(scene)
-    is_row, is_node = (words >= ROW) & (words != NOTHING), words < ROW
-    assert np.array_equal(np.sort(words[is_row] ^ ROW), np.arange(scene.n))
-    assert np.array_equal(np.sort(words[is_node]), np.arange(1, len(words)))
+    blocks = Blocks(scene)
+    nodes = np.flatnonzero(blocks.kind == NODE)
+    children = np.concatenate([np.arange(blocks.first[k], blocks.first[k] + blocks.count[k]) for k in nodes])
+    assert np.array_equal(np.sort(children), np.arange(1, len(blocks.kind)))
+    rows = np.flatnonzero(blocks.kind != NODE)
+    assert np.array_equal(np.sort(blocks.number[rows]), np.arange(scene.n))
+    assert (blocks.kind[rows] == ROW).sum() == scene.n - scene.rows.spheres
     centre = np.array(scene.tree.centre)[:, 0]
-    for row, least, most in zip(words[is_row] ^ ROW, low[is_row], high[is_row]):
-        # Exact: the difference of two doubles is one or its rounding, and singles are told from it.
-        for corner, edge, out in zip(scene.rows.corners(), (least, most), (-1, 1)):
-            exact = np.array([np.longdouble(x) - np.longdouble(c) for x, c in zip(corner[row], centre)])
-            assert (out * (edge.astype(np.longdouble) - exact) >= 0).all()
-            ulps = np.spacing(np.maximum(np.abs(edge), np.float32(1e-38)))
-            assert (np.abs(edge - exact) <= 2 * ulps).all()
-    there = words != NOTHING
-    least, most = (
-        np.where(there[..., None], low, np.inf).min(axis=1),
-        np.where(there[..., None], high, -np.inf).max(axis=1),
-    )
-    assert np.array_equal(low[is_node], least[words[is_node]]) and np.array_equal(high[is_node], most[words[is_node]])
+    exact = [c.astype(np.longdouble) - centre.astype(np.longdouble) for c in scene.rows.corners()]
+    single = [outwards(c, centre, out).astype(np.longdouble) for c, out in zip(scene.rows.corners(), (-1, 1))]
+    for out, x, y in zip((-1, 1), exact, single):
+        assert (out * (y - x) >= 0).all()
+        assert (np.abs(y - x) <= 2 * np.spacing(np.maximum(np.abs(y), 1e-38).astype(np.float32))).all()
+    low, high = (np.full((len(blocks.kind), 3), x, np.longdouble) for x in (np.inf, -np.inf))
+    low[rows], high[rows] = (x[blocks.number[rows]] for x in single)
+    for node in nodes[::-1]:  # children come after their node
+        below = slice(blocks.first[node], blocks.first[node] + blocks.count[node])
+        low[node], high[node] = low[below].min(axis=0), high[below].max(axis=0)
+        # Steps are chosen in double, and a child's box grows by less than two of them.
+        slack = 2.0**-50 * np.maximum(np.abs(low[node]), np.abs(high[node]))
+        step = (high[node] - low[node]) / 255 * (1 + 2.0**-20) + 1e-44
+        for box, true, out in ((blocks.low, low, -1), (blocks.high, high, 1)):
+            grown = out * (box[node, : blocks.count[node]] - true[below])
+            assert (grown >= -slack).all() and (grown <= 2 * step + slack).all()
 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_stack_holds_what_a_way_down_leaves(name: str) -> None:
-    _, _, words = unpacked(Scene(world(name)))
-    depth = np.zeros(len(words), int)
-    for node in range(len(words)):  # children come after their node
-        below = words[node][words[node] < ROW]
-        depth[below] = depth[node] + (words[node] != NOTHING).sum() - 1
-    assert depth.max() + WIDTH - 1 < STACK
+    blocks = Blocks(Scene(world(name)))
+    depth = np.zeros(len(blocks.kind), int)
+    for node in np.flatnonzero(blocks.kind == NODE):
+        depth[blocks.first[node] : blocks.first[node] + blocks.count[node]] = depth[node] + 1
+    assert depth.max() <= DEPTH
 
 
 @pytest.mark.parametrize("limit", [6, 7, 10])

@@ -102,6 +102,7 @@ class Arrays:
     D, W: number and triple in double
     U, B: unsigned integer and mask
     F32, V32, Q32: number, triple and quadruple in single
+    X32: array in single of any number of components
 
     Metal has no double: there the geometry is single too, and the stated accuracy does not hold.
     """
@@ -117,6 +118,7 @@ class Arrays:
     F32: Any
     V32: Any
     Q32: Any
+    X32: Any
 
     def put(self, kind: Any, values: np.ndarray) -> Any:
         """Copies NumPy values into an array of type `kind` in Dr.Jit's own memory. Shapes: (N) or (3, N).
@@ -145,7 +147,7 @@ class Arrays:
         lib = import_module(BACKENDS[backend])
         double = (lib.Float32, lib.Array3f) if backend == "metal" else (lib.Float64, lib.Array3f64)
         shading = double if precision == "double" else (lib.Float32, lib.Array3f)
-        rest = lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f
+        rest = lib.UInt32, lib.Bool, lib.Float32, lib.Array3f, lib.Array4f, lib.ArrayXf
         return Arrays(backend, precision, *shading, *double, *rest)
 
 

@@ -1,11 +1,11 @@
 """The bounding volume hierarchy (BVH) over the bounded rows of several batches.
 
-A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. A row is bounded if
-it has a bounding box.
+A row is one object, or one triangle of a mesh, in the kernel's tables. A batch is a set of rows of one kind, which
+share code. A row is bounded if it has a bounding box.
 
 A node has up to four children. Each child is another node or a single row. So a row is tested only by rays that enter
-its own box, and no leaf contains rows of two batches. The boxes of the four children lie side by side in memory, so a
-visit to a node reads seven packets of four floats. The tree does not depend on the ray origin.
+its own box. A ray that visits a node or a row reads one block of memory (blocks.py). The tree does not depend on the
+ray origin.
 
 Boxes are stored in single precision, relative to the middle of the scene, and rounded outwards. Rows are tested in
 double precision. No ray misses a box that it meets (bvh_walk.py). So a search in the tree gives the same result as a
@@ -17,74 +17,72 @@ from typing import Any
 
 import numpy as np
 
-from visray.accel.sah import NONE, WIDTH, Hierarchy, build_binary, widen
+from visray.accel.blocks import MOST_BLOCKS, TreeRows, packed
+from visray.accel.sah import build_binary, widen
+from visray.errors import UserError
 from visray.geometry import gamma
 from visray.quantities import Arrays
-
-# A word is the 32-bit number of a child. It is the number of a node, or the number of a row with the bit ROW set, or
-# NOTHING if the child is missing.
-ROW = 1 << 31
-NOTHING = 0xFFFFFFFF
-# The box of a missing child has its low corner at OUT and its high corner at -OUT, so no ray enters it. The number is
-# beyond all coordinates of a scene, and its products in single precision are still finite.
-OUT = 2.0**60
-PACKET = 4  # number of floats that are read at once
-STRIDE = 8 * WIDTH  # floats per node: for each child six corner coordinates, one word and one unused float
 
 
 @dataclass(frozen=True)
 class Tree:
     """A BVH in the form in which kernels read it. Units: world.
 
-    nodes: STRIDE single-precision floats per node: low corners of the node's children, their high corners, and their
-        words (as bits). Shape: (STRIDE x nodes).
-    root: word of the first node; if the tree has one row only, word of that row. Shape: (1).
-    centre: the point that the boxes' coordinates are relative to, in double. Shape: (3, 1).
+    blocks: nodes and rows, the root first. Shape: (BLOCK x blocks).
+    centre: the point that the blocks' coordinates are relative to, in double. Shape: (3, 1).
     ball: radius of a ball about `centre` that contains the boxes of all rows. Shape: (1).
     size: bound on |centre|. Shape: (1).
     begins: for each batch in the tree except the first, the lowest number of its rows. The rows of one batch have
         consecutive numbers. Shape: (1) each.
     batches: numbers of the batches in the tree, ascending.
+    block_kinds: for each batch, the kind of the blocks of its rows.
     """
 
-    nodes: Any
-    root: Any
+    blocks: Any
     centre: Any
     ball: Any
     size: Any
     begins: tuple[Any, ...]
     batches: tuple[int, ...]
+    block_kinds: tuple[int, ...]
+
+    def masks(self, a: Arrays, row: Any) -> list[tuple[int, Any]]:
+        """Pairs of a batch of the tree and a mask of the lanes whose row belongs to it.
+
+        row: number of the row among all rows of the scene, in each lane.
+        """
+        begins, pairs = (None, *self.begins, None), []
+        for batch, begin, end in zip(self.batches, begins, begins[1:]):
+            in_batch = a.B(True) if begin is None else row >= begin
+            pairs.append((batch, in_batch if end is None else in_batch & (row < end)))
+        return pairs
 
 
-def build(a: Arrays, low: np.ndarray, high: np.ndarray, batch: np.ndarray, index: np.ndarray) -> Tree:
-    """Builds the tree over n rows.
+def build(a: Arrays, batches: dict[int, TreeRows]) -> Tree:
+    """Builds the tree over the rows of some batches.
 
-    low, high: corners of the rows' boxes in world space, in double. Shape: (n, 3).
-    batch: number of each row's batch. Shape: (n).
-    index: number of each row among all rows of the scene. Shape: (n).
+    batches: the rows, by the number of their batch; the numbers ascend.
 
-    Domain: n >= 1. Corners are finite and their coordinates at most 1e9 in size; low <= high. An index is below
-    2^31 - 1. All rows of a batch have greater indices than the rows of batches with lower numbers.
+    Domain: there is a row; corners are finite and their coordinates at most 1e9 in size; low <= high. All rows of a
+    batch have greater numbers than the rows of batches with lower numbers; numbers are below 2^31. Raises UserError if
+    there are too many rows.
     """
-    low, high, batch, index = (np.asarray(x) for x in (low, high, batch, index))
+    low, high = (np.concatenate(x) for x in zip(*((rows.low, rows.high) for rows in batches.values())))
+    if 4 * len(low) > 3 * MOST_BLOCKS:
+        raise UserError(f"objects: {len(low)} objects and triangles are too many; at most {3 * MOST_BLOCKS // 4} fit")
     centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
-    lows, highs = outwards(low, centre, -1), outwards(high, centre, 1)
-    if len(index) == 1:
-        nodes, root = np.zeros((1, STRIDE), np.float32), ROW | int(index[0])
-    else:
-        nodes, root = _packed(widen(build_binary(lows.T.copy(), highs.T.copy())), index), 0
-    batches, first = np.unique(batch, return_inverse=True)
-    begins = np.full(len(batches), NOTHING)
-    np.minimum.at(begins, first, index)
-    half = np.maximum(-lows.min(axis=0), highs.max(axis=0)).astype(float)
+    lows, highs = outwards(low, centre, -1).T.copy(), outwards(high, centre, 1).T.copy()
+    half = np.maximum(-lows.min(axis=1), highs.max(axis=1)).astype(float)
+    tree = widen(build_binary(lows, highs)) if len(low) > 1 else None
+    blocks = packed(tree, list(batches.values()), centre)
     return Tree(
-        a.put(a.F32, nodes.ravel()),
-        a.put(a.U, np.array([root], np.uint32)),
+        a.put(a.F32, blocks.ravel()),
         a.put(a.W, centre[:, None]),
         a.put(a.D, np.array([np.linalg.norm(half)])),
         a.put(a.D, np.array([np.abs(centre).sum()])),
-        tuple(a.put(a.U, begins[k : k + 1].astype(np.uint32)) for k in range(1, len(begins))),
-        tuple(int(b) for b in batches),
+        tuple(a.put(a.U, np.array([rows.first], np.uint32)) for rows in list(batches.values())[1:]),
+        tuple(batches),
+        tuple(rows.block_kind for rows in batches.values()),
     )
 
 
@@ -97,18 +95,3 @@ def outwards(corner: np.ndarray, centre: np.ndarray, out: int) -> np.ndarray:
     exact = corner - centre
     exact += out * gamma(2) * np.abs(exact)
     return np.nextafter(exact.astype(np.float32), np.float32(out * np.inf))
-
-
-def _packed(tree: Hierarchy, index: np.ndarray) -> np.ndarray:
-    """The nodes as an array of floats in the layout of Tree.nodes. Shape: (nodes, STRIDE).
-
-    index: number of the row that each box of the hierarchy belongs to. Shape: (boxes).
-    """
-    n, exists = len(tree.child), (tree.child != NONE)[..., None]
-    row = ROW | index[np.where((tree.child < 0) & exists[..., 0], -1 - tree.child, 0)]
-    words = np.where(exists[..., 0], np.where(tree.child >= 0, tree.child, row), NOTHING).astype(np.uint32)
-    nodes = np.zeros((n, STRIDE), np.float32)
-    corners = np.where(exists, tree.low, OUT), np.where(exists, tree.high, -OUT)
-    nodes[:, : 6 * WIDTH] = np.concatenate([c.reshape(n, -1) for c in corners], axis=1)
-    nodes[:, 6 * WIDTH : 7 * WIDTH] = words.view(np.float32)
-    return nodes

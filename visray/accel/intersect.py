@@ -15,13 +15,14 @@ from typing import Any
 
 import drjit as dr
 
+from visray.accel.bvh_step import Certain
 from visray.accel.culling import CrossingBounds, TriangleGuard, point_rounding, touches
 from visray.accel.lists import RowLists
 from visray.accel.origin import Candidate, RayOrigin
 from visray.accel.ray_segment import RaySegment, length_inside, occludes
 from visray.accel.screening import any_hit, nearest
 from visray.accel.traversal import Query, traverse
-from visray.geometry import gamma
+from visray.geometry import gamma, l1_norm
 from visray.pytree import detached, leaves, rows
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, Hit, Ray
@@ -67,7 +68,13 @@ def closest(origin: RayOrigin, ray: Ray, brute_force: bool = False, active: Any 
 
     finished = lambda *_: ~(active | a.B(False))  # noqa: E731 - no state ends the search
     screens = ray.row is None and ray.clearance is None and origin.place is None
-    query = Query(may_hit, intersect, lambda state: state[0], finished, screen=screen if screens else None)
+
+    def certain(exact_ray: Ray) -> Certain:
+        return Certain(a.D(0) if exact_ray.clearance is None else exact_ray.clearance, a.D(dr.inf), a.D(0))
+
+    query = Query(
+        may_hit, intersect, lambda state: state[0], finished, screen=screen if screens else None, certain=certain
+    )
     return Hit(*traverse(origin, query, ray, start, brute_force))
 
 
@@ -140,8 +147,9 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
                 last -= dr.detach(a.F32(target.slack / target.cosine)) * (1 + gamma(8, "single"))
     start = (dr.full(a.B, False, _width(origin, ray)),)
     (hidden,) = _between(
-        origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden, screen if screens else None
-    )
+        origin, ray, target, active, brute_force, start, stop, lambda hidden: hidden, screen if screens else None,
+        lambda _: (a.B(True),),
+    )  # fmt: skip
     return hidden & active
 
 
@@ -181,7 +189,7 @@ def _width(origin: RayOrigin, ray: Ray) -> int:
 
 def _between(
     origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
-    finished: Callable, screen: Callable | None = None,
+    finished: Callable, screen: Callable | None = None, decided: Callable | None = None,
 ) -> tuple:  # fmt: skip
     """The state (a tuple of arrays) after each ray is tested against all rows between its origin and its target.
 
@@ -190,6 +198,7 @@ def _between(
         the segment with derivatives; None if neither the row nor the ray carries any.
     finished(*state): function that returns a mask of the rays whose state no other row can change.
     screen: as in Query
+    decided(*state): function that returns the state of rays that surely cross a row; None if that does not decide it.
     """
     a, attached_ray, attached_target = origin.a, ray, target
     ray, target, active = detached(ray), detached(target), dr.detach(active)
@@ -244,7 +253,16 @@ def _between(
         segment = segment_of(c, *(begun or begin()))
         return change(c, segment, attached(c, segment), *state)
 
+    def certain(exact_ray: Ray, distance: Any) -> Certain:
+        # The rounding error of the end bounds that of its distance from a row (culling.point_rounding).
+        rounding = gamma(64) * (l1_norm(origin.o) + 2 * dr.select(distance < dr.inf, distance, 0))
+        clearance = a.D(0) if exact_ray.clearance is None else exact_ray.clearance
+        return Certain(clearance, distance, a.D(target.error) + rounding, decided)
+
     # The distance in single has a few rounding errors.
     farthest = a.D(target.distance) * (1 + gamma(16, "single"))
-    query = Query(may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin, screen)
+    query = Query(
+        may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin, screen,
+        decided and certain,
+    )  # fmt: skip
     return traverse(origin, query, ray, start, brute_force)

@@ -18,11 +18,12 @@ import numpy as np
 
 from visray.accel import policy
 from visray.accel.bvh import Tree, build
+from visray.accel.bvh_rows import tree_rows
 from visray.accel.cell_views import CellView
 from visray.accel.culling import BallGuard, DirectionCone, PlaneGuard, ball_guard, plane_guard, point_rounding, touches
 from visray.accel.lists import points, row_lists
 from visray.accel.parallel_lists import ParallelLists, Place
-from visray.batches import Batch, boxes
+from visray.batches import Batch
 from visray.pytree import detached, evaluated, leaves, rows
 from visray.quantities import Arrays
 from visray.ray import KnownEnds, Ray
@@ -80,11 +81,7 @@ class Geometry:
         in_tree = self.plan("nothing").tree
         if not in_tree:
             return None
-        corners = [boxes(self.batches[i]) for i in in_tree]
-        low, high = (np.concatenate(c) for c in zip(*corners))
-        index = np.concatenate([self.batches[i].first_row + np.arange(len(self.batches[i])) for i in in_tree])
-        batch = np.repeat(in_tree, [len(self.batches[i]) for i in in_tree])
-        return evaluated(build(self.a, low, high, batch, index))
+        return evaluated(build(self.a, {i: tree_rows(self.batches[i]) for i in in_tree}))
 
     def plan(self, shared: policy.SharedBy) -> policy.Plan:
         """The plan of how rays find rows. shared: what all rays share."""

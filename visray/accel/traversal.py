@@ -16,8 +16,10 @@ from typing import Any
 import drjit as dr
 
 from visray.accel import policy
-from visray.accel.bvh_walk import Walk
+from visray.accel.bvh_step import Search
+from visray.accel.bvh_walk import walk
 from visray.accel.origin import Candidate, RayOrigin
+from visray.accel.tree_rays import TreeRays
 from visray.batches import Batch
 from visray.geometry import gamma
 from visray.ray import Ray
@@ -37,6 +39,8 @@ class Query:
         exact test after guards in single precision have been asked, and the state after what they decide. `guarded`
         returns for an entry (mask of the rays that may hit its row, the row's guard, the candidate). None if guards
         decide nothing.
+    certain(*begun): returns when a hit that is certain in single precision counts (bvh_step.Certain). None if every row
+        that a ray may hit is tested in double.
     """
 
     may_hit: Callable
@@ -45,6 +49,7 @@ class Query:
     finished: Callable
     begin: Callable | None = None
     screen: Callable | None = None
+    certain: Callable | None = None
 
 
 def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_force: bool) -> tuple:
@@ -202,15 +207,20 @@ def _listed(origin: RayOrigin, query: Query, number: int, ray: Ray, state: tuple
 def _in_tree(origin: RayOrigin, query: Query, ray: Ray, state: tuple) -> tuple:
     """The state after the query has run on the rows in the tree that a ray may hit."""
 
+    def candidate(number: int, index: Any, present: Any) -> Candidate:
+        return Candidate(number, dr.select(present, index - origin.batches[number].first_row, 0), index, present)
+
+    def accepts(number: int, state: tuple, index: Any, present: Any) -> Any:
+        return query.may_hit(candidate(number, index, present), *state)
+
     def visit(number: int, state: tuple, index: Any, present: Any) -> tuple:
-        row = dr.select(present, index - origin.batches[number].first_row, 0)
-        c = Candidate(number, row, index, present)
-        return _where(query.may_hit(c, *state), state, lambda *s: query.intersect(c, *s, begun=begun), "intersect")
+        return query.intersect(candidate(number, index, present), *state, begun=begun)
 
     # The walk through the tree needs the ray in double as well.
     begun = query.begin() if query.begin else (ray.exact(),)
-    walk = Walk.along(origin.a, origin.geometry.tree, origin.o, begun[0].d)
-    return walk.traverse(state, visit, query.t_max, lambda state: query.finished(*state))
+    rays = TreeRays.along(origin.a, origin.geometry.tree, origin.o, begun[0].d)
+    certain = query.certain and query.certain(*begun)
+    return walk(rays, state, Search(visit, query.t_max, lambda state: query.finished(*state), accepts, certain))
 
 
 def _where(mask: Any, state: tuple, change: Callable, label: str) -> tuple:

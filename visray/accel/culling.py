@@ -219,8 +219,9 @@ def triangle_guard(a: Arrays, corners: tuple[Any, Any, Any], o: Any) -> Triangle
     error.
     The volume is a . ((b - a) x (c - a)), whose error is at most gamma(16) |a| |b - a| |c - a|. Rounding may hide it if
     it is not 2^24 times as large. The exact test takes t as a mean of the corners' distances, whose weights have an
-    error of gamma(42) |b| |c| over the projected area. It is within u t of the true one if the triangle is seen at an
-    angle of at least 2^-23 across its narrowest side. Otherwise the guard rejects nothing and is never sure.
+    error of gamma(42) |b| |c| over the projected area, and improves it by one step to the plane. It is within u t of
+    the true one if the triangle is seen at an angle of at least 2^-23 across its narrowest side. Otherwise the guard
+    rejects nothing and is never sure.
     """
     p, q, r = (x - o for x in corners)
     e, f = q - p, r - p

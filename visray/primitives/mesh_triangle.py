@@ -9,7 +9,7 @@ import numpy as np
 from visray.geometry import Frame
 from visray.primitives.flat import Flat
 from visray.primitives.primitive import Bounds
-from visray.primitives.triangle import SeenTriangle, Triangle
+from visray.primitives.triangle import SeenTriangle, Triangle, normal_of
 from visray.pytree import Shared
 from visray.quantities import Arrays
 from visray.transforms import compose
@@ -75,7 +75,7 @@ class MeshRows:
             normals = Shared(dr.normalize(inverse.normal(self.attached_normals())))
         vertices = Shared(self.world_vertices())
         a, b, c = self.corners.read(vertices)
-        n = dr.detach(dr.normalize(dr.cross(b - a, c - a)))
+        n = dr.detach(dr.normalize(normal_of(a, b, c)))
         unit = dr.float32_array_t(type(n))(n)
         return PlacedMesh(self.corners, vertices, unit, self.normal_corners, normals, self.uv_corners, self.u, self.v)
 
@@ -164,15 +164,14 @@ class MeshTriangle(Flat):
 
     @staticmethod
     def seen(placed: PlacedMesh, o: Any) -> SeenTriangle:
-        a, b, c = (v - o for v in placed.corners.read(placed.vertices))
-        return SeenTriangle(a, b, c, dr.cross(b - a, c - a))
+        return SeenTriangle(*(v - o for v in placed.corners.read(placed.vertices)), None)
 
     intersect_plane = Triangle.intersect_plane
 
     @staticmethod
     def surface_at(placed: PlacedMesh, p: Any, part: Any = None) -> tuple[Any, Any]:
         a, b, c = placed.corners.read(placed.vertices)
-        n = dr.normalize(dr.cross(b - a, c - a))
+        n = dr.normalize(normal_of(a, b, c))
         return dr.dot(p - a, n), n
 
     @staticmethod

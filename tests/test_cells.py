@@ -15,7 +15,7 @@ from visray.accel.cells import (
     point_views,
     triangle_lists,
 )
-from visray.geometry import UNIT_ROUNDOFF
+from visray.geometry import UNIT_ROUNDOFF, gamma
 
 BUDGET = 1 << 24
 X = np.longdouble
@@ -31,9 +31,10 @@ def dot(v: np.ndarray, w: np.ndarray) -> np.ndarray:
     return v[:, 0] * w[0] + v[:, 1] * w[1] + v[:, 2] * w[2]
 
 
-def cell_of(lists: CellLists, q: np.ndarray) -> np.ndarray:
+def cell_of(lists: CellLists, q: np.ndarray, wide: bool = True) -> np.ndarray:
     """The number of the cell of each ray, -1 if no view contains it.
 
+    wide: whether a view also contains rays that are up to the slack beyond its border.
     q: unit directions in single; for parallel rays their positions, relative to the view's origin. Shape: (m, 3).
     """
     number = np.full(len(q), -1)
@@ -50,7 +51,8 @@ def cell_of(lists: CellLists, q: np.ndarray) -> np.ndarray:
             with np.errstate(all="ignore"):
                 x = dot(q, axis) if view.parallel else dot(q, axis) * (F(1) / z)
                 place = (x - F(low)) * F(count / extent)
-            inside &= (place >= F(-slack)) & (place <= F(count + slack))
+            beyond = slack if wide else 0
+            inside &= (place >= F(-beyond)) & (place <= F(count + beyond))
             places.append(np.clip(np.floor(np.where(inside, place, 0)), 0, count - 1).astype(int))
         cell = (v * lists.rows_of_cells + places[1]) * lists.columns + places[0]
         number = np.where(inside & (number < 0), cell, number)
@@ -180,7 +182,24 @@ def random_triangles(random: np.random.Generator, n: int) -> Triangles:
     return Triangles(a, b, c)
 
 
-KINDS = {"balls": random_balls, "triangles": random_triangles}
+def wide_balls(random: np.random.Generator, n: int) -> Balls:
+    """Balls that each cover many cells."""
+    centre = 5 * random.normal(size=(n, 3))
+    return Balls(centre, np.linalg.norm(centre, axis=1) * random.uniform(0.1, 0.5, n))
+
+
+def wide_triangles(random: np.random.Generator, n: int) -> Triangles:
+    """Triangles that each cover many cells."""
+    middle = wide_balls(random, n)
+    return Triangles(*(middle.centre + middle.radius[:, None] * random.normal(size=(n, 3)) for _ in range(3)))
+
+
+KINDS = {
+    "balls": random_balls,
+    "triangles": random_triangles,
+    "wide balls": wide_balls,
+    "wide triangles": wide_triangles,
+}
 
 
 def ahead(rows: Balls | Triangles, far: float) -> Balls | Triangles:
@@ -236,16 +255,16 @@ def missing(
     """
     view = lists.views[0]
     if view.parallel:
-        cell = cell_of(lists, (o - view.origin).astype(F))
+        rounded = (o - view.origin).astype(F)
     else:
         rounded = d.astype(F)
         rounded *= (1 + UNIT_ROUNDOFF["single"] * random.uniform(-5, 5, d.shape)).astype(F)
-        cell = cell_of(lists, rounded)
+    cell = cell_of(lists, rounded)
     ray, row, t = rows.hits(o, d, view.parallel)
     if view.parallel:
         t = t + (o[ray].astype(X) - view.origin.astype(X)) @ view.forward.astype(X)
     present = cell[ray] >= 0
-    lost = np.count_nonzero(~present) if covers else 0
+    lost = np.count_nonzero(cell_of(lists, rounded, wide=False)[ray] < 0) if covers else 0
     ray, row, t = ray[present], row[present], t[present]
     n = len(lists.near)
     listed = np.repeat(np.arange(len(lists.offsets) - 1), np.diff(lists.offsets.astype(np.int64))) * n + lists.entries
@@ -261,9 +280,10 @@ def check(kind: str, view: str, origin: float, seed: int, n: int, m: int) -> int
     random = np.random.default_rng(seed)
     rows = KINDS[kind](random, n)
     if view in ("point", "camera") and seed % 2:
-        rows = ahead(rows, 2000)
+        rows = ahead(rows, 20 if kind.startswith("wide") else 2000)
     o = np.array([origin, -origin / 3, origin / 7]) + random.normal(size=3)
-    rows = type(rows)(*(v + o if v.ndim == 2 else v for v in vars(rows).values()))
+    scale = (1, 1e-6, 1e5)[seed % 3]
+    rows = type(rows)(*(v * scale + o if v.ndim == 2 else v * scale for v in vars(rows).values()))
     views = views_of(view, o, rows, random)
     lists = rows.lists(views)
     start, d = rays(lists, o, rows, random, m)
@@ -285,7 +305,7 @@ def test_no_row_is_missing(kind: str, view: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_row_is_missing_in_ten_million_pairs(kind: str, view: str) -> None:
     pairs, seed = 0, 100
-    while pairs < 1.5e6:
+    while pairs < 0.8e6:
         pairs += check(kind, view, (0, 30, 1e6)[seed % 3], seed, (30, 250)[seed % 2], 1000)
         seed += 1
 
@@ -346,19 +366,22 @@ def test_balls_within_55_degrees_share_one_pyramid() -> None:
 
 
 @pytest.mark.parametrize("view", VIEWS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["balls", "triangles"])
 def test_a_point_on_the_border_of_cells_is_in_the_list_of_each_ray_to_it(kind: str, view: str) -> None:
-    """Rounding in single decides the cell of such a ray. For points, the number of cells depends on their count only,
-    so a first build tells where the borders are."""
+    """Rounding in single decides the cell of such a ray. For points, the number of cells hardly depends on where they
+    are, so a first build tells where the borders are. Far from the world's origin, the points are so near that their
+    own rounding is seen: the rows are moved by half of the bound that they are known to."""
     for origin, seed in ((0, 1), (1e6, 2)):
         random = np.random.default_rng(seed)
         rows = ahead(random_balls(random, 500), 2000)
         views = views_of(view, np.array([origin, -origin / 3, origin / 7]), rows, random)
-        first = points(kind, *on_borders(views[0], 16, 16, random)).lists(views)
-        at, d = on_borders(views[0], first.columns, first.rows_of_cells, random)
-        rows = points(kind, at, d)
-        lists = rows.lists(views)
-        assert (lists.columns, lists.rows_of_cells) == (first.columns, first.rows_of_cells)
+        nearness = 1e-4 if origin and view != "narrow" else 1
+        grid, lists = (16, 16), None
+        while lists is None or grid != (lists.columns, lists.rows_of_cells):
+            grid = (lists.columns, lists.rows_of_cells) if lists else grid
+            at, d = on_borders(views[0], *grid, nearness, random)
+            shift = random.uniform(-0.5, 0.5, at.shape) * gamma(32) * np.abs(at).sum(axis=1, keepdims=True)
+            lists = points(kind, at + shift, d).lists(views)
         if lists.views[0].parallel:
             cell = cell_of(lists, (at - views[0].origin).astype(F))
         else:
@@ -369,14 +392,16 @@ def test_a_point_on_the_border_of_cells_is_in_the_list_of_each_ray_to_it(kind: s
             assert row in lists.entries[lists.offsets[c] : lists.offsets[c + 1]]
 
 
-def on_borders(view: CellView, columns: int, rows_of_cells: int, random: np.random.Generator) -> tuple:
+def on_borders(
+    view: CellView, columns: int, rows_of_cells: int, nearness: float, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """(points on the borders of cells, unit vectors from the view's origin to them). Shape: (n, 3) each."""
     grid = np.array([columns, rows_of_cells])
     place = random.uniform(0, 1, (1000, 2)) * grid
     border = random.integers(2, size=1000)
     place[np.arange(1000), border] = np.round(place[np.arange(1000), border])
     x, y = (view.low + place * (view.extent / grid)).T[..., None]
-    depth = random.uniform(1, 9, (1000, 1))
+    depth = random.uniform(1, 9, (1000, 1)) * nearness
     if view.parallel:
         to_point = view.right * x + view.up * y + depth * view.forward
     else:
@@ -386,6 +411,7 @@ def on_borders(view: CellView, columns: int, rows_of_cells: int, random: np.rand
 
 def points(kind: str, at: np.ndarray, d: np.ndarray) -> Balls | Triangles:
     """Rows that are points; triangles whose other corners lie on the same ray, or next to it."""
-    if kind == "balls":
+    if kind.endswith("balls"):
         return Balls(at, np.zeros(len(at)))
-    return Triangles(at, at + 1e-7 * d, at - 1e-7 * d)
+    longer = 1e-7 * np.linalg.norm(at - at.mean(axis=0), axis=1, keepdims=True) * d
+    return Triangles(at, at + longer, at - longer)

@@ -11,7 +11,7 @@ import numpy as np
 
 from visray.accel.cell_views import CellView
 from visray.accel.footprints import Balls, Boxes, Outline
-from visray.accel.sheet_arithmetic import chunks
+from visray.accel.sheet_arithmetic import chunks, taken
 from visray.accel.triangle_footprints import Triangles
 from visray.geometry import gamma
 
@@ -60,18 +60,19 @@ def spans_of(
     size = np.maximum(last - first + 1, 0)
     seen = (size > 0).all(axis=0)
     cut = seen & boxes.outlined & (size >= rows.smallest).all(axis=0)
-    parts = [_whole(first[:, at], size[:, at], rank[boxes.row[at]], grid) for at in [np.flatnonzero(seen & ~cut)]]
+    at = np.flatnonzero(seen & ~cut)
+    parts = [_whole(taken(first, at), taken(size, at), rank[boxes.row[at]], grid)]
     at = np.flatnonzero(cut)
     if len(at):
         group = _groups(size[1, at])
         order = np.argsort(group, kind="stable")
         at, group = at[order], group[order]
-        numbers, bottom, height, rank = boxes.outline[:, at], first[1, at], size[1, at], rank[boxes.row[at]]
+        numbers, bottom, height, rank = taken(boxes.outline, at), first[1, at], size[1, at], rank[boxes.row[at]]
         for part, j, to_part in _parts(bottom, height, group):
             outline, part_rank = rows.outline(view, numbers[:, part], grid), rank[part]
             if to_part is not None:
                 outline, part_rank = outline.at(to_part), part_rank[to_part]
-            parts.append(_cut(outline, j, part_rank, grid, slack[:, 0]))
+            parts.append(_cut(outline, j, part_rank, grid[0], slack[:, 0]))
     spans = Spans.joined(parts)
     spans.cell[:] += np.uint32(first_cell)
     return spans
@@ -103,12 +104,13 @@ def _parts(bottom: np.ndarray, height: np.ndarray, group: np.ndarray) -> Iterato
     bottom, height: first row of cells, and number of rows of cells. Shape: (m).
     group: as in _groups, ascending. Shape: (m).
     """
+    begins = np.searchsorted(group, np.arange(TALLEST + 2, dtype=np.uint8))
     for h in range(1, TALLEST + 1):
-        begin, end = np.searchsorted(group, [h, h + 1])
+        begin, end = begins[h], begins[h + 1]
         for at in chunks(int(end - begin), SPANS // h):
             part = slice(begin + at.start, begin + at.stop)
             yield part, bottom[part] + np.arange(h, dtype=np.int32)[:, None], None
-    k = int(np.searchsorted(group, TALLEST + 1))
+    k = int(begins[TALLEST + 1])
     ends = np.cumsum(height)
     while k < len(ends):
         before = ends[k] - height[k]
@@ -119,12 +121,9 @@ def _parts(bottom: np.ndarray, height: np.ndarray, group: np.ndarray) -> Iterato
         k = part.stop
 
 
-def _cut(outline: Outline, j: np.ndarray, rank: np.ndarray, grid: tuple[int, int], slack: np.ndarray) -> Spans:
+def _cut(outline: Outline, j: np.ndarray, rank: np.ndarray, columns: int, slack: np.ndarray) -> Spans:
     """The spans of rows in the rows of cells j, cut to the rows' outlines."""
-    columns, rows_of_cells = grid
     lower, upper = j.astype(np.float32) - slack[1], j.astype(np.float32) + (1 + slack[1])
-    # Rays beyond the border of the sheet belong to its outermost cells.
-    lower[j == 0], upper[j == rows_of_cells - 1] = -np.inf, np.inf
     low, high = outline.across(lower, upper)
     first = np.maximum(np.minimum(np.floor(low - slack[0]), columns), 0).astype(np.int32)
     last = np.minimum(np.maximum(np.floor(high + slack[0]), -1), columns - 1).astype(np.int32)
@@ -162,13 +161,16 @@ def ordered(spans: Spans, order: np.ndarray, cells: int, columns: int) -> tuple[
 def _sorted(spans: Spans, order: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """(number of pairs in each cell, row of each pair in the order of the lists)."""
     bits = len(order).bit_length()
-    number = np.uint32 if bits + cells.bit_length() <= 32 else np.uint64
+    number, index = (np.uint32, np.int32) if bits + cells.bit_length() < 32 else (np.uint64, np.int64)
     ends = np.cumsum(spans.length, dtype=number)
     # A span's numbers grow with its cells. If their common part is repeated, adding the place of each pair among all
     # pairs counts the cells. Differences may be negative; they wrap around, and so do the sums.
     common = ((spans.cell.astype(number) - (ends - spans.length.astype(number))) << number(bits)) + spans.rank
     keys = np.repeat(common, spans.length)
-    keys += np.arange(len(keys), dtype=number) << number(bits)
+    place = np.arange(len(keys), dtype=number)
+    place <<= number(bits)
+    keys += place
     keys.sort()
-    count = np.bincount((keys >> number(bits)).astype(np.int64), minlength=cells)
-    return count, order[keys & number((1 << bits) - 1)]
+    entries = order[np.bitwise_and(keys, number((1 << bits) - 1), out=place).view(index)]
+    keys >>= number(bits)
+    return np.bincount(keys.view(index), minlength=cells), entries

@@ -4,10 +4,11 @@ A row is one object in the kernel's tables. A sheet of directions (or of positio
 cells (cell_views.py). The list of a cell contains every row that some ray through the cell can meet, nearest first.
 
 The promise: let the column of a ray be computed in single precision, as (x - low.x) * (columns / extent.x), where x is
-d.right / d.forward or p.right, and let the row of its cell be computed likewise. If both are between -slack and the
-number of columns or rows of cells, plus slack, they are rounded down and limited to the cells that exist. Then the list
-of this cell contains all rows that the exact ray meets. If one of them is not, the ray meets no row that the views
-cover. The same holds for a ray with d.forward <= 0, if no other view contains it.
+d.right / d.forward or p.right, and let the row of its cell be computed likewise. If both are between 0 and the number
+of columns or rows of cells, or at most the slack beyond, they are rounded down and limited to the cells that exist.
+Then the list of this cell contains all rows that the exact ray meets. The sheets of point_views and parallel_view are
+wider than their rows by more than the slack. So a ray for which a number is beyond 0 or the number of cells meets no
+row, and neither does a ray with d.forward <= 0 (tests/test_cells.py).
 
 Source: Weghorst, Hooper, Greenberg 1984 (item buffer); Haines and Greenberg 1986 (light buffer).
 """

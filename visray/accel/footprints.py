@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from visray.accel.cell_views import CellView
-from visray.accel.sheet_arithmetic import along, chunks, relative, tangent_slopes
+from visray.accel.sheet_arithmetic import along, chunks, relative, taken, tangent_slopes
 from visray.geometry import gamma
 
 
@@ -42,7 +42,7 @@ class Boxes:
 
     def at(self, index: np.ndarray) -> "Boxes":
         """The boxes at some positions of the arrays."""
-        return Boxes(*(np.take(getattr(self, f.name), index, axis=-1) for f in fields(self)))
+        return Boxes(*(taken(getattr(self, f.name), index) for f in fields(self)))
 
     @staticmethod
     def joined(boxes: list["Boxes"]) -> "Boxes":
@@ -102,8 +102,8 @@ class Balls:
             low[at], high[at] = middle - radius, middle + radius
             row = np.arange(at.start, at.stop, dtype=np.uint32)
             for view, parts in zip(views, boxes):
-                near = slice(None) if len(views) == 1 else np.flatnonzero(facing(view, p - radius, p + radius))
-                parts.append(ball_boxes(view, row[near], p[:, near], radius[near]))
+                near = np.arange(len(row)) if len(views) == 1 else np.flatnonzero(facing(view, p - radius, p + radius))
+                parts.append(ball_boxes(view, row[near], taken(p, near), radius[near]))
         return low, high, [Boxes.joined(parts) for parts in boxes]
 
     def grown(self, view: CellView, at: slice) -> np.ndarray:

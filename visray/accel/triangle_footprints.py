@@ -7,17 +7,12 @@ import numpy as np
 
 from visray.accel.cell_views import CellView
 from visray.accel.footprints import Boxes, Outline, ball_boxes, facing
-from visray.accel.sheet_arithmetic import along, chunks, relative
+from visray.accel.sheet_arithmetic import along, chunks, relative, taken, triangle_distance
 from visray.geometry import gamma
 
 # A corner of a triangle may lie so many sheets away from the sheet. If it lies farther away, or behind the plane of the
-# sheet, the footprint of the triangle's ball replaces its own.
+# sheet, only a box around its footprint is known.
 FARTHEST = 2.0**10
-# If the depths of a triangle's corners differ by more than this factor, its distance is bounded by a search.
-DEEP = 1.25
-STEPS = 12  # steps of this search
-# The square of a shorter vector loses digits in single, so v.w / |w| is replaced by the smaller bound v.w.
-SHORT = 2.0**-40
 
 
 class Triangles:
@@ -35,30 +30,30 @@ class Triangles:
     def seen(self, views: tuple[CellView, ...]) -> tuple[np.ndarray, np.ndarray, list[Boxes]]:
         """(least, greatest distance of each row from the origin, boxes of the rows that each view sees). For parallel
         rays the distances are depths. Shapes: (n), (n)."""
-        low, high = np.empty((2, len(self)), np.float32)
-        nothing = np.zeros((3, 3, 0), np.float32)
-        boxes = [[_projected(v, np.zeros(0, np.uint32), nothing, nothing[0, 0])] for v in views]
-        origin = views[0].origin
-        for at in chunks(len(self)):
-            p = np.empty((3, 3, at.stop - at.start), np.float32)
-            for k, corner in enumerate(self.corners):
-                p[:, k] = relative(corner[at], origin)
-            least, most = p.min(axis=1), p.max(axis=1)
-            # The corners are known to within gamma(32) times their sizes in double. In what is computed here, a scalar
-            # product of a corner and a unit vector has an error of at most 5 u times the corner's length, in single.
-            size = np.maximum(-least, most).sum(axis=0)
-            rounding = np.float32(gamma(64) * 2 * np.abs(origin).sum()) + np.float32(gamma(16, "single")) * size
-            low[at], high[at] = _depths(views[0], p) if views[0].parallel else (_distance(p), size)
-            low[at] -= rounding
-            high[at] += rounding
-            row = np.arange(at.start, at.stop, dtype=np.uint32)
-            for view, parts in zip(views, boxes):
-                if len(views) == 1:
-                    parts.append(_projected(view, row, p, rounding))
-                    continue
-                near = np.flatnonzero(facing(view, least - rounding, most + rounding))
-                parts.append(_projected(view, row[near], p[:, :, near], rounding[near]))
-        return low, high, [Boxes.joined(parts) for parts in boxes]
+        parts = [self._seen(views, at) for at in chunks(max(1, len(self)))]
+        low, high = (np.concatenate([p[k] for p in parts]) for k in range(2))
+        return low, high, [Boxes.joined([p[2][k] for p in parts]) for k in range(len(views))]
+
+    def _seen(self, views: tuple[CellView, ...], at: slice) -> tuple[np.ndarray, np.ndarray, list[Boxes]]:
+        """What `seen` returns for some rows."""
+        origin, row = views[0].origin, np.arange(at.start, min(at.stop, len(self)), dtype=np.uint32)
+        p = np.empty((3, 3, len(row)), np.float32)
+        for k, corner in enumerate(self.corners):
+            p[:, k] = relative(corner[at], origin)
+        least, most = p.min(axis=1), p.max(axis=1)
+        # The corners are known to within gamma(32) times their sizes in double. In what is computed here, a scalar
+        # product of a corner and a unit vector has an error of at most 5 u times the corner's length, in single.
+        size = np.maximum(-least, most).sum(axis=0)
+        rounding = np.float32(gamma(64) * 2 * np.abs(origin).sum()) + np.float32(gamma(16, "single")) * size
+        low, high = _depths(views[0], p) if views[0].parallel else (triangle_distance(p), size)
+        low, high = low - rounding, high + rounding
+        if len(views) == 1:
+            return low, high, [_boxes(views[0], row, p, rounding, low)]
+        boxes = []
+        for view in views:
+            to = np.flatnonzero(facing(view, least - rounding, most + rounding))
+            boxes.append(_boxes(view, row[to], taken(p, to), rounding[to], low[to]))
+        return low, high, boxes
 
     def outline(self, view: CellView, numbers: np.ndarray, grid: tuple[int, int]) -> "TriangleOutline":
         """The outlines of rows. numbers: as in Boxes.outline; grid: numbers of columns and of rows of cells."""
@@ -121,49 +116,84 @@ class TriangleOutline(Outline):
         return low - self.margin_x, high + self.margin_x
 
 
-def _projected(view: CellView, row: np.ndarray, p: np.ndarray, rounding: np.ndarray) -> Boxes:
+def _boxes(view: CellView, row: np.ndarray, p: np.ndarray, rounding: np.ndarray, near: np.ndarray) -> Boxes:
     """The boxes around the footprints of triangles.
 
     p: corners relative to the view's origin. Shape: (3 axes, 3 corners, m).
     rounding: bound on the errors of the corners. Shape: (m).
-
-    Error: x is the quotient of two scalar products of a corner with an axis. Let A bound the length of the numerator's
-    axis. The products have errors of at most A `rounding` and `rounding`. So x has an error of at most
-    (A + |x|) rounding / (z - rounding). It is limited to 1/16, so `rounding` is less than z / 2. The second term of the
-    margin is for the conversion of x to single, and for the roundings of TriangleOutline: 8 u times the greatest |x|.
+    near: lower bound on the triangles' distances. Shape: (m).
     """
-    numerators, length = [], np.float32((1 + np.abs(view.low)).max() / view.extent.min())
-    for axis, low, extent in zip((view.right, view.up), view.low, view.extent):
-        if view.parallel:
-            numerators.append(along(p, axis / extent) - np.float32(low / extent))
-        else:
-            numerators.append(along(p, axis / extent - (low / extent) * view.forward))
-    with np.errstate(all="ignore"):  # corners in or behind the plane of the sheet
-        if view.parallel:
-            x, y, error = *numerators, rounding
-        else:
-            z = along(p, view.forward)
-            inverse = 1 / z
-            x, y = (v * inverse for v in numerators)
-            nearest = z.min(axis=0)
-            error = 2 * rounding / nearest
-        low, high = (np.array([f(v, axis=0) for v in (x, y)]) for f in (np.min, np.max))
-        farthest = np.maximum(np.maximum(-low.min(axis=0), high.max(axis=0)), 1)
-        margin = error * (length + farthest) + np.float32(gamma(16, "single")) * farthest
-        inside = (farthest <= FARTHEST) & (margin <= 1 / 16)
-        if not view.parallel:
-            inside &= nearest > 0
+    x, y, z, margin = _projected(view, p, rounding)
+    ends = [[f(v, axis=0) for v in (x, y)] for f in (np.min, np.max)]
+    low, high, margin = np.array(ends[0]), np.array(ends[1]), margin.max(axis=0)
+    inside = (z.min(axis=0) > 0) & (np.maximum(-low, high).max(axis=0) <= FARTHEST) & (margin <= 1 / 16)
     outline = np.concatenate([x, y, margin[None]])
     if inside.all():
         return Boxes.of(row, low - margin, high + margin, inside, outline)
     at, others = np.flatnonzero(inside), np.flatnonzero(~inside)
     margin = margin[at]
-    boxes = Boxes.of(row[at], low[:, at] - margin, high[:, at] + margin, inside[at], outline[:, at])
-    return Boxes.joined([boxes, _balls(view, row[others], p[:, :, others], rounding[others])])
+    boxes = Boxes.of(row[at], taken(low, at) - margin, taken(high, at) + margin, inside[at], taken(outline, at))
+    return Boxes.joined([boxes, _clipped(view, row[others], taken(p, others), rounding[others], near[others])])
+
+
+def _projected(view: CellView, p: np.ndarray, rounding: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(x, y, depth, margin) of points on the sheet. The depth is 1 for parallel rays.
+
+    p: points relative to the view's origin. Shape: (3 axes, k, m).
+    rounding: bound on the errors of the points. Shape: (m).
+    margin: bound on the errors of x and y, if the depth is positive and the bound at most 1/4. Shape: (k, m).
+
+    Error: x is the quotient of two scalar products of a point with an axis. Let A bound the length of the numerator's
+    axis. The products have errors of at most A `rounding` and `rounding`. So x has an error of at most
+    (A + |x|) rounding / (z - rounding), which is at most twice as much with z in place of z - rounding. The second term
+    of the margin is for the roundings of x, also those in TriangleOutline: 8 u times the greatest |x|.
+    """
+    length = np.float32((1 + np.abs(view.low)).max() / view.extent.min())
+    z = np.ones_like(p[0]) if view.parallel else along(p, view.forward)
+    result = []
+    with np.errstate(all="ignore"):  # corners in or behind the plane of the sheet
+        inverse = 1 / z
+        for axis, low, extent in zip((view.right, view.up), view.low, view.extent):
+            if view.parallel:
+                result.append(along(p, axis / extent) - np.float32(low / extent))
+            else:
+                result.append(along(p, axis / extent - (low / extent) * view.forward) * inverse)
+        farthest = np.maximum(np.abs(result[0]), np.abs(result[1]))
+        margin = 2 * rounding * inverse * (length + farthest) + np.float32(gamma(16, "single")) * (1 + farthest)
+    return *result, z, margin
+
+
+def _clipped(view: CellView, row: np.ndarray, p: np.ndarray, rounding: np.ndarray, near: np.ndarray) -> Boxes:
+    """The boxes around the footprints of triangles that reach behind the plane of the sheet. Parameters as in _boxes.
+
+    A direction within half a sheet of the sheet has d.forward >= 1 / W, where W = sqrt(1 + X^2 + Y^2). So the triangle
+    can be met only at depths of at least near / W, and the part before that depth is cut off.
+
+    Error: the point where an edge is cut has the depth of the cut to within 4 `rounding`, and an error of 2 `rounding`
+    across the edge. So the cut is made earlier by 4 `rounding`. If that leaves nothing, the triangle's ball is taken.
+    """
+    most = np.maximum(np.abs(view.low), np.abs(view.high)) + view.extent / 2
+    cut = near / np.float32(np.sqrt(1 + most @ most) * (1 + gamma(4, "single"))) - 4 * rounding
+    clear = (cut > 32 * rounding) & (not view.parallel)
+    at, others = np.flatnonzero(clear), np.flatnonzero(~clear)
+    balls = _balls(view, row[others], taken(p, others), rounding[others])
+    p, cut, rounding = taken(p, at), cut[at], rounding[at]
+    q, z = p[:, [1, 2, 0]], along(p, view.forward)
+    ahead = z >= cut
+    crosses = ahead != ahead[[1, 2, 0]]
+    fall = np.where(crosses, z - z[[1, 2, 0]], 1)
+    points = np.concatenate([p, p + np.clip((z - cut) / fall, 0, 1) * (q - p)], axis=1)
+    x, y, _, margin = _projected(view, points, 2 * rounding)
+    real = np.concatenate([ahead, crosses])
+    low = np.array([np.where(real, v - margin, np.inf).min(axis=0) for v in (x, y)])
+    high = np.array([np.where(real, v + margin, -np.inf).max(axis=0) for v in (x, y)])
+    nothing = np.zeros((7, len(at)), np.float32)
+    return Boxes.joined([balls, Boxes.of(row[at], low, high, np.zeros(len(at), bool), nothing)])
 
 
 def _balls(view: CellView, row: np.ndarray, p: np.ndarray, rounding: np.ndarray) -> Boxes:
-    """The boxes around the footprints of the triangles' balls. Parameters as in _projected."""
+    """The boxes around the footprints of the triangles' balls. Parameters as in _boxes."""
+    p = p.astype(float)
     middle = 0.5 * p.min(axis=1) + 0.5 * p.max(axis=1)
     radius = np.sqrt(((p - middle[:, None]) ** 2).sum(axis=0).max(axis=0))
     boxes = ball_boxes(view, row, middle, radius + rounding)
@@ -175,41 +205,3 @@ def _depths(view: CellView, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest depth of triangles. Shapes: p as in _projected, results (m)."""
     z = along(p, view.forward)
     return z.min(axis=0), z.max(axis=0)
-
-
-def _distance(p: np.ndarray) -> np.ndarray:
-    """Lower bounds on the distances of triangles from the origin. Shapes: p as in _projected, result (m).
-
-    For any vector w, no point of a triangle is nearer than the least v.w / |w| of its corners v. The vector to the
-    middle of the triangle gives a good bound if the triangle is small, and the vector to its nearest point the best.
-    The rounding of v.w / |w| is relative to |v|.
-    """
-    w = p.sum(axis=1)
-    heights = (p * w[:, None]).sum(axis=0)
-    least = heights.min(axis=0)
-    length = np.sqrt((w * w).sum(axis=0))
-    bound = least / np.where(length > SHORT, length, np.float32(1))
-    deep = np.flatnonzero(np.float32(DEEP) * least < heights.max(axis=0))
-    if len(deep):
-        bound[deep] = np.maximum(bound[deep], _searched_distance(p[:, :, deep]))
-    return np.maximum(bound, 0)
-
-
-def _searched_distance(p: np.ndarray) -> np.ndarray:
-    """As _distance, with vectors w to points that approach the nearest point of each triangle.
-
-    In each step w moves towards the corner with the least v.w, to the nearest point of the line between both.
-    Source: Gilbert 1966; Frank and Wolfe 1956.
-    """
-    each = np.arange(p.shape[2])
-    w, best = p[:, np.argmin((p * p).sum(axis=0), axis=0), each], np.zeros(p.shape[2], np.float32)
-    for _ in range(STEPS):
-        heights = (p * w[:, None]).sum(axis=0)
-        corner = np.argmin(heights, axis=0)
-        length = np.sqrt((w * w).sum(axis=0))
-        best = np.maximum(best, heights[corner, each] / np.where(length > SHORT, length, np.float32(1)))
-        step = p[:, corner, each] - w
-        squared = (step * step).sum(axis=0)
-        share = -(w * step).sum(axis=0) / np.where(squared > 0, squared, np.float32(1))
-        w = w + np.clip(share, 0, 1) * step
-    return best

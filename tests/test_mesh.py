@@ -1,21 +1,21 @@
 """Meshes as kernels see them: no ray slips between triangles, distances against exact arithmetic, and every way to find
 triangles gives the same bits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import drjit as dr
 import numpy as np
 import pytest
 import trimesh
-from samples import Lineup, geometry_of
+from samples import NAMES, SAMPLES, Lineup, geometry_of
 
 import visray as vr
-from visray.accel.intersect import closest
+from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
 from visray.geometry import gamma
 from visray.quantities import Arrays
-from visray.ray import Ray
+from visray.ray import NO_ROW, Ray
 
 A = Arrays.of("llvm", "single")
 FAR = 1e6 * np.array([1.0, 0.3, -0.7])
@@ -219,3 +219,122 @@ def test_distances_are_those_of_exact_arithmetic(thin: float, away: float) -> No
         reach = np.linalg.norm(corners[k] - o[k], axis=1).max()
         error = gamma(4) * t[i] + gamma(6) * reach / cosine
         assert abs(float(exact - Fraction(t[i]))) <= min(error, np.ptp((corners[k] - o[k]) @ d[k]) + gamma(8) * reach)
+
+
+# Every way to find triangles
+
+
+@dataclass(frozen=True)
+class View:
+    """Rays from one origin into a scene.
+
+    d: unit directions. Shape: (n, 3)
+    """
+
+    scene: vr.Scene
+    o: np.ndarray
+    d: np.ndarray
+
+    def answers(self, accelerator: str, brute_force: bool = False, shared: bool = True) -> tuple[np.ndarray, ...]:
+        """(t, row) of the first hits, and whether something hides a target.
+
+        Of every three targets, the first is the hit, the second is behind it, and the third half-way to it.
+        """
+        geometry = geometry_of(replace(self.scene, settings=vr.Settings(accelerator=accelerator)))
+        o, d = triples(self.o if shared else np.broadcast_to(self.o, self.d.shape)), triples(self.d)
+        origin, n = RayOrigin(geometry, o), len(self.d)
+        hit = closest(origin, Ray(o, d), brute_force)
+        t, row = np.array(hit.t), np.array(hit.row)
+        third, size = np.arange(n) % 3, np.abs(self.o).sum()
+        reach = np.where(np.isfinite(t), t, size + 10) * np.choose(third, [1, 2, 0.5])
+        end = A.put(A.U, np.where(third == 0, row, NO_ROW).astype(np.uint32))
+        error = A.put(A.D, gamma(8) * (2 * size + 2 * reach))
+        no, yes = (dr.full(A.B, x, n) for x in (False, True))
+        hidden = occluded(origin, Ray(o, d), Target(A.put(A.D, reach), error, end, no), yes, brute_force)
+        return t, row, np.array(hidden)
+
+    def disagreements(self, ways: tuple[str, ...]) -> int:
+        """Number of rays for which some way to find triangles gives other bits than the test of every row.
+
+        An origin on a surface is known to lie there only if all rays share it, so these have a truth of their own.
+        """
+        wrong = np.zeros(len(self.d), bool)
+        for shared in (True, False):
+            truth = self.answers("none", brute_force=True, shared=shared)
+            assert np.isfinite(truth[0]).mean() > 0.2 and truth[2].mean() > 0.05
+            for way in ways:
+                t, row, hidden = self.answers(way, shared=shared)
+                wrong |= (t.view(np.uint64) != truth[0].view(np.uint64)) | (row != truth[1]) | (hidden != truth[2])
+        return int(wrong.sum())
+
+
+def objects_around(rng: np.random.Generator, offset: np.ndarray, meshes: tuple) -> vr.Scene:
+    """Meshes, balls and a floor."""
+    objects: dict = {"floor": vr.Plane(point=tuple((offset - [0, 3, 0]).tolist()))}
+    for i in range(40):
+        centre = offset + rng.uniform(1.2, 3) * unit(rng.normal(size=3))
+        objects[f"ball{i}"] = vr.Sphere(center=tuple(centre.tolist()), radius=float(rng.uniform(0.02, 0.4)))
+    for i, mesh in enumerate(meshes):
+        objects[f"mesh{i}"] = vr.Mesh(vertices=mesh.vertices + offset, faces=mesh.faces, normals="face")
+    return vr.Scene(objects=objects)
+
+
+BODY = trimesh.creation.icosphere(subdivisions=2)
+CORNERS = np.array(BODY.vertices)
+EDGES = np.array(BODY.faces)[:, :2]
+# Where rays start. A mesh lies in the middle of the scene.
+ORIGINS = {
+    "inside a mesh": (0.1, 0.2, -0.15),
+    "between things": (1.4, 0.3, 0.2),
+    "outside of all": (30.0, 20.0, 25.0),
+    "at a vertex": CORNERS[7],
+    "on an edge": CORNERS[EDGES[3]].mean(0),
+    "along the axes": (0.0, 0.0, 0.0),
+    "a million away": (1.4, 0.3, 0.2),
+    "two meshes in one place": (1.4, 0.3, 0.2),
+}
+
+
+def view(what: str, seed: int, n: int, scene: vr.Scene | None = None) -> View:
+    """A view from one of ORIGINS. Of its rays, half run through vertices of the mesh in the middle, or through points
+    of its edges, and half anywhere."""
+    rng = np.random.default_rng(seed)
+    offset, o = FAR * (what == "a million away"), np.array(ORIGINS[what])
+    other = BODY if what == "two meshes in one place" else trimesh.creation.icosphere(subdivisions=2, radius=3.5)
+    edge, w = EDGES[rng.integers(len(EDGES), size=n)], rng.choice([0, 0.25, 0.5], (n, 1))
+    on_mesh = CORNERS[edge[:, 0]] * (1 - w) + CORNERS[edge[:, 1]] * w
+    d = np.where(rng.random((n, 1)) < 0.5, on_mesh, 4 * rng.uniform(-1, 1, (n, 3))) - o
+    if what == "along the axes":
+        d = rng.choice([-1, -0.0, 0.0, 1], (n, 3))
+    d[~d.any(1)] = (0, 0, 1)
+    return View(scene or objects_around(rng, offset, (BODY, other)), o + offset, unit(d))
+
+
+QUICK = ("between things", "a million away", "two meshes in one place")
+
+
+@pytest.mark.parametrize("what", [w if w in QUICK else pytest.param(w, marks=pytest.mark.slow) for w in ORIGINS])
+def test_every_way_to_find_triangles_is_that_of_every_row_bit_for_bit(what: str) -> None:
+    assert view(what, 6, 2_000).disagreements(("lists", "tree")) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["between things", "inside a mesh"])
+def test_so_it_is_among_all_kinds(what: str) -> None:
+    """Two objects of each kind, many balls and two meshes: some are unrolled, some in lists or in the tree."""
+    rng = np.random.default_rng(8)
+    kinds = [SAMPLES[name].posed for name in NAMES] + [SAMPLES[name].plain[0] for name in NAMES]
+    moved = [vr.Translate(translate=tuple((2 * unit(rng.normal(size=3))).tolist())) for _ in kinds]
+    more = {f"kind{i}": replace(x, transform=(m,)) for i, (x, m) in enumerate(zip(kinds, moved))}
+    scene = objects_around(rng, np.zeros(3), (BODY, trimesh.creation.icosphere(subdivisions=3, radius=3.5)))
+    scene = replace(scene, objects=scene.objects | more)
+    assert view(what, 9, 20_000, scene).disagreements(("none", "lists", "tree", "auto")) == 0
+
+
+@pytest.mark.nightly
+def test_ten_million_rays_find_the_same_in_every_way() -> None:
+    """Half of them with lists, half with the tree."""
+    seeds, rays = 16, 20_000
+    for what in ORIGINS:
+        assert sum(view(what, seed, rays).disagreements(("lists", "tree")) for seed in range(seeds)) == 0, what
+    assert len(ORIGINS) * seeds * rays * 4 > 10_000_000

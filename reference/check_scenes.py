@@ -1,6 +1,7 @@
 """`visray check` on every scene in scenes/, in one report.
 
     python reference/check_scenes.py -o reference/check_scenes.json
+    python reference/check_scenes.py teapot knot -o reference/check_scenes.json    # only these; the rest stays
 
 The exit code is 1 if a scene fails, otherwise 0.
 """
@@ -21,15 +22,19 @@ SCENES = Path(__file__).resolve().parent.parent / "scenes"
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="names of scenes; all if none is named")
     chosen = parser.parse_args()
+    paths = {path.stem: path for path in sorted(SCENES.glob("*.json")) if path.name != "schema.json"}
+    for name in set(chosen.names) - set(paths):
+        parser.error(f"there is no {name} in {SCENES}")
     reports = {}
-    for path in sorted(SCENES.glob("*.json")):
-        if path.name == "schema.json":
-            continue
+    if chosen.names and chosen.output and chosen.output.exists():
+        reports = json.loads(chosen.output.read_text())["scenes"]
+    for path in (paths[name] for name in chosen.names or paths):
         report = crosscheck.check(vr.load(path))
         reports[path.stem] = report.as_json()
         sys.stdout.write(f"{path.stem}: {'passed' if report.passed else 'FAILED'}\n")
-    text = json.dumps(machine() | {"scenes": reports}, indent=2) + "\n"
+    text = json.dumps(machine() | {"scenes": dict(sorted(reports.items()))}, indent=2) + "\n"
     if chosen.output:
         chosen.output.write_text(text)
     else:

@@ -3,6 +3,7 @@
 import io
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import drjit as dr
 import mitsuba as mi
@@ -22,6 +23,7 @@ from visray.primitives import (
     Box,
     Cone,
     Disk,
+    Mesh,
     Plane,
     Polynomial,
     Rectangle,
@@ -44,6 +46,7 @@ from visray.study.mitsuba.visray_scene import VisrayScene
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 
+KNOT = Path(__file__).resolve().parents[1] / "scenes" / "meshes" / "knot.ply"
 LEAN = Matrix(matrix=((1, 0.4, 0, 0.1), (0, 0.8, 0.2, 0), (0.1, 0, 1.2, 0)))
 MIRROR = Scale(scale=(-1.3, 0.7, 1.0))
 # One of each kind that Mitsuba has, by its type.
@@ -111,6 +114,30 @@ def test_every_kind_under_any_transform_passes(kind: str, steps: str) -> None:
 
 def test_only_polynomials_have_no_twin_in_mitsuba() -> None:
     assert {kind for kind in KINDS if SAMPLES[kind.__name__].posed.type not in ONE} == {Polynomial}
+
+
+@pytest.mark.parametrize("steps", [(), (Scale(scale=(1.0, -0.5, 2.0)), Rotate(rotate=20, axis=(1, 2, 0)))])
+def test_a_smooth_mesh_with_a_texture_passes(steps: tuple) -> None:
+    """Normals for shading and texture coordinates are those of the file, also if the transform mirrors the mesh."""
+    knot = Mesh(file=str(KNOT), material="painted", transform=steps)
+    s = scene({"knot": knot, "floor": Plane(point=(0, -1.5, 0))})
+    textures = {"squares": CheckerTexture(scale=(30.0, 2.0))}
+    painted = Material(texture="squares", ks=(0.5, 0.5, 0.5), shininess=60.0)
+    objects = s.objects | {"knot": knot}
+    report = checked(replace(s, textures=textures, materials={"painted": painted} | s.materials, objects=objects))
+    assert report.passed, failures(report)
+    assert report.objects == 2 and report.random.hits > 1500
+    assert report.picture.rms < 1e-4 and report.picture.compared > 0.9 * report.picture.pixels
+
+
+def test_a_light_beside_a_mesh_touches_none_of_its_planes() -> None:
+    """Each triangle ends at its bounding ball: the planes of thousands of triangles pass near any point."""
+    ours = VisrayScene(scene({"knot": Mesh(file=str(KNOT), normals="face")}))
+    assert ours.names == ("knot",) and set(ours.object_of_row[:-1]) == {0} and len(ours.object_of_row) == 12481
+    corner = ours.prepared.scene.objects["knot"].shape_of_file().mesh.vertices[0]
+    for p, touching in ((corner, {0}), (1.2 * corner, set())):
+        found, normals = visray_lighting.objects_touching(ours, p - ours.centre, np.array([1e-6]))
+        assert set(found) == touching and np.allclose(np.linalg.norm(normals, axis=1), 1)
 
 
 def test_a_polynomial_surface_is_left_out_and_said_to_be() -> None:
@@ -357,7 +384,7 @@ def test_the_bsdf_is_blinn_phong_and_samples_what_it_evaluates() -> None:
     rng = np.random.default_rng(3)
     v, l = (w / np.linalg.norm(w, axis=0) for w in rng.normal(size=(2, 3, 1000)))
     si = dr.zeros(mi.SurfaceInteraction3f, 1000)
-    si.wi = mi.Vector3f(v)
+    si.wi, si.n, si.sh_frame = mi.Vector3f(v), mi.Normal3f(0, 0, 1), mi.Frame3f(mi.Vector3f(0, 0, 1))
     # By the formula, in world terms: the normal is on the viewer's side, and there is no light from below.
     side = np.sign(v[2])
     h = (v + l) / np.linalg.norm(v + l, axis=0)

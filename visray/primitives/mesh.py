@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field
 
 from visray.geometry import Frame
 from visray.meshes.fit import fit_transform
-from visray.meshes.normals import smooth_normals
+from visray.meshes.normals import normalised, smooth_normals
 from visray.meshes.reading import part, read
 from visray.meshes.topology import Topology, oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
@@ -189,8 +189,19 @@ class Mesh(Primitive):
         return len(self.shape_of_file().mesh.faces)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        faces = self.shape_of_file().mesh.faces
-        return MitsubaShapes([{"type": "mesh", "vertices": self._world_vertices(), "faces": faces}])
+        shape, matrix, p = self.shape_of_file(), compose(self.transform), self._world_vertices()
+        of_corners = [shape.mesh.faces, shape.normal_of, shape.mesh.uv_of]
+        of_corners = [np.zeros_like(shape.mesh.faces) if x is None else x for x in of_corners]
+        # In Mitsuba a vertex has one normal and one pair of texture coordinates.
+        of_vertices, faces = np.unique(np.stack(of_corners, -1).reshape(-1, 3), axis=0, return_inverse=True)
+        of_vertex, of_normal, of_uv = of_vertices.T
+        mesh = {"type": "mesh", "vertices": p[of_vertex], "faces": faces.reshape(-1, 3)}
+        if shape.normals is not None:
+            n = shape.normals if matrix is None else normalised(shape.normals @ np.linalg.inv(matrix[:, :3]))
+            mesh["normals"] = n[of_normal]
+        if shape.mesh.uvs is not None:
+            mesh["uv"] = shape.mesh.uvs[of_uv]
+        return MitsubaShapes([mesh])
 
     def _world_vertices(self) -> np.ndarray:
         """The vertices in the world. Shape: (N, 3)."""

@@ -94,7 +94,8 @@ class MitsubaShapes:
         `sphere`: `to_world`, the affine map from the unit sphere with poles on the z axis. (u, v) are Mitsuba's.
         `capsule`: `to_world`, and a number `shape`: half the length of the axis divided by the radius.
         `torus`: `to_world`, and a number `shape`: the minor radius divided by the major radius.
-        `mesh`: `vertices` and `faces`. (u, v) are barycentric coordinates.
+        `mesh`: `vertices` and `faces`, and for each vertex its unit normal for shading (`normals`) and texture
+            coordinates (`uv`), or none. Without `uv`, (u, v) are barycentric coordinates.
     uv: function that converts Mitsuba's (u, v) to visray's; None if they are equal.
     """
 

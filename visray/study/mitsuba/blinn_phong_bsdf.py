@@ -36,7 +36,7 @@ class BlinnPhong(mi.BSDF):
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
         """Light reflected to the viewer if light of strength 1 arrives from `wo`. The diffuse part contains `cos`."""
-        v, l = _to_viewer_side(si.wi, si.wi), _to_viewer_side(si.wi, wo)
+        v, l = _to_viewer_side(si, si.wi), _to_viewer_side(si, wo)
         colour = mi.Color3f(0)
         if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, DIFFUSE):
             colour += self.kd * l.z
@@ -52,7 +52,7 @@ class BlinnPhong(mi.BSDF):
         """
         local = mi.warp.square_to_cosine_hemisphere(sample2)
         bs = mi.BSDFSample3f()
-        bs.wo = _to_viewer_side(si.wi, local)
+        bs.wo = _to_viewer_side(si, local)
         bs.pdf = mi.warp.square_to_cosine_hemisphere_pdf(local)
         bs.eta = 1.0
         bs.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseReflection)
@@ -61,16 +61,18 @@ class BlinnPhong(mi.BSDF):
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
         """Density with which `sample` returns the direction `wo`, per steradian."""
-        l = _to_viewer_side(si.wi, wo)
+        l = _to_viewer_side(si, wo)
         return dr.select(active & (l.z > 0), mi.warp.square_to_cosine_hemisphere_pdf(l), 0)
 
     def to_string(self) -> str:
         return f"BlinnPhong[kd={self.kd}, ks={self.ks}, shininess={self.shininess}]"
 
 
-def _to_viewer_side(wi: Any, w: Any) -> Any:
-    """The direction `w` in the frame whose normal points to the viewer's side. wi: direction to the viewer."""
-    return mi.Vector3f(w.x, w.y, w.z * dr.sign(wi.z))
+def _to_viewer_side(si: Any, w: Any) -> Any:
+    """The direction `w` in the frame whose normal points to the viewer's side of the surface. As in visray, the surface
+    itself decides which side this is. On a mesh the normal for shading may then point away from the viewer."""
+    side = dr.dot(si.n, si.to_world(si.wi)) * dr.dot(si.n, si.sh_frame.n)
+    return mi.Vector3f(w.x, w.y, w.z * dr.sign(side))
 
 
 def _power(x: Any, exponent: Any) -> Any:

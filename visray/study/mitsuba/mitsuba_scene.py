@@ -12,6 +12,7 @@ import numpy as np
 
 from visray.lights.light import Light
 from visray.materials import Material
+from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.scene import Scene, SkyGradient
 from visray.study.mitsuba import light_falloff
@@ -37,6 +38,7 @@ class MitsubaScene:
         self.materials = {"default": Material()} | scene.materials
         self.shapes = placed_shapes([shapes[name] for name in names], centre)
         self.rounding = object_rounding([scene.objects[n] for n in names], self.shapes)
+        self.is_mesh = np.append([isinstance(scene.objects[name], Mesh) for name in names], False)
         self.diffuse_colours = DiffuseColours(scene, names)
         self.mitsuba = _loaded(self._children(names))
         self.scenes_of_subsets: dict[tuple[str, ...], Any] = {}
@@ -77,9 +79,12 @@ class MitsubaScene:
         number = np.array(number)
         # Mitsuba measures t in lengths of d, and in single precision this length is not exactly 1.
         t = np.array(si.t, float) * np.linalg.norm(rays.d.astype(float), axis=1)
-        n = np.array(si.sh_frame.n, float).T
+        index = self.object_of[number]
+        # If facets stand for a curved surface, Mitsuba's normals for shading are those of the surface. Triangles of a
+        # mesh are compared themselves; their normals for shading show in the picture.
+        n = np.where(self.is_mesh[index][:, None], np.array(si.n, float).T, np.array(si.sh_frame.n, float).T)
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
-        return si, FirstHits(self.object_of[number], t, n, self._visray_uv(number, np.array(si.uv, float)))
+        return si, FirstHits(index, t, n, self._visray_uv(number, np.array(si.uv, float)))
 
     def _visray_uv(self, number: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """visray's (u, v), computed from Mitsuba's; NaN for rays that hit nothing.
@@ -214,4 +219,8 @@ def _mesh(shape: dict, name: str, bsdf: Any) -> Any:
             buffers[theirs] = mi.Float(np.ravel(shape[ours]).astype(np.float32))
     buffers["faces"] = mi.UInt32(np.ravel(shape["faces"]).astype(np.uint32))
     buffers.update()
+    if "normals" in shape:
+        # Mitsuba computes normals of its own when the vertices change, so they are set once more.
+        buffers["vertex_normals"] = mi.Float(np.ravel(shape["normals"]).astype(np.float32))
+        buffers.update()
     return mesh

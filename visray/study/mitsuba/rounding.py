@@ -175,5 +175,5 @@ def coincident(
     """
     d = rays.direction()
     o = np.broadcast_to(rays.o.astype(float), d.shape)
-    behind = ours.trace_from(o + (our_hits.t - tolerance)[:, None] * d, d, our_hits.index).first_hits
+    behind = ours.trace_from(o + (our_hits.t - tolerance)[:, None] * d, d, our_hits.row).first_hits
     return (behind.index == their_hits.index) & (behind.t <= 2 * tolerance)

@@ -14,6 +14,7 @@ import numpy as np
 from visray import integrator, pytree
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
+from visray.batches import Batch
 from visray.direct import area_light, light_sample
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import PreparedLight
@@ -111,9 +112,10 @@ def sends_light(ours: VisrayScene, light: Light, shadow_rays: ShadowRays) -> np.
 
 
 def objects_touching(ours: VisrayScene, p: np.ndarray, tolerance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the objects whose surface passes within `tolerance` of the point p, and unit normals at p.
+    """Indices of the objects whose surface passes within `tolerance` of the point p, and unit normals at p. An object
+    of several rows, such as a mesh, may occur several times.
 
-    The surface of a flat object is taken to be its infinite plane.
+    The surface of a flat object is taken to be its infinite plane, but a triangle of a mesh ends at its bounding ball.
 
     p: position relative to the camera, (3)
     tolerance: distance for each object (world units), (number of objects)
@@ -123,9 +125,17 @@ def objects_touching(ours: VisrayScene, p: np.ndarray, tolerance: np.ndarray) ->
     levels = [batch.kind.surface_at(batch.placed, point) for batch in ours.kernel.batches]
     f = np.concatenate([np.array(f, float) for f, _ in levels])
     n = np.concatenate([to_numpy(g) for _, g in levels])
-    size = np.linalg.norm(n, axis=1)
-    touching = np.flatnonzero(np.abs(f) <= tolerance * size)
-    return touching, n[touching] / size[touching, None]
+    beyond = np.concatenate([_beyond_ball(batch, ours.centre + p) for batch in ours.kernel.batches])
+    size, tolerance = np.linalg.norm(n, axis=1), tolerance[ours.object_of_row[:-1]]
+    touching = np.flatnonzero((np.abs(f) <= tolerance * size) & (beyond <= tolerance))
+    return ours.object_of_row[touching], n[touching] / size[touching, None]
+
+
+def _beyond_ball(batch: Batch, p: np.ndarray) -> np.ndarray:
+    """How far the point p lies outside of the bounding ball of each row, if rows are parts of objects; else 0."""
+    if batch.object_of is None:
+        return np.zeros(len(batch))
+    return np.linalg.norm(to_numpy(batch.centre) - p, axis=1) - np.array(batch.radius, float)
 
 
 def unoccluded(

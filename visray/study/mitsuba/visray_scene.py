@@ -4,7 +4,7 @@ The rays are stored in single precision. All positions are relative to the camer
 small coordinates have small rounding errors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -44,12 +44,14 @@ class FirstHits:
     t: distance, inf without a hit, (N)
     n: unit normal, (N, 3)
     uv: texture coordinates, (N, 2); NaN if Mitsuba traced the ray and it hit nothing
+    row: row of the hit in visray's tables, NO_ROW without a hit, (N); of Mitsuba's hits a single 0
     """
 
     index: np.ndarray
     t: np.ndarray
     n: np.ndarray
     uv: np.ndarray
+    row: np.ndarray = field(default_factory=lambda: np.zeros(1, np.uint32))
 
     @property
     def hit(self) -> np.ndarray:
@@ -83,13 +85,20 @@ class VisrayScene:
     """A scene that is prepared for visray's kernels.
 
     names: names of the objects in the order of their indices
+    object_of_row: index of the object of each row, such as the mesh of a triangle; the last entry is -1, for NO_ROW
     centre: the camera's position, (3)
     """
 
     def __init__(self, scene: Scene):
         self.prepared: Prepared = prepare(scene)
         self.a, self.kernel = self.prepared.a, self.prepared.kernel
-        self.names = tuple(name for batch in self.kernel.batches for name in batch.names)
+        names, object_of_row = [], []
+        for batch in self.kernel.batches:
+            of_batch = np.arange(len(batch)) if batch.object_of is None else np.array(batch.object_of).astype(int)
+            _, first_rows, numbers = np.unique(of_batch, return_index=True, return_inverse=True)
+            object_of_row.append(len(names) + numbers)
+            names += [batch.names[row] for row in first_rows.tolist()]
+        self.names, self.object_of_row = tuple(names), np.concatenate([*object_of_row, [-1]])
         self.centre = np.array(scene.camera.origin, float)
 
     def pixel_rays(self) -> Rays:
@@ -108,7 +117,7 @@ class VisrayScene:
     def trace_from(self, o: np.ndarray, d: np.ndarray, source: np.ndarray | None = None) -> TracedRays:
         """Traces rays from origins o, relative to the camera, in directions d.
 
-        source: index of the object whose surface the ray leaves on the outer side, (N); None: rays may start anywhere
+        source: row whose surface the ray leaves on the outer side, (N); None: rays may start anywhere
         """
         a = self.a
         leaving = () if source is None else (a.U(source.astype(np.uint32)), dr.full(a.B, False, len(d)))
@@ -118,10 +127,10 @@ class VisrayScene:
         hit = closest(origin, ray)
         surface, _, u, v = surface_of(self.kernel, ray, hit)
         dr.eval(hit, surface, u, v)
-        index = np.array(hit.row).astype(np.int64)
-        index[index == NO_ROW] = -1
+        row = np.array(hit.row)
+        index = self.object_of_row[np.where(row == NO_ROW, -1, row.astype(np.int64))]
         uv = np.stack([np.array(u, float), np.array(v, float)], 1)
-        return TracedRays(ray, hit, surface, FirstHits(index, np.array(hit.t), to_numpy(surface.n), uv))
+        return TracedRays(ray, hit, surface, FirstHits(index, np.array(hit.t), to_numpy(surface.n), uv, row))
 
     def trace(self, rays: Rays) -> TracedRays:
         """Traces rays that are stored in single precision."""

@@ -23,6 +23,7 @@ GALLERY_SIZE, LARGE = (390, 260), (640, 400)
 GALLERY = {
     "barth-decic": 64, "glass-heart": 64, "earth-with-stars-and-moon": 64, "many-lights": 36, "many": 64,
     "mirror-hall": 64, "defocus-blur": 400, "scatter": 900, "toon": 64,
+    "teapot": 100, "bowl": 64, "mesh-in-glass": 144,
 }  # fmt: skip
 # Larger pictures of docs/, each with the options of vr.render.
 PICTURES = {

@@ -1,5 +1,6 @@
 """Each example runs in a folder of its own, and prints what it promises: the numbers are read and judged."""
 
+import itertools
 import re
 import runpy
 import sys
@@ -53,6 +54,15 @@ def layers(text: str) -> None:
     assert floor - 0.5 <= numbers(last)[0] <= floor + 1 + 0.5
 
 
+def mesh_from_numpy(text: str) -> None:
+    """The number of pixels that show the wave, and the nearest depth, are those of the picture; pictures differ."""
+    rows = [numbers(line) for line in text.splitlines()]
+    assert [row[0] for row in rows] == [0, 1, 2, 3]
+    assert all(0.2 * 480 * 320 < count < 0.6 * 480 * 320 and 3 < depth < 5 for _, count, depth in rows)
+    pictures = [np.asarray(Pillow.open(f"wave{k}.png")) for k in range(4)]
+    assert all((a != b).any() for a, b in itertools.combinations(pictures, 2))
+
+
 def moving_light(text: str) -> None:
     """The warning says what is left out; the picture shows pixels that brighten, and pixels that darken."""
     assert "the derivative leaves them out" in text
@@ -102,7 +112,10 @@ def what_is_simulated(text: str) -> None:
     assert whole - effects["without highlights"] == {"specular"} and effects["without highlights"] < whole
 
 
-JUDGES = (fit_colour, fit_glass, hello, layers, moving_light, noise, penumbra, to_an_error, what_is_simulated)
+JUDGES = (
+    fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, to_an_error,
+    what_is_simulated,
+)  # fmt: skip
 JUDGES = {judge.__name__: judge for judge in JUDGES}
 
 

@@ -224,7 +224,8 @@ def _table(a: Arrays, objects: list) -> MeshRows:
         normal_corners, buffer = joined([s.normal_of for s in shapes], normals)
         normal_buffer, mesh_of_normal = Shared(a.put(a.W, buffer.T)), mesh_of(normals)
     uv_corners = u = v = None
-    if any(s.mesh.uvs is not None for s in shapes):
+    # If two corners change places, the texture coordinates of triangles without any must do so too.
+    if any(s.mesh.uvs is not None for s in shapes) or any(o != [0, 1, 2] for o in order):
         standard = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         uvs = [standard if s.mesh.uvs is None else s.mesh.uvs for s in shapes]
         plain = [np.tile(np.arange(3), (len(s.mesh.faces), 1)) for s in shapes]

@@ -12,6 +12,7 @@ clock errors version pass_timer
 llvm
 quantities pytree
 ray geometry transforms
+accel.sah accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack accel.bvh_step accel.bvh_walk
 meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons meshes.assembly
 meshes.text meshes.obj meshes.ply meshes.stl meshes.off
 meshes.gltf_accessors meshes.gltf_nodes meshes.gltf meshes.reading meshes
@@ -28,7 +29,8 @@ number_table
 primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
 primitives.sphere primitives.ellipsoid primitives.box primitives.cylinder primitives.cone primitives.capsule
-primitives.mesh_triangle primitives.mesh
+primitives.mesh_triangle primitives.mesh_line primitives.mesh_search primitives.solid_search primitives.mesh_point
+primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.mesh
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
@@ -39,8 +41,7 @@ output.files output.curves output.layers output.exr output.rounding output.png o
 images
 pack address_index repack batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
-accel.policy accel.sah accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack accel.bvh_step
-accel.bvh_walk accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
+accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
 kernel_scene

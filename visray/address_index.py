@@ -58,7 +58,7 @@ class Slot:
 class TableSlot:
     """The place where the packed arrays contain a table of triples, such as the vertices of a mesh.
 
-    arrays: the arrays that contain the table. A table of a geometry is stored once for each of its instances
+    arrays: the arrays that contain the table. A table of a geometry may be stored several times
     starts: for each array, the indices of the entries with which the table starts
     count: number of triples
     """
@@ -172,6 +172,8 @@ class AddressIndex:
         for name in names:
             number, _ = self.row_of(self.packed.batches, name)
             batch = self.packed.batches[number]
-            starts.setdefault(number, []).append(batch.numbers.first_vertex(batch.names.listed.index(name)))
+            start = batch.numbers.first_vertex(batch.names.listed.index(name))
+            if start not in starts.setdefault(number, []):  # bodies with one mesh share its vertices
+                starts[number].append(start)
         arrays = tuple(self.packed.batches[number].numbers.vertices.value for number in starts)
         return TableSlot(arrays, tuple(map(tuple, starts.values())), len(mesh.vertices))

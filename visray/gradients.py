@@ -92,7 +92,9 @@ def _traced(
     if s.features["coloured shadows"] and any(len(b) > MAX_UNROLLED for b in s.batches):
         limit = f"derivatives through coloured shadows work for up to {MAX_UNROLLED} objects or triangles of a kind"
         raise UserError(f"objects: {limit}; take fewer objects, or materials without kt")
-    searched_solids = [name for b in s.batches if b.kind.finds_roots and b.kind.closed for name in b.names]
+    searched_solids = [
+        name for b in s.batches if (b.kind.finds_roots or b.kind.walks) and b.kind.closed for name in b.names
+    ]
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
     transmissive_solids = [name for name in searched_solids if scene.objects[name].material in transmissive]
     if s.features["coloured shadows"] and transmissive_solids and any(_moves(scene, w) for w in wrt):

@@ -160,7 +160,7 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
     index: number of this row in the batch
     """
     texture = batch.texture if s.features["textures"] else None
-    if s.attached or batch.object_of is not None or len(batch) > policy.MAX_INLINED:
+    if s.attached or batch.object_of is not None or batch.kind.walks or len(batch) > policy.MAX_INLINED:
         index = dr.select(in_batch, index, 0)
         placed, bound = rows(batch.placed, index), batch.coordinate_bound
         bound = bound if batch.object_of is not None else rows(bound, index)

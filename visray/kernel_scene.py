@@ -24,7 +24,7 @@ from visray.features import Features, RayFamily
 from visray.images import Atlas
 from visray.lights.light import Light
 from visray.materials import Material
-from visray.pack import LightColumns, Packed, batch_key
+from visray.pack import BatchKeys, LightColumns, Packed
 from visray.pytree import Packets, detached, evaluated, leaves, mapped, rows
 from visray.quantities import Arrays
 from visray.sampling import SampleSet
@@ -284,9 +284,10 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     """How each family of rays in a scene, such as camera rays, finds what it hits, and why: a RayFamily for each."""
     kinds = [type(light) for light in scene.lights.values()]
     batch_sizes: Counter = Counter()
+    batch_key = BatchKeys(scene)
     for obj in scene.objects.values():
-        shape = scene.shape_of(obj)
-        batch_sizes[batch_key(scene, obj)] += shape.row_count() if shape.many_rows else 1
+        key = batch_key(obj)
+        batch_sizes[key] += obj.row_count() if key[0].many_rows else 1
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
     looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
     shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))

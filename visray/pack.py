@@ -5,6 +5,7 @@
 object, as an entry of these arrays. References by name become numbers. `Packed` is a Dr.Jit PyTree (pytree.py).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,11 +16,14 @@ from visray.camera import Camera, OrthographicCamera
 from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import Material
+from visray.primitives.instance import Instance
+from visray.primitives.mesh import Mesh
+from visray.primitives.mesh_buffers import Body
 from visray.primitives.primitive import Primitive
 from visray.pytree import evaluated
 from visray.quantities import Arrays, stacked
 from visray.scene.scene import Occlusion, Scene, SkyGradient
-from visray.transforms import compose
+from visray.transforms import composed
 
 NO_TEXTURE = 0xFFFFFFFF
 
@@ -125,18 +129,35 @@ class Packed:
     occlusion: Occlusion
 
 
-def batch_key(scene: Scene, obj: Primitive) -> tuple[type[Primitive], bool]:
-    """Key that is equal for objects of one batch: their kind, and whether they have a transform."""
-    shape = scene.shape_of(obj)
-    return shape.kind, bool(shape.transform or obj.transform) and not shape.many_rows
+class BatchKeys:
+    """For each object of a scene, a key that is equal for all objects of one batch: their kind, and whether they have a
+    transform that the table of the kind does not contain.
+
+    A mesh is a body, so that its rows are whole meshes, if it is an instance or if its material is transparent. Each
+    other mesh has one row for each triangle.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene, self.body_kinds = scene, {}
+        self.transparent = {name for name, m in materials_of(scene).items() if any(m.kt)}
+
+    def __call__(self, obj: Primitive) -> tuple[type[Primitive], bool]:
+        shape = self.scene.shape_of(obj)
+        if isinstance(shape, Mesh) and (shape is not obj or obj.material in self.transparent):
+            if id(shape) not in self.body_kinds:
+                self.body_kinds[id(shape)] = shape.body_kind
+            return self.body_kinds[id(shape)], False
+        kind = shape.kind
+        return kind, bool(shape.transform or obj.transform) and not kind.own_frames
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
     """The scene's numbers as arrays. Batches are in the order of their first objects."""
     materials = materials_of(scene)
     objects: dict[tuple, list[tuple[int, str]]] = {}
+    batch_key = BatchKeys(scene)
     for number, (name, obj) in enumerate(scene.objects.items()):
-        objects.setdefault(batch_key(scene, obj), []).append((number, name))
+        objects.setdefault(batch_key(obj), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -160,33 +181,46 @@ def materials_of(scene: Scene) -> dict[str, Material]:
     return {"default": Material()} | scene.materials
 
 
-def object_columns(scene: Scene, a: Arrays, kind: type[Primitive], members: list[tuple[int, str]]) -> Columns:
+def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:
+    """Objects that are bodies, with their meshes and transforms."""
+    objects = [scene.objects[name] for name in names]
+    return [Body(scene.shape_of(x), x.transform if isinstance(x, Instance) else ()) for x in objects]
+
+
+def object_columns(
+    scene: Scene, a: Arrays, kind: type[Primitive], members: list[tuple[int, str]], numbers: Any = None
+) -> Columns:
     """Columns of objects that share their code.
 
     members: number in the scene and name of each object
+    numbers: the kind's table for these objects; None: it is made from the scene
     """
-    numbers, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
-    objects = [scene.placed_shape(scene.objects[name]) for name in names]
+    order, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
+    if kind.walks:
+        objects: list = bodies_of(scene, names)
+    else:
+        objects = [scene.placed_shape(scene.objects[name]) for name in names]
     materials = materials_of(scene)
     index = {name: i for i, name in enumerate(materials)}
     texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
     texture_of = {name: texture[m.texture] for name, m in materials.items()}
+    named = [scene.objects[name].material for name in names]
     outer = object_of = counts = None
     if kind.many_rows:
         counts = tuple(x.row_count() for x in objects)
         object_of = a.put(a.U, np.repeat(np.arange(len(objects), dtype=np.uint32), counts))
-    elif objects[0].transform:
-        matrices = np.stack([compose(x.transform) for x in objects])
+    elif not kind.own_frames and objects[0].transform:
+        matrices = composed([x.transform for x in objects])
         outer = Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
     return Columns(
         kind=kind,
         names=Names(names, counts=counts),
-        numbers=kind.table(a, objects),
+        numbers=kind.table(a, objects) if numbers is None else numbers,
         outer=outer,
         object_of=object_of,
-        material=a.put(a.U, np.array([index[x.material] for x in objects], np.uint32)),
-        texture=a.put(a.U, np.array([texture_of[x.material] for x in objects], np.uint32)),
-        object=a.put(a.U, numbers),
+        material=a.put(a.U, np.array([index[m] for m in named], np.uint32)),
+        texture=a.put(a.U, np.array([texture_of[m] for m in named], np.uint32)),
+        object=a.put(a.U, order),
     )
 
 

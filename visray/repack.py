@@ -8,8 +8,11 @@ import drjit as dr
 import numpy as np
 
 from visray.address_index import AddressIndex
-from visray.pack import Columns, Packed, batch_key, materials_of, object_columns, pack
+from visray.pack import BatchKeys, Columns, Packed, bodies_of, materials_of, object_columns, pack
+from visray.primitives.mesh import Mesh
+from visray.primitives.mesh_buffers import frames
 from visray.pytree import leaves, mapped
+from visray.pytree import rows as gathered
 from visray.quantities import Arrays
 from visray.scene.scene import Scene, SkyGradient
 
@@ -46,11 +49,13 @@ def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
 
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
-    of lights, names and textures of materials, and the kinds of background and camera."""
+    of lights, names and textures of materials, the materials that make meshes bodies, and the kinds of background and
+    camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
         [(name, m.texture) for name, m in materials_of(scene).items()],
+        BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.objects.values()) else None,
         isinstance(scene.background, SkyGradient),
         type(scene.camera),
     )
@@ -62,22 +67,33 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     names: names of these objects
     """
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
+    old_key, new_key = BatchKeys(old), BatchKeys(new)
     for name in names:
         before, after = old.objects[name], new.objects[name]
-        if batch_key(old, before) != batch_key(new, after):
+        if old_key(before) != new_key(after):
             return None
         number, row = index.row_of(packed.batches, name)
         rows.setdefault(number, {})[row] = name
     for number, named in rows.items():
-        if batches[number].kind.many_rows:
+        kind = batches[number].kind
+        if kind.own_frames and not (kind.walks and _same_meshes(old, new, named.values())):
             batches[number] = _anew(batches[number], new, a)
             if not _same_sizes(batches[number], packed.batches[number]):
                 return None
             continue
         batch, indices = batches[number], a.put(a.U, np.array(list(named), np.uint32))
-        replacement = object_columns(new, a, batch.kind, list(enumerate(named.values())))
+        numbers = None
+        if batch.kind.walks:
+            numbers = replace(gathered(batch.numbers, indices), frame=frames(a, bodies_of(new, named.values())))
+        replacement = object_columns(new, a, batch.kind, list(enumerate(named.values())), numbers)
         batches[number] = _scattered(batch, replace(replacement, object=dr.gather(a.U, batch.object, indices)), indices)
     return tuple(batches)
+
+
+def _same_meshes(old: Scene, new: Scene, names: Iterable[str]) -> bool:
+    """Whether the objects with these names have the same meshes in both scenes, apart from their transforms."""
+    pairs = ((old.shape_of(old.objects[name]), new.shape_of(new.objects[name])) for name in names)
+    return all(x is y or x.shape_of_file() is y.shape_of_file() for x, y in pairs)
 
 
 def _anew(columns: Columns, scene: Scene, a: Arrays) -> Columns:
@@ -89,7 +105,7 @@ def _anew(columns: Columns, scene: Scene, a: Arrays) -> Columns:
 def _same_sizes(x: Columns, y: Columns) -> bool:
     """Whether all arrays of two batches of one kind have equal widths."""
     sizes = [[dr.width(array) for array in leaves((c.numbers, c.object_of), shared=True)] for c in (x, y)]
-    return sizes[0] == sizes[1] and (x.numbers.uv_corners is None) == (y.numbers.uv_corners is None)
+    return sizes[0] == sizes[1]
 
 
 def _scattered(columns: Columns, replacement: Columns, indices: Any) -> Columns:

@@ -1,7 +1,8 @@
 """Transforms of an object: a list of steps, applied in order.
 
-Each step has two methods. `affine` returns its 3 x 4 matrix. `bounds` returns a lower and an upper bound on the factor
-by which it changes lengths, and a bound on the distance by which it moves the origin; it uses plain numbers, no arrays.
+Each step has two methods. `affines` returns the 3 x 4 matrices of several steps of its kind. `bounds` returns a lower
+and an upper bound on the factor by which it changes lengths, and a bound on the distance by which it moves the origin;
+it uses plain numbers, no arrays.
 """
 
 import math
@@ -54,6 +55,15 @@ def _invertible(rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
     return rows
 
 
+def _affines(linear: np.ndarray, shift: Any = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """3 x 4 matrices from their linear parts and their shifts."""
+    shift = np.array(shift, float)
+    count = max(len(shift) if shift.ndim == 2 else 1, len(linear) if linear.ndim == 3 else 1)
+    matrices = np.empty((count, 3, 4))
+    matrices[:, :, :3], matrices[:, :, 3] = linear, shift
+    return matrices
+
+
 @dataclass(frozen=True, kw_only=True)
 class Translate:
     """Moves by a vector."""
@@ -61,8 +71,9 @@ class Translate:
     __pydantic_config__ = ConfigDict(extra="forbid")
     translate: Point
 
-    def affine(self) -> np.ndarray:
-        return np.c_[np.eye(3), np.array(self.translate, float)]
+    @staticmethod
+    def affines(steps: list["Translate"]) -> np.ndarray:
+        return _affines(np.eye(3), [s.translate for s in steps])
 
     def bounds(self) -> tuple[float, float, float]:
         return 1.0, 1.0, sum(map(abs, self.translate))
@@ -75,8 +86,10 @@ class Scale:
     __pydantic_config__ = ConfigDict(extra="forbid")
     scale: Annotated[Union[Real, Triple], AfterValidator(_scale_triple)]
 
-    def affine(self) -> np.ndarray:
-        return np.c_[np.diag(np.broadcast_to(np.array(self.scale, float), 3)), np.zeros(3)]
+    @staticmethod
+    def affines(steps: list["Scale"]) -> np.ndarray:
+        factors = np.array([s.scale if isinstance(s.scale, tuple) else (s.scale,) * 3 for s in steps], float)
+        return _affines(factors[:, :, None] * np.eye(3))
 
     def bounds(self) -> tuple[float, float, float]:
         factors = [abs(s) for s in (self.scale if isinstance(self.scale, tuple) else (self.scale,))]
@@ -93,11 +106,14 @@ class Rotate:
     rotate: Real
     axis: Direction = (0.0, 1.0, 0.0)
 
-    def affine(self) -> np.ndarray:
-        x, y, z = np.array(self.axis, float) / np.linalg.norm(np.array(self.axis, float))
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        angle = np.radians(self.rotate)
-        return np.c_[np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross, np.zeros(3)]
+    @staticmethod
+    def affines(steps: list["Rotate"]) -> np.ndarray:
+        axis = np.array([s.axis for s in steps], float)
+        x, y, z = (axis / np.linalg.norm(axis, axis=1, keepdims=True)).T
+        zero = np.zeros(len(steps))
+        cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+        angle = np.radians([s.rotate for s in steps])[:, None, None]
+        return _affines(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
     def bounds(self) -> tuple[float, float, float]:
         return 1.0, 1.0, 0.0
@@ -110,8 +126,9 @@ class Matrix:
     __pydantic_config__ = ConfigDict(extra="forbid")
     matrix: Annotated[tuple[Row, Row, Row], AfterValidator(_invertible)]
 
-    def affine(self) -> np.ndarray:
-        return np.array(self.matrix, float)
+    @staticmethod
+    def affines(steps: list["Matrix"]) -> np.ndarray:
+        return np.array([s.matrix for s in steps], float)
 
     def bounds(self) -> tuple[float, float, float]:
         if not _clearly_invertible(self.matrix):
@@ -144,12 +161,23 @@ Transform = Annotated[
 
 def compose(steps: tuple[Transform, ...]) -> np.ndarray | None:
     """The 3 x 4 matrix of all steps in order, or None if there are none."""
-    if not steps:
-        return None
-    matrix = np.eye(4)
-    for step in steps:
-        matrix = np.vstack([step.affine(), [0, 0, 0, 1]]) @ matrix
-    return matrix[:3]
+    return composed([steps])[0] if steps else None
+
+
+def composed(lists: list[tuple[Transform, ...]]) -> np.ndarray:
+    """The matrices of several lists of steps. Shape: (lists, 3, 4)."""
+    matrices = np.zeros((len(lists), 4, 4))
+    matrices[:] = np.eye(4)
+    for place in range(max(map(len, lists), default=0)):
+        kinds: dict[type, list[int]] = {}
+        for i, steps in enumerate(lists):
+            if place < len(steps):
+                kinds.setdefault(type(steps[place]), []).append(i)
+        for kind, at in kinds.items():
+            affine = np.zeros((len(at), 4, 4))
+            affine[:, :3], affine[:, 3, 3] = kind.affines([lists[i][place] for i in at]), 1
+            matrices[at] = affine @ matrices[at]
+    return matrices[:, :3]
 
 
 def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:

@@ -86,6 +86,19 @@ def packed(tree: Hierarchy | None, batches: Sequence[TreeRows], centre: np.ndarr
     return blocks
 
 
+def moved_blocks(blocks: np.ndarray, first_block: int, first_row: int) -> np.ndarray:
+    """A copy of the blocks of a tree, as a part of the blocks of several trees.
+
+    first_block, first_row: numbers that are added to the numbers of blocks and of rows.
+    """
+    moved = blocks.copy()
+    words = moved.view(np.uint32)
+    is_node = words[:, KIND] == NODE
+    words[is_node, FIRST_CHILD] += np.uint32(first_block)
+    words[~is_node, NUMBER] += np.uint32(first_row)
+    return moved
+
+
 def _first_children(tree: Hierarchy) -> np.ndarray:
     """The number of the block of each node's first child. Shape: (nodes)."""
     exists, is_node = tree.child != NONE, tree.child >= 0

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.accel.blocks import MOST_BLOCKS, TreeRows, packed
+from visray.accel.blocks import MOST_BLOCKS, TreeRows, moved_blocks, packed
 from visray.accel.sah import build_binary, widen
 from visray.errors import UserError
 from visray.geometry import gamma
@@ -36,6 +36,10 @@ class Tree:
         consecutive numbers. Shape: (1) each.
     batches: numbers of the batches in the tree, ascending.
     block_kinds: for each batch, the kind of the blocks of its rows.
+    root: number of the block of the root; None if it is the first block.
+
+    Lanes may walk through trees of their own, whose blocks are joined (`joined`). Then centre, ball, size and root have
+    one entry per lane.
     """
 
     blocks: Any
@@ -45,6 +49,7 @@ class Tree:
     begins: tuple[Any, ...]
     batches: tuple[int, ...]
     block_kinds: tuple[int, ...]
+    root: Any = None
 
     def masks(self, a: Arrays, row: Any) -> list[tuple[int, Any]]:
         """Pairs of a batch of the tree and a mask of the lanes whose row belongs to it.
@@ -67,23 +72,59 @@ def build(a: Arrays, batches: dict[int, TreeRows]) -> Tree:
     batch have greater numbers than the rows of batches with lower numbers; numbers are below 2^31. Raises UserError if
     there are too many rows.
     """
-    low, high = (np.concatenate(x) for x in zip(*((rows.low, rows.high) for rows in batches.values())))
-    if 4 * len(low) > 3 * MOST_BLOCKS:
-        raise UserError(f"objects: {len(low)} objects and triangles are too many; at most {3 * MOST_BLOCKS // 4} fit")
-    centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
-    lows, highs = outwards(low, centre, -1).T.copy(), outwards(high, centre, 1).T.copy()
-    half = np.maximum(-lows.min(axis=1), highs.max(axis=1)).astype(float)
-    tree = widen(build_binary(lows, highs)) if len(low) > 1 else None
-    blocks = packed(tree, list(batches.values()), centre)
+    plan = planned(list(batches.values()))
     return Tree(
-        a.put(a.F32, blocks.ravel()),
-        a.put(a.W, centre[:, None]),
-        a.put(a.D, np.array([np.linalg.norm(half)])),
-        a.put(a.D, np.array([np.abs(centre).sum()])),
+        a.put(a.F32, plan.blocks.ravel()),
+        a.put(a.W, plan.centre[:, None]),
+        a.put(a.D, np.array([plan.ball])),
+        a.put(a.D, np.array([np.abs(plan.centre).sum()])),
         tuple(a.put(a.U, np.array([rows.first], np.uint32)) for rows in list(batches.values())[1:]),
         tuple(batches),
         tuple(rows.block_kind for rows in batches.values()),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class TreePlan:
+    """A tree before it becomes arrays of kernels.
+
+    blocks: as in Tree. Shape: (blocks, BLOCK).
+    centre, ball: as in Tree.
+    """
+
+    blocks: np.ndarray
+    centre: np.ndarray
+    ball: float
+
+
+def planned(batches: list[TreeRows]) -> TreePlan:
+    """The tree over the rows of some batches. Domain: as in `build`."""
+    low, high = (np.concatenate(x) for x in zip(*((rows.low, rows.high) for rows in batches)))
+    _check_number(len(low))
+    centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
+    lows, highs = outwards(low, centre, -1).T.copy(), outwards(high, centre, 1).T.copy()
+    half = np.maximum(-lows.min(axis=1), highs.max(axis=1)).astype(float)
+    tree = widen(build_binary(lows, highs)) if len(low) > 1 else None
+    return TreePlan(packed(tree, batches, centre), centre, float(np.linalg.norm(half)))
+
+
+def joined(plans: list[TreePlan], firsts: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """(the blocks of several trees one after the other, the number of the block of each root). Raises UserError if
+    there are too many rows.
+
+    firsts: for each tree, the number that is added to the numbers of its rows.
+    """
+    sizes = np.array([len(plan.blocks) for plan in plans])
+    _check_number(3 * int(sizes.sum()) // 4)
+    roots = np.cumsum(sizes) - sizes
+    moved = [moved_blocks(plan.blocks, root, first) for plan, root, first in zip(plans, roots.tolist(), firsts)]
+    return np.concatenate(moved), roots
+
+
+def _check_number(rows: int) -> None:
+    """Raises UserError if there are too many rows."""
+    if 4 * rows > 3 * MOST_BLOCKS:
+        raise UserError(f"objects: {rows} objects and triangles are too many; at most {3 * MOST_BLOCKS // 4} fit")
 
 
 def outwards(corner: np.ndarray, centre: np.ndarray, out: int) -> np.ndarray:

@@ -51,7 +51,8 @@ def walk(rays: TreeRays, state: tuple, search: Search, counted: bool = False) ->
         block = dr.select(ended, ENDED, at.block & (WAITS - 1))
         return block, rays.at_most(search.reach(state)), *at.stack.arrays, *state, *counts
 
-    block = dr.select(rays.finite & ~search.done(state), dr.zeros(u, n), ENDED)
+    root = dr.zeros(u, n) if rays.tree.root is None else rays.tree.root
+    block = dr.select(rays.finite & ~search.done(state), root, ENDED)
     limit = rays.at_most(search.reach(state)) + dr.zeros(a.F32, n)
     start = block, limit, *Stack.empty(u, n).arrays, *state, *[dr.zeros(u, n)] * (3 * counted)
     end = dr.while_loop(start, lambda block, *_: block != ENDED, step, label="tree")

@@ -19,7 +19,7 @@ from visray.accel.bvh_step import Certain
 from visray.accel.culling import CrossingBounds, TriangleGuard, point_rounding, touches
 from visray.accel.lists import RowLists
 from visray.accel.origin import Candidate, RayOrigin
-from visray.accel.ray_segment import RaySegment, length_inside, occludes
+from visray.accel.ray_segment import RaySegment, occludes, passage
 from visray.accel.screening import any_hit, nearest
 from visray.accel.traversal import Query, traverse
 from visray.geometry import gamma, l1_norm
@@ -170,9 +170,8 @@ def transmittance(
     def tint(c: Candidate, segment: RaySegment, attached_segment: RaySegment | None, *state: Any) -> tuple:
         object_index = origin.batches[c.batch].object_at(c.row)
         kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), object_index)
-        passes_through, inside = length_inside(attached_segment or segment)
+        hit, passes_through, inside = passage(segment, attached_segment)
         share = a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
-        hit = occludes(segment)
         return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
 
     def dark(r: Any, g: Any, b: Any) -> Any:
@@ -239,7 +238,7 @@ def _between(
         return RaySegment(kind, placed, seen, exact_ray, exact_ray.begin(known), distance, known)
 
     def attached(c: Candidate, segment: RaySegment) -> RaySegment | None:
-        if segment.kind.finds_roots:
+        if segment.kind.finds_roots or segment.kind.walks:
             # gradients.py refuses transparent rows of such kinds. So this row is opaque, and it makes the transmittance
             # 0 whatever the length inside.
             return None

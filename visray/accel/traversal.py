@@ -68,7 +68,8 @@ def traverse(origin: RayOrigin, query: Query, ray: Ray, state: tuple, brute_forc
             state = _looped(origin, query, number, state, brute_force)
             continue
         candidates = [Candidate(number, origin.a.U(i), origin.a.U(batch.first_row + i), True, i) for i in range(n)]
-        if origin.shared and n <= policy.MAX_INLINED and not brute_force:
+        inlined = n <= policy.MAX_INLINED and not (n > 1 and batch.kind.walks)  # a walk is long to compile
+        if origin.shared and inlined and not brute_force:
             pending += candidates
             continue
         state, pending = _inlined(query, pending, state), []

@@ -20,7 +20,8 @@ class TreeRays:
     """Rays that walk through a tree. All walks start at points near the tree, even if the ray origins are far away.
 
     The walk of a ray starts at the point p of the ray, at the distance `skipped` from the ray origin. No part of the
-    ray before p is in a box. Coordinates of p are relative to the tree's centre, so single precision suffices for them.
+    ray before p is in a box, or it lies before the distance `begin` (`along`). Coordinates of p are relative to the
+    tree's centre, so single precision suffices for them.
     Counted from p, the ray meets the plane x = b at the distance b / d.x - p.x / d.x.
 
     single: p, d and a bound of their errors, for the tests of rows.
@@ -52,11 +53,12 @@ class TreeRays:
     finite: Any
 
     @staticmethod
-    def along(a: Arrays, tree: Tree, o: Any, d: Any) -> "TreeRays":
+    def along(a: Arrays, tree: Tree, o: Any, d: Any, begin: Any = 0) -> "TreeRays":
         """The rays from the origin o in the direction d.
 
         d: unit vector, in double or in single. A single-precision d is taken as the ray's direction, and normalised in
             double.
+        begin: distance from the ray origin. Boxes and rows that the ray meets only before it may be skipped.
 
         Shapes: o has one entry, or one entry per lane; d has one entry per lane.
         Domain: a ray with an infinite or NaN component meets no row.
@@ -64,7 +66,7 @@ class TreeRays:
         d = d if type(d) is a.W else unit(d, a.W)
         q, ball, u = o - tree.centre, tree.ball, UNIT_ROUNDOFF["single"]
         # A ray meets no row before it enters the ball around the box of all rows.
-        skipped = dr.maximum(-dr.dot(q, d) - ball, 0)
+        skipped = dr.maximum(-dr.dot(q, d) - ball, dr.maximum(begin, 0))
         p = q + skipped * d
         # The exact test of a row has an error of gamma(32) times the size of its numbers (culling.point_rounding). The
         # error of p is smaller.

@@ -16,6 +16,7 @@ from visray.meshes.reading import part, read
 from visray.meshes.topology import Topology, oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
 from visray.number_table import NumberTable, TableRule
+from visray.primitives.mesh_body import MeshBody
 from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
 from visray.primitives.primitive import Bounds, MitsubaShapes, Primitive
 from visray.quantities import FARTHEST, Point, Real
@@ -132,6 +133,11 @@ class Mesh(Primitive):
     @property
     def kind(self) -> Any:
         return MeshTriangle if self.normals == "face" else SmoothMeshTriangle
+
+    @property
+    def body_kind(self) -> Any:
+        """The class whose methods serve the mesh if it is one row (mesh_body.py)."""
+        return MeshBody.kind_of(self.closed, self.normals != "face")
 
     @property
     def closed(self) -> bool:

@@ -29,9 +29,13 @@ class Corners:
         return Corners(*(a.put(a.U, numbers[:, k].astype(np.uint32)) for k in range(3)))
 
     def read(self, buffer: Shared) -> tuple[Any, Any, Any]:
-        """The entries of a buffer, a tree of arrays, at the three corners."""
+        """The entries of a buffer at the three corners."""
         kind = type(buffer.value)
         return tuple(dr.gather(kind, buffer.value, k) for k in (self.a, self.b, self.c))
+
+    def at(self, triangle: Any) -> "Corners":
+        """The numbers at the corners of one triangle for each lane. triangle: its number."""
+        return Corners(*(dr.gather(type(k), k, triangle) for k in (self.a, self.b, self.c)))
 
 
 @dataclass(frozen=True)
@@ -72,32 +76,13 @@ class MeshRows:
         normals = None
         if self.normals is not None:
             inverse = _gathered(self.frames.value, self.mesh_of_normal.value).inverse()
-            normals = Shared(dr.normalize(inverse.normal(self.attached_normals())))
+            attached = attached_normals(self.corners, self.vertices, self.normal_corners, self.normals.value)
+            normals = Shared(dr.normalize(inverse.normal(attached)))
         vertices = Shared(self.world_vertices())
         a, b, c = self.corners.read(vertices)
         n = dr.detach(dr.normalize(normal_of(a, b, c)))
         unit = dr.float32_array_t(type(n))(n)
         return PlacedMesh(self.corners, vertices, unit, self.normal_corners, normals, self.uv_corners, self.u, self.v)
-
-    def attached_normals(self) -> Any:
-        """The buffer of normals, with derivatives by the vertices if these carry any. Domain: smooth meshes.
-
-        A normal is the sum of the normals of the triangles around it, each times the angle of its corner
-        (meshes/normals.py). Which triangles these are is fixed.
-        """
-        normals = self.normals.value
-        if not dr.grad_enabled(self.vertices.value):
-            return normals
-        sums = dr.zeros(type(normals), dr.width(normals))
-        p = self.corners.read(self.vertices)
-        n = dr.normalize(dr.cross(p[1] - p[0], p[2] - p[0]))
-        for k, corner in enumerate((self.normal_corners.a, self.normal_corners.b, self.normal_corners.c)):
-            x, y = p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]
-            dr.scatter_add(sums, dr.atan2(dr.norm(dr.cross(x, y)), dr.dot(x, y)) * n, corner)
-        # A mesh that is mirrored has its corners in the other order here.
-        side = dr.dot(dr.detach(sums), normals)
-        new = sums * dr.select(side < 0, -1, 1) / dr.select(side == 0, 1, dr.norm(sums))
-        return normals + (new - dr.detach(new))
 
     def bounds(self, outer: Frame | None) -> Bounds:
         """As Primitive.bounds."""
@@ -107,6 +92,28 @@ class MeshRows:
         radius = dr.sqrt(dr.maximum(dr.maximum(squared[0], squared[1]), squared[2]))
         low, high = (f(f(a, b), c) for f in (dr.minimum, dr.maximum))
         return Bounds(low, high, centre, radius)
+
+
+def attached_normals(corners: Corners, vertices: Shared, normal_corners: Corners, normals: Any) -> Any:
+    """The buffer `normals` of smooth meshes, with derivatives by the vertices if these carry any.
+
+    corners, normal_corners: numbers of the corners in `vertices` and in `normals`.
+
+    A normal is the sum of the normals of the triangles around it, each times the angle of its corner
+    (meshes/normals.py). Which triangles these are is fixed.
+    """
+    if not dr.grad_enabled(vertices.value):
+        return normals
+    sums = dr.zeros(type(normals), dr.width(normals))
+    p = corners.read(vertices)
+    n = dr.normalize(dr.cross(p[1] - p[0], p[2] - p[0]))
+    for k, corner in enumerate((normal_corners.a, normal_corners.b, normal_corners.c)):
+        x, y = p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]
+        dr.scatter_add(sums, dr.atan2(dr.norm(dr.cross(x, y)), dr.dot(x, y)) * n, corner)
+    # A mesh that is mirrored has its corners in the other order here.
+    side = dr.dot(dr.detach(sums), normals)
+    new = sums * dr.select(side < 0, -1, 1) / dr.select(side == 0, 1, dr.norm(sums))
+    return normals + (new - dr.detach(new))
 
 
 def _gathered(frames: Frame, index: Any) -> Frame:
@@ -153,6 +160,7 @@ class MeshTriangle(Flat):
     triangular = True
     many_rows = True
     stores_normals = True
+    own_frames = True
 
     @staticmethod
     def table(a: Arrays, objects: list) -> MeshRows:

@@ -128,6 +128,8 @@ class Primitive:
     fills_ball = False  # whether an object without a transform is its own bounding ball
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
     stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)
+    own_frames = False  # whether the table of the kind contains the objects' transforms
+    walks = False  # whether the test of a row is a walk through a tree of its own
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 
     @property

@@ -34,7 +34,7 @@ class SeenTriangle:
     n: Any
 
 
-def _projected(d: Any, v: Any) -> tuple[Any, Any]:
+def projected(d: Any, v: Any) -> tuple[Any, Any]:
     """The projection of v along d to a plane: two components of d x v.
 
     The third component is left out. It belongs to the axis along which d has the largest component.
@@ -46,7 +46,7 @@ def _projected(d: Any, v: Any) -> tuple[Any, Any]:
     return dr.select(on_x, product.y, product.x), dr.select(on_z, product.y, product.z)
 
 
-def _signed_area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
+def signed_area(p: tuple[Any, Any], q: tuple[Any, Any]) -> Any:
     """The cross product p x q of two plane vectors. Its sign is correct, or the result is zero.
 
     The reason is that both products are rounded before they are subtracted, and rounding keeps their order. A fused
@@ -79,9 +79,13 @@ def normal_of(a: Any, b: Any, c: Any) -> Any:
     return type(x)(_area((x.y, x.z), (y.y, y.z)), _area((x.z, x.x), (y.z, y.x)), _area((x.x, x.y), (y.x, y.y)))
 
 
-def _distance(seen: SeenTriangle, d: Any, weights: tuple[Any, Any, Any], n: Any, slope: Any) -> Any:
+def crossing_distance(
+    seen: SeenTriangle, d: Any, weights: tuple[Any, Any, Any], n: Any, slope: Any, unit: Any = None
+) -> Any:
     """Distance at which a ray crosses a triangle.
 
+    d: direction
+    unit: vector whose product with a point of the ray is its distance, if d is not a unit vector; None: d
     weights: weights of the corners at the crossing, of any sum
     n: normal
     slope: d . n
@@ -90,7 +94,7 @@ def _distance(seen: SeenTriangle, d: Any, weights: tuple[Any, Any, Any], n: Any,
     slivers they are large. One step to the plane of the triangle, from a place that is close, removes them. The result
     lies between the distances of the corners, even if the ray is almost parallel to the plane.
     """
-    along = [dr.dot(v, d) for v in (seen.a, seen.b, seen.c)]
+    along = [dr.dot(v, d if unit is None else unit) for v in (seen.a, seen.b, seen.c)]
     t = sum(w * x for w, x in zip(weights, along)) / sum(weights)
     t -= dr.dot(dr.fma(t, d, -seen.a), n) / slope
     low, high = (f(f(along[0], along[1]), along[2]) for f in (dr.minimum, dr.maximum))
@@ -156,15 +160,15 @@ class Triangle(Flat):
 
     @classmethod
     def intersect_plane(cls, seen: SeenTriangle, d: Any) -> tuple[Any, Any, Any, Any]:
-        a, b, c = (_projected(d, v) for v in (seen.a, seen.b, seen.c))
-        wa, wb, wc = _signed_area(b, c), _signed_area(c, a), _signed_area(a, b)
+        a, b, c = (projected(d, v) for v in (seen.a, seen.b, seen.c))
+        wa, wb, wc = signed_area(b, c), signed_area(c, a), signed_area(a, b)
         inside = ((wa >= 0) & (wb >= 0) & (wc >= 0)) | ((wa <= 0) & (wb <= 0) & (wc <= 0))
         inside &= wa + wb + wc != 0
 
         def cross_plane() -> tuple[Any, Any, Any]:
             n = normal_of(seen.a, seen.b, seen.c) if seen.n is None else seen.n
             slope = dr.dot(n, d)
-            return _distance(seen, d, (wa, wb, wc), n, slope), slope, dr.squared_norm(n)
+            return crossing_distance(seen, d, (wa, wb, wc), n, slope), slope, dr.squared_norm(n)
 
         if dr.grad_enabled(leaves((seen, d))):
             t, slope, squared = cross_plane()

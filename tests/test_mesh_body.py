@@ -237,7 +237,8 @@ def box_mesh(low: tuple, high: tuple, **fields: Any) -> vr.Mesh:
     return mesh_of((low + (CUBE[0] + 0.5) * (high - low), CUBE[1]), **fields)
 
 
-@pytest.mark.parametrize("nested", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("nested", [False, True])
 def test_a_cube_of_glass_is_the_box(nested: bool) -> None:
     """Refraction, coloured shadows by thickness, total reflection; and a cube of glass in a cube of water."""
 
@@ -292,6 +293,7 @@ def test_a_body_is_hit_where_its_triangles_are_to_the_last_bit(name: str) -> Non
         assert np.array_equal(x, y)
 
 
+@pytest.mark.slow
 def test_pictures_of_bodies_are_those_of_their_triangles() -> None:
     mesh = mesh_of(ball(2), normals="smooth")
     places = {

@@ -12,7 +12,8 @@ clock errors version pass_timer
 llvm
 quantities pytree
 ray geometry transforms
-accel.sah accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack accel.bvh_step accel.bvh_walk
+accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
+accel.bvh_step accel.bvh_walk
 meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons meshes.assembly
 meshes.text meshes.obj meshes.ply meshes.stl meshes.off
 meshes.gltf_accessors meshes.gltf_nodes meshes.gltf meshes.reading meshes

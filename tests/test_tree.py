@@ -8,12 +8,14 @@ import drjit as dr
 import numpy as np
 import pytest
 
-from visray.accel import sah, walk_stack
+from visray.accel import hierarchy, sah, walk_stack
 from visray.accel.blocks import BLOCK, CHILDREN, CORNER, FIRST_CHILD, HIGH, KIND, LOW, NODE, NUMBER, ROW, STEP, TreeRows
 from visray.accel.bvh import build, outwards
 from visray.accel.bvh_step import Certain, Search
 from visray.accel.bvh_walk import walk
-from visray.accel.sah import DEPTH, NONE, WIDTH, build_binary, widen
+from visray.accel.hierarchy import MOST_LEVELS, NONE, WIDTH, binary, widened
+from visray.accel.morton import clusters
+from visray.accel.sah import Level, binary_trees
 from visray.accel.tree_rays import TreeRays
 from visray.quantities import Arrays
 from visray.ray import NO_ROW, unit
@@ -372,7 +374,7 @@ def test_the_stack_holds_what_a_way_down_leaves(name: str) -> None:
     depth = np.zeros(len(blocks.kind), int)
     for node in np.flatnonzero(blocks.kind == NODE):
         depth[blocks.first[node] : blocks.first[node] + blocks.count[node]] = depth[node] + 1
-    assert depth.max() <= DEPTH
+    assert depth.max() <= MOST_LEVELS
 
 
 @pytest.mark.parametrize("limit", [6, 7, 10])
@@ -381,7 +383,8 @@ def test_no_tree_is_deeper_than_it_may_be(limit: int, monkeypatch: pytest.Monkey
     monkeypatch.setattr(sah, "DEPTH", limit)
     low, high = (x.T.astype(np.float32) for x in world("halved").corners())
     low, high = low[:, : 1 << limit], high[:, : 1 << limit]
-    two = build_binary(low, high)
+    n = low.shape[1]
+    two = binary_trees(Level(low, high, np.arange(n), np.array([0]), np.array([n]), np.ones(n)))
     depth = np.zeros(len(two.child), int)
     for node in range(len(two.child)):
         depth[two.child[node][two.child[node] >= 0]] = depth[node] + 1
@@ -406,10 +409,40 @@ def area(low: np.ndarray, high: np.ndarray) -> float:
 @pytest.mark.parametrize("name", ["sparse", "dense", "small", "flat", "scales", "halved"])
 def test_splits_cost_no_more_than_equal_halves(name: str) -> None:
     low, high = (x.astype(np.float32) for x in world(name).corners())
-    two = build_binary(low.T.copy(), high.T.copy())
+    two = binary(low.T.copy(), high.T.copy())
     inner = two.child >= 0
     assert area(two.low[inner], two.high[inner]) <= halves(low, high, np.arange(len(low)))
-    four = widen(two)
+    four = widened(two)
     inner = four.child >= 0
     assert area(four.low[inner], four.high[inner]) <= area(two.low[two.child >= 0], two.high[two.child >= 0])
-    assert (four.child != NONE).sum(axis=1).min() >= 2 and np.log2(len(low)) <= DEPTH
+    assert (four.child != NONE).sum(axis=1).min() >= 2
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_boxes_in_clusters(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large sets of boxes are cut into clusters first: each box is in one, and the tree is as good to within a half."""
+    low, high = (x.T.astype(np.float32).copy() for x in world(name).corners())
+    n = low.shape[1]
+    order, head, count = clusters(low, high, 8)
+    assert np.array_equal(np.sort(order), np.arange(n))
+    assert np.array_equal(head, np.cumsum(count) - count) and count.sum() == n and count.min() > 0
+    whole = binary(low, high)
+    monkeypatch.setattr(hierarchy, "FEW", 1)
+    monkeypatch.setattr(hierarchy, "PART", 16)
+    parts = binary(low, high)
+    for tree in (whole, parts):
+        boxes, nodes = tree.child[tree.child < 0], tree.child[tree.child >= 0]
+        assert np.array_equal(np.sort(-1 - boxes), np.arange(n)) and np.array_equal(np.sort(nodes), np.arange(1, n - 1))
+        assert (tree.child > np.arange(len(tree.child))[:, None])[tree.child >= 0].all()
+    size = lambda tree: area(tree.low[tree.child >= 0], tree.high[tree.child >= 0])  # noqa: E731
+    assert size(parts) <= 1.5 * size(whole)
+
+
+def test_trees_of_clusters_find_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = world("small")
+    o, d = (A.put(A.W, x) for x in rays(rows, np.random.default_rng(10), 1.0))
+    before = Scene(rows).closest(o, d, False)
+    dr.eval(before)
+    monkeypatch.setattr(hierarchy, "FEW", 1)
+    for x, y in zip(before, Scene(rows).closest(o, d, False)):
+        assert np.array_equal(np.array(x), np.array(y))

@@ -15,12 +15,13 @@ All numbers are in single precision and relative to the centre of the tree. The 
     ROW       word 12: number of the row. The row has no test in single precision
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from visray.accel.sah import NONE, WIDTH, Hierarchy
+from visray.accel.hierarchy import NONE, WIDTH, Hierarchy
 
 BLOCK = 16
 NODE, TRIANGLE, BALL, ROW = range(4)
@@ -28,6 +29,7 @@ CORNER, STEP, FIRST_CHILD, CHILDREN, LOW, HIGH, NUMBER, SLOPE, KIND = 0, 3, 6, 7
 STEPS = 255  # greatest number of steps of a corner
 # A stack entry has 24 bits for the number of a block (bvh_walk.py).
 MOST_BLOCKS = 2**24 - 2
+BAND = 1 << 14  # number of nodes or rows that are worked on at once; so many fit in the processor's cache
 # A triangle whose height is this part of its longest side, or less, is tested in double at once.
 FLATTEST = 2.0**-20
 # Greatest size of the components of a plane. Products of such numbers are finite in single precision.
@@ -76,13 +78,13 @@ def packed(tree: Hierarchy | None, batches: Sequence[TreeRows], centre: np.ndarr
         is_row = exists & (tree.child < 0)
         block_of_node = np.zeros(len(count), np.int64)
         block_of_node[tree.child[exists & ~is_row]] = block_of_child[exists & ~is_row]
-        _write_nodes(blocks, block_of_node, tree, first, count)
+        _in_bands(len(count), lambda band: _write_nodes(blocks, block_of_node, tree, first, count, band))
         block_of_row = np.empty(np.count_nonzero(is_row), np.int64)
         block_of_row[-1 - tree.child[is_row]] = block_of_child[is_row]
     start = 0
     for batch in batches:
-        _write_rows(blocks, block_of_row[start : start + len(batch.low)], batch, centre)
-        start += len(batch.low)
+        at, start = block_of_row[start : start + len(batch.low)], start + len(batch.low)
+        _in_bands(len(at), lambda band, at=at, batch=batch: _write_rows(blocks, at, batch, centre, band))
     return blocks
 
 
@@ -97,6 +99,13 @@ def moved_blocks(blocks: np.ndarray, first_block: int, first_row: int) -> np.nda
     words[is_node, FIRST_CHILD] += np.uint32(first_block)
     words[~is_node, NUMBER] += np.uint32(first_row)
     return moved
+
+
+def _in_bands(n: int, work: Callable[[slice], None]) -> None:
+    """Calls `work` for slices of n entries, in several threads."""
+    with ThreadPoolExecutor() as pool:
+        for _ in pool.map(work, (slice(k, k + BAND) for k in range(0, n, BAND))):
+            pass
 
 
 def _first_children(tree: Hierarchy) -> np.ndarray:
@@ -119,20 +128,21 @@ def _first_children(tree: Hierarchy) -> np.ndarray:
     return first
 
 
-def _write_nodes(blocks: np.ndarray, at: np.ndarray, tree: Hierarchy, first: np.ndarray, count: np.ndarray) -> None:
-    """Writes the nodes to their blocks.
+def _write_nodes(
+    blocks: np.ndarray, at: np.ndarray, tree: Hierarchy, first: np.ndarray, count: np.ndarray, band: slice
+) -> None:
+    """Writes the nodes of a band to their blocks.
 
     at: number of each node's block.
     first, count: number of the block of each node's first child, and number of its children.
 
     The boxes in steps contain the true boxes, except for the rounding of the sum in double.
     """
-    exists, words = tree.child != NONE, blocks.view(np.uint32)
-    blocks[at, KIND], words[at, FIRST_CHILD], words[at, CHILDREN] = NODE, first, count
+    at, exists, words = at[band], tree.child[band] != NONE, blocks.view(np.uint32)
+    words[at, KIND], words[at, FIRST_CHILD], words[at, CHILDREN] = NODE, first[band], count[band]
     for axis in range(3):
-        low, high = (
-            np.where(exists, x[..., axis], out).astype(float) for x, out in ((tree.low, np.inf), (tree.high, -np.inf))
-        )
+        low, high = tree.low[band, :, axis].astype(float), tree.high[band, :, axis].astype(float)
+        low[~exists], high[~exists] = np.inf, -np.inf
         corner = low.min(axis=1)
         extent = high.max(axis=1) - corner
         step = np.nextafter((extent / STEPS).astype(np.float32), np.float32(np.inf)).astype(float)
@@ -146,17 +156,17 @@ def _write_nodes(blocks: np.ndarray, at: np.ndarray, tree: Hierarchy, first: np.
             words[at, word + axis] = steps.clip(0, STEPS).astype(np.uint8).view(np.uint32)[:, 0]
 
 
-def _write_rows(blocks: np.ndarray, at: np.ndarray, rows: TreeRows, centre: np.ndarray) -> None:
-    """Writes the rows of one batch to their blocks.
+def _write_rows(blocks: np.ndarray, at: np.ndarray, rows: TreeRows, centre: np.ndarray, band: slice) -> None:
+    """Writes the rows of a band of one batch to their blocks.
 
     at: number of each row's block.
     """
-    words = blocks.view(np.uint32)
-    words[at, KIND], words[at, NUMBER] = rows.block_kind, rows.first + np.arange(len(at))
+    words, at = blocks.view(np.uint32), at[band]
+    words[at, KIND], words[at, NUMBER] = rows.block_kind, rows.first + band.start + np.arange(len(at))
     if rows.corners is not None:
-        blocks[at, :12], blocks[at, SLOPE] = triangle_planes(rows.corners, centre)
+        blocks[at, :12], blocks[at, SLOPE] = triangle_planes(rows.corners[band], centre)
     elif rows.balls is not None:
-        blocks[at, 0:3], blocks[at, 3] = rows.balls[:, :3] - centre, rows.balls[:, 3]
+        blocks[at, 0:3], blocks[at, 3] = rows.balls[band, :3] - centre, rows.balls[band, 3]
 
 
 def triangle_planes(corners: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

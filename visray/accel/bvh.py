@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from visray.accel.blocks import MOST_BLOCKS, TreeRows, moved_blocks, packed
-from visray.accel.sah import build_binary, widen
+from visray.accel.hierarchy import hierarchy
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.quantities import Arrays
@@ -104,7 +104,7 @@ def planned(batches: list[TreeRows]) -> TreePlan:
     centre = 0.5 * low.min(axis=0) + 0.5 * high.max(axis=0)
     lows, highs = outwards(low, centre, -1).T.copy(), outwards(high, centre, 1).T.copy()
     half = np.maximum(-lows.min(axis=1), highs.max(axis=1)).astype(float)
-    tree = widen(build_binary(lows, highs)) if len(low) > 1 else None
+    tree = hierarchy(lows, highs) if len(low) > 1 else None
     return TreePlan(packed(tree, batches, centre), centre, float(np.linalg.norm(half)))
 
 

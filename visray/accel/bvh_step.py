@@ -20,8 +20,8 @@ from visray.accel.blocks import (
     STEP,
     TRIANGLE,
 )
+from visray.accel.hierarchy import WIDTH
 from visray.accel.row_tests import Verdict, test_ball, test_triangle
-from visray.accel.sah import WIDTH
 from visray.accel.tree_rays import TreeRays
 from visray.accel.walk_stack import EMPTY, Stack
 from visray.geometry import gamma

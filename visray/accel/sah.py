@@ -1,11 +1,11 @@
-"""Binned SAH: builds a hierarchy of boxes with up to four children per node, level by level, in NumPy.
+"""Binned SAH: splits boxes in two, again and again, level by level, in NumPy.
 
 The surface area heuristic (SAH) estimates the probability that a ray which meets a node also meets a child of the node.
 The estimate is the child's surface area divided by the node's. A split is chosen by its estimated cost. Any split gives
 a correct tree, so costs may have rounding errors. The boxes of nodes have no rounding errors, because their coordinates
 are minima and maxima of the coordinates of the boxes in the node.
 
-Source: Goldsmith and Salmon 1987; bins: Wald 2007; four children: Wald, Benthin, Boulos 2008.
+Source: Goldsmith and Salmon 1987; bins: Wald 2007.
 """
 
 from dataclasses import dataclass
@@ -13,84 +13,44 @@ from functools import cached_property
 
 import numpy as np
 
-DEPTH = 32  # greatest depth of the binary tree, which has room for 2^DEPTH boxes
-WIDTH = 4  # greatest number of children in the final tree
+DEPTH = 24  # greatest depth of a binary tree, which has room for 2^DEPTH boxes
 BINS = 16  # bins along each axis; a large node may be split between any two neighbouring bins
-SWEPT = 16  # a node of at most this many boxes may be split between any two neighbouring boxes
+SWEPT = 16  # a node of at most this many boxes may be split between any two boxes that are neighbours along an axis
+SWEPT_IN_ORDER = 32  # the same for neighbours in the order of the boxes (Level.weight)
 CHUNK = 1 << 14  # number of boxes that _swept works on at once; so many fit in the processor's cache
 
 
 @dataclass(frozen=True)
-class Hierarchy:
-    """A hierarchy over boxes. Nodes are stored level by level; the first node is the root.
+class BinaryTrees:
+    """Binary trees over boxes. Nodes are stored level by level.
 
-    low, high: corners of the children's boxes. Shape: (nodes, children, 3).
-    child: the children. A child that is a node has that node's number. A child that is the box with the number b has
-        the value -1 - b. A missing child has the value NONE. Shape: (nodes, children).
+    roots: the root of each tree: the number of a node, or -1 - b if the tree is the box with the number b.
+    low, high: corners of the children's boxes. Shape: (nodes, 2, 3).
+    child: the children, as in `roots`. Shape: (nodes, 2).
     """
 
+    roots: np.ndarray
     low: np.ndarray
     high: np.ndarray
     child: np.ndarray
 
 
-NONE = np.iinfo(np.int64).min
-
-
-def build_binary(low: np.ndarray, high: np.ndarray) -> Hierarchy:
-    """The binary hierarchy over n boxes. It has n - 1 nodes.
-
-    low, high: corners of the boxes, in single. Shape: (3, n).
-
-    Domain: n >= 2; the corners are finite; low <= high.
-    """
-    n = low.shape[1]
-    level, nodes = Level(low, high, np.arange(n), np.array([0]), np.array([n])), 0
-    lows, highs, children = [], [], []
+def binary_trees(level: "Level") -> BinaryTrees:
+    """The binary trees over the nodes of a level. A tree over n boxes has n - 1 nodes."""
+    nodes, lows, highs, children = 0, [np.zeros((0, 2, 3), np.float32)], [np.zeros((0, 2, 3), np.float32)], []
     for depth in range(DEPTH + 1):
         inner = level.count > 1
         k = np.count_nonzero(inner)
+        children.append(np.where(inner, nodes + np.cumsum(inner) - 1, -1 - level.ids[level.head]))
         if depth:
-            number = np.where(inner, nodes + np.cumsum(inner) - 1, -1 - level.ids[level.head])
-            children.append(number.reshape(-1, 2))
             lows.append(level.box_low.T.reshape(-1, 2, 3))
             highs.append(level.box_high.T.reshape(-1, 2, 3))
         if not k:
             break
         right = level.right_boxes(1 << max(0, DEPTH - 1 - depth))
         level, nodes = level.next_level(right), nodes + k
-    return Hierarchy(np.concatenate(lows), np.concatenate(highs), np.concatenate(children))
-
-
-def widen(binary: Hierarchy) -> Hierarchy:
-    """The hierarchy with up to WIDTH children per node, made from a binary hierarchy.
-
-    In each node, the child node with the largest surface area is replaced by its own two children, again and again,
-    until the node has WIDTH children or none of them is a node. A missing child has the value NONE, and both corners of
-    its box are 0.
-    """
-    child, area = binary.child.ravel(), surface_measure((binary.high - binary.low).reshape(-1, 3).T, False)
-    area = np.where(child >= 0, area, -1)  # a child that is a box cannot be replaced
-    level, nodes, places, children = np.array([0]), 1, [], []
-    while len(level):
-        place, all_rows = np.full((len(level), WIDTH), -1), np.arange(len(level))
-        place[:, 0], place[:, 1] = 2 * level, 2 * level + 1
-        for column in range(2, WIDTH):
-            largest = np.argmax(np.where(place >= 0, area[place], -1), axis=1)
-            opened = place[all_rows, largest]
-            rows = all_rows[child[opened] >= 0]
-            within = 2 * child[opened[rows]]
-            place[rows, largest[rows]], place[rows, column] = within, within + 1
-        below = np.where(place >= 0, child[place], NONE)
-        inner = below >= 0
-        level = below[inner]
-        below[inner] = nodes + np.arange(len(level))
-        nodes += len(level)
-        places.append(place)
-        children.append(below)
-    place, child = np.concatenate(places), np.concatenate(children)
-    low, high = (np.where(place[..., None] >= 0, x.reshape(-1, 3)[place], 0) for x in (binary.low, binary.high))
-    return Hierarchy(low, high, child)
+    child = np.concatenate([np.zeros(0, np.int64), *children[1:]]).reshape(-1, 2)
+    return BinaryTrees(children[0], np.concatenate(lows), np.concatenate(highs), child)
 
 
 def surface_measure(extents: np.ndarray, lines: np.ndarray | bool) -> np.ndarray:
@@ -107,10 +67,13 @@ def surface_measure(extents: np.ndarray, lines: np.ndarray | bool) -> np.ndarray
 class Level:
     """All nodes of one level of the binary tree. Boxes are ordered by node, so each node has a range of the boxes.
 
-    low, high: corners of the boxes. Shape: (3, boxes).
+    low, high: corners of the boxes, in single. Shape: (3, boxes).
     ids: numbers of the boxes. Shape: (boxes).
     head: position of the first box of each node. Shape: (nodes).
     count: number of boxes of each node. Shape: (nodes).
+    weight: for each box, the number that it counts in the cost of a split, if boxes stand for clusters of boxes; None:
+        each box counts 1, boxes are in an order in which neighbours are near each other (morton.py), and a node of few
+        boxes is split between two neighbours in that order. Shape: (boxes).
     owner: number of the node that each box belongs to. Shape: (boxes).
     box_low, box_high: corners of each node's bounding box. Shape: (3, nodes).
     middle: sum of both corners of each box, which is twice its centre. Shape: (3, boxes).
@@ -118,8 +81,16 @@ class Level:
     lines: mask of the nodes whose bounding box has no area; see surface_measure. Shape: (nodes).
     """
 
-    def __init__(self, low: np.ndarray, high: np.ndarray, ids: np.ndarray, head: np.ndarray, count: np.ndarray):
-        self.low, self.high, self.ids, self.head, self.count = low, high, ids, head, count
+    def __init__(
+        self,
+        low: np.ndarray,
+        high: np.ndarray,
+        ids: np.ndarray,
+        head: np.ndarray,
+        count: np.ndarray,
+        weight: np.ndarray | None = None,
+    ):
+        self.low, self.high, self.ids, self.head, self.count, self.weight = low, high, ids, head, count, weight
         self.box_low = np.minimum.reduceat(low, head, axis=1)
         self.box_high = np.maximum.reduceat(high, head, axis=1)
 
@@ -143,7 +114,7 @@ class Level:
         order[start + np.where(right, np.repeat(left, count) + at - start - before, before)] = np.flatnonzero(going)
         heads, counts = np.stack([head, head + left], axis=1), np.stack([left, count - left], axis=1)
         moved = (x[..., order] for x in (self.low, self.high, self.ids))
-        return Level(*moved, heads.ravel(), counts.ravel())
+        return Level(*moved, heads.ravel(), counts.ravel(), None if self.weight is None else self.weight[order])
 
     def right_boxes(self, room: int) -> np.ndarray:
         """Mask of the boxes that go to the right child of their node.
@@ -157,9 +128,10 @@ class Level:
         right, cost = np.zeros(len(self.ids), bool), np.full(len(self.count), np.inf)
         apart = (self.count > 1) & (self.count <= room) & np.any(self.most > self.least, axis=0)
         with np.errstate(all="ignore"):  # empty bins have infinite boxes, whose costs are not used
-            self._binned(np.flatnonzero(apart & (self.count > SWEPT)), right, cost)
-            few = np.flatnonzero(apart & (self.count <= SWEPT))
-            for width in 1 << np.arange(1, SWEPT.bit_length()):
+            most = SWEPT_IN_ORDER if self.weight is None else SWEPT
+            self._binned(np.flatnonzero(apart & (self.count > most)), right, cost)
+            few = np.flatnonzero(apart & (self.count <= most))
+            for width in 1 << np.arange(1, most.bit_length()):
                 alike = few[(self.count[few] <= width) & (2 * self.count[few] > width)]
                 for k in range(0, len(alike), CHUNK // width):
                     self._swept(alike[k : k + CHUNK // width], width, right, cost)
@@ -181,7 +153,7 @@ class Level:
         node = new[self.owner]
         at = slice(None) if k == len(new) else np.flatnonzero(node >= 0)
         node, low, high = node[at], self.low[:, at], self.high[:, at]
-        best, bins = BestCut(k), []
+        best, bins, weight = BestCut(k), [], None if self.weight is None else self.weight[at]
         for axis in range(3):
             least = self.least[axis, nodes]
             span = self.most[axis, nodes] - least
@@ -189,7 +161,7 @@ class Level:
             along = (self.middle[axis, at] - least[node]) * scale[node]
             bins.append(np.minimum(along.astype(np.int64), BINS - 1))
             key = bins[-1] * k + node
-            count = np.bincount(key, minlength=k * BINS).reshape(BINS, k)
+            count = np.bincount(key, weight, minlength=k * BINS).reshape(BINS, k)
             lows = np.full((3, BINS * k), np.inf, np.float32)
             highs = np.full((3, BINS * k), -np.inf, np.float32)
             for c in range(3):
@@ -200,7 +172,7 @@ class Level:
         least_cost[nodes] = best.cost
 
     def _swept(self, nodes: np.ndarray, width: int, right: np.ndarray, least_cost: np.ndarray) -> None:
-        """Splits nodes between two boxes that are neighbours when the boxes are sorted along an axis.
+        """Splits nodes between two neighbouring boxes: neighbours along an axis, or in the order of the level.
 
         nodes: numbers of the nodes; each has at most `width` boxes.
         right, least_cost: as in `_binned`.
@@ -208,13 +180,15 @@ class Level:
         count, column = self.count[nodes], np.arange(width)[:, None]
         present = column < count
         at = self.head[nodes] + np.minimum(column, count - 1)
-        best, orders = BestCut(len(nodes)), []
-        for axis in range(3):
-            along = np.argsort(np.where(present, self.middle[axis, at], np.inf), axis=0, kind="stable")
-            orders.append(np.take_along_axis(at, along, axis=0))
-            low, high = self.low[:, orders[-1]], self.high[:, orders[-1]]
+        best, orders = BestCut(len(nodes)), [at]
+        if self.weight is not None:
+            by_centre = (np.argsort(np.where(present, x[at], np.inf), axis=0, kind="stable") for x in self.middle)
+            orders = [np.take_along_axis(at, along, axis=0) for along in by_centre]
+        for number, order in enumerate(orders):
+            low, high = self.low[:, order], self.high[:, order]
             low[:, ~present], high[:, ~present] = np.inf, -np.inf
-            best.compare(axis, low, high, present, self.lines[nodes])
+            count = present if self.weight is None else np.where(present, self.weight[order], 0)
+            best.compare(number, low, high, count, self.lines[nodes])
         chosen = np.choose(best.axis, orders)
         right[chosen[present]] = (column > best.cut)[present]
         least_cost[nodes] = best.cost
@@ -242,7 +216,7 @@ class BestCut:
     A column is a bin, or a box in sorted order. A cut is a place between two columns.
 
     cost: cost of the split; inf if there is none. Shape: (k).
-    axis: axis along which the node is split. Shape: (k).
+    axis: number of the axis along which the node is split, or of the order of boxes. Shape: (k).
     cut: number of the last column to the left of the cut. Shape: (k).
     """
 
@@ -255,7 +229,7 @@ class BestCut:
         The cost of a cut is, summed over both sides, the surface measure of the side times its number of boxes.
 
         low, high: corners of the columns' bounding boxes; they are overwritten. Shape: (3, columns, nodes).
-        count: number of boxes in each column. Shape: (columns, nodes).
+        count: number of boxes in each column, or the sum of their weights. Shape: (columns, nodes).
         lines: as in Level. Shape: (nodes).
         """
         total, all_low, all_high = count.sum(axis=0), low[:, -1].copy(), high[:, -1].copy()
@@ -265,7 +239,7 @@ class BestCut:
             behind[j - 1] = surface_measure(all_high - all_low, lines)
             np.minimum(all_low, low[:, j - 1], out=all_low)
             np.maximum(all_high, high[:, j - 1], out=all_high)
-        left = np.zeros(len(lines), np.int64)
+        left = np.zeros(len(lines), total.dtype)
         for j in range(last):
             if j:
                 np.minimum(low[:, j], low[:, j - 1], out=low[:, j])

@@ -13,7 +13,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.accel.sah import DEPTH
+from visray.accel.hierarchy import MOST_LEVELS
 
 REGISTERS = 8
 EMPTY = 0xFFFFFFFF  # what stands in the place of an entry if there is none
@@ -38,7 +38,7 @@ class Stack:
     def empty(u: Any, n: int) -> "Stack":
         """The empty stack of n lanes. u: type of unsigned integers."""
         # A ray pushes at most one entry per level of the tree.
-        local = dr.alloc_local(u, DEPTH, value=dr.zeros(u, n))
+        local = dr.alloc_local(u, MOST_LEVELS - REGISTERS, value=dr.zeros(u, n))
         return Stack(u, tuple(dr.full(u, EMPTY, n) for _ in range(REGISTERS)), local, dr.zeros(u, n))
 
     @property

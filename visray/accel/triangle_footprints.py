@@ -185,6 +185,8 @@ def _clipped(view: CellView, row: np.ndarray, p: np.ndarray, rounding: np.ndarra
     points = np.concatenate([p, p + np.clip((z - cut) / fall, 0, 1) * (q - p)], axis=1)
     x, y, _, margin = _projected(view, points, 2 * rounding)
     real = np.concatenate([ahead, crosses])
+    # A point that is left out may be infinitely far away.
+    x, y, margin = (np.where(real, v, 0) for v in (x, y, margin))
     low = np.array([np.where(real, v - margin, np.inf).min(axis=0) for v in (x, y)])
     high = np.array([np.where(real, v + margin, -np.inf).max(axis=0) for v in (x, y)])
     nothing = np.zeros((7, len(at)), np.float32)

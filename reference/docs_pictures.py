@@ -1,7 +1,7 @@
 """Renders the pictures of README.md and docs/: the scenes whose code is on these pages, and the gallery.
 
     python reference/docs_pictures.py                    # the scenes of the pages, and the gallery
-    python reference/docs_pictures.py many everything    # only these files of scenes/
+    python reference/docs_pictures.py bowl everything    # only these files of scenes/
 
 The scene "everything" is the picture at the top of README.md.
 """
@@ -21,7 +21,7 @@ DOCS = ROOT / "docs"
 GALLERY_SIZE, LARGE = (390, 260), (640, 400)
 # The scenes of the gallery, each with its samples per pixel. They are so many that no noise is visible.
 GALLERY = {
-    "barth-decic": 64, "glass-heart": 64, "earth-with-stars-and-moon": 64, "many-lights": 36, "many": 64,
+    "barth-decic": 64, "glass-heart": 64, "earth-with-stars-and-moon": 64, "many-lights": 36, "field": 100,
     "mirror-hall": 64, "defocus-blur": 400, "scatter": 900, "toon": 64,
     "teapot": 100, "bowl": 64, "mesh-in-glass": 144,
 }  # fmt: skip

@@ -167,7 +167,7 @@ def tulip() -> list[Part]:
 def leaf(turn: float) -> Part:
     """A leaf that grows from the ground and bends outwards: a thin sheet. turn: its direction, in radians."""
     spine = bezier([(0.02, 0), (0.08, 0.3), (0.12, 0.62), (0.34, 0.7)], 10)
-    width = 0.085 * np.sin(np.pi * np.linspace(0.12, 1, 10)) ** 0.7
+    width = 0.085 * np.sin(np.pi * np.linspace(0.12, 0.98, 10)) ** 0.7
     across = np.linspace(-1, 1, 5)
     # A leaf is folded along its spine.
     x = spine[:, :1] - 0.5 * width[:, None] * across**2
@@ -181,9 +181,9 @@ def leaf(turn: float) -> Part:
 
 def blossom(top: np.ndarray) -> Part:
     """A cup of six petals. top: end of the stem, x and y."""
-    around = 48
+    around = 30
     turn = 2 * np.pi * np.arange(around) / around
-    profile = curve([(0.015, -0.01), (0.09, 0.03), (0.135, 0.14), (0.12, 0.26), (0.09, 0.34)], 3)
+    profile = curve([(0.015, -0.01), (0.09, 0.03), (0.135, 0.14), (0.12, 0.26), (0.09, 0.34)], 2)
     petal = np.abs(np.cos(3 * turn))
     share = np.linspace(0, 1, len(profile))[:, None]
     r = profile[:, :1] * (1 - 0.1 * share * (1 - petal))

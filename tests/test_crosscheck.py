@@ -130,6 +130,17 @@ def test_a_smooth_mesh_with_a_texture_passes(steps: tuple) -> None:
     assert report.picture.rms < 1e-4 and report.picture.compared > 0.9 * report.picture.pixels
 
 
+def test_an_open_mesh_is_dark_on_the_side_that_its_triangles_turn_from_the_light() -> None:
+    """Close to the edge of the shadow, normals for shading face the light and the triangle does not. Nothing else is in
+    the way there: behind a thin sheet it is free."""
+    steps = Translate(translate=(0.0, -1.15, 0.0)), Scale(scale=6)
+    cup = Mesh(file=str(KNOT.parent / "tulip.obj"), part="blossom", transform=steps)
+    sun = DirectionalLight(direction=(-0.6, -1.0, -0.35))
+    report = checked(scene({"cup": cup}, lights={"sun": sun}))
+    assert report.passed, failures(report)
+    assert report.pixels.hits > 1000 and report.shadows.rays > 400
+
+
 def test_a_light_beside_a_mesh_touches_none_of_its_planes() -> None:
     """Each triangle ends at its bounding ball: the planes of thousands of triangles pass near any point."""
     ours = VisrayScene(scene({"knot": Mesh(file=str(KNOT), normals="face")}))

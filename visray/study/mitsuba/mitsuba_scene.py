@@ -153,7 +153,8 @@ class MitsubaScene:
             to_light = ShadowRays.to(p, light, self.centre)
             falloff = light_falloff.attenuation(light, to_light.length) * light.falloff_reference(-to_light.l)
             reflected = self._reflected(light, si, to_light.l, kd)
-            colour += np.where(hits.hit[:, None], reflected * (share * falloff[:, None]), 0)
+            arrives = hits.hit & ~(self.is_mesh[hits.index] & _behind_triangle(si, to_light.l))
+            colour += np.where(arrives[:, None], reflected * (share * falloff[:, None]), 0)
         return colour
 
     def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
@@ -168,6 +169,14 @@ class MitsubaScene:
             value = np.array(bsdf.eval(context, si, wo, si.is_valid()), float).T
             total = total + light.intensity * colour * value
         return total
+
+
+def _behind_triangle(si: Any, l: np.ndarray) -> np.ndarray:
+    """Whether the light is on the other side of the triangle than the viewer. Normals for shading do not tell that, and
+    in visray no light goes through a triangle. l: unit directions to the light. Shapes: (N, 3) -> (N).
+    """
+    n, v = np.array(si.n, float).T, np.array(si.to_world(si.wi), float).T
+    return (n * l).sum(1) * (n * v).sum(1) <= 0
 
 
 def _sky(scene: Scene, rays: Rays) -> np.ndarray:

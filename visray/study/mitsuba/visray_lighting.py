@@ -15,7 +15,7 @@ from visray import integrator, pytree
 from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
-from visray.direct import area_light, light_sample
+from visray.direct import LightSample, area_light, light_sample
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import PreparedLight
 from visray.lights.light import AreaLight, Light
@@ -31,7 +31,8 @@ class LightArrival:
     """The light that arrives at hit points from one light source.
 
     reached: whether any light arrives, (N)
-    cosine: cosine of the angle between normal and direction to the light. If it is not positive, no light arrives. (N)
+    cosine: cosine of the angle between normal and direction to the light; on a mesh, the smaller one of the triangle's
+        normal and of the normal for shading. If it is not positive, no light arrives. (N)
     transmittance: fraction of the light that transparent objects let through, (N, 3); None if the scene has no coloured
         shadows
     """
@@ -48,7 +49,7 @@ def arriving_light(ours: VisrayScene, traced: TracedRays) -> Iterator[LightArriv
     for light in _lights(ours):
         sample = light_sample(ours.kernel, interaction, light)
         share = None if sample.transmittance is None else np.broadcast_to(to_numpy(sample.transmittance), (n, 3))
-        yield LightArrival(np.array(sample.arrives), np.array(sample.cosine, float), share)
+        yield LightArrival(np.array(sample.arrives), np.array(_cosine(interaction, sample), float), share)
 
 
 def arriving_light_of_point(ours: VisrayScene, traced: TracedRays, light: AreaLight, point: np.ndarray) -> LightArrival:
@@ -60,11 +61,17 @@ def arriving_light_of_point(ours: VisrayScene, traced: TracedRays, light: AreaLi
     away = a.W(*(ours.centre + point).tolist()) - row.position
     pinned = PreparedLight(type(light), PinnedAreaLight(row, away), SampleSet.of(a, 1), 1, 0, None)
 
-    def reflected(_: Any, __: Interaction, ___: Any, sample: Any) -> Any:
-        return a.V(dr.select(sample.arrives, a.F(1), 0), sample.cosine, 0)
+    def reflected(_: Any, interaction: Interaction, __: Any, sample: Any) -> Any:
+        return a.V(dr.select(sample.arrives, a.F(1), 0), _cosine(interaction, sample), 0)
 
     reached, cosine, _ = to_numpy(area_light(ours.kernel, _interaction(ours, traced), pinned, reflected)).T
     return LightArrival(reached > 0, cosine)
+
+
+def _cosine(interaction: Interaction, sample: LightSample) -> Any:
+    """LightArrival.cosine of a light sample."""
+    of_surface = interaction.face_cosine(sample.l, sample.cosine)
+    return dr.select(of_surface < sample.cosine, of_surface, sample.cosine)
 
 
 class PinnedAreaLight:

@@ -136,8 +136,13 @@ class World:
         n, count = len(self.d), len(self.scene.objects)
         o = triples(self.o if shared else np.broadcast_to(self.o, self.d.shape))
         d, rng = triples(self.d), np.random.default_rng(1)
-        source = A.put(A.U, np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, count, n)).astype(np.uint32))
+        source = np.where(rng.random(n) < 0.5, NO_ROW, rng.integers(0, count, n))
         origin = RayOrigin(geometry_of(self.scene), o)
+        for batch in origin.batches:
+            # A search for roots relies on it that the ray starts on the row, so its answer would have no meaning here.
+            if batch.kind.finds_roots:
+                source = np.where((source >= batch.first_row) & (source < batch.first_row + len(batch)), NO_ROW, source)
+        source = A.put(A.U, source.astype(np.uint32))
         hit = closest(origin, Ray(o, d, row=source, inside=A.put(A.B, rng.random(n) < 0.5)), brute_force)
         length, end, inward = self.ends(rng)
         target = Target(

@@ -47,6 +47,48 @@ def measured(report: dict, script: str, between: str = " ", more: str = "") -> s
     return f"{where}{between}Run `python reference/{script}.py`{more}."
 
 
+def lists() -> list[str]:
+    """Lines with the speed of many spheres and of meshes, in visray and in Mitsuba."""
+    report = loaded("bench_lists")
+    rows = []
+    for case in report["cases"]:
+        sort = "spheres" if "spheres" in case else "triangles"
+        speeds = (f"{case[key]:.1f}" for key in ("visray_Msamples_per_s", "mitsuba_Msamples_per_s", "ratio"))
+        builds = (f"{case['build_s'][key]:.2f}" for key in ("visray", "mitsuba"))
+        rows.append([f"{case[sort]:,} {sort}", case["spp"], *speeds, *builds, f"{case['ratio_with_build']:.1f}"])
+    speeds = ["visray, M samples/s", "Mitsuba, M samples/s", "ratio"]
+    heads = ["objects", "samples", *speeds, "build, s", "Mitsuba's build, s", "ratio with both builds"]
+    return [
+        *prose(
+            "A plane with random spheres, or with a bumpy ball of triangles, under a point light with hard shadows, "
+            "512 x 512 pixels. Mitsuba's integrator is `direct` with one emitter sample; it finds triangles with "
+            "Embree. Both run in one process, by turns; kernels are compiled before. Medians:"
+        ),
+        *table(heads, rows),
+        *measured(report, "bench_lists", "\n").split("\n"),
+    ]
+
+
+def growth() -> list[str]:
+    """Lines with time and memory against the number of objects."""
+    report = loaded("growth")
+    rows = []
+    for case in report["cases"]:
+        seconds = (f"{case[stage]:.2f}" for stage in ("load", "prepare", "picture", "second"))
+        rows.append([f"{case['objects']:,} {case['sort']}", *seconds, f"{case['memory'] / 1e9:.2f}"])
+    return [
+        *prose(
+            "From nothing to a picture of 512 x 512 pixels with one sample per pixel, with compiled kernels in the "
+            "cache. Spheres are objects of Python, one by one; the mesh is a binary PLY file. The second picture has "
+            "the light elsewhere, so its lists are new."
+        ),
+        "",
+        "![Seconds and gigabytes against the number of objects, both logarithmic](growth.png)",
+        *table(["objects", "load, s", "prepare, s", "first picture, s", "second picture, s", "memory, GB"], rows),
+        *measured(report, "growth", "\n").split("\n"),
+    ]
+
+
 def speed() -> list[str]:
     """Lines with the speed of visray and of Mitsuba."""
     report = loaded("bench_mitsuba")
@@ -321,6 +363,8 @@ FIGURES = {
     "adaptive": adaptive,
     "cost": cost,
     "speed": speed,
+    "lists": lists,
+    "growth": growth,
     "effects": effects,
     "check": check,
     "polynomials": polynomials,

@@ -88,4 +88,4 @@ def test_explain_says_how_rays_find_objects(tmp_path, capsys) -> None:
     assert main(["explain", str(file), "--set", "settings.accelerator=none"]) == 0
     assert "none: every object is" in capsys.readouterr().out
     assert main(["explain", str(file), "--set", "settings.accelerator=bvh"]) == 2
-    assert "one of auto, none, lists, tree, embree" in capsys.readouterr().err
+    assert "one of auto, none, lists, tree" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-Accelerator = Literal["auto", "none", "lists", "tree", "embree"]
+Accelerator = Literal["auto", "none", "lists", "tree"]
 # What all rays of a family share, such as all rays of a pinhole camera: their origin, their direction, or neither.
 SharedBy = Literal["origin", "direction", "nothing"]
 
@@ -69,7 +69,7 @@ def plan(sizes: Sequence[BatchSize], accelerator: Accelerator, shared: SharedBy)
     shared: what all rays share.
     """
     numbers = range(len(sizes))
-    listed = shared != "nothing" and accelerator in ("auto", "lists", "embree")
+    listed = shared != "nothing" and accelerator in ("auto", "lists")
     limit = MAX_UNROLLED_SHARED if shared == "origin" and not listed else MAX_UNROLLED
     bounded = [i for i in numbers if sizes[i].bounded]
     small = {i for i in numbers if sizes[i].rows <= limit}

@@ -107,7 +107,7 @@ class Settings:
     misses: Literal["background", "ambient"] = "background"
     local: Literal["weighted", "full"] = "weighted"
     area: Literal["samples", "centre"] = "samples"
-    accelerator: Literal["auto", "none", "lists", "tree", "embree"] = "auto"
+    accelerator: Literal["auto", "none", "lists", "tree"] = "auto"
     occlusion: Occlusion = field(default_factory=Occlusion)
     scatter: Scatter = field(default_factory=Scatter)
 

@@ -363,8 +363,6 @@ FIGURES = {
     "adaptive": adaptive,
     "cost": cost,
     "speed": speed,
-    "lists": lists,
-    "growth": growth,
     "effects": effects,
     "check": check,
     "polynomials": polynomials,

@@ -98,7 +98,8 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     if curved := [f"{section}.{n}.tolerance" for section in shapes for n, o in shapes[section].items() if _searched(o)]:
         turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.objects:
-        turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ("auto", "none", "lists", "tree")))
+        ways = "auto", "none", "lists", "tree"
+        turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ways))
     if on["textures"] and (images := _images(scene)):
         turned.append(_of_values("texture filter", "step", scene, images, ("nearest", "bilinear")))
     return tuple(turned)

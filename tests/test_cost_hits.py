@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import visray as vr
 from visray.primitives.clips import Ball
@@ -47,6 +48,17 @@ def test_single_precision_is_that_of_shading() -> None:
     found = geometry(made("single"), made("double"))
     assert (found.lost, found.added, found.other, found.ulps, found.self_shadows) == (0, 0, 0, 0, 0)
     assert 1e-8 < found.angle < 1e-6
+
+
+def test_triangles_of_a_mesh_are_one_object() -> None:
+    """Other settings leave the first hits of a mesh and of what stands before it as they are."""
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    mesh = vr.Mesh(vertices=mesh.vertices, faces=mesh.faces)
+    truth = made(heart=mesh)
+    found = geometry(made("single", heart=mesh), truth)
+    assert (found.lost, found.added, found.other, found.ulps, found.self_shadows) == (0, 0, 0, 0, 0)
+    bare = prepare(replace(truth.scene, objects={k: v for k, v in truth.scene.objects.items() if k != "heart"}))
+    assert geometry(bare, truth).other > 100
 
 
 def of_heart(tolerance: float = 0.0) -> Prepared:

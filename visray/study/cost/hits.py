@@ -11,7 +11,7 @@ from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import RayOrigin
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
-from visray.ray import NO_ROW, Ray, unit
+from visray.ray import Ray, unit
 from visray.setup import Prepared
 from visray.study.cost.records import Geometry
 from visray.study.mitsuba.visray_scene import to_numpy
@@ -22,7 +22,7 @@ class View:
     """First hits of rays from the camera.
 
     kernel, si: the scene, and the surface interactions as shaded
-    names: names of the objects, in the order of rows
+    names: names of the objects, in the order of the scene
     index: index of the object in `names`, -1 for none, shape (N)
     t: distance, inf for none, shape (N)
     n: outward unit normal, shape (N, 3)
@@ -76,12 +76,10 @@ def _view(prepared: Prepared, ray: Ray) -> View:
     s = prepared.kernel
     si = interact(s, ray, closest(integrator.camera_origin(s, ray), ray, s.brute_force))
     dr.eval(si.hit, si.surface, si.n, si.from_inside)
-    index = np.array(si.hit.row).astype(np.int64)
-    index[index == NO_ROW] = -1
-    names = tuple(name for batch in s.batches for name in batch.names)
+    index = np.array(integrator.object_of(s, si.hit)).astype(np.int32)
     # All rays may share one normal.
     n = np.broadcast_to(to_numpy(si.surface.n), (len(index), 3))
-    return View(s, si, names, index, np.array(si.hit.t), n)
+    return View(s, si, tuple(prepared.scene.objects), index, np.array(si.hit.t), n)
 
 
 def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:

@@ -65,18 +65,26 @@ def _blocks(step: Step, at: Position, counts: tuple) -> tuple[Position, tuple]:
     counts: the counts of `walk`, or nothing.
     """
     u = step.a.U
+    # Without certain hits of its rows, no step changes these. They are then no state of the loop, because Dr.Jit would
+    # trace the whole loop once more to find that out.
+    bounds = (at.limit, at.low) if step.search.certain is not None and not step.decides else ()
 
-    def body(block: Any, limit: Any, candidate: Any, low: Any, *rest: Any) -> tuple:
-        stack, counts = Stack.read(u, rest)
+    def split(rest: tuple) -> tuple[tuple, Stack, tuple]:
+        limit, low = rest[: len(bounds)] or (at.limit, at.low)
+        return (limit, low), *Stack.read(u, rest[len(bounds) :])
+
+    def body(block: Any, candidate: Any, *rest: Any) -> tuple:
+        (limit, low), stack, counts = split(rest)
         at, is_node = step.taken(Position(block, limit, candidate, low, stack))
         if counts:
             nodes, rows = counts
             counts = nodes + dr.select(is_node, u(1), u(0)), rows + dr.select(is_node, u(0), u(1))
-        return at.block, at.limit, at.candidate, at.low, *at.stack.arrays, *counts
+        moved = (at.limit, at.low) if bounds else ()
+        return at.block, at.candidate, *moved, *at.stack.arrays, *counts
 
-    start = at.block, at.limit, at.candidate, at.low, *at.stack.arrays, *counts[:2]
-    block, limit, candidate, low, *rest = dr.while_loop(start, lambda block, *_: block < WAITS, body, label="blocks")
-    stack, inner_counts = Stack.read(u, tuple(rest))
+    start = at.block, at.candidate, *bounds, *at.stack.arrays, *counts[:2]
+    block, candidate, *rest = dr.while_loop(start, lambda block, *_: block < WAITS, body, label="blocks")
+    (limit, low), stack, inner_counts = split(tuple(rest))
     return Position(block, limit, candidate, low, stack), (*inner_counts, *counts[2:])
 
 

@@ -9,11 +9,11 @@ Pictures, 512 x 512 pixels, 2 threads, medians of 7 by turns in one process with
     lens       a camera with a lens; a point light with hard shadows
     panel      a rectangle light that is sampled 16 times at each point
 
-Mitsuba takes `path` for the mirror, `direct` for the lens and the panel, and for the occlusion rays an integrator that
-is written here. It finds triangles with Embree. In all other ways the scenes are those of bench_mitsuba.py.
+Mitsuba takes `direct` for the lens and the panel. For the occlusion rays and the mirror it has no integrator that does
+the same as visray's, such as to end paths at matte surfaces, so two are written here. It finds triangles with Embree.
+In all other ways the scenes are those of bench_mitsuba.py.
 
-A row is one object in the kernel's tables. Rows are put in these tables as arrays, because a million Python objects
-would take minutes.
+Spheres are put in the kernel's tables as arrays, because 100,000 Python objects would take long to check.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from machine import machine
 
 from visray.features import features
 from visray.kernel_scene import kernel_scene
-from visray.pack import NO_TEXTURE, Columns, Names, Packed, pack
+from visray.pack import NO_TEXTURE, Columns, Names, pack
 from visray.passes import expose
 from visray.quantities import Arrays
 from visray.setup import Prepared, lanes
@@ -71,17 +71,19 @@ def cloud(n: int) -> tuple[np.ndarray, np.ndarray]:
     return rng.uniform((-4, 0.1, -4), (4, 3, 4), (n, 3)), rng.uniform(0.3, 0.9, n) * 2.2 / n ** (1 / 3)
 
 
-def scene(body: str, picture: str) -> vr.Scene:
-    """The scene for visray with a single row in the place of the mesh or the spheres. body: one of BODIES."""
-    row = vr.Sphere if body == "spheres" else vr.Triangle
+def scene(body: str, n: int, picture: str) -> vr.Scene:
+    """The scene for visray. It has a single sphere in the place of all spheres. body: one of BODIES."""
+    thing = vr.Sphere(material="paint")
+    if body == "mesh":
+        vertices, faces = ball(n)
+        thing = vr.Mesh(vertices=vertices, faces=faces, normals="face", solid=False, material="paint")
     material = {"kd": (0.0, 0.0, 0.0), "ka": (0.0, 0.0, 0.0), "kr": (0.9, 0.9, 0.9)} if picture == "mirror" else {}
     light = {"panel": {"key": PANEL}, "occlusion": {}}.get(picture, {"key": vr.PointLight(position=LAMP)})
-    corners = {} if body == "spheres" else {"a": (0, 0, 0), "b": (1, 0, 0), "c": (0, 1, 0)}
     return vr.Scene(
         camera=vr.Camera(origin=EYE, target=TARGET, fov=FOV, aperture=APERTURE if picture == "lens" else 0.0),
         film=vr.Film(width=SIZE, height=SIZE),
         materials={"grey": vr.Material(kd=(0.5, 0.5, 0.5)), "paint": vr.Material(**material)},
-        objects={"floor": vr.Plane(material="grey"), "body": row(material="paint", **corners)},
+        objects={"floor": vr.Plane(material="grey"), "body": thing},
         lights=light,
         settings=vr.Settings(
             spp=SPP[picture], depth=DEPTH, occlusion=vr.Occlusion(sky=RAYS if picture == "occlusion" else 0)
@@ -89,37 +91,36 @@ def scene(body: str, picture: str) -> vr.Scene:
     )
 
 
-def rows(a: Arrays, body: str, n: int, columns: Columns) -> Columns:
-    """The columns of all rows of the mesh or the spheres. columns: those of the row in their place."""
+def many_spheres(a: Arrays, n: int, columns: Columns) -> Columns:
+    """The columns of n spheres. columns: those of the sphere in their place."""
     numbers = object.__new__(columns.kind)
     for name in columns.kind.__dataclass_fields__:
         object.__setattr__(numbers, name, None)
-    if body == "spheres":
-        centres, radii = cloud(n)
-        fields = {"center": a.put(a.W, centres.T), "radius": a.put(a.D, radii)}
-    else:
-        vertices, faces = ball(n)
-        fields = {name: a.put(a.W, vertices[faces[:, k]].T) for k, name in enumerate("abc")}
-        n = len(faces)
-    for name, values in fields.items():
-        object.__setattr__(numbers, name, values)
+    centres, radii = cloud(n)
+    object.__setattr__(numbers, "center", a.put(a.W, centres.T))
+    object.__setattr__(numbers, "radius", a.put(a.D, radii))
     material, thing = (int(np.array(x)[0]) for x in (columns.material, columns.object))
     material, texture, thing = (a.put(a.U, np.full(n, x, np.uint32)) for x in (material, NO_TEXTURE, thing))
-    return Columns(columns.kind, Names(prefix="row ", count=n), numbers, None, material, texture, thing)
+    names = Names(prefix="sphere ", count=n)
+    return replace(columns, names=names, numbers=numbers, material=material, texture=texture, object=thing)
 
 
 def prepared(body: str, n: int, picture: str) -> Prepared:
-    """visray's scene with all rows."""
-    simple, a = scene(body, picture), Arrays.of("llvm", "single")
+    """visray's scene with all spheres."""
+    simple, a = scene(body, n, picture), Arrays.of("llvm", "single")
     effects, packed = features(simple), pack(simple, a)
-    packed = Packed(**(packed.__dict__ | {"batches": (packed.batches[0], rows(a, body, n, packed.batches[1]))}))
+    if body == "spheres":
+        packed = replace(packed, batches=(packed.batches[0], many_spheres(a, n, packed.batches[1])))
     kernel = kernel_scene(packed, simple, effects, a, None)
     return Prepared(simple, a, effects, packed, kernel, *lanes(a, SIZE, SIZE), ())
 
 
-def register_occlusion() -> None:
-    """Registers Mitsuba's integrator `occlusion rays`: the share of RAYS rays from each point that hit nothing, and 1
-    where the camera's ray hits nothing. Its class can only be defined once Mitsuba has a variant."""
+def register_integrators() -> None:
+    """Registers two integrators of Mitsuba. Their classes can only be defined once Mitsuba has a variant.
+
+    `occlusion rays`: the share of RAYS rays from each point that hit nothing; 1 where the camera's ray hits nothing.
+    `mirrors`: light of point lights, with shadows, on the first surface that is no mirror, after DEPTH mirrors at most.
+    """
 
     class OcclusionRays(mi.SamplingIntegrator):
         def __init__(self, properties):
@@ -143,7 +144,41 @@ def register_occlusion() -> None:
         def to_string(self):
             return "OcclusionRays[]"
 
+    class Mirrors(mi.SamplingIntegrator):
+        def __init__(self, properties):
+            super().__init__(properties)
+            self.depth = dr.opaque(mi.UInt32, DEPTH)
+
+        def sample(self, scene, sampler, ray, medium=None, active=True):
+            context, n = mi.BSDFContext(), dr.width(ray)
+
+            def step(ray, depth, weight, colour, active):
+                si = scene.ray_intersect(ray, active)
+                active &= si.is_valid()
+                bsdf = si.bsdf(ray)
+                mirror = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.DeltaReflection)
+                matte = active & ~mirror
+                light, emitted = scene.sample_emitter_direction(si, mi.Point2f(0.5), True, matte)
+                value = bsdf.eval(context, si, si.to_local(light.d), matte)
+                colour = dr.select(matte, weight * value * emitted, colour)
+                reflected = si.spawn_ray(si.to_world(mi.reflect(si.wi)))
+                return (
+                    reflected,
+                    depth + 1,
+                    dr.select(mirror, 0.9 * weight, weight),
+                    colour,
+                    mirror & (depth < self.depth),
+                )
+
+            start = mi.Ray3f(ray), dr.zeros(mi.UInt32, n), dr.full(mi.Color3f, 1, n), dr.zeros(mi.Color3f, n)
+            state = *start, mi.Bool(active) & dr.full(mi.Bool, True, n)
+            return dr.while_loop(state, lambda *s: s[-1], step, label="mirrors")[3], mi.Bool(active), []
+
+        def to_string(self):
+            return "Mirrors[]"
+
     mi.register_integrator("occlusion rays", OcclusionRays)
+    mi.register_integrator("mirrors", Mirrors)
 
 
 def theirs(body: str, n: int, picture: str) -> "mi.Scene":
@@ -154,7 +189,7 @@ def theirs(body: str, n: int, picture: str) -> "mi.Scene":
         paint = {"type": "conductor", "specular_reflectance": {"type": "rgb", "value": 0.9}}
     integrator = {
         "occlusion": {"type": "occlusion rays"},
-        "mirror": {"type": "path", "max_depth": DEPTH + 2, "rr_depth": 99, "hide_emitters": True},
+        "mirror": {"type": "mirrors"},
         "lens": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0, "hide_emitters": True},
         "panel": {"type": "direct", "emitter_samples": RAYS, "bsdf_samples": 0, "hide_emitters": True},
     }
@@ -249,7 +284,7 @@ def main() -> None:
     chosen = parser.parse_args()
     mi.set_variant("llvm_ad_rgb")
     dr.set_thread_count(THREADS)
-    register_occlusion()
+    register_integrators()
     report = machine() | {"size": SIZE, "spp": SPP, "pictures": []}
     for body in chosen.bodies:
         for n in BODIES[body]:

@@ -262,6 +262,30 @@ def stability() -> list[str]:
     ]
 
 
+def mesh_stability() -> list[str]:
+    """Lines that compare visray's hits of meshes with exact arithmetic."""
+    report = loaded("stability_meshes")
+    names = {"secondary, grazing": "secondary, skimming"}
+    rows = []
+    for r in report["sums"]:
+        errors = [r[key] for key in ("false_misses", "false_hits", "wrong_roots", "nan")]
+        ulps = ["", ""]
+        if r["ulps_worst"] is not None:
+            ulps = [f"{r['median_ulps_worst']:.1f}", f"{r['ulps_worst']:.0f}"]
+        rows.append([names.get(r["rays"], r["rays"]), f"{r['judged']:,}", f"{r['near_edge']:,}", *errors, *ulps])
+    heads = ["rays", "judged", "past a silhouette", "lost", "false", "wrong triangle", "NaN", "dt, median", "dt, most"]
+    return [
+        *prose(
+            f"`visray stability --kind mesh` on {report['sums'][0]['surfaces']} closed meshes, a ball and a tube with "
+            f"slivers a million times as long as wide, near the origin and a million units away, with "
+            f"{report['rays']:,} rays in each set for each mesh. *dt* is the error of the distance in units of its "
+            "last place; it is largest for grazing rays, and for rays that start close to what they hit."
+        ),
+        *table(heads, rows),
+        measured(report, "stability", more=" with `--kind mesh`"),
+    ]
+
+
 def estimates() -> list[str]:
     """Lines about whether pictures have the errors that they report."""
     report = loaded("error_estimates")
@@ -368,6 +392,7 @@ FIGURES = {
     "polynomials": polynomials,
     "degree": degree,
     "stability": stability,
+    "mesh_stability": mesh_stability,
 }
 
 

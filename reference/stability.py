@@ -1,6 +1,7 @@
-"""`visray stability` on all known polynomial surfaces, with sums over the surfaces for each set of rays.
+"""`visray stability` on all known polynomial surfaces, or on meshes, with sums over them for each set of rays.
 
 python reference/stability.py -o reference/stability.json [--surfaces FILE] [--rays N]
+python reference/stability.py --kind mesh -o reference/stability_meshes.json [--rays N]
 """
 
 import argparse
@@ -11,6 +12,7 @@ import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.
 from machine import machine
 from rich.console import Console
 
+from visray.study.stability import mesh_study
 from visray.study.stability import study as stability
 
 COUNTS = ("judged", "near_edge", "open", "false_misses", "false_hits", "wrong_roots", "nan", "unresolved", "gross")
@@ -26,6 +28,7 @@ def sums(report: stability.Report) -> list[dict]:
         degrees = [s.degrees[0] for s in scores if s.degrees]
         ulps = [s.ulps[0] for s in scores if s.ulps]
         worst = {"median_ulps_worst": max(ulps, default=None), "normal_p999_worst": max(degrees, default=None)}
+        worst |= {"ulps_worst": max((s.ulps[2] for s in scores if s.ulps), default=None)}
         entries.append({"rays": name, "surfaces": len(scores), **total, "errors_within": within, **worst})
     return entries
 
@@ -34,9 +37,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--surfaces", type=Path)
-    parser.add_argument("--rays", type=int, default=stability.RAYS)
+    parser.add_argument("--rays", type=int)
+    parser.add_argument("--kind", choices=["polynomial", "mesh"], default="polynomial")
     args = parser.parse_args()
-    report = stability.run(args.surfaces, args.rays, progress=True)
+    if args.kind == "mesh":
+        report = mesh_study.run(args.rays or mesh_study.RAYS, progress=True)
+    else:
+        report = stability.run(args.surfaces, args.rays or stability.RAYS, progress=True)
     Console(width=120).print(report.table())
     result = machine() | {"visray": vr.__version__, "sums": sums(report)} | report.as_json()
     print(json.dumps(result["sums"], indent=2))

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
@@ -237,6 +237,9 @@ def tune(
 @app.command
 def stability(
     *,
+    kind: Annotated[
+        Literal["polynomial", "mesh"], Parameter(help="What is tested: polynomial surfaces, or meshes.")
+    ] = "polynomial",
     surfaces: Annotated[Path | None, Parameter(help="A .json file of surfaces. Default: the known ones.")] = None,
     rays: Annotated[Integer | None, Parameter(help="Number of rays in each set.")] = None,
     sets: Annotated[str, Parameter(help="Sets of rays, separated by commas. Default: all.", show_default=False)] = "",
@@ -246,14 +249,20 @@ def stability(
     seed: Annotated[Integer, Parameter(help="Seed of the rays.")] = 0,
     json: Json = False,
 ) -> int:
-    """Compare polynomial surfaces with exact arithmetic: count lost, false and wrong roots.
+    """Compare polynomial surfaces or meshes with exact arithmetic: count lost, false and wrong hits.
 
-    Exit code 1 if there are any. Needs python-flint: pip install 'visray[test]'.
+    Exit code 1 if there are any. Polynomial surfaces need python-flint: pip install 'visray[test]'.
     """
-    from visray.study.stability import study  # here, because no other command needs its libraries
+    from visray.study.stability import mesh_study, study  # here, because no other command needs their libraries
 
-    count, chosen = study.RAYS if rays is None else rays, parse_list(sets) or study.SETS
-    report = study.run(surfaces, count, chosen, parse_list(only), seed, progress=not json)
+    if kind == "mesh" and surfaces is not None:
+        raise UserError("surfaces: is a file of polynomial surfaces; leave it out, or leave out --kind mesh")
+    of_kind = mesh_study if kind == "mesh" else study
+    count, chosen = of_kind.RAYS if rays is None else rays, parse_list(sets) or of_kind.SETS
+    if kind == "mesh":
+        report = mesh_study.run(count, chosen, parse_list(only), seed, progress=not json)
+    else:
+        report = study.run(surfaces, count, chosen, parse_list(only), seed, progress=not json)
     print_json(report.as_json()) if json else Console().print(report.table())
     return INTERRUPTED if report.stopped else 0 if report.passed else 1
 

@@ -16,6 +16,7 @@ from visray.interaction import surface_of
 from visray.polynomials import PolynomialError
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
+from visray.primitives.primitive import Primitive
 from visray.pytree import rows
 from visray.ray import NOTHING_KNOWN, Ray
 from visray.scene.scene import Scene, Settings
@@ -74,21 +75,15 @@ class FunctionSolver:
         return (clock.now() - start) / len(rays)
 
 
-class KernelSolver:
-    """visray's own search, in a scene that contains only the surface, with all numbers in double precision."""
+class PrimitiveSolver:
+    """visray's own search, in a scene that contains a single object, with all numbers in double precision.
 
-    def __init__(self, surface: Surface):
-        primitive = Polynomial(
-            expression=surface.expression,
-            parameters=dict(surface.parameters),
-            clip=Ball(center=tuple(map(float, surface.centre)), radius=float(surface.radius)),
-            ends="open",
-        )
-        try:
-            prepared = prepare(Scene(objects={"surface": primitive}, settings=Settings(precision="double")))
-        except PolynomialError as error:
-            raise UserError(str(error)) from None
-        self.a, self.kernel, self.far = prepared.a, prepared.kernel, 10 * surface.radius
+    far: distance up to which rays that leave the object may be occluded by it
+    """
+
+    def __init__(self, primitive: Primitive, far: float):
+        prepared = prepare(Scene(objects={"surface": primitive}, settings=Settings(precision="double")))
+        self.a, self.kernel, self.far = prepared.a, prepared.kernel, far
 
     def triples(self, v: np.ndarray) -> Any:
         """A NumPy array of triples as a Dr.Jit array. Shapes: (N, 3)."""
@@ -121,12 +116,6 @@ class KernelSolver:
         t = dr.select(hit.valid, next_hit.t, dr.nan)
         return np.array(t), np.array(is_occluded)
 
-    def unresolved(self, rays: RayBundle) -> int | None:
-        ray = Ray(self.triples(rays.o), self.triples(rays.d))
-        batch = self.kernel.batches[0]
-        seen = batch.kind.seen(rows(batch.placed, self.a.U(0)), ray.o)
-        return int(np.count_nonzero(np.array(batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved)))
-
     def seconds(self, rays: RayBundle) -> float | None:
         repeated = np.resize(np.arange(len(rays)), TIMED_RAYS)
         ray = Ray(self.triples(rays.o[repeated]), self.triples(rays.d[repeated]))
@@ -144,3 +133,25 @@ class KernelSolver:
         finally:
             dr.set_thread_count(threads)
         return least / TIMED_RAYS
+
+
+class KernelSolver(PrimitiveSolver):
+    """visray's own search for a polynomial surface."""
+
+    def __init__(self, surface: Surface):
+        primitive = Polynomial(
+            expression=surface.expression,
+            parameters=dict(surface.parameters),
+            clip=Ball(center=tuple(map(float, surface.centre)), radius=float(surface.radius)),
+            ends="open",
+        )
+        try:
+            super().__init__(primitive, 10 * surface.radius)
+        except PolynomialError as error:
+            raise UserError(str(error)) from None
+
+    def unresolved(self, rays: RayBundle) -> int | None:
+        ray = Ray(self.triples(rays.o), self.triples(rays.d))
+        batch = self.kernel.batches[0]
+        seen = batch.kind.seen(rows(batch.placed, self.a.U(0)), ray.o)
+        return int(np.count_nonzero(np.array(batch.kind.crossing(seen, ray, 0, None, NOTHING_KNOWN).unresolved)))

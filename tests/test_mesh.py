@@ -338,3 +338,38 @@ def test_ten_million_rays_find_the_same_in_every_way() -> None:
     for what in ORIGINS:
         assert sum(view(what, seed, rays).disagreements(("lists", "tree")) for seed in range(seeds)) == 0, what
     assert len(ORIGINS) * seeds * rays * 4 > 10_000_000
+
+
+# Pictures
+
+
+LIGHTS = {
+    "inside": vr.PointLight(position=(0.1, 0.2, -0.15)),
+    "between": vr.PointLight(position=(1.4, 0.3, 0.2), intensity=0.5),
+    "at a vertex": vr.PointLight(position=tuple(CORNERS[7].tolist()), intensity=0.5),
+    "far": vr.PointLight(position=(4e5, 9e5, 3e5), intensity=0.5),
+    "sun": vr.DirectionalLight(direction=(-1.0, -2.0, -0.7), intensity=0.5),
+    "along an axis": vr.DirectionalLight(direction=(0.0, -1.0, 0.0), intensity=0.5),
+    "spot": vr.SpotLight(position=(2.0, 3.0, 3.0), direction=(-2.0, -3.0, -3.0), angle=40.0),
+}
+
+
+@pytest.mark.parametrize("name", [n if n == "sun" else pytest.param(n, marks=pytest.mark.slow) for n in LIGHTS])
+def test_pictures_are_the_same_bits_in_every_way(name: str) -> None:
+    """Camera rays and shadow rays of each light, on half a ball of triangles, smooth and open, with balls around it."""
+    scene = objects_around(np.random.default_rng(3), np.zeros(3), ())
+    half = np.array(BODY.faces)[CORNERS[np.array(BODY.faces)].mean(1)[:, 2] < 0.3]
+    scene = replace(
+        scene,
+        camera=vr.Camera(origin=(2.0, 1.5, 5.0), target=(0.0, 0.0, 0.0)),
+        film=vr.Film(width=40, height=30),
+        lights={"light": LIGHTS[name]},
+        objects=scene.objects | {"half": vr.Mesh(vertices=CORNERS, faces=half)},
+        settings=vr.Settings(spp=2),
+    )
+    layers = ("RGB", "id", "distance", "N")
+    truth = vr.render(vr.replaced(scene, "settings.accelerator", "none"), layers=layers, progress=False)
+    assert len(np.unique(truth["id"])) > 20
+    for way in ("lists", "tree", "auto") if name != "sun" else ("lists",):
+        image = vr.render(vr.replaced(scene, "settings.accelerator", way), layers=layers, progress=False)
+        assert all(np.array_equal(image[layer], truth[layer]) for layer in layers), way

@@ -3,7 +3,7 @@
     python reference/bench_lists.py -o reference/bench_lists.json
 
 Both programs render the same scene with hard shadows, 512 x 512 pixels, 2 threads, with kernels compiled before. They
-alternate, and each figure is the median of 7 renders (of 3 where a render of Mitsuba takes seconds).
+alternate, and each figure is the median of 5 renders (of 3 where a render of Mitsuba takes seconds).
 
 spheres: 100, 1,000, 10,000 and 100,000 random spheres in the same space. Mitsuba has one `sphere` shape for each.
 meshes: a bumpy ball of 10,000, 160,000 and 1,000,000 triangles with flat faces. Mitsuba finds them with Embree.
@@ -32,7 +32,7 @@ from visray.passes import expose
 from visray.setup import prepare
 
 SPHERES, MESHES = (100, 1_000, 10_000, 100_000), ((100, 50), (400, 200), (1000, 500))
-SAMPLES, RUNS = (16, 64), 7
+SAMPLES, RUNS = (16, 64), 5
 CLOCKS = {"wall": time.perf_counter, "cpu": time.process_time}
 GREY = (0.6, 0.5, 0.4)
 

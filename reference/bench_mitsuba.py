@@ -5,9 +5,7 @@
 1. The time from prepared scene to picture in memory: medians of 7 renders each, 512 x 512 pixels, 2 threads, 16 and 64
    samples per pixel. Both programs run in one process and alternate; kernels are compiled before.
 2. The same with a rectangle light that is sampled 16 times at each point (Mitsuba: 16 emitter samples).
-3. The same with the point light at 16 samples per pixel, and 100, 1,000 and 10,000 random spheres in the same space:
-   medians of 5 renders.
-4. The time from the start of a process to the picture on disk, with an empty kernel cache and with compiled kernels in
+3. The time from the start of a process to the picture on disk, with an empty kernel cache and with compiled kernels in
    the cache. visray's command is compared with a Mitsuba script for the same scene.
 """
 
@@ -194,7 +192,6 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         report = machine() | {"size": SIZE, "warm": [warm(ring(), spp) for spp in (16, 64)]}
         report |= {"area_light": [warm(ring(), spp, RUNS, True) for spp in (16, 64)]}
-        report |= {"growth": [warm(cloud(n), 16, 5) for n in (100, 1000, 10_000)]}
         report |= {"from_start_s": from_start(Path(folder))}
     text = json.dumps(report, indent=2) + "\n"
     sys.stdout.write(text)

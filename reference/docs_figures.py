@@ -47,6 +47,10 @@ def measured(report: dict, script: str, between: str = " ", more: str = "") -> s
     return f"{where}{between}Run `python reference/{script}.py`{more}."
 
 
+# What a report's clock means for the reader.
+CPU_CLOCK = {"wall": "", "cpu": " with `--clock cpu`: times are those of the processor, because the machine was busy"}
+
+
 def lists() -> list[str]:
     """Lines with the speed of many spheres and of meshes, in visray and in Mitsuba."""
     report = loaded("bench_lists")
@@ -65,7 +69,7 @@ def lists() -> list[str]:
             "Embree. Both run in one process, by turns; kernels are compiled before. Medians:"
         ),
         *table(heads, rows),
-        *measured(report, "bench_lists", "\n").split("\n"),
+        *measured(report, "bench_lists", "\n", more=CPU_CLOCK[report["clock"]]).split("\n"),
     ]
 
 
@@ -85,7 +89,7 @@ def growth() -> list[str]:
         "",
         "![Seconds and gigabytes against the number of objects, both logarithmic](growth.png)",
         *table(["objects", "load, s", "prepare, s", "first picture, s", "second picture, s", "memory, GB"], rows),
-        *measured(report, "growth", "\n").split("\n"),
+        *measured(report, "growth", "\n", more=CPU_CLOCK[report["clock"]]).split("\n"),
     ]
 
 
@@ -95,8 +99,7 @@ def speed() -> list[str]:
     start = report["from_start_s"]
     cold, warm = ((start["visray"][k], start["mitsuba"][k]) for k in ("cold", "warm"))
     keys = ["visray_Msamples_per_s", "mitsuba_Msamples_per_s", "ratio"]
-    runs = report["warm"] + report["growth"]
-    rows = [[f"{r['spheres']:,}", r["spp"], *(f"{r[key]:.1f}" for key in keys)] for r in runs]
+    rows = [[f"{r['spheres']:,}", r["spp"], *(f"{r[key]:.1f}" for key in keys)] for r in report["warm"]]
     return [
         *prose(
             "The same scene in visray and in Mitsuba (integrator `direct`): a plane, spheres, a point light, "
@@ -387,6 +390,8 @@ FIGURES = {
     "adaptive": adaptive,
     "cost": cost,
     "speed": speed,
+    "lists": lists,
+    "growth": growth,
     "effects": effects,
     "check": check,
     "polynomials": polynomials,

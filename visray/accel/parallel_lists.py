@@ -221,7 +221,9 @@ def _lists_of(
             lists = ball_lists((view,), centre, radius + spread, BUDGET)
         else:
             lists = triangle_lists((view,), *(points(x) for x in corners), BUDGET)
-        packets = _triangle_packets(a, corners, vectors, extent, spread, lists)
+        # As opaque data, so that other numbers compile no new kernel.
+        sizes = (dr.opaque(a.D, float(x)) for x in (extent, spread))
+        packets = _triangle_packets(a, corners, vectors, *sizes, lists)
     else:
         lists = ball_lists((view,), centre, radius + spread, BUDGET)
         p = batch.centre - vectors[0]
@@ -238,7 +240,7 @@ def _lists_of(
 
 
 def _triangle_packets(
-    a: Arrays, corners: tuple, vectors: list, extent: float, spread: float, lists: CellLists
+    a: Arrays, corners: tuple, vectors: list, extent: Any, spread: Any, lists: CellLists
 ) -> tuple:  # fmt: skip
     """The numbers of ParallelTriangleGuard for all triangles, as three arrays of packets of four.
 

@@ -1247,7 +1247,6 @@ def test_the_teapot() -> None:
     assert warnings == [
         f"teapot.json: objects.Br Objecte.nBox = 3.0: {BOXES}",
         f"teapot.json: objects.Br Objecte.objFileName: {SMOOTH}",
-        f"setupRenderTeapot.json: MAXDEPTH = 1: did not count in VisRayTrace; {FOLLOWED}",
     ]
     pot = loaded.objects["Br Objecte"]
     assert pot == Mesh(file=str(SHIPPED / "teapot2.obj"), material="Br Objecte")

@@ -16,7 +16,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.geometry import gamma, l1_norm
+from visray.geometry import SimilarityInverse, gamma, l1_norm
 from visray.materials import Material
 from visray.pack import Columns, Names
 from visray.primitives.primitive import Primitive
@@ -80,6 +80,11 @@ class Batch:
             return i
         u = type(self.object_of)
         return u(0) if dr.width(self.object) == 1 else dr.gather(u, self.object_of, i)
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether each row is its own bounding ball: a sphere that no transform has stretched."""
+        return self.kind.fills_ball and isinstance(self.placed.inverse, SimilarityInverse)
 
     def part(self, part: Any) -> Any:
         """The part of a hit as an argument for methods of the kind: `part`, or None if the kind has a single part."""

@@ -4,7 +4,6 @@ import numpy as np
 
 from visray.accel.blocks import TreeRows
 from visray.batches import Batch, boxes
-from visray.geometry import SimilarityInverse
 
 
 def tree_rows(batch: Batch) -> TreeRows:
@@ -12,6 +11,6 @@ def tree_rows(batch: Batch) -> TreeRows:
     corners = balls = None
     if batch.kind.triangular:
         corners = np.stack([np.array(p, float).T for p in batch.kind.corners(batch.placed)], axis=1)
-    elif batch.kind.fills_ball and isinstance(batch.placed.inverse, SimilarityInverse):
+    elif batch.is_ball:
         balls = np.concatenate([np.array(batch.centre, float).T, np.array(batch.radius, float)[:, None]], axis=1)
     return TreeRows(batch.first_row, *boxes(batch), corners, balls)

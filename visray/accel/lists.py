@@ -19,7 +19,6 @@ from visray.accel.cells import CellLists, ball_lists, triangle_lists
 from visray.accel.culling import BallGuard, TriangleGuard, ball_guard, triangle_guard
 from visray.batches import Batch
 from visray.camera import Camera
-from visray.geometry import SimilarityInverse
 from visray.pytree import evaluated
 from visray.quantities import Arrays
 
@@ -137,11 +136,8 @@ class RowLists:
             guard = ball_guard(a, batch.centre, batch.radius, o)
             packets = (dr.ravel(a.Q32(*guard.to_centre, guard.least)),)
             lists = ball_lists(views, *balls(batch), BUDGET)
-        near = lists.near[lists.entries] if len(lists.entries) else np.zeros(1, np.float32)
-        entries = lists.entries if len(lists.entries) else np.zeros(1, np.uint32)
-        arrays = a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near)
-        screens = triangular or (batch.kind.fills_ball and isinstance(batch.placed.inverse, SimilarityInverse))
-        return evaluated(RowLists(Sheet.of(a, lists), *arrays, packets, triangular, screens))
+        arrays = entry_arrays(a, lists)
+        return evaluated(RowLists(Sheet.of(a, lists), *arrays, packets, triangular, triangular or batch.is_ball))
 
     def guard(self, a: Arrays, row: Any) -> BallGuard | TriangleGuard:
         """The guard of a row of the batch, for each lane."""
@@ -169,8 +165,7 @@ def row_lists(
     if not listed:
         return (None,) * len(batches)
     if views is None:
-        all_balls = [balls(batches[i]) for i in listed]
-        views = point_views(points(o)[0], *(np.concatenate(x) for x in zip(*all_balls)))
+        views = point_views(points(o)[0], *listed_balls(batches, listed))
     return tuple(RowLists.of(a, b, o, views) if i in listed else None for i, b in enumerate(batches))
 
 
@@ -182,6 +177,13 @@ def camera_sheet(camera: Camera, width: int, height: int) -> CellView:
     return camera_view(*(points(v)[0] for v in (camera.origin, right, up, forward)), -most, most)
 
 
+def entry_arrays(a: Arrays, lists: CellLists) -> tuple[Any, Any, Any]:
+    """(offsets, entries, near) of RowLists. Lists without entries get one that no cell has, as no array is empty."""
+    entries = lists.entries if len(lists.entries) else np.zeros(1, np.uint32)
+    near = lists.near[entries] if len(lists.entries) else np.zeros(1, np.float32)
+    return a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near)
+
+
 def points(p: Any) -> np.ndarray:
     """Points or vectors as a NumPy array. Shape: (n, 3)."""
     return np.ascontiguousarray(np.array(p, float).T)
@@ -191,3 +193,9 @@ def balls(batch: Batch) -> tuple[np.ndarray, np.ndarray]:
     """(centres, radii) of the bounding balls of a batch's rows. Shapes: (n, 3), (n)."""
     centre = points(batch.centre)
     return centre, np.broadcast_to(np.array(batch.radius, float), len(centre))
+
+
+def listed_balls(batches: tuple[Batch, ...], listed: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(centres, radii) of the bounding balls of all rows in lists. Shapes: (n, 3), (n)."""
+    centre, radius = (np.concatenate(x) for x in zip(*(balls(batches[i]) for i in listed)))
+    return centre, radius

@@ -18,9 +18,9 @@ import numpy as np
 from visray.accel.cell_views import CellView, parallel_view
 from visray.accel.cells import CellLists, ball_lists, triangle_lists
 from visray.accel.culling import CrossingBounds
-from visray.accel.lists import BUDGET, RowLists, Sheet, balls, points
+from visray.accel.lists import BUDGET, RowLists, Sheet, balls, entry_arrays, listed_balls, points
 from visray.batches import Batch
-from visray.geometry import UNIT_ROUNDOFF, SimilarityInverse, gamma, l1_norm
+from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.pytree import evaluated
 from visray.quantities import Arrays
 
@@ -167,11 +167,16 @@ def far_light(batches: tuple[Batch, ...], listed: tuple[int, ...], position: Any
     from the rows, compared to their extent; else None."""
     if not listed:
         return None
-    centre, radius = (np.concatenate(x) for x in zip(*(balls(batches[i]) for i in listed)))
-    middle = 0.5 * ((centre - radius[:, None]).min(axis=0) + (centre + radius[:, None]).max(axis=0))
+    middle, extent = _extent(*listed_balls(batches, listed))
     to_middle = middle - points(position)[0]
-    extent, distance = (np.linalg.norm(centre - middle, axis=1) + radius).max(), np.linalg.norm(to_middle)
+    distance = np.linalg.norm(to_middle)
     return (to_middle, float(distance)) if distance > FAR * extent else None
+
+
+def _extent(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, float]:
+    """(middle of n balls, greatest distance of their points from it)."""
+    middle = 0.5 * ((centre - radius[:, None]).min(axis=0) + (centre + radius[:, None]).max(axis=0))
+    return middle, float((np.linalg.norm(centre - middle, axis=1) + radius).max())
 
 
 def parallel_lists(
@@ -186,13 +191,11 @@ def parallel_lists(
     """
     if not listed:
         return None
-    all_balls = [balls(batches[i]) for i in listed]
-    centre, radius = (np.concatenate(x) for x in zip(*all_balls))
+    centre, radius = listed_balls(batches, listed)
     spread = 0.0
     if distance is not None:
         # A row is at most `deep` away from the plane, and a ray deviates by at most the angle deep / distance.
-        middle = 0.5 * ((centre - radius[:, None]).min(axis=0) + (centre + radius[:, None]).max(axis=0))
-        deep = float((np.linalg.norm(centre - middle, axis=1) + radius).max())
+        _, deep = _extent(centre, radius)
         spread = 2 * deep * deep / (distance - deep)
     view = parallel_view(direction, centre, radius + spread)
     size = np.abs(centre - view.origin).sum(axis=1).max(initial=0) + radius.max(initial=0) + np.abs(view.origin).sum()
@@ -230,13 +233,9 @@ def _lists_of(
         radius = a.F32(batch.radius) + dr.zeros(a.F32, len(batch))
         four = (a.F32(dr.dot(p, vectors[1])), a.F32(dr.dot(p, vectors[2])), radius, a.put(a.F32, lists.far))
         packets = (dr.ravel(a.Q32(*four)),)
-    screens = triangular or (batch.kind.fills_ball and isinstance(batch.placed.inverse, SimilarityInverse))
-    near = lists.near[lists.entries] if len(lists.entries) else np.zeros(1, np.float32)
-    entries = lists.entries if len(lists.entries) else np.zeros(1, np.uint32)
-    arrays = a.put(a.U, lists.offsets), a.put(a.U, entries), a.put(a.F32, near)
     sheet = replace(Sheet.of(a, lists), right=None, up=None, forward=None)
-    error = dr.opaque(a.F32, float(error))
-    return evaluated(ParallelRowLists(sheet, *arrays, packets, triangular, screens, error))
+    error, screens = dr.opaque(a.F32, float(error)), triangular or batch.is_ball
+    return evaluated(ParallelRowLists(sheet, *entry_arrays(a, lists), packets, triangular, screens, error))
 
 
 def _triangle_packets(
@@ -261,8 +260,8 @@ def _triangle_packets(
     rows, margin = [], dr.zeros(a.D, dr.width(area))
     for (px, py), (qx, qy) in (((bx, by), (cx, cy)), ((cx, cy), (ax, ay)), ((ax, ay), (bx, by))):
         n = [dr.select(hidden, 0, k * scale) for k in (py - qy, qx - px, px * qy - py * qx)]
-        bound = (dr.abs(n[0]) + dr.abs(n[1])) * extent + dr.abs(n[2])
         slope = dr.abs(n[0]) + dr.abs(n[1])
+        bound = slope * extent + dr.abs(n[2])
         margin = dr.maximum(margin, 16 * UNIT_ROUNDOFF["single"] * bound + slope * spread)
         rows += [a.F32(k) for k in n]
     margin = a.F32(dr.select(hidden, dr.inf, margin * (1 + gamma(2, "single"))))

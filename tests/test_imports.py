@@ -54,6 +54,7 @@ integrator
 setup passes
 adaptive
 certificate provenance render
+edges
 gradients
 study
 cli.options cli.rendering cli.studies cli.files cli.commands cli

@@ -18,8 +18,9 @@ llvm.prepare()  # before Dr.Jit is imported, because its import loads LLVM
 
 from visray import lights, primitives
 from visray.camera import Camera, OrthographicCamera
+from visray.edges import EdgeWarning
 from visray.errors import UserError
-from visray.gradients import EdgeWarning, derivative, difference, gradient
+from visray.gradients import derivative, difference, gradient
 from visray.lights import *
 from visray.materials import Material
 from visray.output.image import Image

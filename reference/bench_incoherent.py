@@ -16,19 +16,17 @@ In all other ways the scenes are those of bench_mitsuba.py.
 Spheres are put in the kernel's tables as arrays, because 100,000 Python objects would take long to check.
 """
 
-import argparse
-import json
 import statistics
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from machine import machine
+from report import report_parser, write_report
 
 from visray.features import features
 from visray.kernel_scene import kernel_scene
@@ -275,8 +273,7 @@ def compared(body: str, n: int, picture: str, runs: int = RUNS) -> dict:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--bodies", nargs="+", default=list(BODIES), choices=list(BODIES))
     parser.add_argument("--counts", nargs="+", type=int, help="numbers of rows; all of BODIES without it")
     parser.add_argument("--pictures", nargs="+", default=PICTURES, choices=PICTURES)
@@ -291,10 +288,7 @@ def main() -> None:
             for picture in chosen.pictures if not chosen.counts or n in chosen.counts else ():
                 report["pictures"].append(result := compared(body, n, picture, chosen.runs))
                 print(f"{body} {n} {picture}: ratio {result['ratio']:.2f}", file=sys.stderr, flush=True)
-    text = json.dumps(report, indent=2) + "\n"
-    sys.stdout.write(text)
-    if chosen.output:
-        chosen.output.write_text(text)
+    write_report(report, chosen.output)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ Mitsuba's its build of the scene's acceleration structure.
 Mitsuba's integrator is `direct` with one emitter sample and no BSDF sample, its fastest way to this picture.
 """
 
-import argparse
 import json
 import statistics
 import sys
@@ -27,6 +26,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from machine import machine
+from report import report_parser
 
 from visray.passes import expose
 from visray.setup import prepare
@@ -121,8 +121,7 @@ class Race:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--clock", choices=CLOCKS, default="wall", help="cpu: for a machine that others use too")
     parser.add_argument("--spheres", type=int, nargs="*", default=SPHERES)
     parser.add_argument("--meshes", type=int, nargs="*", default=[n for n, _ in MESHES], help="columns of the ball")

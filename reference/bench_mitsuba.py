@@ -10,7 +10,6 @@
 """
 
 import argparse
-import json
 import os
 import statistics
 import subprocess
@@ -25,6 +24,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from machine import machine
+from report import report_parser, write_report
 
 from visray.passes import expose
 from visray.setup import prepare
@@ -180,8 +180,7 @@ def from_start(out: Path) -> dict:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--mitsuba-picture", type=Path, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     mi.set_variant("llvm_ad_rgb")
@@ -193,10 +192,7 @@ def main() -> None:
         report = machine() | {"size": SIZE, "warm": [warm(ring(), spp) for spp in (16, 64)]}
         report |= {"area_light": [warm(ring(), spp, RUNS, True) for spp in (16, 64)]}
         report |= {"from_start_s": from_start(Path(folder))}
-    text = json.dumps(report, indent=2) + "\n"
-    sys.stdout.write(text)
-    if chosen.output:
-        chosen.output.write_text(text)
+    write_report(report, chosen.output)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ import visray  # noqa: F401  # isort: skip - before Dr.Jit, because it chooses t
 import drjit as dr
 import numpy as np
 from machine import machine
+from report import report_parser
 
 from visray.film import Film
 from visray.lights import DirectionalLight, PointLight, SphereLight
@@ -138,8 +139,7 @@ def in_checkout(root: Path, name: str, runs: int) -> dict:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--before", type=Path, help="an older checkout to compare with")
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--work", help=argparse.SUPPRESS)

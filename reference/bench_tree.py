@@ -27,6 +27,7 @@ import mitsuba as mi
 import numpy as np
 from bench_incoherent import BODIES, EYE, FOV, LAMP, TARGET, prepared, theirs
 from machine import machine
+from report import report_parser, write_report
 
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import Geometry, RayOrigin
@@ -151,8 +152,7 @@ def build(n: int) -> dict:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--bodies", nargs="+", default=list(BODIES), choices=list(BODIES))
     parser.add_argument("--counts", nargs="+", type=int, help="numbers of rows; all of BODIES without it")
     parser.add_argument("--runs", type=int, default=RUNS)
@@ -173,10 +173,7 @@ def main() -> None:
                     command = [sys.executable, str(Path(__file__).resolve()), "--build", str(n)]
                     done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
                     report["builds"].append(json.loads(done.stdout.splitlines()[-1]))
-    text = json.dumps(report, indent=2) + "\n"
-    sys.stdout.write(text)
-    if chosen.output:
-        chosen.output.write_text(text)
+    write_report(report, chosen.output)
 
 
 if __name__ == "__main__":

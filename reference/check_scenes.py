@@ -6,13 +6,13 @@
 The exit code is 1 if a scene fails, otherwise 0.
 """
 
-import argparse
 import json
 import sys
 from pathlib import Path
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 from machine import machine
+from report import report_parser
 
 from visray.study.mitsuba import crosscheck
 
@@ -20,8 +20,7 @@ SCENES = Path(__file__).resolve().parent.parent / "scenes"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of scenes; all if none is named")
     chosen = parser.parse_args()
     paths = {path.stem: path for path in sorted(SCENES.glob("*.json")) if path.name != "schema.json"}

@@ -13,7 +13,6 @@ and compile time of the kernel, and the median of 6 pictures with compiled kerne
 reported as well, because it depends little on other programs.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -30,6 +29,7 @@ import numpy as np
 from bench_mitsuba import PANEL, SIZE, THREADS, ours, ring, seconds, with_seed
 from machine import machine
 from PIL import Image
+from report import report_parser, write_report
 
 from visray.passes import expose
 from visray.setup import Prepared, prepare
@@ -226,8 +226,7 @@ def run_of(path: Path, name: str, cache: str) -> tuple[float, float, int, float]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--before", type=Path, help="a checkout of an earlier visray")
     parser.add_argument("--only-before", action="store_true", help="no table of effects")
     chosen = parser.parse_args()
@@ -236,10 +235,7 @@ def main() -> None:
     report = machine() | {"size": SIZE, "spp": SPP, "load": os.getloadavg()[0], "rows": rows}
     if chosen.before:
         report["before"] = against(chosen.before.resolve())
-    text = json.dumps(report, indent=2) + "\n"
-    sys.stdout.write(text)
-    if chosen.output:
-        chosen.output.write_text(text)
+    write_report(report, chosen.output)
 
 
 if __name__ == "__main__":

@@ -14,12 +14,9 @@ The ways alternate in one process with one thread; the least CPU time of several
 Embree alone.
 """
 
-import argparse
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import visray  # noqa: F401  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
@@ -29,6 +26,7 @@ import numpy as np
 from bench_incoherent import BODIES, ball, prepared, theirs
 from bench_tree import SETS, A, Rays, cpu_seconds, ray_sets
 from machine import machine
+from report import report_parser, write_report
 
 from visray.accel.intersect import Target, closest, occluded
 from visray.accel.origin import Geometry, RayOrigin
@@ -110,8 +108,7 @@ def measured(geometry: Geometry, scene: "mi.Scene", rays: Rays, asked: str, runs
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--counts", nargs="+", type=int, default=BODIES["mesh"], help="numbers of triangles")
     parser.add_argument("--runs", type=int, default=RUNS)
     chosen = parser.parse_args()
@@ -124,10 +121,7 @@ def main() -> None:
             result = {"triangles": n, "set": name} | measured(geometry, scene, rays, SETS[name], chosen.runs)
             report["results"].append(result)
             print(n, name, {k: round(x, 2) for k, x in result["speed"].items()}, result["wrong"], file=sys.stderr)
-    text = json.dumps(report, indent=2) + "\n"
-    sys.stdout.write(text)
-    if chosen.output:
-        chosen.output.write_text(text)
+    write_report(report, chosen.output)
 
 
 if __name__ == "__main__":

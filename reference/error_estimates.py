@@ -14,7 +14,6 @@ compiled kernels. Reported are the time beyond the limit, and the time of the lo
 time beyond the limit.
 """
 
-import argparse
 import json
 import os
 import sys
@@ -26,6 +25,7 @@ from pathlib import Path
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import numpy as np
 from machine import machine
+from report import report_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -209,8 +209,7 @@ def print_tables(report: dict) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path)
+    parser = report_parser(__doc__)
     parser.add_argument("--only", default="", help="scenes, separated by commas")
     chosen = parser.parse_args()
     names = [n for n in chosen.only.split(",") if n]

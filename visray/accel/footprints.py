@@ -64,7 +64,7 @@ class Outline:
         Shapes: (m), or (k, m) for k such parts of each row.
         Domain: there is such a part; otherwise the result is any part of the row's box.
         """
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} has no parts across")
 
 
 def facing(view: CellView, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -234,6 +234,39 @@ def test_loss_sees_the_picture_row_by_row():
         assert abs(slope[i] - truth) <= ROUNDING * np.abs(picture * weights).sum()
 
 
+@pytest.mark.parametrize(
+    ("loss", "line"),
+    [
+        (lambda rgb: float(np.mean(np.array(rgb))), "returned a value of type float, which carries no derivatives"),
+        (lambda rgb: np.mean(np.array(rgb)), "returned a value of type float64, which carries no derivatives"),
+        (lambda rgb: np.array(rgb).mean(axis=1), "returned a value of type ndarray, which carries no derivatives"),
+        (lambda rgb: None, "returned a value of type NoneType, which carries no derivatives"),
+        (lambda rgb: type(rgb.x)(float(np.mean(np.array(rgb)))), "its result carries no derivatives"),
+        (lambda rgb: dr.detach(dr.mean(rgb.x)), "its result carries no derivatives"),
+        (lambda rgb: rgb.x, "returned 384 numbers, not one"),
+        (lambda rgb: dr.mean(rgb, axis=1), "returned 3 numbers, not one"),
+    ],
+    ids=[
+        "float",
+        "NumPy number",
+        "NumPy array",
+        "nothing",
+        "through NumPy",
+        "detached",
+        "a number a pixel",
+        "a colour",
+    ],
+)
+def test_loss_that_loses_the_derivatives_is_refused(loss, line):
+    """Each gave a gradient of 0 or of another loss."""
+    with pytest.raises(vr.UserError, match=f"^loss: {line}.*; return one number computed with Dr.Jit"):
+        vr.gradient(CLOSE, ["materials.paint.kd"], loss, spp=1)
+
+
+def test_loss_of_a_picture_that_does_not_depend_on_an_address_is_flat():
+    assert vr.gradient(CLOSE, ["background.top.0"], lambda rgb: dr.mean(rgb.x), spp=1) == {"background.top.0": 0}
+
+
 def test_single_precision_agrees_to_single_precision():
     single = vr.gradient(CLOSE, ADDRESSES, precision="single")
     double = vr.gradient(CLOSE, ADDRESSES)

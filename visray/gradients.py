@@ -11,6 +11,7 @@ patch, but not what a moving silhouette or shadow edge adds. `gradient` and `der
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import drjit as dr
@@ -96,8 +97,8 @@ def gradient(
     it names the N vertices of a mesh.
 
     wrt: the addresses, or a single one
-    loss: function from the picture to one number. The picture is a Dr.Jit triple whose H * W entries are the pixels,
-        row by row. By default the loss is the mean over pixels and channels
+    loss: function from the picture to one number, computed with Dr.Jit. The picture is a Dr.Jit triple whose H * W
+        entries are the pixels, row by row. By default the loss is the mean over pixels and channels
     spp: samples per pixel; by default those of the scene
     """
     scene = adjusted(scene, precision=precision, spp=spp)
@@ -109,11 +110,27 @@ def gradient(
         lane_of_pixel[attached.order] = np.arange(len(lane_of_pixel), dtype=np.uint32)
         picture = dr.gather(type(picture), picture, dr.uint32_array_t(dr.detached_t(type(picture.x)))(lane_of_pixel))
     loss_value = (loss or _mean)(picture)
-    if not dr.is_array_v(loss_value) or not dr.grad_enabled(loss_value):
-        # The loss depends on none of the addresses: all derivatives are 0.
+    if loss is not None:
+        _check_loss(loss_value, picture)
+    if not dr.grad_enabled(picture):
+        # The picture depends on none of the addresses: all derivatives are 0.
         return {w: slot.read([np.zeros(np.array(v).shape) for v in slot.arrays]) for w, slot in attached.slots.items()}
     dr.backward(loss_value)
     return {w: slot.read([dr.grad(v) for v in slot.arrays]) for w, slot in attached.slots.items()}
+
+
+def _check_loss(loss_value: Any, picture: Any) -> None:
+    """Raises UserError if the value that a loss returned is not one number that carries the picture's derivatives."""
+    advice = (
+        "return one number computed with Dr.Jit from the picture, such as dr.mean(dr.squared_norm(picture - target))"
+    )
+    if not dr.is_array_v(loss_value):
+        kind = type(loss_value).__name__
+        raise UserError(f"loss: returned a value of type {kind}, which carries no derivatives; {advice}")
+    if (count := prod(dr.shape(loss_value))) != 1:
+        raise UserError(f"loss: returned {count} numbers, not one; {advice}")
+    if dr.grad_enabled(picture) and not dr.grad_enabled(loss_value):
+        raise UserError(f"loss: its result carries no derivatives: NumPy and dr.detach lose them; {advice}")
 
 
 def derivative(

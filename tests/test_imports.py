@@ -18,8 +18,8 @@ meshes.triangle_mesh meshes.topology meshes.normals meshes.fit meshes.polygons m
 meshes.text meshes.obj meshes.ply meshes.stl meshes.off
 meshes.gltf_accessors meshes.gltf_nodes meshes.gltf meshes.reading meshes
 warp
-polynomials.error polynomials.expression polynomials.simplify polynomials.literals polynomials.grammar
-polynomials.monomials polynomials.modular
+polynomials.error polynomials.expression polynomials.constants polynomials.simplify polynomials.literals
+polynomials.grammar polynomials.monomials polynomials.modular
 polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.factorization polynomials.program
 polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots

@@ -24,7 +24,7 @@ from visray.polynomials import (
     magnitude_bounds,
     modular,
 )
-from visray.polynomials.expression import rational
+from visray.polynomials.constants import rational
 from visray.polynomials.program import read
 
 HEART = "(x^2+9/4*y^2+z^2-1)^3 - x^2*z^3 - 9/80*y^2*z^3"
@@ -109,6 +109,31 @@ def test_named_constants():
     assert isclose(terms[0, 1, 0], np.pi, rel_tol=1e-16)
     assert abs(terms[0, 0, 1] ** 2 - 2) < Fraction(1, 10**60) and terms[0, 0, 0] == Fraction(-3, 2)
     assert exact_terms("(phi^2 - phi - 1)*x + y") == {(0, 1, 0): 1}
+
+
+def test_the_root_of_an_exact_zero_is_zero():
+    zero = "(sqrt(2)^2 - 2)"
+    for text in (f"x - sqrt({zero})*y", f"x + sqrt(sqrt({zero}))*y", f"x - sqrt(-3*{zero})*y", f"x + sqrt(a*{zero})*y"):
+        parameters = {"a": 1.0} if "a" in text else {}
+        assert exact_terms(text, parameters) == {(1, 0, 0): 1} and shape(text, parameters) == [(1, False)]
+    assert exact_terms("x + sqrt(sqrt(9 + 4*sqrt(5)) - sqrt(5) - 2)*y") == {(1, 0, 0): 1}
+
+
+def test_roots_of_differences_of_parameters():
+    assert build("x + sqrt(a - b)*y - 1", {"a": -1.0, "b": -5.0}).values == (2.0, -1.0)
+
+
+def test_nested_roots():
+    tower = "2"
+    for n in range(1, 99):
+        tower = f"sqrt({tower})"
+        if n in (1, 5, 40, 98):
+            # The logarithm of the root is log(2) / 2^n.
+            assert isclose(exact_terms(f"{tower}*x")[1, 0, 0] - 1, np.expm1(np.log(2) / 2**n), rel_tol=1e-15)
+    assert build(f"{tower}*x - y").values == (1.0,)
+    for size in ("1e-299", "3e299"):
+        root = exact_terms(f"sqrt({size})*x")[1, 0, 0]
+        assert abs(root**2 / Fraction(size) - 1) < Fraction(1, 10**70)
 
 
 @pytest.mark.parametrize(
@@ -391,6 +416,7 @@ BAD = {
     "1/x": "it divides by x; only division by constants leaves a polynomial",
     "x/(2-2)": "it divides by 2-2, which is 0; divide by another number",
     "x/(sqrt(2)^2-2)": "it divides by sqrt(2)^2-2, which is 0; divide by another number",
+    "x/(r*sqrt(2)^2-2*r)": "it divides by r*sqrt(2)^2-2*r, which is 0; divide by another number",
     "x/(y-y)": "it divides by y-y; only division by constants leaves a polynomial",
     "x^-2": "the exponent -2 is not allowed; it is a whole number as in x^2",
     "x^2.5": "the exponent 2.5 is not allowed; it is a whole number as in x^2",

@@ -5,8 +5,8 @@ factor is compiled into a list of operations, its code. A polynomial is square-f
 constant is an expression without x, y and z.
 """
 
+from visray.polynomials.constants import evaluate
 from visray.polynomials.error import PolynomialError
-from visray.polynomials.expression import evaluate
 from visray.polynomials.program import (
     Compiled,
     Factor,

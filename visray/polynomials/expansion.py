@@ -9,6 +9,7 @@ from fractions import Fraction
 from math import comb
 from typing import Any
 
+from visray.polynomials.constants import is_zero, rational
 from visray.polynomials.expression import (
     ONE,
     Axis,
@@ -18,8 +19,6 @@ from visray.polynomials.expression import (
     Power,
     Product,
     Sum,
-    is_zero,
-    rational,
 )
 from visray.polynomials.simplify import negate
 

@@ -6,12 +6,7 @@ A constant is an expression without x, y and z. It may contain parameters, pi, p
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import isqrt
 from typing import Any
-
-PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798")
-# Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
-BITS = 256
 
 
 class Expression:
@@ -162,97 +157,3 @@ def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Ex
                 product = product * fold(p, number, leaf)
             return product
     return leaf(node)
-
-
-def evaluate(
-    node: Expression,
-    parameter: Callable[[str], Any],
-    number: Callable[[Fraction], Any],
-    sqrt: Callable[[Any], Any] | None = None,
-    axes: tuple = (),
-) -> Any:
-    """The value of an expression in any arithmetic with + - * / and powers.
-
-    parameter: function that returns the value of a parameter, by its name.
-    number: function that converts a rational number to this arithmetic.
-    sqrt: function that returns a square root in this arithmetic. It is needed only for roots that contain a parameter.
-        All other roots are computed as rationals with BITS correct bits.
-    axes: values of x, y and z.
-    """
-
-    def leaf(n: Expression) -> Any:
-        match n:
-            case Axis(index):
-                return axes[index]
-            case Parameter(name):
-                return parameter(name)
-            case Root(of) if of.parametric:
-                if sqrt is None:
-                    raise ValueError("a square root of a parameter needs sqrt")
-                return sqrt(evaluate(of, parameter, number, sqrt))
-        return number(rational(n, {}))
-
-    return fold(node, number, leaf)
-
-
-def rational(node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> Fraction:
-    """The value of an expression at a point, as a rational number.
-
-    It is exact, except that pi, phi and square roots are correct to BITS bits only.
-
-    point: values of x, y and z; not needed for constants.
-    """
-
-    def leaf(n: Expression) -> Fraction:
-        match n:
-            case Axis(index):
-                return Fraction(point[index])
-            case Parameter(name):
-                return parameters[name]
-            case NamedConstant("pi"):
-                return PI
-            case NamedConstant():
-                return (1 + square_root(Fraction(5))) / 2
-        return square_root(rational(n.of, parameters))
-
-    return fold(node, Fraction, leaf)
-
-
-def square_root(value: Fraction) -> Fraction:
-    """The square root of a rational number. It is exact if it is rational, and correct to BITS bits otherwise."""
-    n, d = value.numerator, value.denominator
-    if isqrt(n) ** 2 == n and isqrt(d) ** 2 == d:
-        return Fraction(isqrt(n), isqrt(d))
-    k = BITS + max(0, d.bit_length() - n.bit_length())
-    return Fraction(isqrt(n * d << 2 * k), d << k)
-
-
-def is_zero(node: Expression) -> bool:
-    """Whether a constant is 0 and contains no parameter."""
-    return not node.parametric and is_negligible(rational(node, {}), node, {})
-
-
-def is_negligible(value: Fraction, node: Expression, parameters: dict[str, Fraction], point: tuple = ()) -> bool:
-    """Whether `value` is 0, up to the rounding of irrational constants. It is the value of `node` at `point`."""
-    if not value or not node.irrational:
-        return not value
-    # Irrational constants are correct to BITS bits. If a sum of them is 0, its computed value is tiny: less than
-    # 2^(-BITS/2) times the sum of the absolute values of its terms.
-    sizes = {name: abs(v) for name, v in parameters.items()}
-    return abs(value) < rational(_positive(node), sizes, tuple(map(abs, point))) / (1 << BITS // 2)
-
-
-def _positive(node: Expression) -> Expression:
-    """The expression with every minus replaced by a plus. Its value bounds the sum of all terms' absolute values."""
-    match node:
-        case Number(value):
-            return Number(abs(value))
-        case Negative(of):
-            return _positive(of)
-        case Power(of, exponent=n):
-            return Power(_positive(of), n)
-        case Sum(parts):
-            return Sum(tuple(map(_positive, parts)))
-        case Product(parts):
-            return Product(tuple(map(_positive, parts)))
-    return node

@@ -12,9 +12,10 @@ from fractions import Fraction
 from itertools import count
 
 from visray.polynomials import modular
+from visray.polynomials.constants import is_negligible, rational
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong
-from visray.polynomials.expression import Expression, Negative, Power, Product, is_negligible, rational
+from visray.polynomials.expression import Expression, Negative, Power, Product
 from visray.polynomials.simplify import simplify
 from visray.polynomials.symbolic import drop_cancelled_terms
 from visray.polynomials.sympy_factors import multiplicity_parts, rational_factors, repeated_factor_error

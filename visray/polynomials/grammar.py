@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from fractions import Fraction
 from itertools import pairwise
 
+from visray.polynomials.constants import is_negligible, rational, square_root
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import (
     Axis,
@@ -22,9 +23,6 @@ from visray.polynomials.expression import (
     Reciprocal,
     Root,
     Sum,
-    is_zero,
-    rational,
-    square_root,
 )
 from visray.polynomials.literals import (
     AXES,
@@ -222,7 +220,7 @@ class _Reader:
         """
         if of.degree:
             raise PolynomialError(f"it divides by {self.shown(node)}; only division by constants leaves a polynomial")
-        if not rational(of, self.parameters) or is_zero(of):
+        if is_negligible(rational(of, self.parameters), of, self.parameters):
             raise PolynomialError(f"it divides by {self.shown(node)}, which is 0; divide by another number")
         return Reciprocal(of)
 
@@ -254,7 +252,7 @@ class _Reader:
         if bits > MAX_BITS or self.bits > MAX_ALL_BITS:
             raise self.unwieldy(node)
         value = rational(expression, self.parameters)
-        if value and not is_zero(expression) and not is_allowed_size(value):
+        if not is_negligible(value, expression, self.parameters) and not is_allowed_size(value):
             raise PolynomialError(
                 f"{self.shown(node)} is too large or too small; a constant is 0 or between 1e-301 and 1e301"
             )
@@ -307,12 +305,14 @@ class _Reader:
             raise PolynomialError(
                 f"sqrt of {self.shown(node.args[0])} is no polynomial; only constants have a sqrt here"
             )
-        value = Fraction(0) if is_zero(of) else rational(of, self.parameters)
+        value = rational(of, self.parameters)
+        if is_negligible(value, of, self.parameters):
+            value = Fraction(0)
         if value < 0:
             raise PolynomialError(
                 f"sqrt of {self.shown(node.args[0])}, which is negative; it takes a number of at least 0"
             )
-        if not of.irrational and not of.parametric and (root := square_root(value)) ** 2 == value:
+        if not of.parametric and (not of.irrational or not value) and (root := square_root(value)) ** 2 == value:
             return Number(root)
         return self.checked(Root(of), node)
 

@@ -14,9 +14,10 @@ from functools import lru_cache
 from typing import Any
 
 from visray.polynomials import grammar, monomials
+from visray.polynomials.constants import BITS, rational
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong, expand, horner, monomial_terms, recentre
-from visray.polynomials.expression import BITS, Axis, Expression, Negative, Power, Product, rational
+from visray.polynomials.expression import Axis, Expression, Negative, Power, Product
 from visray.polynomials.factorization import factorize
 from visray.polynomials.literals import exact_parameters
 from visray.polynomials.simplify import simplify, translate

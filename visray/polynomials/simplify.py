@@ -5,7 +5,8 @@ A constant is an expression without x, y and z.
 
 from fractions import Fraction
 
-from visray.polynomials.expression import ONE, Axis, Expression, Negative, Number, Power, Product, Sum, is_zero
+from visray.polynomials.constants import is_zero
+from visray.polynomials.expression import ONE, Axis, Expression, Negative, Number, Power, Product, Sum
 
 
 def simplify(node: Expression) -> Expression:

@@ -6,6 +6,7 @@ expression that contains one of these. So the variables of a term are x, y, z an
 
 from fractions import Fraction
 
+from visray.polynomials.constants import rational
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Coefficients, Terms, TooLong, expand, horner
 from visray.polynomials.expression import (
@@ -20,7 +21,6 @@ from visray.polynomials.expression import (
     Reciprocal,
     Root,
     Sum,
-    rational,
 )
 from visray.polynomials.simplify import negate, simplify
 

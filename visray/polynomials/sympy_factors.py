@@ -6,10 +6,10 @@ sympy is imported only when it is needed, because its import takes 0.4 s.
 from collections import Counter
 from fractions import Fraction
 
+from visray.polynomials.constants import BITS
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
 from visray.polynomials.expression import (
-    BITS,
     Expression,
     NamedConstant,
     Negative,

@@ -1,0 +1,171 @@
+"""Values of expressions, above all of constants: as rational numbers, and in other arithmetics.
+
+A constant is an expression without x, y and z.
+"""
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import cache, lru_cache
+from math import isqrt
+from typing import Any
+
+from visray.polynomials.expression import (
+    Axis,
+    Expression,
+    NamedConstant,
+    Negative,
+    Number,
+    Parameter,
+    Power,
+    Product,
+    Root,
+    Sum,
+    fold,
+)
+
+# Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
+BITS = 256
+
+
+def evaluate(
+    node: Expression,
+    parameter: Callable[[str], Any],
+    number: Callable[[Fraction], Any],
+    sqrt: Callable[[Any], Any] | None = None,
+    axes: tuple = (),
+) -> Any:
+    """The value of an expression in any arithmetic with + - * / and powers.
+
+    parameter: function that returns the value of a parameter, by its name.
+    number: function that converts a rational number to this arithmetic.
+    sqrt: function that returns a square root in this arithmetic. It is needed only for roots that contain a parameter.
+        All other roots are computed as rationals with BITS correct bits.
+    axes: values of x, y and z.
+    """
+
+    def leaf(n: Expression) -> Any:
+        match n:
+            case Axis(index):
+                return axes[index]
+            case Parameter(name):
+                return parameter(name)
+            case Root(of) if of.parametric:
+                if sqrt is None:
+                    raise ValueError("a square root of a parameter needs sqrt")
+                return sqrt(evaluate(of, parameter, number, sqrt))
+        return number(rational(n, {}))
+
+    return fold(node, number, leaf)
+
+
+def rational(
+    node: Expression, parameters: dict[str, Fraction], point: tuple[Fraction, ...] = (), bits: int = BITS
+) -> Fraction:
+    """The value of an expression at a point, as a rational number.
+
+    It is exact, except that pi, phi and square roots are correct to `bits` bits only.
+
+    point: values of x, y and z; not needed for constants.
+    """
+    return fold(node, Fraction, lambda leaf: _leaf(leaf, parameters, point, bits))
+
+
+def _leaf(node: Expression, parameters: dict[str, Fraction], point: tuple[Fraction, ...], bits: int) -> Fraction:
+    """The value of a leaf of an expression: of a coordinate, a parameter, pi, phi or a square root; see `rational`."""
+    match node:
+        case Axis(index):
+            return Fraction(point[index])
+        case Parameter(name):
+            return parameters[name]
+        case NamedConstant("pi"):
+            return _pi(bits)
+        case NamedConstant():
+            return (1 + square_root(Fraction(5), bits)) / 2
+    return _root(node.of, tuple(sorted(parameters.items())) if node.parametric else (), bits)
+
+
+@lru_cache(maxsize=1024)
+def _root(of: Expression, parameters: tuple[tuple[str, Fraction], ...], bits: int) -> Fraction:
+    """The square root of a constant, correct to `bits` bits. parameters: pairs (name, value)."""
+    values = dict(parameters)
+    value = rational(of, values, (), bits)
+    # Rounding may leave a tiny number, perhaps a negative one, of a constant that is 0, such as sqrt(2)^2 - 2.
+    return square_root(Fraction(0) if is_negligible(value, of, values, (), bits) else value, bits)
+
+
+def square_root(value: Fraction, bits: int = BITS) -> Fraction:
+    """The square root of a rational number. It is exact if it is rational, and correct to `bits` bits otherwise.
+
+    Domain: value >= 0.
+    """
+    n, d = value.numerator, value.denominator
+    if isqrt(n) ** 2 == n and isqrt(d) ** 2 == d:
+        return Fraction(isqrt(n), isqrt(d))
+    # Half the number of bits by which the value is shifted, so that its root has `bits` bits before the point.
+    half = bits + (d.bit_length() - n.bit_length()) // 2 + 1
+    shifted = (n << 2 * half) // d if half > 0 else n // (d << -2 * half)
+    return Fraction(isqrt(shifted)) / (Fraction(2) ** half)
+
+
+@cache
+def _pi(bits: int) -> Fraction:
+    """The number pi, correct to `bits` bits, by Machin's formula: pi / 4 = 4 arctan(1/5) - arctan(1/239)."""
+    unit = 1 << bits + 16  # each of the bits / 2 terms is rounded down by less than 1 / unit
+
+    def arctan_of_reciprocal(n: int) -> int:
+        total = power = unit // n
+        k = 1
+        while power:
+            power //= -n * n
+            k += 2
+            total += power // k
+        return total
+
+    return Fraction(4 * (4 * arctan_of_reciprocal(5) - arctan_of_reciprocal(239)), unit)
+
+
+def is_zero(node: Expression) -> bool:
+    """Whether a constant is 0 and contains no parameter."""
+    return not node.parametric and is_negligible(rational(node, {}), node, {})
+
+
+def is_negligible(
+    value: Fraction,
+    node: Expression,
+    parameters: dict[str, Fraction],
+    point: tuple[Fraction, ...] = (),
+    bits: int = BITS,
+) -> bool:
+    """Whether `value` is 0, up to the rounding of irrational constants. It is the value of `node` at `point`.
+
+    bits: number of correct bits of the irrational constants in `value`.
+    """
+    if not value or not node.irrational:
+        return not value
+    # If a sum of irrational constants is 0, its computed value is tiny: less than 2^(-bits/2) times the sum of the
+    # absolute values of its terms.
+    sizes = _sizes(node, parameters, point, bits)
+    return abs(value) < rational(sizes, {}) / (1 << bits // 2)
+
+
+def _sizes(node: Expression, parameters: dict[str, Fraction], point: tuple[Fraction, ...], bits: int) -> Expression:
+    """The expression with the absolute values of its leaves, and with a plus for every minus.
+
+    Its value is a bound on the sum of the absolute values of all terms.
+    """
+
+    def sizes(n: Expression) -> Expression:
+        return _sizes(n, parameters, point, bits)
+
+    match node:
+        case Number(value):
+            return Number(abs(value))
+        case Negative(of):
+            return sizes(of)
+        case Power(of, exponent=n):
+            return Power(sizes(of), n)
+        case Sum(parts):
+            return Sum(tuple(map(sizes, parts)))
+        case Product(parts):
+            return Product(tuple(map(sizes, parts)))
+    return Number(abs(rational(node, parameters, point, bits)))

@@ -4,6 +4,7 @@ Python traces each pass once, that is, records its operations for the kernel. Th
 time, so a pass must not be short. Ctrl-C waits for a pass to end, so a pass must not be long.
 """
 
+import threading
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -18,6 +19,9 @@ PASS_SECONDS, RUN_PER_TRACE = 0.5, 8
 GROWTH = 64
 # A pass is planned for at most this share of the seconds left, because its samples may take longer than those before.
 SAFE_SHARE = 0.5
+# Dr.Jit has one history of kernels for the whole process. A thread that records its kernels holds this lock, so that
+# another thread neither clears the history nor adds to it. Kernels use all cores anyway.
+_HISTORY = threading.Lock()
 
 
 @dataclass
@@ -74,14 +78,20 @@ def timed_eval(arrays: Any) -> float:
     Kernels may already run inside dr.eval, together with compilation. Only Dr.Jit's own history of kernels can separate
     the two. If the caller already records this history, the result includes compilation.
     """
-    history_in_use = dr.flag(dr.JitFlag.KernelHistory)
-    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
-        if not history_in_use:
-            dr.kernel_history_clear()
-        begun = clock.now()
-        dr.eval(arrays)
-        dr.sync_thread()
-        if history_in_use:
-            # Reading the history clears it, and the caller who records it would lose it.
-            return clock.now() - begun
-        return clock.kernel_seconds(dr.kernel_history())
+    if dr.flag(dr.JitFlag.KernelHistory):
+        # Reading the history clears it, and the caller who records it would lose it.
+        return _wall_seconds(arrays)
+    with _HISTORY, dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        passed = _wall_seconds(arrays)
+        kernels = dr.kernel_history()
+    # If other code of the process has read the history meanwhile, it is empty.
+    return clock.kernel_seconds(kernels) if kernels else passed
+
+
+def _wall_seconds(arrays: Any) -> float:
+    """Computes arrays, and returns the seconds that passed."""
+    begun = clock.now()
+    dr.eval(arrays)
+    dr.sync_thread()
+    return clock.now() - begun

@@ -6,8 +6,9 @@ Chances of a false alarm are about 1e-6 in each test; seeds are fixed.
 import json
 import signal
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -732,16 +733,17 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
 
 
 @pytest.mark.slow
-def test_a_time_in_which_no_picture_can_be_made_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As soon as that is known, not when all pixels have their first samples."""
-    machine = Machine(monkeypatch, rate=2e-4)
+def test_a_time_too_short_for_the_first_samples_gives_the_fewest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And says so as soon as that is known, not when all pixels have their first samples."""
+    machine, warned = Machine(monkeypatch, rate=2e-4), []
     monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**14)
-    begun, scene = machine.now, replace(EDGES, film=Film(width=800, height=600))
-    with pytest.raises(
-        UserError, match=r"^time = 20: two samples of each pixel alone take about .* s; give more, or m"
-    ):
-        render_adaptively(scene, time=20)
-    assert machine.now - begun < 10
+    monkeypatch.setattr(adaptive.warnings, "warn", lambda text, *_, **__: warned.append((text, machine.now - begun)))
+    begun, scene = machine.now, replace(EDGES, film=Film(width=400, height=300))
+    image = render_adaptively(scene, time=20)
+    ((text, moment),) = warned
+    assert text.startswith("time = 20: two samples of each pixel alone take about") and moment < 10
+    assert np.unique(image["samples"]).tolist() == [2] and machine.now - begun > 20
+    assert image.metadata["time_missed"] in text and image.metadata["forecast_seconds"] > 20
 
 
 @pytest.mark.parametrize(("rate", "kept"), [(1e-6, True), (2e-4, False)])
@@ -855,9 +857,32 @@ def test_samples_go_with_no_goal(goal: dict) -> None:
         render_adaptively(EDGES, spp=4, **goal)
 
 
-def test_too_little_time_is_refused() -> None:
-    with pytest.raises(UserError, match=r"^time = 1e-06: loading, compiling and writing alone take .*; give more"):
-        render_adaptively(EDGES, time=1e-6)
+@pytest.mark.parametrize("seconds", [1e-6, 0.01])
+def test_too_little_time_gives_the_best_that_can_be_had(seconds: float) -> None:
+    """Two samples of each pixel, with an error that holds the truth."""
+    with pytest.warns(GoalWarning, match=f"^time = {seconds:g}: loading, compiling and writing alone take .*two a pix"):
+        image = render_adaptively(EDGES, time=seconds, begun=clock.now() - seconds)
+    facts, true = image.metadata, render(EDGES, spp=4096, seed=99, layers=("RGB",), progress=False)["RGB"]
+    off = sqrt(np.square(image["RGB"] - true).mean()) / (true @ LUMINANCE).mean()
+    assert np.unique(image["samples"]).tolist() == [2] and facts["error_low"] <= off <= facts["error_high"]
+    assert facts["time_missed"].startswith("loading, compiling") and facts["time_asked"] == seconds
+
+
+def test_two_threads_make_the_pictures_of_one() -> None:
+    """To an error, bit for bit; in a time, both are made."""
+    scene = replace(EDGES, film=SMALL)
+    alone = [render_adaptively(scene, error=0.02, seed=seed)["RGB"] for seed in (0, 1)]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(lambda seed: render_adaptively(scene, error=0.02, seed=seed)["RGB"], (0, 1)))
+        timed = list(pool.map(lambda seed: render_adaptively(scene, time=0.5, seed=seed).metadata, (0, 1, 2, 3)))
+    assert all(np.array_equal(x, y) for x, y in zip(alone, together))
+    assert all(facts["error"] > 0 for facts in timed)
+
+
+@pytest.mark.parametrize("seconds", [0, -1, inf, nan, "1"])
+def test_times_that_are_none_are_refused(seconds: Any) -> None:
+    with pytest.raises(UserError, match=r"^time = .*: must be a finite number above 0, such as 10$"):
+        render_adaptively(EDGES, time=seconds)
 
 
 @pytest.mark.parametrize(
@@ -1074,9 +1099,12 @@ def test_a_command_to_an_error(scene_file: str, tmp_path: Path, capsys: pytest.C
 def test_a_command_in_a_time(scene_file: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The time counts from the start of the process, which is the tests' own here."""
     out = str(tmp_path / "a.exr")
-    code, _, err = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3", "--quiet")
-    assert code != 0 and "time = 0.001: loading, compiling and writing alone take" in err
-    assert not Path(out).exists()
+    code, text, err = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3")
+    assert code == 0 and "note: time = 0.001: loading, compiling and writing alone take" in err and "error 0." in text
+    code, text, _ = said(capsys, "render", scene_file, "-o", out, "--time", "1e-3", "--json")
+    facts = json.loads(text)
+    assert code == 0 and facts["time_missed"].startswith("loading, compiling") and facts["seconds"] > 1e-3
+    assert np.unique(Image.read(out)["samples"]).tolist() == [2]
 
 
 @pytest.mark.parametrize(

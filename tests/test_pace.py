@@ -1,6 +1,7 @@
 """Passes are long enough that tracing is little of them, and short enough for what is left."""
 
 from math import inf
+from threading import Thread
 
 import drjit as dr
 import numpy as np
@@ -66,6 +67,37 @@ def test_the_rate_is_that_of_the_kernels_alone(monkeypatch: pytest.MonkeyPatch, 
     assert [sum(k["operation_count"] > 100 for k in kernels) for kernels in told] == [1, 1, 1]
     assert all(k["execution_time"] > 0 for kernels in told for k in kernels if k["operation_count"] > 100)
     assert np.isfinite(np.array(film.mean)).all()
+
+
+def test_threads_do_not_take_each_other_s_kernels() -> None:
+    """Dr.Jit's history is one for all threads: each pass of each thread has its own kernel and its seconds."""
+    made = [
+        prepare(Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}, settings=Settings(seed=i)))
+        for i in (0, 1)
+    ]
+    seen: list[list[float]] = [[], []]
+
+    def passes(i: int) -> None:
+        film = empty_film(made[i])
+        for count in range(1, 41):
+            timer = PassTimer()
+            film = exposed_once(made[i], film, count, timer)
+            seen[i].append(timer.sample_seconds)
+
+    threads = [Thread(target=passes, args=(i,)) for i in (0, 1)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(len(x) == 40 and min(x) > 0 for x in seen)
+
+
+def test_a_history_that_other_code_has_read_tells_no_rate_of_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = prepare(Scene(film=Film(width=8, height=8), objects={"ball": Sphere()}))
+    monkeypatch.setattr(dr, "kernel_history", lambda *_: [])
+    timer = PassTimer()
+    exposed_once(made, empty_film(made), 2, timer)
+    assert timer.sample_seconds > 0
 
 
 def test_kernels_ran_so_many_seconds() -> None:

@@ -19,6 +19,7 @@ A lane is one pixel in one half of the dual buffer.
 """
 
 import sys
+import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,7 +31,7 @@ from visray.adaptive.depth_bias import DepthBias
 from visray.adaptive.dual_buffer import DualBuffer, Estimate
 from visray.adaptive.error_floor import Files, Floor, checked_floor, file_rounding
 from visray.adaptive.stopping import Goal
-from visray.errors import UserError
+from visray.errors import GoalWarning
 from visray.passes import first_pass_samples
 from visray.progress import Bar, Interrupts
 from visray.setup import Prepared
@@ -80,6 +81,7 @@ class AdaptiveRun:
     estimate: error that is estimated from the samples so far.
     floor: error that more samples do not reduce.
     pilot_squares: mean square errors in the pilot, as a dict by the number of samples that all lanes had.
+    time_missed: why the time of the goal is too short for any picture; None if it is not.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class AdaptiveRun:
         self.buffer = DualBuffer(prepared)
         self.floor = Floor(DepthBias(prepared.scene.settings.depth, 0.0, 0.0, 0.0))
         self.pilot_squares: dict[int, float] = {}
+        self.time_missed: str | None = None
 
     def run(self, files: Files) -> None:
         """Renders the picture. Raises UserError if the goal cannot be reached.
@@ -100,9 +103,7 @@ class AdaptiveRun:
             buffer.compile()
             if goal.seconds_left() <= 0:
                 took = goal.seconds_passed() + goal.reserve
-                raise UserError(
-                    f"time = {goal.seconds:g}: loading, compiling and writing alone take {took:.2g} s; give more"
-                )
+                self._miss_time(f"loading, compiling and writing alone take {took:.2g} s")
         allocation = self._run_pilot()
         if not self.interrupts.requested:
             self.floor = checked_floor(buffer, self.estimate, goal.error, files, goal.seconds_left())
@@ -167,8 +168,7 @@ class AdaptiveRun:
     def _seconds_for_first_samples(self) -> float:
         """Seconds that a pass of the first samples may take: infinite, because without these there is no picture.
 
-        Raises UserError if the time of the goal is too short for the first samples, and KeyboardInterrupt if they would
-        take too long after Ctrl-C.
+        Raises KeyboardInterrupt if they would take too long after Ctrl-C.
         """
         buffer, goal = self.buffer, self.goal
         self.bar.update(int(buffer.counts.sum()))
@@ -178,11 +178,21 @@ class AdaptiveRun:
             raise KeyboardInterrupt
         if needed > goal.seconds_left():
             took = goal.seconds_passed() + needed + goal.reserve
-            raise UserError(
-                f"time = {goal.seconds:g}: two samples of each pixel alone take about {took:.2g} s; give more, or make "
-                "the picture smaller"
-            )
+            self._miss_time(f"two samples of each pixel alone take about {took:.2g} s")
         return np.inf
+
+    def _miss_time(self, cause: str) -> None:
+        """Warns, once and as soon as it is known, that the time of the goal is too short for any picture. The picture
+        then gets the fewest samples that it can have.
+
+        cause: what takes longer than the time.
+        """
+        if self.time_missed is None:
+            self.time_missed = cause
+            text = (
+                f"time = {self.goal.seconds:g}: {cause}; the picture gets the fewest samples there can be, two a pixel"
+            )
+            warnings.warn(text, GoalWarning, stacklevel=5)
 
     def _new_allocation(self) -> Allocation:
         """Allocation by the variance of the samples so far. Updates `estimate` and `pilot_squares` too."""
@@ -232,7 +242,8 @@ class AdaptiveRun:
         present, fewest = float(counts.mean()), int(counts.min())
         affordable = np.inf
         if self.goal.seconds is not None:
-            affordable = present + self.goal.seconds_left() / (self._rate(allocation) * len(counts))
+            rate = self._rate(allocation) * len(counts)
+            affordable = present + self.goal.seconds_left() / rate if rate > 0 else np.inf
         allowed = MARGIN * self.goal.allowed_square(estimate, self.floor.high)
         sufficient: list[tuple[float, float]] = []
         insufficient: list[tuple[float, float]] = [(present, estimate.square)]
@@ -273,7 +284,8 @@ class AdaptiveRun:
         seconds = (
             goal.seconds_passed() + goal.reserve + self.buffer.pace.trace_seconds + missing * self._rate(allocation)
         )
-        seconds = seconds if goal.seconds is None else min(seconds, goal.seconds)
+        if goal.seconds is not None and self.time_missed is None:
+            seconds = min(seconds, goal.seconds)
         total = square + self.floor.square
         error = float(np.sqrt(total) / self.estimate.luminance) if self.estimate.luminance else 0.0
         self.report(Forecast(2 * mean, error, seconds))
@@ -344,4 +356,5 @@ def _facts(run: AdaptiveRun, forecast: Forecast) -> dict[str, Any]:
     }
     facts |= {} if goal.error is None else {"error_asked": float(goal.error)}
     facts |= {} if goal.seconds is None else {"time_asked": float(goal.seconds)}
+    facts |= {} if run.time_missed is None else {"time_missed": run.time_missed}
     return facts

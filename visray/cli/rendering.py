@@ -44,7 +44,7 @@ from visray.render import render
 FACTS = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most")
 ADAPTIVE_FACTS = (
     "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
-    "time_asked", "forecast_error", "forecast_spp", "forecast_seconds",
+    "time_asked", "time_missed", "forecast_error", "forecast_spp", "forecast_seconds",
 )  # fmt: skip
 CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
 

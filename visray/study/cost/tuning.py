@@ -197,6 +197,8 @@ class _Tuner:
             raise
         if self.interrupts.requested:
             raise KeyboardInterrupt
+        if "time_missed" in facts:
+            raise UserError(f"time = {self.target.time:g}: {facts['time_missed']}; give more")
         seconds = goal.seconds_passed()
         error = Band(facts["error"], facts["error_low"], facts["error_high"])
         return Measured(settings, Band(seconds, seconds, seconds), error, facts["spp"])

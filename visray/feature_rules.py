@@ -36,6 +36,14 @@ class Rule:
     needs: str | None = None
 
 
+# Effects that bring light, and effects that only change or pass on the light that others bring. If none of the effects
+# that bring light is simulated, those of the second kind contribute nothing.
+REFLECTED = ("diffuse", "specular")
+SOURCES = ("ambient", *REFLECTED, "background")
+CHANGING_REFLECTED = ("attenuation", "shadows", "coloured shadows", "area lights")
+PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
+
+
 def used_materials(scene: Scene) -> dict[str, Material]:
     """Materials that at least one object has, as a dict by name."""
     used = {o.material for o in scene.objects.values()}

@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 
 from visray import modes
 from visray.camera import OrthographicCamera
-from visray.feature_rules import RULES, Rule, used_materials
+from visray.feature_rules import (
+    CHANGING_REFLECTED,
+    PASSING_ON,
+    REFLECTED,
+    RULES,
+    SOURCES,
+    Rule,
+    used_materials,
+)
 from visray.mesh_report import MeshFacts
 from visray.scene.scene import Scene
 
@@ -153,4 +161,19 @@ def features(
         elif feature.on and rule.needs and not by_name[rule.needs].on:
             feature = Feature(rule.name, False, f"without {rule.needs} it changes nothing")
         by_name[rule.name] = feature
-    return Features(tuple(by_name.values()), bits)
+    return Features(_without_idle(tuple(by_name.values()), scene), bits)
+
+
+def _without_idle(listed: tuple[Feature, ...], scene: Scene) -> tuple[Feature, ...]:
+    """The effects, without those that would only change or pass on light that no effect brings.
+
+    Their code would add literal zeros in loops, which Dr.Jit cannot trace.
+    """
+    on = {f.name for f in listed if f.on}
+    idle = {}
+    if on.isdisjoint(REFLECTED):
+        idle |= dict.fromkeys(CHANGING_REFLECTED, "no surface reflects light of a light")
+    misses_shine = scene.settings.misses == "ambient" and any(scene.ambient)
+    if on.isdisjoint(SOURCES) and not misses_shine:
+        idle |= dict.fromkeys(PASSING_ON, "nothing shines")
+    return tuple(Feature(f.name, False, idle[f.name]) if f.on and f.name in idle else f for f in listed)

@@ -64,7 +64,8 @@ def lit(s: KernelScene, si: Interaction) -> Any:
         if on["near occlusion"]:
             near = near * occlusion.near(s, si)
         colour = colour + (sky + near) * m.ka
-    return colour + direct(s, si, reflected)
+    # Without both terms all lights are black, and Dr.Jit cannot trace a loop whose sum stays a literal zero.
+    return colour + direct(s, si, reflected) if on["diffuse"] or on["specular"] else colour
 
 
 def reflected(s: KernelScene, si: Interaction, light: Any, sample: LightSample) -> Any:

@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
-clock errors version pass_timer
+clock errors terminal version pass_timer
 llvm
 quantities pytree
 ray geometry transforms
@@ -37,7 +37,7 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
-mesh_report feature_rules features progress
+mesh_report feature_rules features tables progress
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack address_index repack batches sampling moments film
@@ -57,7 +57,7 @@ certificate provenance render
 edges
 gradients
 study
-cli.options cli.rendering cli.studies cli.files cli.commands cli
+cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines
 
@@ -132,6 +132,7 @@ def outside(path: Path) -> set[str]:
         ("sympy", ("polynomials.",)),
         ("trimesh", ("meshes.",)),
         ("flip_evaluator", ("study.cost.errors",)),
+        ("rich", ("tables", "progress")),
     ],
 )
 def test_doors(library, rooms):

@@ -38,7 +38,8 @@ class Bar:
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
                 return
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %")
+            title, share = TextColumn("{task.description}", markup=False), TextColumn("{task.percentage:>3.0f} %")
+            columns = title, BarColumn(), share
             console = Console(stderr=True)
             self.bar = Progress(*columns, TimeElapsedColumn(), "left", TimeRemainingColumn(), console=console)
             self.bar.start()
@@ -69,7 +70,10 @@ class Interrupts:
             signal.signal(signal.SIGINT, self.previous_handler)
 
     def _request(self, number: int, frame: FrameType | None) -> None:
-        """Handler of SIGINT: the first signal is recorded, the second raises KeyboardInterrupt."""
-        if self.requested:
+        """Handler of SIGINT: the first signal is recorded, the second goes to the previous handler."""
+        if not self.requested:
+            self.requested = True
+        elif callable(self.previous_handler):
+            self.previous_handler(number, frame)
+        else:
             raise KeyboardInterrupt
-        self.requested = True

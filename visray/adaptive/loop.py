@@ -18,7 +18,6 @@ the same number of samples has the same bits (tests/test_same_bits.py).
 A lane is one pixel in one half of the dual buffer.
 """
 
-import sys
 import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from visray import terminal
 from visray.adaptive.allocation import LEAST_POWER, POWER, Allocation, neighbour_means
 from visray.adaptive.depth_bias import DepthBias
 from visray.adaptive.dual_buffer import DualBuffer, Estimate
@@ -324,7 +324,7 @@ def render_adaptively(
     def report(forecast: Forecast) -> None:
         forecasts.append(forecast)
         if progress:
-            sys.stderr.write(f"visray: {forecast.text()}\n")
+            terminal.say(forecast.text())
 
     with Bar("rendering", 1, progress) as bar:
         run = AdaptiveRun(prepared, goal, interrupts, bar, report)

@@ -1,5 +1,5 @@
 """The command line. Only this package imports cyclopts."""
 
-from visray.cli.commands import main
+from visray.cli.program import main
 
 __all__ = ["main"]

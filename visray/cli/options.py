@@ -1,13 +1,12 @@
 """What all commands share: the cyclopts application, options, loading of scenes, and printing of reports."""
 
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter, Token
 
+from visray import terminal
 from visray.errors import UserError
 from visray.output.files import write_text
 from visray.render import adjusted
@@ -94,11 +93,6 @@ def parse_list(text: str) -> tuple[str, ...]:
 def write_or_print(text: str, path: Path | None) -> None:
     """Writes a text to a file, or prints it if `path` is None."""
     if path is None:
-        sys.stdout.write(text)
+        terminal.write(text)
     else:
         write_text(path, text)
-
-
-def print_json(report: Any) -> None:
-    """Prints a report as JSON."""
-    sys.stdout.write(json.dumps(report, indent=2, ensure_ascii=False) + "\n")

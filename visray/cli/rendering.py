@@ -3,7 +3,6 @@
 Facts are the metadata of a rendered Image: how it was made, and how large its error is.
 """
 
-import sys
 import warnings
 from collections.abc import Iterable
 from math import inf
@@ -29,7 +28,6 @@ from visray.cli.options import (
     flag,
     load_scene,
     parse_size,
-    print_json,
 )
 from visray.errors import UserError
 from visray.modes import MODES, Mode
@@ -38,6 +36,7 @@ from visray.output.layers import LAYERS, NAMES, Layer, names_from
 from visray.progress import Interrupts
 from visray.quantities import BACKENDS
 from visray.render import render
+from visray.terminal import write_json, write_line
 
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
 # surfaces or tori.
@@ -179,9 +178,9 @@ def render_command(
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
-        print_json(_report(image, outputs, seconds))
+        write_json(_report(image, outputs, seconds))
     elif not quiet:
-        sys.stdout.write(_line(image, outputs, seconds) + "\n")
+        write_line(_line(image, outputs, seconds))
     if facts["interrupted"]:
         return INTERRUPTED
     return 0 if _goal_met(facts) or time is not None else 1

@@ -1,14 +1,10 @@
 """The commands that only examine and report: explain, check, cost, tune, stability, surfaces and doctor."""
 
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from visray.cli.options import (
     INTERRUPTED,
@@ -23,7 +19,6 @@ from visray.cli.options import (
     flag,
     load_scene,
     parse_list,
-    print_json,
     write_or_print,
 )  # fmt: skip
 from visray.errors import UserError
@@ -36,6 +31,8 @@ from visray.render import explain as explain_scene
 from visray.render import render, set_threads
 from visray.scene.scene import Scene
 from visray.study import ablation
+from visray.tables import Table, show, styled
+from visray.terminal import write_json, write_line
 
 # Number of parts of a mesh whose names `explain` shows.
 SHOWN_PARTS = 8
@@ -63,26 +60,26 @@ def explain(
     # This comes first, because its arguments may be wrong, and then nothing else should be printed.
     measured = ablation.cost(loaded, spp, runs, progress=not json) if cost else None
     if measured and json:
-        print_json(measured.as_json())
+        write_json(measured.as_json())
         return 0
     on = explain_scene(loaded)
     if json:
         effects, rays = [asdict(f) for f in on.listed], [asdict(family) for family in on.rays]
         meshes = [asdict(facts) for facts in on.meshes]
-        print_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes})
+        write_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes})
         return 0
     table = Table("effect", "", "why")
     for f in on.listed:
-        table.add_row(f.name, "[green]on[/]" if f.on else "[dim]off[/]", f.reason)
-    Console().print(table)
+        table.add_row(f.name, styled("on", "green") if f.on else styled("off", "dim"), f.reason)
+    show(table)
     table = Table("rays", "objects are found", "why")
     for family in on.rays:
         table.add_row(family.rays, family.accelerator, family.reason)
-    Console().print(table)
+    show(table)
     if on.meshes:
-        Console().print(_table_of_meshes(on.meshes))
+        show(_table_of_meshes(on.meshes))
     if measured:
-        Console().print(measured.table())
+        show(measured.table())
     return 0
 
 
@@ -93,7 +90,7 @@ def _table_of_meshes(meshes: tuple[MeshFacts, ...]) -> Table:
         parts = ", ".join(facts.parts[:SHOWN_PARTS]) + (", ..." if len(facts.parts) > SHOWN_PARTS else "")
         remarks = "; ".join(["closed" if facts.closed else facts.edges, *facts.notes])
         numbers = (f"{number:,}" for number in (facts.triangles, facts.vertices))
-        table.add_row(facts.address, *numbers, escape(parts), f"{facts.bytes / 1000:,.0f}", escape(remarks))
+        table.add_row(facts.address, *numbers, parts, f"{facts.bytes / 1000:,.0f}", remarks)
     return table
 
 
@@ -126,7 +123,7 @@ def check(
     report = crosscheck.check(load_scene(scene, setup, compat, set), rays=rays, seed=seed)
     if output is not None:
         report.difference.write(output)
-    print_json(report.as_json()) if json else Console().print(report.table())
+    write_json(report.as_json()) if json else show(report.table())
     return 0 if report.passed else 1
 
 
@@ -171,18 +168,18 @@ def cost(
         if output is not None:
             report.write(output)
         if json:
-            print_json(report.as_json())
+            write_json(report.as_json())
         elif csv:
             write_or_print(report.as_csv(), None)
         else:
-            Console().print(table(report))
+            show(table(report))
             _say_written(output)
     return INTERRUPTED if report.stopped else 0
 
 
 def _say_written(path: Path | None) -> None:
     if path is not None:
-        sys.stdout.write(f"{path}: written\n")
+        write_line(f"{path}: written")
 
 
 @app.command
@@ -227,9 +224,9 @@ def tune(
         if output is not None:
             write_or_print(as_scene(tuned, output.parent, scene), output)
         if json:
-            print_json(tuned.as_json() | ({} if output is None else {"output": str(output)}))
+            write_json(tuned.as_json() | ({} if output is None else {"output": str(output)}))
         else:
-            Console().print(tuned.table())
+            show(tuned.table())
             _say_written(output)
     return INTERRUPTED if tuned.stopped else 0 if tuned.met else 1
 
@@ -263,7 +260,7 @@ def stability(
         report = mesh_study.run(count, chosen, parse_list(only), seed, progress=not json)
     else:
         report = study.run(surfaces, count, chosen, parse_list(only), seed, progress=not json)
-    print_json(report.as_json()) if json else Console().print(report.table())
+    write_json(report.as_json()) if json else show(report.table())
     return INTERRUPTED if report.stopped else 0 if report.passed else 1
 
 
@@ -275,13 +272,13 @@ def surfaces(*, json: Json = False) -> int:
     its source, and its singular points.
     """
     if json:
-        print_json({name: asdict(c) for name, c in SURFACES.items()})
+        write_json({name: asdict(c) for name, c in SURFACES.items()})
         return 0
     table = Table("surface", "", "parameters", "clip")
     for name, c in SURFACES.items():
         parameters = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
         table.add_row(name, c.title, parameters, f"{c.radius:g}")
-    Console().print(table)
+    show(table)
     return 0
 
 
@@ -291,7 +288,7 @@ def doctor(*, json: Json = False) -> int:
     from visray.study import doctor as examination  # here, because it loads Mitsuba
 
     report = examination.examine(_probe)
-    print_json(report) if json else Console().print(examination.table(report))
+    write_json(report) if json else show(examination.table(report))
     return 0 if report["verdict"] == examination.GOOD else 1
 
 

@@ -20,8 +20,8 @@ from visray.errors import UserError
 from visray.output.curves import linear
 from visray.output.exr import read_exr
 from visray.quantities import BRIGHTEST
-from visray.scene.messages import printable
 from visray.scene.source import neighbour
+from visray.terminal import printable
 
 # Largest number of pixels in all images of a scene together: 4 GiB in a kernel. Above 2^30, 32-bit indices would fail.
 MOST_PIXELS = 2**28

@@ -13,10 +13,11 @@ from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
 from visray.scene.check import examined, parts
-from visray.scene.messages import hint, printable
+from visray.scene.messages import hint
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 from visray.scene.validated import plain
+from visray.terminal import printable
 
 
 def value(scene: Scene, address: str) -> Any:

@@ -24,9 +24,10 @@ from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import FARTHEST, Name
 from visray.scene.garbage import uncollected
-from visray.scene.messages import hint, line, lines, printable
+from visray.scene.messages import hint, line, lines
 from visray.scene.scene import ADAPTER, Scene
 from visray.scene.validated import plain, remember, validated
+from visray.terminal import printable
 from visray.transforms import Transform, bounds, compose
 
 DEFAULT_MATERIAL = "default"

@@ -7,10 +7,11 @@ from typing import Any
 from visray.errors import UserError
 from visray.scene.check import SECTIONS, checked, examined, flaws
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
-from visray.scene.messages import line, printable
+from visray.scene.messages import line
 from visray.scene.scene import Scene
 from visray.scene.source import read
 from visray.scene.write import dump, schema
+from visray.terminal import printable
 
 __all__ = ["checked", "dump", "flaws", "load", "schema"]
 

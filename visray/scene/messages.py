@@ -29,11 +29,6 @@ def line(address: str, value: Any, text: str) -> str:
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
 
 
-def printable(text: str) -> str:
-    """The text with escapes such as `\\n` for characters that cannot be printed. Names from files may have some."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
 def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     """Hint at what may replace a wrong word, such as `did you mean "sphere"? (one of box, sphere)`. If no choice is
     similar to the word, the hint only lists the choices.

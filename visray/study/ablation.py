@@ -28,7 +28,6 @@ from statistics import median
 from typing import Any
 
 import drjit as dr
-from rich.table import Table
 
 from visray import clock
 from visray.errors import UserError
@@ -41,6 +40,7 @@ from visray.quantities import Arrays
 from visray.render import adjusted, explain
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
+from visray.tables import Table
 
 LONGEST_SIDE = 256  # pixels of the longer side of the film
 # Samples per pixel: as many as take RENDER_SECONDS, but at most MOST_SAMPLES.

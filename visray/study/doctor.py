@@ -14,10 +14,10 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from rich.table import Table
 
 from visray import llvm
 from visray.errors import UserError
+from visray.tables import Table
 from visray.version import __version__
 
 PACKAGES = {"Dr.Jit": "drjit", "Mitsuba": "mitsuba", "NumPy": "numpy", "OpenEXR": "OpenEXR"}

@@ -6,11 +6,10 @@ from io import StringIO
 from math import isfinite
 from typing import Any
 
-from rich.table import Table
-
 from visray.study.cost.comparing import is_number
 from visray.study.cost.knobs import DEPTH, NEAR, PRECISION, SAMPLER, SCATTER, SKY, SPP, TOGETHER, is_samples
 from visray.study.cost.records import Band, Price, Record, Report
+from visray.tables import Table
 
 PICTURES = ("picture", "variance", "error_map")
 BEYOND = " (carried on from the measured slope)"

@@ -4,14 +4,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from visray.adaptive.stopping import check_target
 from visray.errors import UserError
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.study.cost.records import Band, Report, Settings
 from visray.study.cost.report import duration, percent
+from visray.tables import Table, styled
 
 LATE = 1.1  # a time may be exceeded by this factor
 
@@ -130,7 +129,7 @@ class Tuned:
         for name in ("the scene", "tuned"):
             rows.add_column(name, justify="right", no_wrap=True)
         for address, new in self.settings.items():
-            text = f"[bold]{new}[/]" if address in self.changed else f"[dim]{new}[/]"
+            text = styled(str(new), "bold" if address in self.changed else "dim")
             rows.add_row(address, str(self.report.default.settings[address]), text)
         rows.add_section()
         columns = [self.before, self.after]

@@ -3,10 +3,8 @@
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from rich.markup import escape
-from rich.table import Table
-
 from visray.output.image import Image
+from visray.tables import Table, styled
 
 
 @dataclass(frozen=True)
@@ -230,13 +228,13 @@ class Report:
         previous = ""
         for t in self.tolerances:
             rays, quantity = t.name.split(": ")
-            verdict = "[green]ok[/]" if t.ok else "[red]FAILED[/]"
+            verdict = styled("ok", "green") if t.ok else styled("FAILED", "red")
             title = "" if rays == previous else rays
             table.add_row(title, quantity, f"{t.value:.3g}", f"{t.limit:g} {t.unit}", verdict)
             previous = rays
         counts = Table(show_header=False, box=None)
         for name, text in self._counts():
-            counts.add_row(escape(name), escape(text))
+            counts.add_row(name, text)
         page = Table.grid()
         page.add_row(table)
         page.add_row(counts)

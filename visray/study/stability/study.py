@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.table import Column, Table
 
 from visray.errors import UserError
 from visray.progress import Bar, Interrupts
@@ -23,6 +22,7 @@ from visray.study.stability.exact.truth import Truth, first_hits
 from visray.study.stability.ray_sets import SECONDARY_SETS, SETS, NamedSurface, SecondaryRays, named_surfaces
 from visray.study.stability.scoring import Score, score
 from visray.study.stability.solvers import KernelSolver, Solver
+from visray.tables import Column, Table
 
 # RAYS: number of rays in a set. SAMPLE: number of the rays settled by NumPy that python-flint repeats as a check.
 # MOST_BY_FLINT: python-flint settles about MOST_BY_FLINT / degree^2 other rays at most, because its time grows with the

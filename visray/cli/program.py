@@ -1,0 +1,138 @@
+"""The program `visray`: it runs a command and ends with an exit code. An error gets one line, never a traceback.
+
+Streams and signals are set up before anything else is imported. So an import that fails or is interrupted ends with one
+line too.
+"""
+
+import os
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from visray import terminal
+from visray.errors import UserError
+
+# Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
+BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+# If this environment variable is set, an internal error shows its traceback too.
+TRACEBACK = "VISRAY_TRACEBACK"
+
+
+def main(tokens: list[str] | None = None) -> int:
+    """Runs a command and returns its exit code.
+
+    tokens: the words of the command; None means those of the command line.
+    """
+    terminal.open_streams()
+    with _Stop.caught() as stop:
+        try:
+            code = _run(tokens)
+            sys.stdout.flush()
+        except BaseException as error:
+            code = _ended(error, stop)
+        if tokens is None and stop.catches:
+            # The process ends now. From here on, Ctrl-C ends it without a word.
+            stop.previous_handler = signal.SIG_DFL
+    return code
+
+
+def _run(tokens: list[str] | None) -> int:
+    """Runs a command and returns its exit code. Raises UserError if there is no such command or option."""
+    from cyclopts import CycloptsError  # here, because its import may be interrupted, like that of the commands
+
+    from visray.cli.commands import app
+
+    with warnings.catch_warnings():
+        warnings.showwarning = terminal.note
+        try:
+            return app(tokens, exit_on_error=False, print_error=False, result_action="return_value") or 0
+        except CycloptsError as error:
+            raise UserError(" ".join(str(error).split()) + " (see visray --help)") from None
+
+
+class _Stop:
+    """The request to stop by Ctrl-C. The first one raises KeyboardInterrupt. While the program ends, a second one is
+    ignored, and a third one ends it at once.
+
+    count: how often Ctrl-C was pressed.
+    catches: whether Ctrl-C is caught here; only the main thread can do so.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.catches = threading.current_thread() is threading.main_thread()
+        self.previous_handler: Any = None
+
+    @staticmethod
+    @contextmanager
+    def caught() -> Iterator["_Stop"]:
+        """Catches Ctrl-C in a `with` block."""
+        stop = _Stop()
+        if not stop.catches:
+            yield stop
+            return
+        stop.previous_handler = signal.signal(signal.SIGINT, stop.request)
+        previous_hook, sys.unraisablehook = sys.unraisablehook, stop.repeat
+        try:
+            yield stop
+        finally:
+            sys.unraisablehook = previous_hook
+            signal.signal(signal.SIGINT, stop.previous_handler)
+
+    def request(self, number: int, frame: FrameType | None) -> None:
+        """Handler of SIGINT."""
+        self.count += 1
+        if self.count == 1:
+            raise KeyboardInterrupt
+        if self.count > 2:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    def repeat(self, unraisable: Any) -> None:
+        """Handler of exceptions that Python cannot raise, because they occur while an object is deleted. A
+        KeyboardInterrupt is raised again later. All others change nothing, and only developers see them."""
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            self.count = 0
+            signal.raise_signal(signal.SIGINT)
+        elif os.environ.get(TRACEBACK):
+            sys.__unraisablehook__(unraisable)
+
+
+def _ended(error: BaseException, stop: _Stop) -> int:
+    """Says in one line why a command has ended, or in several lines if the user's input has several errors. Returns the
+    exit code."""
+    if os.environ.get(TRACEBACK) and not isinstance(error, (UserError, SystemExit)):
+        traceback.print_exception(error)
+    # An interrupted import may raise any exception.
+    if stop.count or isinstance(error, KeyboardInterrupt):
+        terminal.say("stopped before anything could be kept")
+        return INTERRUPTED
+    if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
+        # The program that reads the output, such as `head`, has ended.
+        terminal.abandon_output()
+        return 0
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else BAD_INPUT if error.code else 0
+    lines, code = _lines(error)
+    for line in lines:
+        terminal.say(line)
+    terminal.abandon_output()
+    return code
+
+
+def _lines(error: BaseException) -> tuple[tuple[str, ...], int]:
+    """The lines that describe an error, and the exit code."""
+    if isinstance(error, UserError):
+        return error.lines, BAD_INPUT
+    if isinstance(error, MemoryError):
+        return ("there is not enough memory; make the picture or the scene smaller",), BAD_INPUT
+    if isinstance(error, OSError) and error.strerror:
+        return (f"{error.filename or 'standard output'}: {error.strerror}",), BAD_INPUT
+    text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
+    return (f"internal error: {text}; please report it, with what {TRACEBACK}=1 shows",), INTERNAL_ERROR

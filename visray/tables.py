@@ -1,0 +1,58 @@
+"""Tables for the terminal. Their cells are plain text: no markup is read in them, and characters that cannot be printed
+are shown as escapes.
+
+Together with progress.py, the only access to rich.
+"""
+
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.table import Column
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from visray import terminal
+
+__all__ = ["Column", "Table", "show", "styled"]
+
+
+class Table(RichTable):
+    """A table of plain text. A cell is a text, or a `styled` text. Titles and captions may have several lines."""
+
+    def __init__(self, *headers: Column | str, title: str | None = None, caption: str | None = None, **more: Any):
+        super().__init__(*headers, title=_lines(title), caption=_lines(caption), **more)
+
+    def add_row(self, *cells: str | Text, **more: Any) -> None:
+        """Adds a row. more: further arguments of rich's method."""
+        super().add_row(*(styled(cell) if isinstance(cell, str) else cell for cell in cells), **more)
+
+
+def _lines(text: str | None) -> str | None:
+    """Plain text of several lines."""
+    return text and "\n".join(map(terminal.printable, text.split("\n")))
+
+
+def styled(text: str, style: str = "") -> Text:
+    """Plain text in a style of rich, such as "green" or "bold"."""
+    return Text(terminal.printable(text), style)
+
+
+def show(*tables: Table) -> None:
+    """Writes tables to standard output."""
+    console = Console(file=_Output(), markup=False, emoji=False, highlight=False)
+    for table in tables:
+        console.print(table)
+
+
+class _Output:
+    """Standard output as a file for rich, which writes through the door to the terminal."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.stdout, name)
+
+    def write(self, text: str) -> None:
+        terminal.write(text)
+
+    def flush(self) -> None:
+        """Does nothing, because the door writes at once."""

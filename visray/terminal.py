@@ -1,0 +1,102 @@
+"""The door to the terminal: everything that visray prints goes through here or through tables.py, as plain text.
+
+What a user asks for, such as a report, goes to standard output. If it cannot be written there, that is an error. Notes
+and errors go to standard error. Writing them never fails, because nobody could be told.
+"""
+
+import io
+import json
+import os
+import sys
+from typing import Any
+
+from visray.errors import UserError
+
+
+class _Unfailing(io.TextIOWrapper):
+    """A text stream that drops what cannot be written: to a closed pipe, or to a full disk."""
+
+    def write(self, text: str, /) -> int:
+        try:
+            return super().write(text)
+        except OSError:
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError:
+            return
+
+
+def open_streams() -> None:
+    """Makes the standard streams safe to write to. Characters that their encoding does not have are written as escapes
+    such as `\\u2264`.
+
+    A stream that is closed gets the null device, opened so that it cannot be written. Without this, the next file that
+    the program opens would take the stream's number, and what a library prints would go into this file.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY)
+        if getattr(sys, name) is None:
+            stream = open(number, "w" if number else "r", encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, name, stream)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    error = sys.stderr
+    if type(error) is io.TextIOWrapper:
+        sys.stderr = _Unfailing(error.buffer, error.encoding, "backslashreplace", line_buffering=True)
+        # If the old stream were deleted, it would close the buffer.
+        sys.stderr.old = error
+
+
+def printable(text: str) -> str:
+    """The text with escapes such as `\\n` for characters that cannot be printed. Names from files may have some."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def write(text: str) -> None:
+    """Writes text to standard output. Raises a UserError if it cannot be written there, for example on a full disk; a
+    BrokenPipeError if the program that reads the output has ended."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise UserError(f"standard output: cannot be written, {error.strerror or error}") from error
+
+
+def write_line(text: str) -> None:
+    """Writes a line of plain text to standard output."""
+    write(printable(text) + "\n")
+
+
+def write_json(report: Any) -> None:
+    """Writes a report as JSON to standard output. Without a Unicode encoding, it is in ASCII."""
+    unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    write(json.dumps(report, indent=2, ensure_ascii=not unicode) + "\n")
+
+
+def say(text: str) -> None:
+    """Writes a line of plain text to standard error, after the name of the program."""
+    sys.stderr.write(f"visray: {printable(text)}\n")
+
+
+def note(message: Warning | str, *_: object, **__: object) -> None:
+    """Writes a warning as one line to standard error. It can replace warnings.showwarning."""
+    say(f"note: {message}")
+
+
+def abandon_output() -> None:
+    """Drops what was not yet written to standard output, after writing has failed. Otherwise Python would try again at
+    its exit, and print an error."""
+    try:
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
+    except (OSError, ValueError):
+        return

@@ -4,6 +4,7 @@ Streams and signals are set up before anything else is imported. So an import th
 line too.
 """
 
+import _thread
 import os
 import signal
 import sys
@@ -96,10 +97,10 @@ class _Stop:
 
     def repeat(self, unraisable: Any) -> None:
         """Handler of exceptions that Python cannot raise, because they occur while an object is deleted. A
-        KeyboardInterrupt is raised again later. All others change nothing, and only developers see them."""
+        KeyboardInterrupt is raised again a moment later. All others change nothing, and only developers see them."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
             self.count = 0
-            signal.raise_signal(signal.SIGINT)
+            threading.Timer(0.01, _thread.interrupt_main).start()
         elif os.environ.get(TRACEBACK):
             sys.__unraisablehook__(unraisable)
 

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -100,9 +101,15 @@ class _Stop:
         KeyboardInterrupt is raised again a moment later. All others change nothing, and only developers see them."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
             self.count = 0
-            threading.Timer(0.01, _thread.interrupt_main).start()
+            _thread.start_new_thread(_interrupt_later, ())
         elif os.environ.get(TRACEBACK):
             sys.__unraisablehook__(unraisable)
+
+
+def _interrupt_later() -> None:
+    """Raises KeyboardInterrupt in the main thread, after the handler that asks for it has returned."""
+    time.sleep(0.05)
+    _thread.interrupt_main()
 
 
 def _ended(error: BaseException, stop: _Stop) -> int:

@@ -41,7 +41,7 @@ from visray.pass_timer import PassTimer
 from visray.passes import empty_film, exposed_once, first_pass_samples
 from visray.primitives import Cylinder, Plane, Rectangle, Sphere
 from visray.progress import Bar, Interrupts
-from visray.render import render
+from visray.renderer import render
 from visray.scene.load import load
 from visray.scene.scene import Film, Scatter, Scene, Settings
 from visray.setup import Prepared, prepare

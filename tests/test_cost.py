@@ -24,7 +24,7 @@ from visray.materials import Material
 from visray.output.curves import linear
 from visray.primitives import Plane, Polynomial, Sphere
 from visray.progress import Interrupts
-from visray.render import render
+from visray.renderer import render
 from visray.scene.address import changed
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.cost import measuring, study, truth

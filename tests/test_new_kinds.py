@@ -35,7 +35,7 @@ from visray.primitives import Capsule, Ellipsoid, Torus
 from visray.primitives.primitive import bounding_box, scalars, transform_frame
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
-from visray.render import explain
+from visray.renderer import explain
 from visray.repack import repacked
 from visray.study.mitsuba import crosscheck
 from visray.study.mitsuba.tessellation import tessellate

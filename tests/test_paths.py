@@ -18,7 +18,7 @@ from visray.lights import DirectionalLight, PointLight
 from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.ray import Ray
-from visray.render import render
+from visray.renderer import render
 from visray.scene.scene import Film, Scatter, Scene, Settings, SkyGradient
 from visray.setup import Prepared, prepare
 from visray.textures import CheckerTexture

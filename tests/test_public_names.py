@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -34,3 +35,23 @@ def test_the_message_for_an_old_name_ends_without_a_suggestion_of_python() -> No
     """When Python prints the error itself, it suggests names that look like the old one: here "gradient"."""
     done = subprocess.run([sys.executable, "-c", "import visray as vr\nvr.Gradient"], capture_output=True, text=True)
     assert done.stderr.splitlines()[-1] == "AttributeError: visray.Gradient is now visray.SkyGradient; use the new name"
+
+
+def test_no_public_name_is_a_submodule() -> None:
+    """The import of a submodule would replace it by the module."""
+    folder = Path(vr.__file__).parent
+    assert not {name for name in vr.__all__ if (folder / name).exists() or (folder / f"{name}.py").exists()}
+
+
+def test_import_visray_imports_nothing_of_weight() -> None:
+    """Names are imported when they are first used."""
+    code = "import sys, visray; print(*sys.modules); visray.Sphere; print('visray.renderer' in sys.modules)"
+    first, last = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.splitlines()
+    assert not {"numpy", "pydantic", "drjit", "rich", "visray.llvm", "visray.primitives"} & set(first.split())
+    assert last == "True"
+
+
+def test_a_star_import_has_all_public_names() -> None:
+    names: dict[str, object] = {}
+    exec("from visray import *", names)
+    assert {name: names[name] for name in vr.__all__} == {name: getattr(vr, name) for name in vr.__all__}

@@ -26,7 +26,7 @@ from visray.output.layers import LAYERS, NAMES, names_from
 from visray.passes import empty_film, expose, exposed_once
 from visray.primitives import Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere, Triangle
 from visray.quantities import Arrays
-from visray.render import render
+from visray.renderer import render
 from visray.sampling import SamplePlan
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Scene, Settings

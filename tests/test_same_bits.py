@@ -24,7 +24,7 @@ from visray.lights import RectangleLight
 from visray.moments import BLOCK, index_in_block
 from visray.passes import empty_film, expose, exposed_once, subset
 from visray.progress import Interrupts
-from visray.render import render
+from visray.renderer import render
 from visray.sampling import SamplePlan
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

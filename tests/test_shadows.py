@@ -30,7 +30,7 @@ from visray.materials import Material
 from visray.primitives import Box, Cone, Cylinder, Plane, Polynomial, Rectangle, Sphere, Triangle
 from visray.primitives.convex import ConvexSolid
 from visray.primitives.flat import Flat
-from visray.render import render
+from visray.renderer import render
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare
 from visray.transforms import Matrix, Rotate, Translate

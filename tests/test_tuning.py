@@ -23,7 +23,7 @@ from visray.lights import PointLight, RectangleLight
 from visray.materials import Material
 from visray.primitives import Plane, Sphere
 from visray.progress import Interrupts
-from visray.render import render
+from visray.renderer import render
 from visray.scene.address import changed
 from visray.scene.load import dump, load
 from visray.scene.scene import Film, Scene, Settings

@@ -6,96 +6,55 @@
     image["N"]            # normals, as a NumPy array
 
 A scene can be written in Python as well: vr.Scene(objects={"ball": vr.Sphere(radius=1)}, ...).
+
+Names are imported when they are first used, because the command line needs few of them.
 """
 
-# ruff: noqa: E402, F401, F403 - the order of imports matters; lights and primitives list their own public names
 import sys
+from importlib import import_module
+from importlib.machinery import PathFinder
+from typing import TYPE_CHECKING
 
-from visray import clock  # isort: skip
-from visray import llvm
+from visray import clock, drjit_import  # noqa: F401 - the clock starts
 
-llvm.prepare()  # before Dr.Jit is imported, because its import loads LLVM
+if TYPE_CHECKING:
+    from visray.public import *  # noqa: F403
 
-from visray import lights, primitives
-from visray.camera import Camera, OrthographicCamera
-from visray.edges import EdgeWarning
-from visray.errors import UserError
-from visray.gradients import derivative, difference, gradient
-from visray.lights import *
-from visray.materials import Material
-from visray.output.image import Image
-from visray.polynomials.catalogue import SURFACES, KnownSurface
-from visray.primitives import *
-from visray.primitives.clips import Ball, Block
-from visray.render import explain, prepare, render
-from visray.scene.address import replaced, value
-from visray.scene.load import dump, load
-from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
-from visray.setup import Prepared
-from visray.study.cost.study import cost
-from visray.study.cost.tuning import tune
-from visray.textures import CheckerTexture, ImageTexture
-from visray.transforms import Matrix, Rotate, Scale, Translate
-from visray.version import __version__
-
-__all__ = [
-    *lights.__all__,
-    *primitives.__all__,
-    "SURFACES",
-    "Ball",
-    "Block",
-    "Camera",
-    "CheckerTexture",
-    "EdgeWarning",
-    "Film",
-    "Image",
-    "ImageTexture",
-    "KnownSurface",
-    "Material",
-    "Matrix",
-    "Occlusion",
-    "OrthographicCamera",
-    "Prepared",
-    "Rotate",
-    "Scale",
-    "Scatter",
-    "Scene",
-    "Settings",
-    "SkyGradient",
-    "Translate",
-    "UserError",
-    "__version__",
-    "cost",
-    "derivative",
-    "difference",
-    "dump",
-    "explain",
-    "gradient",
-    "load",
-    "prepare",
-    "render",
-    "replaced",
-    "tune",
-    "value",
-]  # fmt: skip
+drjit_import.watch()
 
 # From each name of an earlier version to its name today.
 _RENAMED = {"Gradient": "SkyGradient", "surfaces": "SURFACES"}
 
 
+def _import_public() -> dict[str, object]:
+    """Adds all public names to this module. Returns its names."""
+    public = import_module("visray.public")
+    globals().update({name: getattr(public, name) for name in public.__all__}, __all__=public.__all__)
+    return globals()
+
+
 def __dir__() -> list[str]:
     """Public names, sorted. Submodules, which Python adds to the package when they are imported, are internal and left
     out."""
-    return sorted(__all__)
+    return sorted(_import_public()["__all__"])
 
 
 def __getattr__(name: str) -> object:
-    """Raises an error, because visray has no attribute `name`. For a name of an earlier version, the message says its
-    new name."""
-    if name not in _RENAMED:
-        raise AttributeError(f"module 'visray' has no attribute {name!r}")
-    text = f"visray.{name} is now visray.{_RENAMED[name]}; use the new name"
-    # In `from visray import Gradient`, Python would replace the text of an AttributeError by its own.
-    importing = sys._getframe(1).f_globals.get("__name__") == "importlib._bootstrap"
-    # Because `name` is given, Python adds no suggestion of its own, such as "Did you mean: 'gradient'?".
-    raise ImportError(text) if importing else AttributeError(text, name=None)
+    """A public name, when it is first used. Raises an AttributeError for a name that visray does not have. For a name
+    of an earlier version, the message says its new name."""
+    if name in _RENAMED:
+        text = f"visray.{name} is now visray.{_RENAMED[name]}; use the new name"
+        # In `from visray import Gradient`, Python would replace the text of an AttributeError by its own.
+        importing = sys._getframe(1).f_globals.get("__name__") == "importlib._bootstrap"
+        # Because `name` is given, Python adds no suggestion of its own, such as "Did you mean: 'gradient'?".
+        raise ImportError(text) if importing else AttributeError(text, name=None)
+    if _may_be_public(name) and name in (names := _import_public()):
+        return names[name]
+    raise AttributeError(f"module 'visray' has no attribute {name!r}")
+
+
+def _may_be_public(name: str) -> bool:
+    """Whether a name may be a public one. Python asks for submodules too, before it imports them."""
+    if name.startswith("_"):
+        return name in ("__all__", "__version__")
+    return name.isidentifier() and PathFinder.find_spec(f"visray.{name}", __path__) is None  # noqa: F405 - the star is for type checkers

@@ -25,7 +25,7 @@ from visray.errors import UserError
 from visray.number_table import NumberTable
 from visray.pack import Packed
 from visray.passes import expose
-from visray.render import adjusted
+from visray.renderer import adjusted
 from visray.sampling import SamplePlan
 from visray.scene import address as addresses
 from visray.scene.scene import Scene

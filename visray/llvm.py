@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from glob import escape, glob
 from importlib import import_module, metadata
 
+from visray.drjit_import import EXTENSION
 from visray.errors import UserError
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
@@ -83,7 +84,7 @@ def prepare() -> SearchResult:
     drjit or mitsuba is imported."""
     global _result
     if _result is None:
-        if "drjit" in sys.modules:
+        if EXTENSION in sys.modules:
             _result = SearchResult(None, imported_before=True)
         else:
             _result = search()

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter, Token
 from visray import terminal
 from visray.errors import UserError
 from visray.output.files import write_text
-from visray.render import adjusted
+from visray.renderer import adjusted
 from visray.scene import load as loading
 from visray.scene.address import changed, parse_assignment
 from visray.scene.scene import Scene

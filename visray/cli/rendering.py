@@ -35,7 +35,7 @@ from visray.output.image import Image, check_destination
 from visray.output.layers import LAYERS, NAMES, Layer, names_from
 from visray.progress import Interrupts
 from visray.quantities import BACKENDS
-from visray.render import render
+from visray.renderer import render
 from visray.terminal import write_json, write_line
 
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial

@@ -27,8 +27,8 @@ from visray.output.files import check_writable
 from visray.output.image import check_destination
 from visray.polynomials.catalogue import SURFACES
 from visray.progress import Interrupts
-from visray.render import explain as explain_scene
-from visray.render import render, set_threads
+from visray.renderer import explain as explain_scene
+from visray.renderer import render, set_threads
 from visray.scene.scene import Scene
 from visray.study import ablation
 from visray.tables import Table, show, styled

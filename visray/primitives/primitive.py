@@ -36,7 +36,6 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from drjit.scalar import Array3f64
 from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
@@ -272,13 +271,18 @@ def scalars(record: Any) -> Any:
     So methods that are written for kernels, such as `frame`, also run on plain numbers outside of kernels.
     """
     sizes = quantities(type(record))
-    return replace(record, **{k: Array3f64(*getattr(record, k)) for k, q in sizes.items() if q.size == 3})
+    return replace(record, **{k: dr.scalar.Array3f64(*getattr(record, k)) for k, q in sizes.items() if q.size == 3})
 
 
 def transform_frame(primitive: Primitive) -> Frame | None:
     """The object's transform as a Frame of scalar values; None if the object has no transform."""
     matrix = compose(primitive.transform)
-    return None if matrix is None else Frame(*(Array3f64(*column) for column in matrix.T))
+    return None if matrix is None else Frame(*(dr.scalar.Array3f64(*column) for column in matrix.T))
+
+
+def identity() -> Frame:
+    """The world frame, as scalar values."""
+    return Frame(*(dr.scalar.Array3f64(*(float(i == j) for j in range(3))) for i in range(4)))
 
 
 def bounding_box(primitive: Primitive) -> tuple[np.ndarray, np.ndarray] | None:

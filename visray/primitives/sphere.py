@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
-from drjit.scalar import Array3f64
 
 from visray.geometry import Frame, Similarity
 from visray.primitives.convex import ConvexSolid, Interval
-from visray.primitives.primitive import MitsubaShapes, half_extents, scalars, to_world_matrix
+from visray.primitives.primitive import MitsubaShapes, half_extents, identity, scalars, to_world_matrix
 from visray.quantities import Length, Point
 from visray.transforms import compose
 
@@ -57,14 +56,10 @@ class UnitSphere(ConvexSolid):
         return sphere_uv(q)
 
     def mitsuba(self) -> MitsubaShapes | str:
-        f = scalars(self).frame().then(IDENTITY)
+        f = scalars(self).frame().then(identity())
         # In Mitsuba the poles are on the z axis, u begins at the x axis, and v is 0 at the north pole.
         matrix = to_world_matrix(Frame(-f.x, f.z, f.y, f.o), compose(self.transform))
         return MitsubaShapes([{"type": "sphere", "to_world": matrix}], uv=lambda uv: (uv[0], 1 - uv[1]))
-
-
-# The world frame, as scalar values.
-IDENTITY = Frame(*(Array3f64(*(float(i == j) for j in range(3))) for i in range(4)))
 
 
 @dataclass(frozen=True, kw_only=True)

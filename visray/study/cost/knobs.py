@@ -11,7 +11,7 @@ from typing import Any, Literal
 from visray.adaptive.error_floor import DEEPEST
 from visray.feature_rules import used_materials
 from visray.primitives import Polynomial
-from visray.render import explain
+from visray.renderer import explain
 from visray.scene.address import changed, value
 from visray.scene.scene import Scene
 from visray.textures import ImageTexture

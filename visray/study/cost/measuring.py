@@ -21,7 +21,7 @@ from visray import clock, integrator
 from visray.errors import UserError
 from visray.film import Film
 from visray.progress import Bar, Interrupts
-from visray.render import adjusted
+from visray.renderer import adjusted
 from visray.sampling import SamplePlan
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare

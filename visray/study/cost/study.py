@@ -15,7 +15,7 @@ from visray.adaptive.dual_buffer import QUANTILE
 from visray.errors import UserError
 from visray.output.files import write_text
 from visray.progress import Interrupts
-from visray.render import explain, set_threads
+from visray.renderer import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.study.cost import comparing

@@ -17,7 +17,7 @@ from visray.output.curves import LUMINANCE
 from visray.output.rounding import rounding
 from visray.pass_timer import PASS_SECONDS
 from visray.progress import Bar, Interrupts
-from visray.render import explain
+from visray.renderer import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

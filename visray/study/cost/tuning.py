@@ -24,7 +24,7 @@ from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.errors import UserError
 from visray.progress import Interrupts
-from visray.render import adjusted, check_numbers, set_threads
+from visray.renderer import adjusted, check_numbers, set_threads
 from visray.scene.address import changed
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene

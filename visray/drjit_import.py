@@ -1,0 +1,49 @@
+"""What happens when Dr.Jit is imported: visray chooses a libLLVM first, because the import loads LLVM."""
+
+import sys
+from importlib import import_module
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
+from types import ModuleType
+from typing import Any
+
+# Name of the module whose import loads LLVM.
+EXTENSION = "drjit._drjit_ext"
+
+
+class _Watch:
+    """Finder of modules that finds none. It chooses a libLLVM in the moment before Dr.Jit is imported."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> None:
+        """Chooses a libLLVM if `name` is Dr.Jit or a module in it."""
+        if name.partition(".")[0] == "drjit":
+            sys.meta_path.remove(self)
+            import_module("visray.llvm").prepare()
+
+
+def watch() -> None:
+    """From now on, a libLLVM is chosen before Dr.Jit is imported, by whatever module."""
+    sys.meta_path.insert(0, _Watch())
+
+
+def put_off() -> None:
+    """From now on, `import drjit` gives a module that is loaded when it is first used. The command line needs this to
+    refuse a wrong scene at once.
+
+    Domain: a single thread, until Dr.Jit is loaded.
+    """
+    spec = None if "drjit" in sys.modules else PathFinder.find_spec("drjit")
+    if spec is not None:
+        sys.modules["drjit"] = module = _Later("drjit")
+        module.__spec__ = spec
+
+
+class _Later(ModuleType):
+    """A module that is loaded when it is first asked for an attribute. importlib.util.LazyLoader is no help, because
+    there the second `import` of the module loads it."""
+
+    def __getattr__(self, name: str) -> Any:
+        spec, self.__class__ = self.__spec__, ModuleType
+        vars(self).update(vars(module_from_spec(spec)))
+        spec.loader.exec_module(self)
+        return getattr(self, name)

@@ -1,0 +1,65 @@
+"""The public names of visray. `import visray` imports this module when the first of them is used (__init__.py)."""
+
+# ruff: noqa: F403 - lights and primitives list their own public names
+from visray import lights, primitives
+from visray.camera import Camera, OrthographicCamera
+from visray.edges import EdgeWarning
+from visray.errors import UserError
+from visray.gradients import derivative, difference, gradient
+from visray.lights import *
+from visray.materials import Material
+from visray.output.image import Image
+from visray.polynomials.catalogue import SURFACES, KnownSurface
+from visray.primitives import *
+from visray.primitives.clips import Ball, Block
+from visray.renderer import explain, prepare, render
+from visray.scene.address import replaced, value
+from visray.scene.load import dump, load
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient
+from visray.setup import Prepared
+from visray.study.cost.study import cost
+from visray.study.cost.tuning import tune
+from visray.textures import CheckerTexture, ImageTexture
+from visray.transforms import Matrix, Rotate, Scale, Translate
+from visray.version import __version__
+
+__all__ = [
+    *lights.__all__,
+    *primitives.__all__,
+    "SURFACES",
+    "Ball",
+    "Block",
+    "Camera",
+    "CheckerTexture",
+    "EdgeWarning",
+    "Film",
+    "Image",
+    "ImageTexture",
+    "KnownSurface",
+    "Material",
+    "Matrix",
+    "Occlusion",
+    "OrthographicCamera",
+    "Prepared",
+    "Rotate",
+    "Scale",
+    "Scatter",
+    "Scene",
+    "Settings",
+    "SkyGradient",
+    "Translate",
+    "UserError",
+    "__version__",
+    "cost",
+    "derivative",
+    "difference",
+    "dump",
+    "explain",
+    "gradient",
+    "load",
+    "prepare",
+    "render",
+    "replaced",
+    "tune",
+    "value",
+]  # fmt: skip

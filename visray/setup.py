@@ -9,6 +9,7 @@ import numpy as np
 
 from visray import film as films
 from visray import images, llvm
+from visray.clip_report import warn_of_clips
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
@@ -101,6 +102,7 @@ def prepare(
     width, height = scene.film.width, scene.film.height
     films.check_memory(width, height)
     warn_of_meshes(scene)
+    warn_of_clips(scene)
     effects, packed = features(scene, wrt, everything, without), pack(scene, a)
     if attach is not None:
         attach(packed)

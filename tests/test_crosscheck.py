@@ -34,13 +34,13 @@ from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.mitsuba import visray_lighting
 from visray.study.mitsuba.crosscheck import check, random_rays
-from visray.study.mitsuba.diffuse_colour import DiffuseColours
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
 from visray.study.mitsuba.omitted_effects import MOST_TRANSPARENT
 from visray.study.mitsuba.placed_shapes import mitsuba_shapes
 from visray.study.mitsuba.ray_comparison import RayComparison
 from visray.study.mitsuba.report import Report
 from visray.study.mitsuba.rounding import AXES
+from visray.study.mitsuba.surface_colours import SurfaceColours
 from visray.study.mitsuba.tessellation import MOST_FACETS, MOST_TRIANGLES, facets_around, tessellate
 from visray.study.mitsuba.visray_scene import VisrayScene
 from visray.textures import CheckerTexture, ImageTexture
@@ -658,6 +658,7 @@ TEXTURES = {
         for wrap in ("repeat", "clamp", "mirror")
         for filter in ("nearest", "bilinear")
     },
+    "globe": ImageTexture(file="", wrap=("repeat", "clamp")),
 }
 
 
@@ -677,13 +678,17 @@ def test_textures_pass_and_wrong_ones_fail(ground: Scene, name: str, picture: st
     texture = TEXTURES[name]
     if isinstance(texture, ImageTexture):
         texture = replace(texture, file=picture)
-    on = painted(replace(ground, lights={"key": LAMPS["point"]}), {"paint": Material(texture="it")}, floor="paint")
-    s = replace(painted(on, {}, ball="paint", crate="paint", cone="paint"), textures={"it": texture})
+    materials = {"paint": Material(texture="it"), "lit paint": Material(texture="it", textured="kd")}
+    on = painted(replace(ground, lights={"key": LAMPS["point"]}), materials, floor="paint")
+    s = replace(painted(on, {}, ball="paint", crate="lit paint", cone="paint"), textures={"it": texture})
     report = checked(s, rays=1000)
     assert report.passed, failures(report)
     assert report.picture.rms < 1e-4 and report.picture.compared > 6100
     for field, value in (("offset", (0.13, 0.1)), ("scale", (1.75, 1.3))):
         assert "picture: difference" in failures(checked(s, replaced(s, f"textures.it.{field}", value), rays=1000))
+    for name, value in (("paint", "kd"), ("lit paint", "ka and kd")):
+        changed = replaced(s, f"materials.{name}.textured", value)
+        assert "picture: difference" in failures(checked(s, changed, rays=1000))
 
 
 def test_paintings_show_pixels_where_they_are(picture: str) -> None:
@@ -694,16 +699,16 @@ def test_paintings_show_pixels_where_they_are(picture: str) -> None:
 
     pixels = linear(np.array(Image.open(picture)) / 255)
     s = replace(few_colours(picture), objects={"card": Rectangle(material="paint")})
-    painting = DiffuseColours(s, ("card",))
+    painting = SurfaceColours(s, ("card",))
     rows, columns = np.mgrid[:5, :7].reshape(2, -1)
     uv = np.stack([(columns + 0.5) / 7, 1 - (rows + 0.5) / 5], 1)
     index = np.zeros(len(uv), int)
-    assert np.allclose(painting.colours(index, uv), pixels.reshape(-1, 3), atol=2**-22)
+    assert np.allclose(painting.diffuse(index, uv), pixels.reshape(-1, 3), atol=2**-22)
     inner = columns < 6
     between = (pixels[:, :-1] + pixels[:, 1:]).reshape(-1, 3) / 2
-    assert np.allclose(painting.colours(index, uv + (0.5 / 7, 0))[inner], between, atol=2**-22)
+    assert np.allclose(painting.diffuse(index, uv + (0.5 / 7, 0))[inner], between, atol=2**-22)
     assert not painting.uncertain(index, uv, np.full(len(uv), 1e-6)).any()
-    assert (painting.colours(np.array([-1]), np.array([[np.nan, np.nan]])) == 0).all()
+    assert (painting.diffuse(np.array([-1]), np.array([[np.nan, np.nan]])) == 0).all()
 
 
 def few_colours(picture: str) -> Scene:

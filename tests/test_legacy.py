@@ -305,6 +305,9 @@ def test_pictures(tmp_path: Path, asked: str, scene: str, there: str, inner: str
         "map": ImageTexture(file=str(file), filter="nearest", wrap="clamp"),
     }
     assert loaded.materials["globe"].texture == "map"
+    # The original's rule is that a texture leaves ka as it is.
+    rules = {compat: pair.convert(globe(asked.format(inner)), compat=compat)[0] for compat in (False, True)}
+    assert {compat: s.materials["globe"].textured for compat, s in rules.items()} == {False: "ka and kd", True: "kd"}
 
 
 @pytest.mark.parametrize(

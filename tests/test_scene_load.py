@@ -35,7 +35,7 @@ KINDS, LIGHTS = (
     for kinds in (primitives.OBJECTS, lights.KINDS)
 )
 TEXTURES = "image, checker"
-MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture"
+MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, texture, textured"
 
 
 def write(folder: Path, content: object) -> Path:
@@ -230,6 +230,8 @@ SAMPLES = [
     Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t")}),
     Scene(textures={"t": CheckerTexture(scale=(2.0, -1.0), offset=(0.0, 0.5), b=(1.0, 0.0, 0.0))}),
     Scene(textures={"t": ImageTexture(file="/a/b.exr", filter="nearest", wrap="clamp", encoding="srgb")}),
+    Scene(textures={"t": ImageTexture(file="/a/b.exr", wrap=("repeat", "clamp"))}),
+    Scene(textures={"t": CheckerTexture()}, materials={"m": Material(texture="t", textured="kd")}),
     *(Scene(lights={"l": kind(**PLACE)}) for kind in (PointLight, RectangleLight, DiskLight, SphereLight)),
     Scene(lights={"l": DirectionalLight(**DOWN)}),
     Scene(lights={"l": SpotLight(**PLACE, **DOWN)}),
@@ -586,6 +588,18 @@ def test_a_material_may_have_no_texture_and_a_scene_no_textures(tmp_path: Path) 
         (
             {"type": "image", "file": "a.png", "filter": "linear"},
             '.filter = "linear": unknown value; did you mean "bilinear"? (one of nearest, bilinear)',
+        ),
+        (
+            {"type": "image", "file": "a.png", "wrap": ["repeat", "tile"]},
+            '.wrap.1 = "tile": unknown value; one of repeat, clamp, mirror',
+        ),
+        (
+            {"type": "image", "file": "a.png", "wrap": ["repeat"]},
+            '.wrap = ["repeat"]: must be a list of 2 of repeat, clamp, mirror',
+        ),
+        (
+            {"type": "image", "file": "a.png", "wrap": 3},
+            ".wrap = 3: must be one of repeat, clamp, mirror or a list of 2 of repeat, clamp, mirror",
         ),
         (
             {"type": "image", "file": "a.png", "wrap": "tile"},

@@ -1,11 +1,13 @@
 """Textures: what is read from picture files, what is refused, and what a lookup finds, against the same in NumPy."""
 
+import math
 import os
 import struct
 import warnings
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,18 +19,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image as Pillow
+from samples import NAMES, SAMPLES, Lineup, aimed, array
 
+from visray.camera import Camera, OrthographicCamera
 from visray.errors import UserError
+from visray.gradients import derivative
 from visray.images import atlas as packing
 from visray.images import pack, read_image, reading
 from visray.images.lookup import colour
+from visray.materials import Material
+from visray.primitives import Ellipsoid, Rectangle, Sphere
+from visray.primitives.instance import Instance
 from visray.quantities import Arrays
-from visray.textures import CheckerTexture, ImageTexture
+from visray.render import render
+from visray.scene.scene import Film, Scene, Settings
+from visray.textures import CheckerTexture, ImageTexture, row_number
 
 ADDRESS = "textures.globe.file"
 A = Arrays.of("llvm", "single")
 DOUBLE = Arrays.of("llvm", "double")
 WRAPS = ("repeat", "clamp", "mirror")
+PAIRS = (("repeat", "clamp"), ("clamp", "mirror"), ("mirror", "repeat"))
 FILTERS = ("nearest", "bilinear")
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -429,7 +440,7 @@ def test_texels_lie_row_by_row_from_the_bottom_and_an_image_is_held_once(folder)
     assert np.array_equal(texels[:, :3], np.concatenate([one[::-1].reshape(-1, 3), two[::-1].reshape(-1, 3)]))
     assert (texels[:, 3] == 0).all()
     assert np.array(found.rows.start).tolist() == [0, 6, 0]
-    assert np.array(found.rows.wrap).tolist() == [0, 0, 1]
+    assert np.array(found.rows.wrap_u).tolist() == np.array(found.rows.wrap_v).tolist() == [0, 0, 1]
     assert np.array(found.rows.scale_v).tolist() == [1, 1, 3]
     assert found.rows.a is None
 
@@ -455,11 +466,13 @@ def test_too_many_pixels_together_are_refused(folder, monkeypatch) -> None:
 # Looking up
 
 
-def seen(a: Arrays, textures: dict, index: Any, u: Any, v: Any, bilinear: bool = True) -> np.ndarray:
+def seen(
+    a: Arrays, textures: dict, index: Any, u: Any, v: Any, bilinear: bool = True, v_ends: bool = False
+) -> np.ndarray:
     """What the kernel finds. Shapes: u, v (N), index (N) or one number; (N, 3)."""
     u, v = np.broadcast_arrays(np.atleast_1d(np.asarray(u, float)), np.asarray(v, float))
     index = a.put(a.U, np.broadcast_to(np.asarray(index, np.uint32), u.shape))
-    return np.array(colour(a, pack(a, textures), index, a.put(a.F, u), a.put(a.F, v), bilinear)).T
+    return np.array(colour(a, pack(a, textures, v_ends), index, a.put(a.F, u), a.put(a.F, v), bilinear)).T
 
 
 def wrapped(i: np.ndarray, n: int, wrap: str) -> np.ndarray:
@@ -471,15 +484,26 @@ def wrapped(i: np.ndarray, n: int, wrap: str) -> np.ndarray:
     return np.where(i % (2 * n) < n, i % (2 * n), 2 * n - 1 - i % (2 * n))
 
 
-def twin(image: np.ndarray, t: ImageTexture, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The same in 80 bits: a plane tiled without end, whose pixels are numbered in whole numbers."""
+def between_poles(j: np.ndarray, t: ImageTexture, h: int) -> np.ndarray:
+    """The nearest rows of those that the poles v = 0 and v = 1 leave something of, in exact arithmetic."""
+    offset, scale = (Fraction(repr(float(x))) for x in (t.offset[1], t.scale[1]))
+    low, high = sorted((offset * h, (offset + scale) * h))
+    return np.clip(j, math.floor(low), max(math.floor(low), math.ceil(high) - 1))
+
+
+def twin(image: np.ndarray, t: ImageTexture, u: np.ndarray, v: np.ndarray, v_ends: bool = False) -> np.ndarray:
+    """The same in 80 bits: a plane tiled without end, whose pixels are numbered in whole numbers.
+
+    v_ends: whether the plane is a globe, whose rows end at the poles.
+    """
     h, w, _ = image.shape
     x = (np.longdouble(t.scale[0]) * u + np.longdouble(t.offset[0])) * w
     y = (np.longdouble(t.scale[1]) * v + np.longdouble(t.offset[1])) * h
 
     def at(i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        rows = h - 1 - wrapped(j.astype(np.int64), h, t.wrap)
-        return image[rows, wrapped(i.astype(np.int64), w, t.wrap)].astype(np.longdouble)
+        j = j.astype(np.int64)
+        rows = h - 1 - wrapped(between_poles(j, t, h) if v_ends else j, h, t.wraps[1])
+        return image[rows, wrapped(i.astype(np.int64), w, t.wraps[0])].astype(np.longdouble)
 
     if t.filter == "nearest":
         return at(np.floor(x), np.floor(y))
@@ -503,11 +527,11 @@ def clear(t: ImageTexture, u: np.ndarray, v: np.ndarray, w: int, h: int) -> np.n
 
 
 @pytest.mark.parametrize("arrays", [A, DOUBLE], ids=["single", "double"])
-@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("wrap", [*WRAPS, *PAIRS])
 @pytest.mark.parametrize("filter", FILTERS)
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
-def test_a_lookup_is_what_its_twin_finds(folder, arrays: Arrays, wrap: str, filter: str, data: st.DataObject) -> None:
+def test_a_lookup_is_what_its_twin_finds(folder, arrays: Arrays, wrap: Any, filter: str, data: st.DataObject) -> None:
     h, w = data.draw(st.tuples(st.integers(1, 9), st.integers(1, 9)))
     near, wide = st.floats(-3, 3), st.floats(-1e6, 1e6)
     scale = data.draw(st.tuples(near | wide, near | wide))
@@ -524,6 +548,56 @@ def test_a_lookup_is_what_its_twin_finds(folder, arrays: Arrays, wrap: str, filt
     allowed = 3 * (2.0**-23 if arrays is A else 2.0**-52) + off if filter == "bilinear" else 0
     ok = clear(t, u, v, w, h)
     assert (error <= allowed)[ok].all()
+
+
+@pytest.mark.parametrize("wrap", [*WRAPS, *PAIRS])
+@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize(
+    ("scale", "offset"), [(1, 0), (-1, 1), (2, 0), (0.7, 0.3), (0.2, 0.1), (-0.35, 0.95), (0, 0.4), (0.01, 0.005)]
+)
+def test_no_pixel_from_beyond_a_pole_is_blended_in(folder, wrap: Any, filter: str, scale: float, offset: float) -> None:
+    """At the poles of a globe themselves, and everywhere else; wherever on the image they are."""
+    image = np.random.default_rng(4).random((10, 4, 3)).astype(np.float32)
+    file = image_file(folder, "globe", image)
+    t = ImageTexture(file=file, wrap=wrap, filter=filter, scale=(1, scale), offset=(0, offset))
+    v = np.concatenate([np.linspace(0, 1, 200), [0, 1, 2.0**-40, 1 - 2.0**-40]])
+    u = np.random.default_rng(5).random(len(v))
+    index = row_number(0, 1, v_ends=True, keeps_ka=False)
+    found, expected = seen(DOUBLE, {"t": t}, index, u, v, True, True), twin(image, t, u, v, True)
+    ok = clear(t, u, v, 4, 10) | np.isin(v, (0, 1))
+    assert np.abs(found - expected)[ok].max(initial=0) < 2.0**-20
+    # The same texture on another kind goes on beyond v = 0 and v = 1.
+    plain, expected = seen(DOUBLE, {"t": t}, 0, u, v, True, True), twin(image, t, u, v)
+    assert np.abs(plain - expected)[clear(t, u, v, 4, 10)].max(initial=0) < 2.0**-20
+
+
+def test_squares_end_at_a_pole() -> None:
+    index = row_number(0, 1, v_ends=True, keeps_ka=False)
+    textures = {"c": CheckerTexture(scale=(1, 2))}
+    found = seen(DOUBLE, textures, index, 0.25, [0, 0.2, 0.3, 0.99, 1], v_ends=True)
+    assert found[:, 0].tolist() == [0.8, 0.8, 0.2, 0.2, 0.2]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_kinds_with_poles_say_so(name: str) -> None:
+    """A pole: v goes from 0 to 1, and the points within 1/20 of an end are close together and have every u."""
+    thing = SAMPLES[name].posed
+    o, d = aimed(np.random.default_rng(1), thing, 150_000)
+    line = Lineup([thing], len(o))
+    ray = line.ray(o, d)
+    crossing = line.crossing(ray)
+    surface, u, v = line.surface(ray, crossing.t, crossing.part)
+    hit = np.isfinite(np.array(crossing.t))
+    part = np.broadcast_to(np.array(crossing.part), hit.shape)[hit]
+    p, u, v = array(surface.p)[hit], np.array(u)[hit], np.array(v)[hit]
+    size, poles = np.ptp(p, axis=0).max(), 0
+    for number in set(part):
+        for near_end in (v < 0.05, v > 0.95):
+            points, turn = p[near_end & (part == number)], u[near_end & (part == number)]
+            if len(points) > 9 and not ((v < -0.05) | (v > 1.05)).any():
+                near = np.linalg.norm(points - np.median(points, axis=0), axis=1) < 0.1 * size
+                poles += len(set(np.floor(turn * 4).astype(int) % 4)) == 4 and near.mean() > 0.5
+    assert line.kind.v_ends == bool(poles)
 
 
 @pytest.mark.parametrize("arrays", [A, DOUBLE], ids=["single", "double"])
@@ -620,6 +694,89 @@ def test_no_place_reads_outside_the_image(folder, arrays: Arrays, wrap: str, bil
     assert (found == 7).all()
     squares = seen(arrays, {"c": CheckerTexture()}, 0, u, v)
     assert np.isin(squares, np.array([0.2, 0.8], np.float32 if arrays is A else float)).all()
+
+
+# In pictures
+
+
+def picture(scene: Scene, **changes: Any) -> np.ndarray:
+    """The colours of a scene with a flat light. Shape: (H, W, 3)."""
+    scene = replace(scene, **changes)
+    return render(scene, layers=("RGB",), progress=False)["RGB"]
+
+
+@pytest.mark.parametrize("wrap", [*WRAPS, *PAIRS])
+@pytest.mark.parametrize("pole", [1, -1])
+def test_a_globe_seen_from_above_its_pole_has_one_colour(folder, wrap: Any, pole: int) -> None:
+    """Bilinear filtering blended the south into the north pole, on instances and ellipsoids too."""
+    image = np.zeros((8, 4, 3), np.float32)
+    image[:2], image[-2:] = (1, 0.5, 0.25), (0.25, 0.5, 1)
+    globe = ImageTexture(file=image_file(folder, "poles", image), wrap=wrap)
+    squashed = Ellipsoid(radii=(1, 0.6, 1), material="globe")
+    objects = [Sphere(material="globe"), Instance(geometry="ball", material="globe"), squashed]
+    for thing in objects:
+        found = picture(
+            Scene(
+                camera=Camera(origin=(0, 6 * pole, 0), up=(0, 0, 1), fov=3),
+                film=Film(width=9, height=9),
+                textures={"globe": globe},
+                materials={"globe": Material(texture="globe")},
+                geometries={"ball": Sphere()} if isinstance(thing, Instance) else {},
+                objects={"globe": thing},
+                settings=Settings(shading="albedo", spp=16),
+            )
+        )
+        expected = np.float32(image[0 if pole > 0 else -1, 0])
+        assert np.abs(found - expected).max() < 4 * 2.0**-23
+
+
+AMBIENT = Scene(
+    camera=OrthographicCamera(origin=(0, 0, 5), target=(0, 0, 0), height=2),
+    film=Film(width=2, height=2),
+    background=(0, 0, 0),
+    ambient=(0.5, 1.0, 2.0),
+    textures={"squares": CheckerTexture(a=(0.8, 0.4, 0.2), b=(0.1, 0.3, 0.5))},
+    materials={"m": Material(texture="squares", ka=(0.5, 0.25, 0.75))},
+    objects={"card": Rectangle(center=(0, 0, 0), width=(2, 0, 0), height=(0, 2, 0), material="m")},
+    settings=Settings(spp=1, sampler="independent"),
+)
+SQUARES = np.array([[AMBIENT.textures["squares"].b, AMBIENT.textures["squares"].a]] * 2)
+SQUARES[1] = SQUARES[1, ::-1]
+
+
+def test_a_texture_colours_what_only_ambient_light_reaches() -> None:
+    """I = Ig ka times the colour of the texture, or Ig ka where the material keeps it."""
+    glow, ka = np.array(AMBIENT.ambient), np.array(AMBIENT.materials["m"].ka)
+    assert np.allclose(picture(AMBIENT), glow * ka * SQUARES, rtol=4 * 2.0**-23)
+    kept = {"m": replace(AMBIENT.materials["m"], textured="kd")}
+    assert np.allclose(picture(AMBIENT, materials=kept), np.broadcast_to(glow * ka, (2, 2, 3)), rtol=4 * 2.0**-23)
+    # A default that is written out changes nothing.
+    left_out, written = ({"m": Material(texture="squares", **ka)} for ka in ({}, {"ka": (0.1, 0.1, 0.1)}))
+    assert np.array_equal(picture(AMBIENT, materials=left_out), picture(AMBIENT, materials=written))
+
+
+def test_materials_side_by_side_each_keep_to_their_own_rule() -> None:
+    """One scales ka, one keeps it and one has no texture, on a sphere, whose v ends at poles, and on rectangles."""
+    left, right, ball = (-1, 0, 0), (1, 0, 0), Sphere(center=(0, 3, 0), radius=1, material="kept")
+    card = Rectangle(width=(1, 0, 0), height=(0, 1, 0))
+    objects = {"a": replace(card, center=left, material="scaled"), "b": replace(card, center=right, material="kept")}
+    objects |= {"c": replace(card, center=(0, -2, 0), material="plain"), "ball": ball}
+    m = AMBIENT.materials["m"]
+    materials = {"scaled": m, "kept": replace(m, textured="kd"), "plain": replace(m, texture=None)}
+    camera = OrthographicCamera(origin=(0, 0, 5), target=(0, 0, 0), height=10)
+    found = picture(AMBIENT, objects=objects, materials=materials, camera=camera, film=Film(width=40, height=40))
+    light = np.array(AMBIENT.ambient) * m.ka
+    colours = {tuple(np.round(c, 4)) for c in found.reshape(-1, 3).astype(float)} - {(0, 0, 0)}
+    expected = [light, *(light * SQUARES[0])]
+    assert colours == {tuple(np.round(c, 4)) for c in expected}
+
+
+def test_derivatives_by_ka_are_scaled_by_the_texture() -> None:
+    m = AMBIENT.materials["m"]
+    for textured, expected in (("ka and kd", SQUARES[..., 0]), ("kd", np.ones((2, 2)))):
+        scene = replace(AMBIENT, materials={"m": replace(m, textured=textured)})
+        slope = derivative(scene, "materials.m.ka.0")
+        assert np.allclose(slope[..., 0], AMBIENT.ambient[0] * expected, rtol=1e-12) and not slope[..., 1:].any()
 
 
 # Derivatives

@@ -4,7 +4,7 @@ The search finds the hit without derivatives (detached). Here the row that is hi
 (attached).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -32,7 +32,7 @@ class Interaction:
     n: unit normal for shading, on the side that the ray comes from
     face: unit normal of the surface itself on this side; None if it is `n` in all lanes
     from_inside: whether the ray sees the surface from inside
-    material: material at the point, with the texture's colour as kd
+    material: material at the point, with the colour of its texture (Material.textured)
     u, v: texture coordinates
     origin: the point as origin of further rays; None if no rays start there
     sample: random numbers of the sample; None if none are needed
@@ -136,9 +136,8 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
     error = gamma(8) * (l1_norm(ray.o) + t + coordinate_bound)
     surface = Surface(attached_p if s.attached else p, normal, error, exact, shading)
     if textured:
-        untextured = texture == NO_TEXTURE
-        texture_colour = texturing.colour(a, s.atlas, dr.select(untextured, 0, texture), u, v, s.features["bilinear"])
-        material = replace(material, kd=dr.select(untextured, material.kd, texture_colour))
+        has_texture, bilinear = texture != NO_TEXTURE, s.features["bilinear"]
+        material = texturing.coloured(a, s.atlas, material, texture, has_texture, (u, v), bilinear)
     return surface, material, a.F(u), a.F(v)
 
 

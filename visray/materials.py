@@ -1,7 +1,7 @@
 """Materials: Blinn-Phong reflection, mirrors and refraction."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -19,7 +19,8 @@ class Material:
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
     through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
     that passes through a solid on its way from a light to a surface is multiplied by kt (1 - min(d / dmax, 1)), where d
-    is the length of its way inside the solid. `texture` names a texture whose colour replaces kd.
+    is the length of its way inside the solid. `texture` names a texture. Its colour replaces kd and multiplies ka, so
+    that it shows in shadow too; with `textured` = "kd", ka is kept.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -33,3 +34,9 @@ class Material:
     ior: RefractiveIndex = 1.5
     dmax: Length = FARTHEST
     texture: Name | None = None
+    textured: Literal["ka and kd", "kd"] = "ka and kd"
+
+    @property
+    def keeps_ka(self) -> bool:
+        """Whether the material has a texture that leaves ka as it is."""
+        return self.texture is not None and self.textured == "kd"

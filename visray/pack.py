@@ -23,6 +23,7 @@ from visray.primitives.primitive import Primitive
 from visray.pytree import evaluated
 from visray.quantities import Arrays, stacked
 from visray.scene.scene import Occlusion, Scene, SkyGradient
+from visray.textures import row_number
 from visray.transforms import composed
 
 NO_TEXTURE = 0xFFFFFFFF
@@ -80,7 +81,7 @@ class Columns:
     outer: transforms of the rows; None for a batch without transforms
     object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
         triangles of meshes; None if each row is an object
-    material, texture: number of each object's material and texture
+    material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
     object: number of each object, in the order of the scene
     """
 
@@ -202,8 +203,11 @@ def object_columns(
         objects = [scene.placed_shape(scene.objects[name]) for name in names]
     materials = materials_of(scene)
     index = {name: i for i, name in enumerate(materials)}
-    texture = {name: i for i, name in enumerate(scene.textures)} | {None: NO_TEXTURE}
-    texture_of = {name: texture[m.texture] for name, m in materials.items()}
+    number = {name: i for i, name in enumerate(scene.textures)}
+    texture_of = {
+        name: row_number(number[m.texture], len(number), kind.v_ends, m.keeps_ka) if m.texture else NO_TEXTURE
+        for name, m in materials.items()
+    }
     named = [scene.objects[name].material for name in names]
     outer = object_of = counts = None
     if kind.many_rows:

@@ -106,8 +106,14 @@ def prepare(
     effects, packed = features(scene, wrt, everything, without), pack(scene, a)
     if attach is not None:
         attach(packed)
-    kernel = kernel_scene(packed, scene, effects, a, images.pack(a, scene.textures), brute_force)
+    kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)
     return Prepared(scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene))
+
+
+def _atlas(scene: Scene, packed: Packed, a: Arrays) -> images.Atlas | None:
+    """The textures of a scene in arrays, or None. packed: its packed numbers."""
+    v_ends = any(batch.kind.v_ends for batch in packed.batches)
+    return images.pack(a, scene.textures, v_ends, any(m.keeps_ka for m in scene.materials.values()))
 
 
 def _identities(scene: Scene) -> tuple:

@@ -13,6 +13,9 @@ from visray.quantities import Color, Real
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 _Coordinate = Annotated[Real, Field(ge=-1e6, le=1e6)]
 Pair = tuple[_Coordinate, _Coordinate]
+Wrap = Literal["repeat", "clamp", "mirror"]
+# A texture has a row in the atlas for each way in which it is used (row_number): (v_ends, keeps_ka).
+USES = ((False, False), (True, False), (False, True), (True, True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +34,22 @@ class ImageTexture(Texture):
     """A PNG, JPEG or EXR `file` (relative to the scene file), with its first row at v = 1.
 
     `filter`: `nearest` takes the colour of the nearest pixel, `bilinear` blends four pixels. `wrap`: beyond its edges
-    the picture repeats (`repeat`), keeps the colour of the edge (`clamp`), or is mirrored (`mirror`). `encoding`: how
-    numbers of the file become colours, `srgb` or `linear`; with `auto`, PNG and JPEG are read as sRGB and EXR as
-    linear.
+    the picture repeats (`repeat`), keeps the colour of the edge (`clamp`), or is mirrored (`mirror`). A pair, such as
+    ("repeat", "clamp"), is for u and for v. At the poles of a sphere and of other kinds whose v ends there, pixels
+    beyond the pole are never blended in. `encoding`: how numbers of the file become colours, `srgb` or `linear`; with
+    `auto`, PNG and JPEG are read as sRGB and EXR as linear.
     """
 
     type: Literal["image"] = "image"
     file: Annotated[str, Field(strict=True, min_length=1)]
     filter: Literal["nearest", "bilinear"] = "bilinear"
-    wrap: Literal["repeat", "clamp", "mirror"] = "repeat"
+    wrap: Wrap | tuple[Wrap, Wrap] = "repeat"
     encoding: Literal["auto", "srgb", "linear"] = "auto"
+
+    @property
+    def wraps(self) -> tuple[Wrap, Wrap]:
+        """`wrap` along u and along v."""
+        return (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,3 +63,13 @@ class CheckerTexture(Texture):
 
 
 KINDS = (ImageTexture, CheckerTexture)
+
+
+def row_number(texture: int, count: int, v_ends: bool, keeps_ka: bool) -> int:
+    """Number of a texture's row in the atlas, for one way in which it is used.
+
+    texture: number of the texture. count: number of textures
+    v_ends: whether it is on a kind whose v ends at poles (Primitive.v_ends)
+    keeps_ka: whether its material keeps ka (Material.textured)
+    """
+    return texture + count * USES.index((v_ends, keeps_ka))

@@ -1,22 +1,43 @@
-"""Texture lookup in kernels: the colour of a texture at (u, v).
+"""Texture lookup in kernels: the colour of a texture at (u, v), and what it changes in a material.
 
 A lane is one entry of a Dr.Jit array: here one surface point. Each lane may look up another texture.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
 
 from visray.images import WRAPS, Atlas, Row
+from visray.materials import Material
 from visray.pytree import rows
 from visray.quantities import Arrays
+
+
+def coloured(
+    a: Arrays, atlas: Atlas, material: Material, index: Any, textured: Any, uv: tuple, bilinear: bool
+) -> Material:
+    """The material at (u, v), with the colour of its texture as kd, and ka times this colour.
+
+    index: number of the texture's row in the atlas, in each lane.
+    textured: mask of the lanes whose material has a texture.
+    uv: texture coordinates of the surface point.
+    bilinear: as in `colour`.
+    """
+    index = dr.select(textured, index, 0)
+    texture_colour = colour(a, atlas, index, *uv, bilinear)
+    scales_ka = textured
+    if atlas.rows.keeps_ka is not None:
+        scales_ka = textured & (dr.gather(a.U, atlas.rows.keeps_ka, index) == 0)
+    kd = dr.select(textured, texture_colour, material.kd)
+    return replace(material, kd=kd, ka=dr.select(scales_ka, material.ka * texture_colour, material.ka))
 
 
 def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) -> Any:
     """Colour of a texture at (u, v), as an array of type `a.V`.
 
     a: array types of the kernel.
-    index: number of the texture in each lane.
+    index: number of the texture's row in the atlas, in each lane.
     u, v: texture coordinates of the surface point.
     bilinear: whether any texture of the atlas blends neighbouring pixels. If not, the kernel has no code for blending.
 
@@ -27,8 +48,10 @@ def colour(a: Arrays, atlas: Atlas, index: Any, u: Any, v: Any, bilinear: bool) 
     three roundings in the precision of shading.
     """
     row = rows(atlas.rows, index)
-    x = _wrapped(row.scale_u * a.D(u) + row.offset_u, row.wrap)
-    y = _wrapped(row.scale_v * a.D(v) + row.offset_v, row.wrap)
+    x = _wrapped(row.scale_u * a.D(u) + row.offset_u, row.wrap_u)
+    y = row.scale_v * a.D(v) + row.offset_v
+    # Between the centres of two rows a blend has only these rows. So no row beyond a pole is blended in.
+    y = _wrapped(y if row.lowest is None else dr.clip(y, row.lowest, row.highest), row.wrap_v)
     if atlas.texels is None:
         return _checker(row, x, y)
     image_colour = _image(a, atlas.texels, row, x, y, bilinear)
@@ -68,8 +91,8 @@ def _image(a: Arrays, texels: Any, row: Row, x: Any, y: Any, bilinear: bool) -> 
 
     if not bilinear:
         return texel(_nearest(a, x, row.width), _nearest(a, y, row.height))
-    left, right, s = _around(a, x, row.width, row)
-    below, above, t = _around(a, y, row.height, row)
+    left, right, s = _around(a, x, row.width, row.wrap_u, row.smooth)
+    below, above, t = _around(a, y, row.height, row.wrap_v, row.smooth)
     low, high = (_blend(texel(left, j), texel(right, j), s) for j in (below, above))
     return _blend(low, high, t)
 
@@ -87,19 +110,19 @@ def _nearest(a: Arrays, x: Any, size: Any) -> Any:
     return a.U(dr.minimum(dr.floor(x * size), size - 1))
 
 
-def _around(a: Arrays, x: Any, size: Any, row: Row) -> tuple[Any, Any, Any]:
+def _around(a: Arrays, x: Any, size: Any, wrap: Any, smooth: Any) -> tuple[Any, Any, Any]:
     """The indices of two pixels along one axis, and the weight of the second pixel. x lies between their centres.
 
     If the texture does not blend pixels, the first pixel is the one that contains x, and the weight is 0.
 
-    x: coordinate in [0, 1]. size: number of pixels along the axis. row: parameters of the texture.
+    x: coordinate in [0, 1]. size: number of pixels along the axis. wrap: index into WRAPS. smooth: as in Row.
     """
-    position = x * size - 0.5 * row.smooth
+    position = x * size - 0.5 * smooth
     low = dr.floor(position)
-    weight = a.F((position - low) * row.smooth)
+    weight = a.F((position - low) * smooth)
     last = size - 1
     # In a repeating image the pixel before the first is the last; at other edges a pixel is its own neighbour.
-    before_first = dr.select(row.wrap == WRAPS.index("repeat"), last, 0)
+    before_first = dr.select(wrap == WRAPS.index("repeat"), last, 0)
     first_index = dr.select(low < 0, before_first, dr.minimum(low, last))
     second_index = dr.select(low >= last, last - before_first, low + 1)
     return a.U(first_index), a.U(second_index), weight

@@ -26,6 +26,7 @@ class Capsule(ConvexSolid):
 
     parts = 3
     smooth = True
+    v_ends = True
 
     type: Literal["capsule"] = "capsule"
     a: Point = (0.0, -0.5, 0.0)

@@ -25,6 +25,7 @@ class Cone(Revolved):
     """
 
     parts = 2
+    v_ends = True
 
     type: Literal["cone"] = "cone"
     base: Point = (0.0, 0.0, 0.0)

@@ -35,6 +35,8 @@ class Polynomial(Algebraic):
     uv: longitude and latitude about the clip's centre, as on a sphere.
     """
 
+    v_ends = True
+
     type: Literal["polynomial"] = "polynomial"
     expression: Annotated[str, Field(strict=True)] | None = None
     monomis: tuple[Annotated[str, Field(strict=True)], ...] | None = None

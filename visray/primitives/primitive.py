@@ -129,6 +129,7 @@ class Primitive:
     stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)
     own_frames = False  # whether the table of the kind contains the objects' transforms
     walks = False  # whether the test of a row is a walk through a tree of its own
+    v_ends = False  # whether v is from 0 to 1 and ends at a pole: no pixel of a texture is blended in from beyond it
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 
     @property

@@ -28,6 +28,7 @@ class UnitSphere(ConvexSolid):
     """
 
     smooth = True
+    v_ends = True
 
     @staticmethod
     def extents(to_world: Frame | Similarity, shape: tuple) -> tuple[Any, Any]:

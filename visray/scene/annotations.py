@@ -74,6 +74,8 @@ def describe(annotation: Any) -> str:
         return f"one of {', '.join(args)}"
     if origin is tuple and args[-1] is not Ellipsis:
         inner = bare(args[0])
+        if get_origin(inner) is Literal:
+            return f"a list of {len(args)} of {', '.join(get_args(inner))}"
         return f"{len(args)} numbers" if inner is float else f"{len(args)} lists of {len(get_args(inner))} numbers"
     return _JSON_NAMES[origin or annotation]
 

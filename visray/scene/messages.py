@@ -55,7 +55,7 @@ def lines(error: ValidationError, raw: Any) -> list[str]:
     the union. If a member fits by its type, only the errors inside this member are reported.
     """
     located = [(_locate(e["loc"]), e) for e in error.errors(include_url=False)]
-    misfits = {b for place, e in located for b in place.branches[-1:] if e["type"].endswith("_type") and place.at(b)}
+    misfits = {b for place, e in located for b in place.branches[-1:] if _is_type_error(e) and place.at(b)}
     fitting = {b.address for place, _ in located for b in place.branches if b not in misfits}
     texts = []
     for place, e in located:
@@ -64,6 +64,11 @@ def lines(error: ValidationError, raw: Any) -> list[str]:
             continue
         texts.append(_type_message(misfit.address, misfit.union, raw) if misfit else _message(place, e, raw))
     return list(dict.fromkeys(texts))
+
+
+def _is_type_error(e: dict) -> bool:
+    """Whether an error of pydantic says that a value has a wrong type: a list in place of a word, for example."""
+    return e["type"].endswith("_type") or (e["type"] == "literal_error" and not isinstance(e["input"], str))
 
 
 @dataclass(frozen=True)

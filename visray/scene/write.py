@@ -75,7 +75,10 @@ MEANINGS: dict[type, dict[str, str]] = {
         "rays": "number of rays from each point that the camera sees, from 0 to 65536",
         "depth": "largest number of bounces, from 0 to 1000",
     },
-    Material: {"texture": "the name of one of the scene's textures, or null"},
+    Material: {
+        "texture": "the name of one of the scene's textures, or null",
+        "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
+    },
     Texture: {
         "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
         "offset": "added to u and v after they are multiplied by scale; each from -1e6 to 1e6",
@@ -83,7 +86,7 @@ MEANINGS: dict[type, dict[str, str]] = {
     ImageTexture: {
         "file": "path of the image, relative to the scene file",
         "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
-        "wrap": "how the image continues beyond its edges",
+        "wrap": "how the image continues beyond its edges; a pair is for u and for v",
         "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR",
     },
     AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},

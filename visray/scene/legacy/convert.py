@@ -9,6 +9,7 @@ In some points VisRayTrace deliberately follows other rules than visray. With `c
 - If ambient occlusion is on, its rays point to a half cube (settings.occlusion.hemisphere = "box").
 - A transparent surface shows its own colour with weight 1, not 1 - kt (settings.local = "full").
 - The numbers of an image file are kd directly, without the sRGB curve (textures with encoding = "linear").
+- A texture leaves ka as it is (materials with textured = "kd").
 - The triangles of meshes are flat (normals = "face").
 - MAXDEPTH limits paths even if it is 1, its default: no reflection, no refraction (settings.depth = MAXDEPTH - 1).
 

@@ -66,7 +66,7 @@ class Materials:
             e.log.warn(f"{e.at('textureFile')}: is missing; kd is black, as in VisRayTrace")
             return {"kd": BLACK}
         texture = self.textures.name(e, "textureFile")
-        return {} if texture is None else {"texture": texture}
+        return {} if texture is None else {"texture": texture} | self.textures.material_fields
 
 
 def _entry(raw: dict, address: str, log: Log) -> Entry:

@@ -11,16 +11,18 @@ class Textures:
     """Textures of a scene: one for each image file, with the name of the file.
 
     As in VisRayTrace, the colour is that of the nearest pixel, and the edge pixels continue beyond the edges of the
-    image. With `compat`, a file's numbers from 0 to 255 are kd from 0 to 1 without the sRGB curve, as in VisRayTrace.
+    image. With `compat`, a file's numbers from 0 to 255 are kd from 0 to 1 without the sRGB curve, and ka is kept.
 
     resources: finds the image files.
     encoding: encoding of all textures.
+    material_fields: fields of a material with a texture, beside the name of the texture.
     by_name: dict of the textures by name, as plain dicts of visray's fields.
     """
 
     def __init__(self, resources: Resources, compat: bool):
         self.resources = resources
         self.encoding = "linear" if compat else "auto"
+        self.material_fields = {"textured": "kd"} if compat else {}
         self.by_name: dict[str, dict] = {}
 
     def name(self, e: Entry, key: str) -> str | None:

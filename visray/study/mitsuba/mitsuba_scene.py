@@ -17,9 +17,9 @@ from visray.primitives.primitive import MitsubaShapes
 from visray.scene.scene import Scene, SkyGradient
 from visray.study.mitsuba import light_falloff
 from visray.study.mitsuba.blinn_phong_bsdf import DIFFUSE, GLOSSY, VARIANT
-from visray.study.mitsuba.diffuse_colour import DiffuseColours
 from visray.study.mitsuba.placed_shapes import object_rounding, placed_shapes
 from visray.study.mitsuba.shadow_rays import ShadowRays
+from visray.study.mitsuba.surface_colours import SurfaceColours
 from visray.study.mitsuba.visray_scene import FirstHits, Rays
 
 
@@ -39,7 +39,7 @@ class MitsubaScene:
         self.shapes = placed_shapes([shapes[name] for name in names], centre)
         self.rounding = object_rounding([scene.objects[n] for n in names], self.shapes)
         self.is_mesh = np.append([isinstance(scene.objects[name], Mesh) for name in names], False)
-        self.diffuse_colours = DiffuseColours(scene, names)
+        self.surface_colours = SurfaceColours(scene, names)
         self.mitsuba = _loaded(self._children(names))
         self.scenes_of_subsets: dict[tuple[str, ...], Any] = {}
         self.object_of, self.shape_of = self._registry()
@@ -144,10 +144,9 @@ class MitsubaScene:
         transmittances: for each light, the fraction of its light that arrives at the hit, (N, 1) or (N, 3)
         """
         scene = self.scene
-        ka = np.array([self.materials[scene.objects[name].material].ka for name in self.names] + [(0, 0, 0)], float)
+        kd, ka = self.surface_colours.both(hits.index, uv)
         ambient = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
-        colour = np.where(hits.hit[:, None], ambient * ka[hits.index], _sky(scene, rays))
-        kd = self.diffuse_colours.colours(hits.index, uv)
+        colour = np.where(hits.hit[:, None], ambient * ka, _sky(scene, rays))
         p = np.array(si.p, float).T
         for light, share in zip(scene.lights.values(), transmittances):
             to_light = ShadowRays.to(p, light, self.centre)

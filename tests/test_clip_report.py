@@ -15,7 +15,7 @@ from visray.polynomials.catalogue import SURFACES
 from visray.primitives import Polynomial
 from visray.primitives.clips import Ball, Block
 from visray.primitives.instance import Instance
-from visray.render import render
+from visray.renderer import render
 from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 

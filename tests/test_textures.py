@@ -31,7 +31,7 @@ from visray.materials import Material
 from visray.primitives import Ellipsoid, Rectangle, Sphere
 from visray.primitives.instance import Instance
 from visray.quantities import Arrays
-from visray.render import render
+from visray.renderer import render
 from visray.scene.scene import Film, Scene, Settings
 from visray.textures import CheckerTexture, ImageTexture, row_number
 

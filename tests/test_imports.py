@@ -19,8 +19,9 @@ meshes.text meshes.obj meshes.ply meshes.stl meshes.off
 meshes.gltf_accessors meshes.gltf_nodes meshes.gltf meshes.reading meshes
 warp
 polynomials.error polynomials.expression polynomials.constants polynomials.simplify polynomials.literals
-polynomials.grammar polynomials.monomials polynomials.modular
-polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.factorization polynomials.program
+polynomials.sympy_constants polynomials.functions polynomials.reader polynomials.grammar polynomials.monomials
+polynomials.modular polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.relations
+polynomials.factorization polynomials.program
 polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes
@@ -131,6 +132,7 @@ def outside(path: Path) -> set[str]:
         ("cyclopts", ("cli",)),
         ("OpenEXR", ("output.", "study.")),
         ("sympy", ("polynomials.",)),
+        ("mpmath", ("polynomials.",)),
         ("trimesh", ("meshes.",)),
         ("flip_evaluator", ("study.cost.errors",)),
         ("rich", ("tables", "progress")),

@@ -1,6 +1,7 @@
 """Polynomial surfaces from text: exact values, factors, equal forms, and lines for what is wrong."""
 
 import json
+import math
 import subprocess
 import sys
 from fractions import Fraction
@@ -26,6 +27,7 @@ from visray.polynomials import (
 )
 from visray.polynomials.constants import rational
 from visray.polynomials.program import read
+from visray.study.stability.exact.expressions import number
 
 HEART = "(x^2+9/4*y^2+z^2-1)^3 - x^2*z^3 - 9/80*y^2*z^3"
 SPHERE = "(x^2+y^2+z^2-1)"
@@ -123,6 +125,91 @@ def test_roots_of_differences_of_parameters():
     assert build("x + sqrt(a - b)*y - 1", {"a": -1.0, "b": -5.0}).values == (2.0, -1.0)
 
 
+# Constant expressions, and their values in Python's arithmetic or equal constants without functions.
+EXACT = {
+    "cos(2*pi/5)": "(sqrt(5) - 1)/4",
+    "sin(2*pi/5)": "sqrt(10 + 2*sqrt(5))/4",
+    "cos(-pi/8)": "sqrt(2 + sqrt(2))/2",
+    "tan(pi/12)": "2 - sqrt(3)",
+    "sin(pi/16)^2": "1/2 - sqrt(2 + sqrt(2))/4",
+    "2*cos(pi/17)*cos(4*pi/17)": "cos(3*pi/17) + cos(5*pi/17)",
+    "exp(log(2)/2)": "sqrt(2)",
+    "log(e^3)": "3",
+    "4*atan(1)": "pi",
+    "acos(1/2)": "pi/3",
+    "asin(sqrt(2)^2/2)": "pi/2",
+    "2^-2": "1/4",
+    "(9/4)^(3/2)": "27/8",
+    "5^0.5": "sqrt(5)",
+    "2^(1 + 1)": "4",
+    "sqrt(3)^-2": "1/3",
+    "0^0.5": "0",
+    "tan(pi)": "0",
+}
+ROUNDED = {
+    "cos(2*pi/7)": math.cos(2 * math.pi / 7),
+    "sin(1)": math.sin(1),
+    "sin(2^900)": math.sin(2.0**900),
+    "atan(2) + asin(0.25)": math.atan(2) + math.asin(0.25),
+    "acos(1/3)/3": math.acos(1 / 3) / 3,
+    "e": math.e,
+    "exp(-2/3)": math.exp(-2 / 3),
+    "log(10)": math.log(10),
+    "exp(sin(cos(1)))": math.exp(math.sin(math.cos(1))),
+    "2^(1/3)": 2 ** (1 / 3),
+    "pi^e": math.pi**math.e,
+    "exp(-40)": math.exp(-40),
+    "100*sin(1e-8)": 100 * math.sin(1e-8),
+}
+
+
+@pytest.mark.parametrize("text", EXACT)
+def test_functions_that_are_exact(text):
+    assert exact_terms(f"x + ({text} - ({EXACT[text]}))*y") == {(1, 0, 0): 1}
+    # Factors are found as for the other form: the difference of two equal squares is a product.
+    assert shape(f"x^2*(2 + {text})^2 - (2 + {EXACT[text]})^2*y^2") == [(1, False)] * 2
+
+
+@pytest.mark.parametrize("text", ROUNDED)
+def test_functions_that_are_rounded(text):
+    value = build(f"({text})*x - y").values
+    assert isclose(value[0], ROUNDED[text], rel_tol=4e-16)
+    assert shape(f"x^2 + 2*({text})*x*y + ({text})^2*y^2") == [(1, True)]
+
+
+@pytest.mark.parametrize("text", [*EXACT, *ROUNDED])
+def test_the_exact_study_has_the_same_constants(text):
+    other, value = number(text), exact_terms(f"({text})*x + y").get((1, 0, 0), 0)
+    assert abs(value - other) <= abs(other) / 10**20
+
+
+def test_functions_are_rounded_once_and_correctly():
+    # Cases in which rounding twice, or the rounding of pi before the function, would change the last digit.
+    with flint.ctx.workprec(400):
+        for k in range(1, 40):
+            expected = {"sin": flint.arb(k).sin(), "exp": (flint.arb(k) / 7).exp(), "log": (flint.arb(k) + 1).log()}
+            text = {"sin": f"sin({k})", "exp": f"exp({k}/7)", "log": f"log({k}+1)"}
+            for name, ball in expected.items():
+                (value, _) = build(f"{text[name]}*x - 2*y").values
+                m, e = ball.mid().man_exp()
+                assert value == float(Fraction(int(m)) * Fraction(2) ** int(e)), text[name]
+
+
+def test_functions_of_parameters():
+    turned = "(cos(a)*x + sin(a)*y)^2/4 + (cos(a)*y - sin(a)*x)^2 + z^2 - exp(-a)"
+    forms = {build(turned, {"a": a}).program for a in (0.0, 0.5, -2.0)}
+    assert len(forms) == 1
+    built = build(turned, {"a": 0.5})
+    assert {math.cos(0.5), math.sin(0.5), -math.exp(-0.5)} <= {*built.values}
+    constants = [evaluate(c, {"a": 0.5}.get, float, math) for c in built.constants]
+    assert np.allclose(constants, built.values, rtol=1e-15)
+    assert build("sin(a*pi)*x + y - 1", {"a": 1.0}).values == (0.0, -1.0)
+
+
+def test_e_is_a_parameter_if_one_has_this_name():
+    assert build("e*x - y", {"e": 0.5}).values == (0.5,) and build("e*x - y").values == (math.e,)
+
+
 def test_nested_roots():
     tower = "2"
     for n in range(1, 99):
@@ -184,10 +271,10 @@ def test_any_arithmetic():
 
 def test_constants_of_slots_in_other_arithmetics():
     built = build("x^2 + y^2 - a*sqrt(2)*z - 2*sqrt(a)", {"a": 2.0})
-    constants = [evaluate(c, {"a": 2.0}.get, float, sqrt) for c in built.constants]
+    constants = [evaluate(c, {"a": 2.0}.get, float, math) for c in built.constants]
     assert np.allclose(constants, built.values, rtol=1e-15)
     (h,) = [c for c in built.constants if c.parametric and "Root(of=Parameter" in repr(c)]
-    with pytest.raises(ValueError, match="needs sqrt"):
+    with pytest.raises(ValueError, match="needs functions"):
         evaluate(h, {"a": 2.0}.get, float)
     assert rational(built.constants[0], {"a": Fraction(2)}) == built.exact_values[0]
 
@@ -396,6 +483,7 @@ def test_catalogue(surface):
 
 # --- what is wrong -------------------------------------------------------------------------------------------------
 
+NAMES = "x, y, z, phi, pi, sqrt, sin, cos, tan, asin, acos, atan, exp, log, e, huge, r"
 BAD = {
     "": "it is empty; write for example x^2 + y^2 + z^2 - 1",
     "   ": "it is empty; write for example x^2 + y^2 + z^2 - 1",
@@ -409,7 +497,7 @@ BAD = {
     "2(x+1)": "a sign is missing at column 2; write 2*(...)",
     "x2": "unknown name x2; write x^2",
     "xy": "unknown name xy; write x*y",
-    "X+1": "unknown name X; did you mean x? (one of x, y, z, phi, pi, sqrt, huge, r)",
+    "X+1": f"unknown name X; did you mean x? (one of {NAMES})",
     "x(y+1)": "a sign is missing in x(y+1); write x*(...)",
     "(x+1)(y+1)": "a sign is missing before a bracket in (x+1)(y+1); write * for a product",
     "(x+1)*2y": "a sign is missing at column 8; write 2*y",
@@ -427,7 +515,10 @@ BAD = {
     "(x^8)^8": "its degree, as written, is 64; at most 32",
     "x^999999999999": "its degree, as written, is over a million; at most 32",
     "x^20*y^20": "its degree, as written, is 40; at most 32",
-    "9^9^9*x": "the exponent 9^9 is not allowed; it is a whole number as in x^2",
+    "9^9^9*x": "9^9^9 has too many digits to be computed exactly; write a shorter number",
+    "2^x": "the exponent x is not allowed; it is a whole number as in x^2",
+    "0^-1*x": "0^-1 divides by 0; write another number",
+    "(-8)^(1/3)*x": "(-8)^(1/3) has a negative base, -8; only a whole exponent is possible there",
     "9^999999*x": "9^999999 has too many digits to be computed exactly; write a shorter number",
     "((2^900)^900)*x": "(2^900)^900 has too many digits to be computed exactly; write a shorter number",
     "(2^900)*(2^900)*x+y": "its constants multiply to a number beyond the doubles; write it in another unit",
@@ -437,9 +528,31 @@ BAD = {
     "0."
     + "0" * 2000
     + "1*x": "the number 0.000000000000000... has too many digits; it is 0 or between 1e-301 and 1e301",
-    "fi*x": "unknown name fi; one of x, y, z, phi, pi, sqrt, huge, r",
-    "hug*x": "unknown name hug; did you mean huge? (one of x, y, z, phi, pi, sqrt, huge, r)",
-    "sin(x)": "unknown function sin; the only one is sqrt, of a constant",
+    "fi*x": f"unknown name fi; one of {NAMES}",
+    "hug*x": f"unknown name hug; did you mean huge? (one of {NAMES})",
+    "sin(x)": "sin of x is no polynomial; only constants have a sin here",
+    "cos(2*y)": "cos of 2*y is no polynomial; only constants have a cos here",
+    "sinh(1)*x": "unknown function sinh; one of sqrt, sin, cos, tan, asin, acos, atan, exp, log, of a constant",
+    "ln(2)*x": "unknown function ln; write log(...), of a constant",
+    "log(0)*x": "log of 0, which is not above 0; it takes a number above 0",
+    "log(sqrt(2)^2-2)*x": "log of sqrt(2)^2-2, which is not above 0; it takes a number above 0",
+    "log(1-2*r)*x": "log of 1-2*r, which is not above 0; it takes a number above 0",
+    "tan(pi/2)*x": "tan(pi/2) is infinite; write another number",
+    "tan(r*pi/2)*x": "tan(r*pi/2) is infinite, or cannot be computed to the last digit; write another number",
+    "acos(-1.5)*x": "acos of -1.5; it takes a number from -1 to 1",
+    "exp(1000)*x": "exp(1000) is too large or too small; a constant is 0 or between 1e-301 and 1e301",
+    "exp(-1e300)*x": "exp(-1e300) is too large or too small; a constant is 0 or between 1e-301 and 1e301",
+    "exp(exp(exp(9)))": "exp(exp(9)) is too large or too small; a constant is 0 or between 1e-301 and 1e301",
+    "x-" + "sin(" * 9 + "1" + ")" * 9: "sin(sin(sin(sin(s... has too many functions in one another; at most 8",
+    "2e*x": "a sign is missing at column 2; write 2*e",
+    "e(x)": "a sign is missing in e(x); write e*(...)",
+    "exp*x": "exp stands without brackets; write exp(2)",
+    "(x-sin(1)^2-cos(1)^2)*(x-1)": "a factor in it is repeated if its constants are computed; write it as a power, "
+    "(...)^2",
+    "(x-sqrt((1-sqrt(2))^2))*(x+1-sqrt(2))": "a factor in it is repeated if its constants are computed; write it as "
+    "a power, (...)^2",
+    "x^2*2^(1/3)*2^(2/3)-2*x^2+y": "its terms of degree 2 cancel, as those of (sin(1)^2 + cos(1)^2 - 1)*x do; leave "
+    "them out",
     "sqrt(x)": "sqrt of x is no polynomial; only constants have a sqrt here",
     "sqrt(-2)*x": "sqrt of -2, which is negative; it takes a number of at least 0",
     "sqrt(2-3*r)*x": "sqrt of 2-3*r, which is negative; it takes a number of at least 0",

@@ -9,9 +9,11 @@ from functools import cache, lru_cache
 from math import isqrt
 from typing import Any
 
+from visray.polynomials.error import PolynomialError
 from visray.polynomials.expression import (
     Axis,
     Expression,
+    Function,
     NamedConstant,
     Negative,
     Number,
@@ -25,21 +27,26 @@ from visray.polynomials.expression import (
 
 # Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
 BITS = 256
+# Numbers of bits, besides those asked for, with which a function is computed until two values agree. An argument of
+# 1e301, the largest constant, takes 1000 more bits.
+GUARD_BITS = (64, 128, 1 << 11, 1 << 12, 1 << 13)
+# Greatest logarithm of base 2, in size, of a function's value.
+MAX_SIZE = 1 << 15
 
 
 def evaluate(
     node: Expression,
     parameter: Callable[[str], Any],
     number: Callable[[Fraction], Any],
-    sqrt: Callable[[Any], Any] | None = None,
+    functions: Any = None,
     axes: tuple = (),
 ) -> Any:
     """The value of an expression in any arithmetic with + - * / and powers.
 
     parameter: function that returns the value of a parameter, by its name.
     number: function that converts a rational number to this arithmetic.
-    sqrt: function that returns a square root in this arithmetic. It is needed only for roots that contain a parameter.
-        All other roots are computed as rationals with BITS correct bits.
+    functions: module or object with the functions of this arithmetic, such as `sqrt` and `sin`. It is needed only for
+        roots and functions that contain a parameter. All others are computed as rationals with BITS correct bits.
     axes: values of x, y and z.
     """
 
@@ -49,10 +56,11 @@ def evaluate(
                 return axes[index]
             case Parameter(name):
                 return parameter(name)
-            case Root(of) if of.parametric:
-                if sqrt is None:
-                    raise ValueError("a square root of a parameter needs sqrt")
-                return sqrt(evaluate(of, parameter, number, sqrt))
+            case Root(of) | Function(of) if of.parametric:
+                name = n.name if isinstance(n, Function) else "sqrt"
+                if functions is None:
+                    raise ValueError(f"{name} of a parameter needs functions")
+                return getattr(functions, name)(evaluate(of, parameter, number, functions))
         return number(rational(n, {}))
 
     return fold(node, number, leaf)
@@ -63,7 +71,7 @@ def rational(
 ) -> Fraction:
     """The value of an expression at a point, as a rational number.
 
-    It is exact, except that pi, phi and square roots are correct to `bits` bits only.
+    It is exact, except that pi, phi, square roots and functions are correct to `bits` bits only.
 
     point: values of x, y and z; not needed for constants.
     """
@@ -71,7 +79,7 @@ def rational(
 
 
 def _leaf(node: Expression, parameters: dict[str, Fraction], point: tuple[Fraction, ...], bits: int) -> Fraction:
-    """The value of a leaf of an expression: of a coordinate, a parameter, pi, phi or a square root; see `rational`."""
+    """The value of a leaf of an expression, such as a coordinate, pi or a square root; see `rational`."""
     match node:
         case Axis(index):
             return Fraction(point[index])
@@ -81,16 +89,56 @@ def _leaf(node: Expression, parameters: dict[str, Fraction], point: tuple[Fracti
             return _pi(bits)
         case NamedConstant():
             return (1 + square_root(Fraction(5), bits)) / 2
-    return _root(node.of, tuple(sorted(parameters.items())) if node.parametric else (), bits)
+    value = _function if isinstance(node, Function) else _root
+    return value(node, tuple(sorted(parameters.items())) if node.parametric else (), bits)
 
 
 @lru_cache(maxsize=1024)
-def _root(of: Expression, parameters: tuple[tuple[str, Fraction], ...], bits: int) -> Fraction:
+def _root(node: Root, parameters: tuple[tuple[str, Fraction], ...], bits: int) -> Fraction:
     """The square root of a constant, correct to `bits` bits. parameters: pairs (name, value)."""
-    values = dict(parameters)
+    of, values = node.of, dict(parameters)
     value = rational(of, values, (), bits)
     # Rounding may leave a tiny number, perhaps a negative one, of a constant that is 0, such as sqrt(2)^2 - 2.
     return square_root(Fraction(0) if is_negligible(value, of, values, (), bits) else value, bits)
+
+
+@lru_cache(maxsize=1024)
+def _function(node: Function, parameters: tuple[tuple[str, Fraction], ...], bits: int) -> Fraction:
+    """The value of a function of a constant, correct to `bits` bits. parameters: pairs (name, value).
+
+    It is computed with more and more bits, until two values agree. PolynomialError is raised for an infinite value, and
+    for one outside the range of constants.
+    """
+    values, last = dict(parameters), None
+    for more in GUARD_BITS:
+        working = bits + more
+        of = rational(node.of, values, (), working)
+        if is_negligible(of, node.of, values, (), working):
+            of = Fraction(0)
+        value = _by_mpmath(node, of, working)
+        if last is not None and abs(value - last) * (1 << bits) <= abs(value):
+            return value
+        last = value
+    # Values that never agree shrink to 0, as those of sin(pi) do, or they grow beyond all bounds.
+    if abs(last) * (1 << GUARD_BITS[-1] // 2) < 1:
+        return Fraction(0)
+    raise PolynomialError(f"{node.written} is infinite, or cannot be computed to the last digit; write another number")
+
+
+def _by_mpmath(node: Function, of: Fraction, bits: int) -> Fraction:
+    """The value of a function at `of`, with a relative error of about 2^-bits from the function itself."""
+    import mpmath
+
+    if node.name in ("asin", "acos"):
+        of = max(Fraction(-1), min(Fraction(1), of))
+    with mpmath.workprec(bits):
+        value = getattr(mpmath, node.name)(mpmath.mpf(of.numerator) / of.denominator)
+        # The size is checked before the number is computed, because exp(1e9) does not fit in memory.
+        if value and not (mpmath.isfinite(value) and abs(mpmath.mag(value)) <= MAX_SIZE):
+            raise PolynomialError(
+                f"{node.written} is too large or too small; a constant is 0 or between 1e-301 and 1e301"
+            )
+        return Fraction(*map(int, mpmath.libmp.to_rational(value._mpf_)))
 
 
 def square_root(value: Fraction, bits: int = BITS) -> Fraction:

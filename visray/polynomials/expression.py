@@ -1,6 +1,7 @@
 """Expressions: polynomials in x, y and z as trees, in the form in which they were written.
 
-A constant is an expression without x, y and z. It may contain parameters, pi, phi (the golden ratio) and square roots.
+A constant is an expression without x, y and z. It may contain parameters, pi, phi (the golden ratio), square roots, and
+functions such as sin and exp.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,7 @@ class Expression:
 
     degree: degree of the expression as it is written, even if its highest terms cancel.
     parametric: whether it contains a parameter.
-    irrational: whether it contains pi, phi or a square root.
+    irrational: whether it contains pi, phi, a square root or a function.
     """
 
     degree = 0
@@ -69,6 +70,22 @@ class _Unary(Expression):
 @dataclass(frozen=True)
 class Root(_Unary):
     """The square root of a constant."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        object.__setattr__(self, "irrational", True)
+
+
+@dataclass(frozen=True)
+class Function(_Unary):
+    """A function of a constant, such as sin(1). Its exact value has no other form here.
+
+    name: name of the function, as Python's module math has it.
+    written: the text that it stands for, for messages.
+    """
+
+    name: str
+    written: str = field(default="", compare=False)
 
     def __post_init__(self):
         super().__post_init__()
@@ -135,7 +152,7 @@ def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Ex
     """The value of an expression in another arithmetic, such as floats or numbers modulo a prime.
 
     number: function that converts a rational number to this arithmetic.
-    leaf: function that returns the value of a coordinate, a parameter, pi, phi or a square root.
+    leaf: function that returns the value of a coordinate, a parameter, pi, phi, a square root or a function.
     """
     match node:
         case Number(value):

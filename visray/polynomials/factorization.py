@@ -16,6 +16,7 @@ from visray.polynomials.constants import is_negligible, rational
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong
 from visray.polynomials.expression import Expression, Negative, Power, Product
+from visray.polynomials.relations import check_relations
 from visray.polynomials.simplify import simplify
 from visray.polynomials.symbolic import drop_cancelled_terms
 from visray.polynomials.sympy_factors import multiplicity_parts, rational_factors, repeated_factor_error
@@ -55,6 +56,7 @@ def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[
             _add(factors, factor, n * m, parameters)
     factors = _coprime(factors, parameters)
     square_free = tuple(SquareFreeFactor(f, len(_along(f, parameters)) - 1, n % 2 == 0) for f, n in factors)
+    check_relations([(f.expression, f.degree) for f in square_free], parameters)
     return square_free, _sign(expression, square_free, parameters)
 
 

@@ -11,7 +11,10 @@ MAX_DEGREE = 32
 # The size of a constant is 0 or between 2^-1000 and 2^1000 (about 1e-301 and 1e301). There, doubles have full accuracy.
 MAX_EXPONENT = 1000
 AXES, CONSTANTS = ("x", "y", "z"), ("phi", "pi")
-RESERVED = (*AXES, *CONSTANTS, "sqrt")
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
+RESERVED = (*AXES, *CONSTANTS, "sqrt", *FUNCTIONS)
+# The base of natural logarithms, unless a parameter has this name.
+EULER = "e"
 LITERAL = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 

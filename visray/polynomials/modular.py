@@ -10,7 +10,8 @@ from functools import cache
 from itertools import chain, count, islice
 from random import Random
 
-from visray.polynomials.expression import Axis, Expression, NamedConstant, Number, Parameter, Root, fold
+from visray.polynomials.constants import rational
+from visray.polynomials.expression import Axis, Expression, Function, NamedConstant, Number, Parameter, Root, fold
 
 # Let p be a prime with p + 1 divisible by 8 * 3 * 5 * ... * 23. Modulo p, each of the primes 2, 3, ..., 23 is a square.
 # The square root a^((p + 1) / 4) of a is itself a square. So products of roots are correct, as for positive real
@@ -64,14 +65,15 @@ def restrict_to_line(
 ) -> list[int]:
     """Coefficients modulo p of the expression along a random line, the constant one first.
 
-    seed: seed of the random numbers, which choose the line and the value of pi modulo p.
+    seed: seed of the random numbers, which choose the line and the values of pi and of functions modulo p.
     free: whether phi and square roots also get random values, as if they were variables. Otherwise they get their true
         values modulo p; if one does not exist, UndefinedModulo is raised.
     """
     random = Random(seed)
     starts = [random.randrange(p) for _ in range(3)]
     steps = [random.randrange(1, p) for _ in range(3)]
-    pi = random.randrange(1, p)
+    # Squares, so that square roots of them exist.
+    pi = random.randrange(1, p) ** 2 % p
     points = range(expression.degree + 1)
     chosen: dict[Expression, int] = {}
 
@@ -79,6 +81,8 @@ def restrict_to_line(
         return Residues([value.numerator * inverse(value.denominator, p) % p] * len(points), p)
 
     def irrational(node: Expression) -> int:
+        if isinstance(node, Function):
+            return _of_function(node, parameters, p, seed)
         if free:
             return random.randrange(1, p)
         if isinstance(node, Root):
@@ -98,6 +102,17 @@ def restrict_to_line(
         return Residues([chosen[node]] * len(points), p)
 
     return _interpolate(fold(expression, number, leaf).values, p)
+
+
+def _of_function(node: Function, parameters: dict[str, Fraction], p: int, seed: int) -> int:
+    """A random number modulo p for a function of a constant: the same one wherever the function occurs.
+
+    A function has its true value if that is a whole number, as cos(a) is 1 if the parameter a is 0.
+    """
+    value = rational(node, parameters)
+    if value.denominator == 1:
+        return value.numerator % p
+    return Random(f"{seed} {node!r}").randrange(1, p) ** 2 % p
 
 
 def _root(value: int, p: int) -> int:

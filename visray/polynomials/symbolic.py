@@ -1,7 +1,7 @@
 """Expansion of expressions into terms, in which constants that are not rational are treated as variables.
 
-Such a constant is called an atom. It is a parameter, pi, phi (the golden ratio), a square root, or the reciprocal of an
-expression that contains one of these. So the variables of a term are x, y, z and the atoms.
+Such a constant is called an atom. It is a parameter, pi, phi (the golden ratio), a square root, a function, or the
+reciprocal of an expression that contains one of these. So the variables of a term are x, y, z and the atoms.
 """
 
 from fractions import Fraction
@@ -12,6 +12,7 @@ from visray.polynomials.expansion import Coefficients, Terms, TooLong, expand, h
 from visray.polynomials.expression import (
     ONE,
     Expression,
+    Function,
     NamedConstant,
     Negative,
     Number,
@@ -31,9 +32,9 @@ MOST_TERMS = 600
 
 
 def _atoms(expression: Expression) -> list[Expression]:
-    """The atoms in an expression, each once: parameters, pi, phi, square roots, and reciprocals that contain one."""
+    """The atoms in an expression, each once: parameters, pi, phi, roots, functions, and reciprocals of these."""
     match expression:
-        case NamedConstant() | Parameter() | Root():
+        case NamedConstant() | Parameter() | Root() | Function():
             return [expression]
         case Reciprocal(of) if of.irrational or of.parametric:
             return [expression]

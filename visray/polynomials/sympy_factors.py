@@ -9,18 +9,9 @@ from fractions import Fraction
 from visray.polynomials.constants import BITS
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
-from visray.polynomials.expression import (
-    Expression,
-    NamedConstant,
-    Negative,
-    Number,
-    Parameter,
-    Power,
-    Reciprocal,
-    Root,
-    Sum,
-)
+from visray.polynomials.expression import Expression, Function, NamedConstant
 from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
+from visray.polynomials.sympy_constants import to_sympy
 
 # Greatest number of terms of a polynomial that is factored. True: factoring is necessary, because a factor is repeated.
 # False: factoring only makes rendering faster.
@@ -74,7 +65,7 @@ def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) 
     """Pairs (square-free factor, multiplicity) of the expression, with the actual values of its constants.
 
     Each multiplicity has one factor, the product of all irreducible factors with this multiplicity. Square roots are
-    exact algebraic numbers here, parameters are rational numbers, and pi is a variable.
+    exact algebraic numbers here, parameters are rational numbers, and pi and functions are variables.
     """
     try:
         terms, atoms = symbolic_terms(expression)
@@ -84,51 +75,44 @@ def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) 
         raise repeated_factor_error()
     import sympy
 
-    def value(node: Expression) -> sympy.Expr:
-        match node:
-            case Number(v):
-                return sympy.Rational(v.numerator, v.denominator)
-            case Parameter(name):
-                return sympy.Rational(parameters[name].numerator, parameters[name].denominator)
-            case NamedConstant("pi"):
-                return pi
-            case NamedConstant():
-                return (1 + sympy.sqrt(5)) / 2
-            case Root(of):
-                return sympy.sqrt(value(of))
-            case Reciprocal(of):
-                return 1 / value(of)
-            case Negative(of):
-                return -value(of)
-            case Power(of, exponent=n):
-                return value(of) ** n
-            case Sum(parts):
-                return sympy.Add(*map(value, parts))
-        return sympy.Mul(*map(value, node.parts))
-
-    axes, pi = sympy.symbols("x y z"), sympy.Symbol("pi")
-    values = [value(a) for a in atoms]
+    # pi and functions are variables. A function of a variable is another variable.
+    variables = {node: sympy.Symbol(f"v{k}") for k, node in enumerate(_transcendental(atoms))}
+    axes = sympy.symbols("x y z")
+    values = [to_sympy(a, parameters, variables.get) for a in atoms]
     polynomial = sympy.Add(
         *(
             sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(b**n for b, n in zip((*axes, *values), e)))
             for e, c in terms.items()
         )
     )
-    roots = [v for v in values if v.has(sympy.Pow) and not v.has(pi)]
-    symbols = (*axes, *([pi] if any(v.has(pi) for v in values) else []))
+    roots = [v for v in values if v.has(sympy.Pow) and not v.free_symbols]
     options = {"extension": roots} if roots else {"domain": sympy.QQ}
     try:
-        parts = sympy.Poly(polynomial, *symbols, **options).sqf_list()[1]
+        parts = sympy.Poly(polynomial, *axes, *variables.values(), **options).sqf_list()[1]
     except (sympy.PolynomialError, NotImplementedError):
         raise repeated_factor_error() from None
     square_free = []
     for part, n in parts:
-        inner: Terms = {}
-        for e, c in part.terms():
-            inner[(*e, 0)[:4]] = _number(c)
+        inner: Terms = {e: _number(c) for e, c in part.terms()}
         if any(any(e[:3]) for e in inner):
-            square_free.append((from_terms(inner, [NamedConstant("pi")]), n))
+            square_free.append((from_terms(inner, list(variables)), n))
     return square_free
+
+
+def _transcendental(atoms: list[Expression]) -> list[Expression]:
+    """pi and the functions in the atoms, each once. Functions are not searched for others inside them."""
+    found: dict[Expression, None] = {}
+
+    def search(node: Expression):
+        if node == NamedConstant("pi") or isinstance(node, Function):
+            found[node] = None
+            return
+        for part in getattr(node, "parts", None) or ((node.of,) if hasattr(node, "of") else ()):
+            search(part)
+
+    for atom in atoms:
+        search(atom)
+    return list(found)
 
 
 def _number(c) -> Fraction:

@@ -282,4 +282,4 @@ def _constant_slopes(compiled: Compiled, parameters: dict[str, float], name: str
 
 def _complex_value(constant: Any, parameters: dict[str, complex]) -> complex:
     """The value of a constant at complex parameters."""
-    return complex(polynomials.evaluate(constant, parameters.__getitem__, lambda x: complex(float(x)), cmath.sqrt))
+    return complex(polynomials.evaluate(constant, parameters.__getitem__, lambda x: complex(float(x)), cmath))

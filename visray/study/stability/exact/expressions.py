@@ -1,8 +1,8 @@
 """Polynomial expressions as trees that can be evaluated in any ring; and access to python-flint.
 
 This module does not use visray.polynomials, so that the exact results share no code with the code under test.
-Expressions are taken as they are written: decimal numbers are exact, square roots of numbers have an error of at most
-2^-140.
+Expressions are taken as they are written: decimal numbers are exact, square roots and functions of numbers have an
+error of about 2^-140.
 """
 
 import ast
@@ -13,6 +13,7 @@ from typing import Any
 from visray.errors import UserError
 
 BITS = 140
+FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log")
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798")
 
 
@@ -41,7 +42,7 @@ def parsed(expression: str, parameters: dict[str, float] | None = None) -> tuple
     text = expression.replace("^", "**")
     try:
         return _tree(ast.parse(text.strip(), mode="eval").body, text.strip(), parameters or {})
-    except (SyntaxError, KeyError, TypeError, ZeroDivisionError) as error:
+    except (SyntaxError, KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise UserError(
             f"expression {expression!r}: is not a polynomial ({error}); right would be one such as x^2 + y^2 - 1"
         ) from None
@@ -52,15 +53,34 @@ def number(value: Any, parameters: dict[str, float] | None = None) -> Fraction:
 
     value: a number, an expression, or a Fraction, which is returned unchanged
     parameters: values of the names in the expression
-    Error: 0, or at most 2^-140 for each square root.
+    Error: 0, or about 2^-140 for each square root and function.
     """
     return value if isinstance(value, Fraction) else parsed(str(value), parameters)
 
 
 def _square_root(q: Fraction) -> Fraction:
-    """The square root, rounded down to a multiple of 2^-BITS / q.denominator."""
+    """The square root, rounded down to a multiple of 2^-BITS / q.denominator.
+
+    Numbers that rounding made negative count as 0.
+    """
+    if -Fraction(1, 1 << BITS // 2) < q < 0:
+        q = Fraction(0)
     n, d = q.numerator, q.denominator
     return Fraction(isqrt(n * d << 2 * BITS), d << BITS)
+
+
+def _function(name: str, q: Fraction) -> Fraction:
+    """A function of a number, from python-flint's balls."""
+    with flint().ctx.workprec(4 * BITS + abs(q.numerator).bit_length()):
+        mantissa, exponent = getattr(flint().arb(rational(q)), name)().mid().man_exp()
+    return int(mantissa) * Fraction(2) ** int(exponent)
+
+
+def _power(a: Fraction, b: Fraction) -> Fraction:
+    """The power of a constant."""
+    if b.denominator == 1 or not a:
+        return a ** int(b) if a else Fraction(int(not b))
+    return _function("exp", b * _function("log", a))
 
 
 def _tree(node: ast.AST, text: str, names: dict[str, float]) -> Any:
@@ -74,10 +94,14 @@ def _tree(node: ast.AST, text: str, names: dict[str, float]) -> Any:
             return (1 + _square_root(Fraction(5))) / 2
         case ast.Name(id="pi"):
             return PI
+        case ast.Name(id="e") if "e" not in names:
+            return _function("exp", Fraction(1))
         case ast.Name(id=name):
             return Fraction(names[name])
         case ast.Call(func=ast.Name(id="sqrt"), args=[argument]):
             return _square_root(_tree(argument, text, names))
+        case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
+            return _function(name, _tree(argument, text, names))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             a = _tree(operand, text, names)
             return -a if isinstance(a, Fraction) else ("neg", a)
@@ -101,8 +125,10 @@ def _folded(op: str, a: Any, b: Any) -> Any:
             return a * b if constant else ("*", a, b)
         case "Div":
             return a / b if constant else ("*", a, 1 / b)
-        case "Pow" if isinstance(b, Fraction) and b.denominator == 1 and b >= (0 if not constant else b):
-            return a ** int(b) if constant else ("^", a, int(b))
+        case "Pow" if constant:
+            return _power(a, b)
+        case "Pow" if isinstance(b, Fraction) and b.denominator == 1 and b >= 0:
+            return ("^", a, int(b))
     raise TypeError(f"operator {op}")
 
 

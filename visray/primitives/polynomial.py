@@ -22,8 +22,9 @@ from visray.quantities import Arrays, Name, Real
 class Polynomial(Algebraic):
     """A polynomial surface: all points with f(x, y, z) = 0 inside the clip, a ball or a box.
 
-    f is given by one of three fields. `expression` is a text such as "x^2 + y^2 - z^2 - 1", with + - * / ^, numbers,
-    pi, phi (the golden ratio), sqrt(number) and the `parameters`. `monomis` is a list of monomials, as in the original
+    f is given by one of three fields. `expression` is a text such as "x^2 + y^2 - z^2 - 1", with + - * / ^ and
+    constants: numbers, pi, phi (the golden ratio), e, the `parameters`, and functions of them such as sqrt(2) and
+    cos(2*pi/5). `monomis` is a list of monomials, as in the original
     VisRayTrace. `surface` is the name of a known surface. Repeated factors count once.
 
     `ends`: if "open", the surface has a hole wherever the clip cuts it. If "capped", the object is the solid of all

@@ -78,9 +78,9 @@ def _function(name: str, q: Fraction) -> Fraction:
 
 def _power(a: Fraction, b: Fraction) -> Fraction:
     """The power of a constant."""
-    if b.denominator == 1 or not a:
-        return a ** int(b) if a else Fraction(int(not b))
-    return _function("exp", b * _function("log", a))
+    if b.denominator == 1:
+        return a ** int(b)
+    return _function("exp", b * _function("log", a)) if a else a
 
 
 def _tree(node: ast.AST, text: str, names: dict[str, float]) -> Any:

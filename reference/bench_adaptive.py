@@ -24,7 +24,7 @@ import numpy as np
 from machine import machine
 
 from visray.output.curves import LUMINANCE
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"

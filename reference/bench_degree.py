@@ -33,7 +33,7 @@ from visray.lights import PointLight
 from visray.passes import expose
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 

@@ -35,7 +35,7 @@ from report import report_parser
 from visray.film import Film
 from visray.lights import DirectionalLight, PointLight, SphereLight
 from visray.passes import empty_film, exposed_once
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 from visray.scene.load import load
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

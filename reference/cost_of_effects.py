@@ -54,7 +54,7 @@ try:
     from visray.setup import prepare
 except ImportError:
     from visray.exposure import expose, set_up as prepare
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 name, file, width = sys.argv[1:]
 scene = ours(ring(), 16)
 if name != "matte":

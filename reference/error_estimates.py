@@ -33,7 +33,7 @@ from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import Files
 from visray.output.curves import LUMINANCE
 from visray.output.layers import NAMES
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SEEDS, REFERENCE_SEEDS = (0, 1, 2), (1001, 1002)

@@ -6,15 +6,17 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from PIL import Image as Pillow
 
 import visray as vr
-from visray.cli import main
+from visray.cli import main, rendering
 from visray.modes import MODES
 from visray.output.layers import LAYERS
+from visray.quantities import BACKENDS
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SPHERE = str(SCENES / "sphere.json")
@@ -208,3 +210,44 @@ def test_ctrl_c_keeps_the_partial_picture(tmp_path):
     image = vr.Image.read(out)
     assert 0 < image.metadata["spp"] < image.metadata["spp_asked"] == 100000
     assert np.isfinite(image["RGB"]).all() and image["RGB"].mean() > 0.1
+
+
+# The command line, which then says what was imported.
+IMPORTED = """
+import sys
+from visray.cli import main
+code = main(sys.argv[1:])
+print(*sys.modules, file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def imported(*tokens):
+    """Exit code of a command, and the modules that were imported for it."""
+    done = subprocess.run([sys.executable, "-c", IMPORTED, *tokens], capture_output=True, text=True, cwd=SCENES)
+    return done.returncode, set(done.stderr.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    "tokens", [["--version"], ["--help"], ["render", "--help"], ["render", "nowhere.json"], ["rendr"]]
+)
+def test_what_needs_no_scene_imports_no_libraries(tokens):
+    code, modules = imported(*tokens)
+    assert code == (0 if tokens[-1].startswith("--") else 2)
+    assert modules & {"numpy", "pydantic", "drjit._drjit_ext", "visray.llvm", "visray.scene.scene"} == set()
+
+
+@pytest.mark.parametrize(
+    "text", ['{"objects": {', '{"objects": {"a": {"type": "sphere", "radius": -1}}}', '{"camra": {}}']
+)
+def test_a_wrong_scene_is_refused_before_drjit_is_loaded(text, tmp_path):
+    path = tmp_path / "wrong.json"
+    path.write_text(text)
+    for command in ("render", "explain", "check", "cost", "tune", "import"):
+        code, modules = imported(command, str(path))
+        assert code == 2 and "drjit._drjit_ext" not in modules, command
+    assert imported("explain", "sphere.json", "--set", "objects.large.radius=-1")[0] == 2
+
+
+def test_backends_of_the_option_are_those_of_the_arrays():
+    assert get_args(get_args(rendering.render_command.__annotations__["backend"])[0]) == tuple(BACKENDS)

@@ -17,7 +17,7 @@ from PIL import Image
 import visray as vr
 from visray import camera, lights, primitives, textures
 from visray.camera import Viewpoint
-from visray.cli.options import app
+from visray.cli.commands import app
 from visray.lights.light import AreaLight, Light
 from visray.output.layers import BY_NAME, names_from
 from visray.polynomials.catalogue import SURFACES
@@ -319,7 +319,7 @@ def test_the_known_surfaces_are_counted_right():
 def test_the_exr_has_the_channels_that_the_page_lists(folder):
     vr.render("scenes/sphere.json", size=(8, 8), spp=2).write("a.exr")
     channels = OpenEXR.File("a.exr", separate_channels=True).channels()
-    types = {name: channel.pixels.dtype.type for name, channel in channels.items()}
+    types = {name: channel.pixels.dtype.name for name, channel in channels.items()}
     layers = [BY_NAME[name] for name in names_from("film", "first hit")]
     assert types == {name: layer.dtype for layer in layers for name in layer.channels}
 

@@ -33,7 +33,7 @@ def full_picture() -> Image:
 
     def numbers(layer: Layer) -> np.ndarray:
         shape = (len(layer.channels),) if len(layer.channels) > 1 else ()
-        if layer.dtype is np.uint32:
+        if layer.dtype == "uint32":
             return rng.integers(0, 2**32, (H, W, *shape), np.uint32)
         return floats(*shape).astype(layer.dtype).astype(np.float32)
 

@@ -34,8 +34,10 @@ def put_off() -> None:
     """
     spec = None if "drjit" in sys.modules else PathFinder.find_spec("drjit")
     if spec is not None:
-        sys.modules["drjit"] = module = _Later("drjit")
-        module.__spec__ = spec
+        sys.modules["drjit"] = later = _Later("drjit")
+        vars(later).update(vars(module_from_spec(spec)))
+        # The import of a submodule, such as drjit.llvm, asks for this attribute first, and so it loads Dr.Jit.
+        del later.__path__
 
 
 class _Later(ModuleType):
@@ -43,7 +45,7 @@ class _Later(ModuleType):
     there the second `import` of the module loads it."""
 
     def __getattr__(self, name: str) -> Any:
-        spec, self.__class__ = self.__spec__, ModuleType
-        vars(self).update(vars(module_from_spec(spec)))
-        spec.loader.exec_module(self)
+        self.__class__ = ModuleType
+        self.__path__ = self.__spec__.submodule_search_locations
+        self.__loader__.exec_module(self)
         return getattr(self, name)

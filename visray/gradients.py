@@ -25,9 +25,9 @@ from visray.errors import UserError
 from visray.number_table import NumberTable
 from visray.pack import Packed
 from visray.passes import expose
-from visray.renderer import adjusted
 from visray.sampling import SamplePlan
 from visray.scene import address as addresses
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import prepare
 

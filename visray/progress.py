@@ -4,11 +4,12 @@ at a safe point."""
 import signal
 import threading
 from types import FrameType
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from typing import TYPE_CHECKING
 
 from visray import clock
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 SHOWN_AFTER = 2.0
 
@@ -38,15 +39,23 @@ class Bar:
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
                 return
-            title, share = TextColumn("{task.description}", markup=False), TextColumn("{task.percentage:>3.0f} %")
-            columns = title, BarColumn(), share
-            console = Console(stderr=True)
-            self.bar = Progress(*columns, TimeElapsedColumn(), "left", TimeRemainingColumn(), console=console)
+            self.bar = _rich_bar()
             self.bar.start()
             # The estimate of the time left includes the time before the bar appeared.
             task = self.bar.add_task(self.title, total=self.total)
             self.bar.tasks[task].start_time -= clock.now() - self.begun
         self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
+
+
+def _rich_bar() -> "Progress":
+    """A progress bar of rich."""
+    # Here, because most work is done before a bar would appear.
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    title, share = TextColumn("{task.description}", markup=False), TextColumn("{task.percentage:>3.0f} %")
+    times = TimeElapsedColumn(), "left", TimeRemainingColumn()
+    return Progress(title, BarColumn(), share, *times, console=Console(stderr=True))
 
 
 class Interrupts:

@@ -29,6 +29,7 @@ from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.provenance import provenance
+from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import Prepared
@@ -179,23 +180,6 @@ def _seconds_to_finish(pixels: int, layers: tuple[str, ...], files: Files) -> fl
     channels = sum(len(BY_NAME[name].channels) for name in layers)
     writing = [PNG if Path(p).suffix.lower() == ".png" else CHANNEL * channels for p in files.paths]
     return (LAYERING + sum(writing)) * pixels
-
-
-def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
-    """The validated scene with another size of the film and other settings.
-
-    size: width and height in pixels; None keeps the size.
-    settings: values of fields of Settings by name, such as spp; None keeps the value.
-    """
-    scene = checked(scene)
-    changed = {k: v for k, v in settings.items() if v is not None}
-    if changed:
-        scene = replace(scene, settings=replace(scene.settings, **changed))
-    if size is not None:
-        if len(size) != 2:
-            raise UserError(f"size = {size!r}: must be a width and a height, such as (640, 480)")
-        scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
-    return checked(scene) if changed or size is not None else scene
 
 
 def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:

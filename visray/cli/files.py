@@ -6,8 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from visray.cli.options import Compat, SceneFile, Setup, app, write_or_print
-from visray.scene import load as loading
+from visray.cli.options import Compat, SceneFile, Setup, app, load_scene, write_or_print
 
 
 @app.command
@@ -21,6 +20,8 @@ def schema(
 
     With it, editors complete the names of fields and explain them.
     """
+    from visray.scene import load as loading
+
     write_or_print(json.dumps(loading.schema(), indent=2) + "\n", output)
     return 0
 
@@ -37,5 +38,8 @@ def import_command(
     ] = None,
 ) -> int:
     """Convert a scene of the original VisRayTrace to visray's own format."""
-    write_or_print(loading.dump(loading.load(scene, setup, compat), output and output.parent), output)
+    loaded = load_scene(scene, setup, compat, [])
+    from visray.scene.load import dump
+
+    write_or_print(dump(loaded, output and output.parent), output)
     return 0

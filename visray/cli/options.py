@@ -1,19 +1,23 @@
-"""What all commands share: the cyclopts application, options, loading of scenes, and printing of reports."""
+"""What all commands share: the cyclopts application, options, loading of scenes, and printing of reports.
+
+The modules of commands import at their top only what the help needs, so that help and errors come at once. Each command
+imports what it needs when it runs.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter, Token
 
 from visray import terminal
 from visray.errors import UserError
 from visray.output.files import write_text
-from visray.renderer import adjusted
-from visray.scene import load as loading
-from visray.scene.address import changed, parse_assignment
-from visray.scene.scene import Scene
+from visray.scene.source import read
 from visray.version import __version__
+
+if TYPE_CHECKING:
+    from visray.scene.scene import Scene
 
 app = App(
     name="visray",
@@ -63,7 +67,7 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
-def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> Scene:
+def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> "Scene":
     """Loads a scene file, and changes the scene as the options of the command line say.
 
     setup: the setup file of a scene of the original VisRayTrace, or None.
@@ -71,7 +75,13 @@ def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[
     assignments: values of the option --set, each ADDRESS=VALUE.
     settings: size of the film, and values of fields of Settings by name; None keeps the scene's value.
     """
-    loaded = adjusted(loading.load(scene, setup, compat), **settings)
+    source = read(scene)
+    # Here, because these imports take longer than to see that a file is missing, or is no JSON.
+    from visray.scene.address import changed, parse_assignment
+    from visray.scene.adjusted import adjusted
+    from visray.scene.load import load
+
+    loaded = adjusted(load(scene, setup, compat, source), **settings)
     return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
 
 

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from visray import terminal
+from visray import drjit_import, terminal
 from visray.errors import UserError
 
 # Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
@@ -48,6 +48,8 @@ def _run(tokens: list[str] | None) -> int:
     """Runs a command and returns its exit code. Raises UserError if there is no such command or option."""
     from cyclopts import CycloptsError  # here, because its import may be interrupted, like that of the commands
 
+    # Commands that need no Dr.Jit do without it, and errors in a scene are seen before it is loaded.
+    drjit_import.put_off()
     from visray.cli.commands import app
 
     with warnings.catch_warnings():

@@ -7,13 +7,11 @@ import warnings
 from collections.abc import Iterable
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from visray import clock
-from visray.adaptive.error_floor import Files
-from visray.adaptive.stopping import Goal
 from visray.cli.options import (
     INTERRUPTED,
     Compat,
@@ -31,12 +29,11 @@ from visray.cli.options import (
 )
 from visray.errors import UserError
 from visray.modes import MODES, Mode
-from visray.output.image import Image, check_destination
 from visray.output.layers import LAYERS, NAMES, Layer, names_from
-from visray.progress import Interrupts
-from visray.quantities import BACKENDS
-from visray.renderer import render
 from visray.terminal import write_json, write_line
+
+if TYPE_CHECKING:
+    from visray.output.image import Image
 
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
 # surfaces or tori.
@@ -134,7 +131,7 @@ def render_command(
     precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
     seed: Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")] = None,
     threads: Threads = None,
-    backend: Annotated[Literal[tuple(BACKENDS)], Parameter(help="cuda and metal are untested.")] = "llvm",
+    backend: Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")] = "llvm",
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Annotated[
         str | None, Parameter(help="Layers of the EXR file, separated by commas: see below. Default: all.")
@@ -151,8 +148,14 @@ def render_command(
     begun = clock.now()
     if quiet:
         warnings.simplefilter("ignore")
-    Goal.from_arguments(error, time, spp, begun)
     loaded = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
+    from visray.adaptive.error_floor import Files
+    from visray.adaptive.stopping import Goal
+    from visray.output.image import check_destination
+    from visray.progress import Interrupts
+    from visray.renderer import render
+
+    Goal.from_arguments(error, time, spp, begun)
     if not loaded.lights and not any(loaded.ambient):
         warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)
     outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
@@ -186,7 +189,7 @@ def render_command(
     return 0 if _goal_met(facts) or time is not None else 1
 
 
-def _report(image: Image, outputs: list[Path], seconds: float) -> dict[str, Any]:
+def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, Any]:
     """The report of a render for --json, as a dict.
 
     outputs: paths of the files written. seconds: duration of the render.
@@ -199,7 +202,7 @@ def _report(image: Image, outputs: list[Path], seconds: float) -> dict[str, Any]
     )
 
 
-def _line(image: Image, outputs: list[Path], seconds: float) -> str:
+def _line(image: "Image", outputs: list[Path], seconds: float) -> str:
     """The report of a render, as one line of text.
 
     outputs: paths of the files written. seconds: duration of the render.

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -22,24 +22,19 @@ from visray.cli.options import (
     write_or_print,
 )  # fmt: skip
 from visray.errors import UserError
-from visray.mesh_report import MeshFacts
 from visray.output.files import check_writable
-from visray.output.image import check_destination
-from visray.polynomials.catalogue import SURFACES
-from visray.progress import Interrupts
-from visray.renderer import explain as explain_scene
-from visray.renderer import render, set_threads
-from visray.scene.scene import Scene
-from visray.study import ablation
-from visray.tables import Table, show, styled
 from visray.terminal import write_json, write_line
+
+if TYPE_CHECKING:
+    from visray.mesh_report import MeshFacts
+    from visray.tables import Table
 
 # Number of parts of a mesh whose names `explain` shows.
 SHOWN_PARTS = 8
 
 
-@app.command
-def explain(
+@app.command(name="explain")
+def explain_command(
     scene: SceneFile,
     /,
     *,
@@ -48,7 +43,9 @@ def explain(
     set: Settings = [],  # noqa: B006
     cost: flag("Measure what each effect costs, on a small picture.") = False,
     spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of the small picture.")] = None,
-    runs: Annotated[Integer, Parameter(help="With --cost: how often each picture is rendered.")] = ablation.RUNS,
+    runs: Annotated[
+        Integer | None, Parameter(help="With --cost: how often each picture is rendered. Default: 8.")
+    ] = None,
     json: Json = False,
 ) -> int:
     """List the effects that are simulated for a scene and those that are not, each with the reason.
@@ -57,34 +54,40 @@ def explain(
     time.
     """
     loaded = load_scene(scene, setup, compat, set)
+    from visray import tables
+    from visray.renderer import explain
+    from visray.study import ablation
+
     # This comes first, because its arguments may be wrong, and then nothing else should be printed.
+    runs = ablation.RUNS if runs is None else runs
     measured = ablation.cost(loaded, spp, runs, progress=not json) if cost else None
     if measured and json:
         write_json(measured.as_json())
         return 0
-    on = explain_scene(loaded)
+    on = explain(loaded)
     if json:
         effects, rays = [asdict(f) for f in on.listed], [asdict(family) for family in on.rays]
         meshes = [asdict(facts) for facts in on.meshes]
         write_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes})
         return 0
-    table = Table("effect", "", "why")
+    effects = tables.Table("effect", "", "why")
     for f in on.listed:
-        table.add_row(f.name, styled("on", "green") if f.on else styled("off", "dim"), f.reason)
-    show(table)
-    table = Table("rays", "objects are found", "why")
+        effects.add_row(f.name, tables.styled("on", "green") if f.on else tables.styled("off", "dim"), f.reason)
+    rays = tables.Table("rays", "objects are found", "why")
     for family in on.rays:
-        table.add_row(family.rays, family.accelerator, family.reason)
-    show(table)
+        rays.add_row(family.rays, family.accelerator, family.reason)
+    tables.show(effects, rays)
     if on.meshes:
-        show(_table_of_meshes(on.meshes))
+        tables.show(_table_of_meshes(on.meshes))
     if measured:
-        show(measured.table())
+        tables.show(measured.table())
     return 0
 
 
-def _table_of_meshes(meshes: tuple[MeshFacts, ...]) -> Table:
+def _table_of_meshes(meshes: "tuple[MeshFacts, ...]") -> "Table":
     """A table with facts about meshes."""
+    from visray.tables import Table
+
     table = Table("mesh", "triangles", "vertices", "parts", "kB", "")
     for facts in meshes:
         parts = ", ".join(facts.parts[:SHOWN_PARTS]) + (", ..." if len(facts.parts) > SHOWN_PARTS else "")
@@ -114,13 +117,17 @@ def check(
 
     The same rays go through both. Exit code 1 if they differ.
     """
-    from visray.study.mitsuba import crosscheck  # here, because Mitsuba takes a while to load
+    loaded = load_scene(scene, setup, compat, set)
+    from visray.output.image import check_destination
+    from visray.renderer import set_threads
+    from visray.study.mitsuba import crosscheck
+    from visray.tables import show
 
     if output is not None:
         check_destination(output)
     if threads is not None:
         set_threads(threads)
-    report = crosscheck.check(load_scene(scene, setup, compat, set), rays=rays, seed=seed)
+    report = crosscheck.check(loaded, rays=rays, seed=seed)
     if output is not None:
         report.difference.write(output)
     write_json(report.as_json()) if json else show(report.table())
@@ -149,19 +156,19 @@ def cost(
 
     Ctrl-C keeps the measurements so far, once every setting has had a few pictures.
     """
-    # These modules load slowly, and few commands need them.
+    if csv and json:
+        raise UserError("--csv and --json: print one report; leave one out")
+    loaded = load_scene(scene, setup, compat, set)
+    from visray.progress import Interrupts
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report
     from visray.study.cost.study import cost as study
+    from visray.tables import show
 
-    if csv and json:
-        raise UserError("--csv and --json: print one report; leave one out")
     if output is not None:
         check_report(output)
         check_writable(output)
-    report = study(
-        load_scene(scene, setup, compat, set), quick=quick, seeds=seeds, threads=threads, progress=not (json or csv)
-    )
+    report = study(loaded, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
     report = replace(report, scene=scene.stem)
     # Ctrl-C must not lose a report that took minutes while it is written.
     with Interrupts():
@@ -204,15 +211,18 @@ def tune(
     Samples per pixel are left to the adaptive sampler: render the scene with the same --error or --time. Ctrl-C keeps
     the better of the settings that were rendered.
     """
-    from visray.study.cost.tuned import as_scene
-    from visray.study.cost.tuning import tune as study
-
     if output is not None and output.suffix.lower() != ".json":
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
+    loaded = load_scene(scene, setup, compat, set)
+    from visray.progress import Interrupts
+    from visray.study.cost.tuned import as_scene
+    from visray.study.cost.tuning import tune as study
+    from visray.tables import show
+
     tuned = study(
-        load_scene(scene, setup, compat, set),
+        loaded,
         error=error,
         time=time,
         quick=not full,
@@ -250,7 +260,8 @@ def stability(
 
     Exit code 1 if there are any. Polynomial surfaces need python-flint: pip install 'visray[test]'.
     """
-    from visray.study.stability import mesh_study, study  # here, because no other command needs their libraries
+    from visray.study.stability import mesh_study, study
+    from visray.tables import show
 
     if kind == "mesh" and surfaces is not None:
         raise UserError("surfaces: is a file of polynomial surfaces; leave it out, or leave out --kind mesh")
@@ -271,6 +282,9 @@ def surfaces(*, json: Json = False) -> int:
     A scene uses one by its name: {"type": "polynomial", "surface": "heart"}. With --json also the expression of each,
     its source, and its singular points.
     """
+    from visray.polynomials.catalogue import SURFACES
+    from visray.tables import Table, show
+
     if json:
         write_json({name: asdict(c) for name, c in SURFACES.items()})
         return 0
@@ -285,7 +299,8 @@ def surfaces(*, json: Json = False) -> int:
 @app.command
 def doctor(*, json: Json = False) -> int:
     """Report what visray finds on this machine, and whether it can render a picture."""
-    from visray.study import doctor as examination  # here, because it loads Mitsuba
+    from visray.study import doctor as examination
+    from visray.tables import show
 
     report = examination.examine(_probe)
     write_json(report) if json else show(examination.table(report))
@@ -296,6 +311,8 @@ def _probe() -> Any:
     """Colours of a small picture of a small scene, to see whether rendering works. Shape: (32, 32, 3)."""
     from visray.lights import PointLight
     from visray.primitives import Sphere
+    from visray.renderer import render
+    from visray.scene.scene import Scene
 
     probe = Scene(objects={"ball": Sphere(radius=1.5)}, lights={"key": PointLight(position=(3.0, 4.0, 5.0))})
     return render(probe, size=(32, 32), spp=4, layers=("RGB",), progress=False)["RGB"]

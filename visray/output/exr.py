@@ -97,11 +97,11 @@ def _typed(name: str, values: np.ndarray) -> np.ndarray:
     name: name of the layer.
     """
     dtype = BY_NAME[name].dtype if name in BY_NAME else None
-    if np.uint32 in (dtype, values.dtype):
+    if dtype == "uint32" or values.dtype == np.uint32:
         if not np.issubdtype(values.dtype, np.integer) or (values.astype(np.uint32) != values).any():
             raise UserError(f"image: layer '{name}' must hold whole numbers from 0 to {2**32 - 1}")
         return np.ascontiguousarray(values, np.uint32)
-    if dtype is np.float16:
+    if dtype == "float16":
         return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
     # A double beyond the range of float becomes inf, because in data a wrong finite number would be worse.
     with np.errstate(over="ignore"):

@@ -6,8 +6,6 @@ To add a layer, add a record below, and compute its values in the code of its so
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
 # The source of a layer: the code that computes it. Each source returns a dict of its layers by name.
 #   film         from the colours of all samples (renderer.developed, adaptive.dual_buffer)
 #   adaptive     from the colours of all samples, only with `error` or `time` (adaptive.dual_buffer)
@@ -15,7 +13,8 @@ import numpy as np
 #   certificate  from the ray through the pixel's centre, only in scenes with polynomial surfaces or tori
 #                (integrator.certificate)
 Source = Literal["film", "adaptive", "first hit", "certificate"]
-TYPES = {np.float16: "half", np.float32: "float", np.uint32: "uint32"}
+# NumPy types of the numbers of a layer, and their names in EXR files.
+TYPES = {"float16": "half", "float32": "float", "uint32": "uint32"}
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Layer:
 
     name: name of the layer in vr.render and in an Image.
     channels: names of the channels in an EXR file, one for each number of a pixel.
-    dtype: type of the numbers in an EXR file. In memory, half is float32.
+    dtype: NumPy type of the numbers in an EXR file. In memory, float16 is float32.
     unit: unit of the numbers.
     filtered: whether the value of a pixel comes from all its samples. If not, it comes from the ray through its centre.
     source: the code that computes the layer (Source).
@@ -33,16 +32,16 @@ class Layer:
 
     name: str
     channels: tuple[str, ...]
-    dtype: type
+    dtype: str
     unit: str
     filtered: bool
     source: Source
     meaning: str
 
     @property
-    def memory_dtype(self) -> type:
-        """The type of the layer's numbers in an Image: uint32 or float32."""
-        return np.uint32 if self.dtype is np.uint32 else np.float32
+    def memory_dtype(self) -> str:
+        """The NumPy type of the layer's numbers in an Image: uint32 or float32."""
+        return "uint32" if self.dtype == "uint32" else "float32"
 
 
 def _vector(prefix: str, letters: str) -> tuple[str, ...]:
@@ -53,35 +52,35 @@ def _vector(prefix: str, letters: str) -> tuple[str, ...]:
 # The layers in the order of a picture. The channel names are such that Nuke and Blender read them as intended: at most
 # two dots, no digit at the beginning, and Z without a prefix only because no X and Y are without a prefix.
 LAYERS = (
-    Layer("RGB", ("R", "G", "B"), np.float16, "linear Rec. 709", True, "film",
+    Layer("RGB", ("R", "G", "B"), "float16", "linear Rec. 709", True, "film",
           "colour, premultiplied by A"),
-    Layer("A", ("A",), np.float16, "0 to 1", True, "film",
+    Layer("A", ("A",), "float16", "0 to 1", True, "film",
           "coverage: 1 unless the film is transparent"),
-    Layer("variance", _vector("variance", "RGB"), np.float32, "RGB squared", True, "film",
+    Layer("variance", _vector("variance", "RGB"), "float32", "RGB squared", True, "film",
           "variance of the pixel's samples (no such layer at 1 spp); divided by spp, that of the pixel if its samples "
           "were independent"),
-    Layer("error", _vector("error", "RGB"), np.float32, "RGB", True, "adaptive",
+    Layer("error", _vector("error", "RGB"), "float32", "RGB", True, "adaptive",
           "with `--error` or `--time`: standard error of the pixel, from the difference of its two halves over 3 x 3 "
           "pixels"),
-    Layer("samples", ("samples.count",), np.uint32, "samples", True, "adaptive",
+    Layer("samples", ("samples.count",), "uint32", "samples", True, "adaptive",
           "with `--error` or `--time`: number of samples of the pixel"),
-    Layer("Z", ("Z",), np.float32, "world", False, "first hit",
+    Layer("Z", ("Z",), "float32", "world", False, "first hit",
           "depth along the view direction; inf where nothing is hit"),
-    Layer("distance", ("dist.Z",), np.float32, "world", False, "first hit",
+    Layer("distance", ("dist.Z",), "float32", "world", False, "first hit",
           "distance along the ray; inf where nothing is hit"),
-    Layer("N", _vector("N", "XYZ"), np.float32, "1", False, "first hit",
+    Layer("N", _vector("N", "XYZ"), "float32", "1", False, "first hit",
           "unit normal in world space, turned to the camera; 0 where nothing is hit"),
-    Layer("P", _vector("P", "XYZ"), np.float32, "world", False, "first hit",
+    Layer("P", _vector("P", "XYZ"), "float32", "world", False, "first hit",
           "point in world space; 0 where nothing is hit"),
-    Layer("UV", _vector("UV", "UV"), np.float32, "1", False, "first hit",
+    Layer("UV", _vector("UV", "UV"), "float32", "1", False, "first hit",
           "texture coordinates, v upwards; 0 where nothing is hit"),
-    Layer("albedo", _vector("albedo", "RGB"), np.float16, "0 to 1", False, "first hit",
+    Layer("albedo", _vector("albedo", "RGB"), "float16", "0 to 1", False, "first hit",
           "kd of the material, or the colour of its texture; 0 where nothing is hit"),
-    Layer("id", ("id.object",), np.uint32, "number", False, "first hit",
+    Layer("id", ("id.object",), "uint32", "number", False, "first hit",
           "number of the object in the order of the scene file, from 1; 0 where nothing is hit"),
-    Layer("unresolved", ("proof.unresolved",), np.uint32, "intervals", False, "certificate",
+    Layer("unresolved", ("proof.unresolved",), "uint32", "intervals", False, "certificate",
           "with polynomial surfaces and tori: parts of the ray where rounding hides whether there is a crossing"),
-    Layer("residual", ("proof.residual",), np.float32, "ulp", False, "certificate",
+    Layer("residual", ("proof.residual",), "float32", "ulp", False, "certificate",
           "with polynomial surfaces and tori: distance of the point from its surface, in units in the last place"),
 )  # fmt: skip
 BY_NAME = {layer.name: layer for layer in LAYERS}

@@ -9,24 +9,27 @@ from visray.scene.check import SECTIONS, checked, examined, flaws
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line
 from visray.scene.scene import Scene
-from visray.scene.source import read
+from visray.scene.source import Source, read
 from visray.scene.write import dump, schema
 from visray.terminal import printable
 
 __all__ = ["checked", "dump", "flaws", "load", "schema"]
 
 
-def load(path: str | Path, setup: str | Path | None = None, compat: bool = False) -> Scene:
+def load(
+    path: str | Path, setup: str | Path | None = None, compat: bool = False, source: Source | None = None
+) -> Scene:
     """The scene of a file in visray's format, or in the format of the original VisRayTrace.
 
     setup: the setup file of a VisRayTrace scene, or None.
     compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
+    source: content of the file, if it was read before.
 
     In the file, paths of texture and mesh files are relative to the folder of the file. In the scene, they are relative
     to the current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
     UserError.
     """
-    source = read(path)
+    source = source or read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
         scene, warning_texts = convert(path, setup, compat)
         for text in warning_texts:

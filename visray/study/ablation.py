@@ -37,7 +37,8 @@ from visray.lights.light import Light
 from visray.passes import empty_film, exposed_once
 from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays
-from visray.renderer import adjusted, explain
+from visray.renderer import explain
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare
 from visray.tables import Table

@@ -21,8 +21,8 @@ from visray import clock, integrator
 from visray.errors import UserError
 from visray.film import Film
 from visray.progress import Bar, Interrupts
-from visray.renderer import adjusted
 from visray.sampling import SamplePlan
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare
 from visray.study import ablation

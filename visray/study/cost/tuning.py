@@ -24,8 +24,9 @@ from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.errors import UserError
 from visray.progress import Interrupts
-from visray.renderer import adjusted, check_numbers, set_threads
+from visray.renderer import check_numbers, set_threads
 from visray.scene.address import changed
+from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

@@ -10,7 +10,7 @@ from visray.geometry import gamma
 from visray.output.image import Image
 from visray.primitives.primitive import MitsubaShapes, bounding_box
 from visray.progress import Bar
-from visray.renderer import adjusted
+from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.study.mitsuba import area_shadows, coloured_shadows, shadows
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene

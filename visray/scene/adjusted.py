@@ -1,0 +1,25 @@
+"""Changes of the size of the film and of settings, as options of the command line and arguments in Python give them."""
+
+from dataclasses import replace
+from typing import Any
+
+from visray.errors import UserError
+from visray.scene.check import checked
+from visray.scene.scene import Scene
+
+
+def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: Any) -> Scene:
+    """The validated scene with another size of the film and other settings.
+
+    size: width and height in pixels; None keeps the size.
+    settings: values of fields of Settings by name, such as spp; None keeps the value.
+    """
+    scene = checked(scene)
+    changed = {k: v for k, v in settings.items() if v is not None}
+    if changed:
+        scene = replace(scene, settings=replace(scene.settings, **changed))
+    if size is not None:
+        if len(size) != 2:
+            raise UserError(f"size = {size!r}: must be a width and a height, such as (640, 480)")
+        scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
+    return checked(scene) if changed or size is not None else scene

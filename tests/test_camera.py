@@ -1,4 +1,5 @@
-"""The orthographic camera: rays that are parallel, start on the camera's plane, and show what closed forms say."""
+"""Cameras: distances of a perspective camera in single precision. The orthographic camera: rays that are parallel,
+start on the camera's plane, and show what closed forms say."""
 
 import json
 from dataclasses import replace
@@ -423,3 +424,28 @@ def test_a_type_that_is_set_keeps_what_both_types_have() -> None:
     for address, (value, says) in wrong.items():
         with pytest.raises(vr.UserError, match=says):
             vr.replaced(scene, address, value)
+
+
+# A perspective camera in single precision
+
+
+@pytest.mark.parametrize("fov", [5.0, 40.0, 90.0, 150.0])
+def test_the_distance_of_a_floor_seen_at_a_small_angle(fov: float) -> None:
+    """docs/exr.md: 8 roundings of the direction in single, so the distance is off by that over the angle's sine."""
+    film, height = vr.Film(width=160, height=120), 0.7
+    camera = vr.Camera(origin=(0.3, height, 0.7), target=(0.1, height - 0.01, -1.0), fov=fov)
+    right, up, forward = axes(camera)
+    size = 2 * np.tan(np.radians(fov) / 2) / film.height
+    x = (np.arange(film.width) + 0.5 - film.width / 2) * size
+    y = (film.height / 2 - np.arange(film.height) - 0.5) * size
+    d = forward + x[None, :, None] * right + y[:, None, None] * up
+    sine = -d[..., 1] / np.linalg.norm(d, axis=-1)
+    for precision, error in (("single", gamma(8, "single")), ("double", gamma(64))):
+        scene = scene_of(camera, {"floor": vr.Plane()}, film=film, settings=vr.Settings(spp=1, precision=precision))
+        (distance,) = layers(scene, "distance")
+        below = np.isfinite(distance)
+        assert np.array_equal(below, sine > 0)
+        off = np.abs(distance[below] * sine[below] / height - 1)
+        assert (off <= error / sine[below] + gamma(1, "single")).all()  # the layer itself is in single
+        if precision == "single":
+            assert off.max() > gamma(8, "single")  # so the error is there, and worth a sentence

@@ -12,6 +12,11 @@ import drjit as dr
 UNIT_ROUNDOFF = {"single": 2.0**-24, "double": 2.0**-53}
 
 
+# A unit vector n is upright if |n.x| and |n.z| are below this bound. The derivatives of `tangents` grow as 1 / |n.x|, and
+# rounding moves them by u / |n.x|, for the unit roundoff u. For smaller |n.x| that is more than |n.x| itself.
+UPRIGHT = UNIT_ROUNDOFF["double"] ** 0.5
+
+
 def gamma(n: int, precision: str = "double") -> float:
     """Bound on the relative error of n successive roundings: n u / (1 - n u), where u is the unit roundoff of
     `precision`. Takes plain numbers. Source: Higham, lemma 3.1."""
@@ -61,13 +66,24 @@ def tangents(n: Any) -> tuple[Any, Any]:
 
     Shapes: n (3, N).
     Domain: every unit n.
+    Derivatives: near +y and -y (UPRIGHT), s and t turn about n ever faster, and at +y and -y they jump. There, they are
+        given the derivative without this turn. It is right for whatever does not depend on the directions of u and v.
+    Error: of the derivatives of other n, 1 / UPRIGHT times that of one rounding.
     """
     # n.x and n.z are divided by the slope first: the square of a slope as small as 1e-200 would underflow to zero.
     slope = dr.detach(dr.maximum(dr.abs(n.x), dr.abs(n.z)))
     horizontal = slope == 0
     scale = dr.select(horizontal, 1, slope)
     s = dr.normalize(triple(n, dr.select(horizontal, 1, n.z / scale), 0, dr.select(horizontal, 0, -n.x / scale)))
+    if dr.grad_enabled(n):
+        s = dr.select(slope < UPRIGHT, _transported(dr.detach(s), n), s)
     return s, dr.cross(n, s)
+
+
+def _transported(s: Any, n: Any) -> Any:
+    """The vector s, with the derivative that keeps it perpendicular to n and turns it about n as little as possible."""
+    along = dr.dot(s, n)
+    return s - dr.detach(n) * (along - dr.detach(along))
 
 
 @dataclass(frozen=True)

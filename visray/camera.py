@@ -77,13 +77,12 @@ class Viewpoint:
     up: Direction = (0.0, 1.0, 0.0)
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
-        """Unit directions to the right, up and forward in the picture, and the distance of the target. The camera's
+        """Unit directions to the right, up and forward in the picture, and the vector to the target. The camera's
         fields hold Dr.Jit arrays or Dr.Jit scalars here."""
-        # One difference serves both results, because in forward mode Dr.Jit refuses a derivative that no output uses.
         view = self.target - self.origin
-        forward, target_distance = dr.normalize(view), dr.norm(view)
+        forward = dr.normalize(view)
         right = dr.normalize(dr.cross(forward, self.up))
-        return right, dr.cross(right, forward), forward, target_distance
+        return right, dr.cross(right, forward), forward, view
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,14 +104,16 @@ class Camera(Viewpoint):
 
     def view(self, width: int, height: int, a: Arrays) -> View:
         """The camera prepared for a picture of width x height pixels. The camera's fields hold Dr.Jit arrays here."""
-        right, up, forward, target_distance = self.axes()
+        right, up, forward, to_target = self.axes()
         columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
         pixel = 2 * dr.tan(self.fov * (0.5 * dr.pi / 180)) / rows
         corner = forward - (0.5 * pixel * columns) * right + (0.5 * pixel * rows) * up
-        focus = dr.select(self.focus > 0, self.focus, target_distance)
+        # The distance of the target is computed twice, because in forward mode Dr.Jit refuses to follow a number that a
+        # kernel reads to other numbers that it does not read.
+        focus = dr.select(self.focus > 0, self.focus, dr.norm(to_target))
         lens = (0.5 * self.aperture) * right, (0.5 * self.aperture) * up
         steps = (a.V(v) for v in (pixel * right, -pixel * up, corner, forward))
-        return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(target_distance))
+        return View(self.origin, *steps, *lens, dr.rcp(focus), a.F(dr.norm(to_target)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,12 +139,12 @@ class OrthographicCamera(Viewpoint):
             (culling.point_rounding) for points of the sheet. Numbers of the surface are assumed to be at most as large
             as those of the sheet and the target's distance.
         """
-        right, up, forward, target_distance = self.axes()
+        right, up, forward, to_target = self.axes()
         columns, rows = (dr.opaque(a.D, float(x)) for x in (width, height))
         pixel, half_height = self.height / rows, 0.5 * self.height
         half_width = half_height * columns / rows
         corner = half_height * up - half_width * right
-        size = l1_norm(self.origin) + l1_norm(corner) + target_distance
+        size = l1_norm(self.origin) + l1_norm(corner) + dr.detach(dr.norm(to_target))
         return ParallelView(
             o=self.origin,
             pixel_right=pixel * right,
@@ -155,7 +156,7 @@ class OrthographicCamera(Viewpoint):
             half_width=half_width,
             half_height=half_height,
             clearance=dr.detach(gamma(32) * size),
-            target_distance=a.F(target_distance),
+            target_distance=a.F(dr.norm(to_target)),
         )
 
 

@@ -38,7 +38,7 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
-mesh_report clip_report feature_rules features tables progress
+mesh_report clip_report feature_rules features tables progress differentiable
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
 pack address_index repack batches sampling moments film

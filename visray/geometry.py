@@ -12,7 +12,7 @@ import drjit as dr
 UNIT_ROUNDOFF = {"single": 2.0**-24, "double": 2.0**-53}
 
 
-# A unit vector n is upright if |n.x| and |n.z| are below this bound. The derivatives of `tangents` grow as 1 / |n.x|, and
+# A unit vector n is upright if |n.x| and |n.z| are below this bound. Derivatives of `tangents` grow as 1 / |n.x|, and
 # rounding moves them by u / |n.x|, for the unit roundoff u. For smaller |n.x| that is more than |n.x| itself.
 UPRIGHT = UNIT_ROUNDOFF["double"] ** 0.5
 

@@ -10,6 +10,7 @@ import numpy as np
 from visray import film as films
 from visray import images, llvm
 from visray.clip_report import warn_of_clips
+from visray.differentiable import differentiable
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
@@ -103,7 +104,7 @@ def prepare(
     films.check_memory(width, height)
     warn_of_meshes(scene)
     warn_of_clips(scene)
-    effects, packed = features(scene, wrt, everything, without), pack(scene, a)
+    effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
     if attach is not None:
         attach(packed)
     kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)

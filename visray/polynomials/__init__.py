@@ -16,6 +16,7 @@ from visray.polynomials.program import (
     exact_terms,
     interpret,
     magnitude_bounds,
+    slope_flaw,
 )
 
 __all__ = [
@@ -29,4 +30,5 @@ __all__ = [
     "exact_terms",
     "interpret",
     "magnitude_bounds",
+    "slope_flaw",
 ]

@@ -3,7 +3,7 @@
 A constant is an expression without x, y and z.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from fractions import Fraction
 from functools import cache, lru_cache
 from math import isqrt
@@ -23,6 +23,7 @@ from visray.polynomials.expression import (
     Root,
     Sum,
     fold,
+    operands,
 )
 
 # Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
@@ -170,6 +171,20 @@ def _pi(bits: int) -> Fraction:
         return total
 
     return Fraction(4 * (4 * arctan_of_reciprocal(5) - arctan_of_reciprocal(239)), unit)
+
+
+def has_zero_root(node: Expression, parameters: dict[str, Fraction], varied: Collection[str]) -> bool:
+    """Whether the expression contains a square root that is 0 and contains one of the parameters `varied`."""
+    if isinstance(node, Root) and _has_parameter(node.of, varied) and not rational(node, parameters):
+        return True
+    return any(has_zero_root(x, parameters, varied) for x in operands(node))
+
+
+def _has_parameter(node: Expression, names: Collection[str]) -> bool:
+    """Whether the expression contains one of the named parameters."""
+    if isinstance(node, Parameter):
+        return node.name in names
+    return any(_has_parameter(x, names) for x in operands(node))
 
 
 def is_zero(node: Expression) -> bool:

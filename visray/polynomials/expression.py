@@ -148,6 +148,11 @@ def _set_facts(node: Expression, degree: int, parts: tuple[Expression, ...]):
 ONE = Product(())  # the coefficient of a monomial that is written without a coefficient
 
 
+def operands(node: Expression) -> tuple[Expression, ...]:
+    """The operands of a node."""
+    return node.parts if isinstance(node, _Nary) else (node.of,) if isinstance(node, _Unary) else ()
+
+
 def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Expression], Any]) -> Any:
     """The value of an expression in another arithmetic, such as floats or numbers modulo a prime.
 

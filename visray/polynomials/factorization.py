@@ -7,9 +7,11 @@ Most questions are decided along a random line and modulo a prime (modular.py): 
 numbers.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import count
+from random import Random
 
 from visray.polynomials import modular
 from visray.polynomials.constants import is_negligible, rational
@@ -39,17 +41,24 @@ class SquareFreeFactor:
     even: bool
 
 
-def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[tuple[SquareFreeFactor, ...], int]:
+def factorize(
+    expression: Expression, values: dict[str, Fraction], varied: Collection[str] = ()
+) -> tuple[tuple[SquareFreeFactor, ...], int]:
     """(factors, sign): the square-free factors of a polynomial f, and a sign, 1 or -1.
 
     Wherever f is not 0, f has the same sign as `sign` times the product of the factors of odd multiplicity.
+
+    values: values of the parameters.
+    varied: names of parameters. The factors are those of f for almost all of their values: none is left out, and no
+        term of a factor, because a value makes it constant or zero.
     """
     expression = simplify(expression)
-    line = _along(expression, parameters)
+    line = _along(expression, values)
     if not line:
         raise PolynomialError("it is 0 everywhere; a surface is where a polynomial that is not 0 everywhere is 0")
     if len(line) == 1:
         raise PolynomialError("it is a constant, nowhere 0; a surface has x, y or z in its polynomial")
+    parameters = values | {name: _nearby(values[name], Random(name)) for name in sorted(varied)}
     factors: list[list] = []
     for written, n in _written_factors(expression):
         for factor, m in _square_free_factors(written, parameters):
@@ -57,7 +66,20 @@ def factorize(expression: Expression, parameters: dict[str, Fraction]) -> tuple[
     factors = _coprime(factors, parameters)
     square_free = tuple(SquareFreeFactor(f, len(_along(f, parameters)) - 1, n % 2 == 0) for f, n in factors)
     check_relations([(f.expression, f.degree) for f in square_free], parameters)
-    return square_free, _sign(expression, square_free, parameters)
+    return square_free, _sign(expression, square_free, values)
+
+
+def are_square_free(expressions: list[Expression], parameters: dict[str, Fraction]) -> bool:
+    """Whether no factor occurs twice in the product of the expressions."""
+    product = Product(tuple(expressions))
+    p = _prime(product, parameters)
+    return modular.is_square_free(_along(product, parameters, p), p)
+
+
+def _nearby(value: Fraction, random: Random) -> Fraction:
+    """A random number that is larger than `value` by at most a millionth of its size, or by a millionth if it is 0. No
+    polynomial with short coefficients is 0 there, and roots and reciprocals that exist at `value` exist there too."""
+    return value + (abs(value) or 1) * Fraction(random.randrange(1 << 39, 1 << 40), 10**6 << 40)
 
 
 def _along(expression: Expression, parameters: dict[str, Fraction], p: int = 0) -> list[int]:

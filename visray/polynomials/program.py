@@ -14,11 +14,11 @@ from functools import lru_cache
 from typing import Any
 
 from visray.polynomials import grammar, monomials
-from visray.polynomials.constants import BITS, rational
+from visray.polynomials.constants import BITS, has_zero_root, rational
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import TooLong, expand, horner, monomial_terms, recentre
 from visray.polynomials.expression import Axis, Expression, Negative, Power, Product
-from visray.polynomials.factorization import factorize
+from visray.polynomials.factorization import are_square_free, factorize
 from visray.polynomials.literals import exact_parameters
 from visray.polynomials.simplify import simplify, translate
 
@@ -74,20 +74,29 @@ class Compiled:
     exact_values: tuple[Fraction, ...]
 
 
-def build(source: Source, parameters: dict[str, float] | None = None, centre: tuple = (0.0, 0.0, 0.0)) -> Compiled:
+def build(
+    source: Source,
+    parameters: dict[str, float] | None = None,
+    centre: tuple = (0.0, 0.0, 0.0),
+    varied: frozenset[str] = frozenset(),
+) -> Compiled:
     """Compiles a polynomial. Its program takes coordinates q = p - centre instead of p = (x, y, z).
 
     source: text, or a list of monomials.
     parameters: values of the named parameters.
+    varied: names of parameters for whose values in a neighbourhood the program is right too, so that it has the right
+        derivatives by them. Other parameters decide by their values which terms and factors there are.
     """
     source = source if isinstance(source, str) else tuple(source)
-    return _build(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)))
+    return _build(source, tuple(sorted((parameters or {}).items())), tuple(map(float, centre)), varied)
 
 
 @lru_cache(maxsize=256)
-def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, float]) -> Compiled:
+def _build(
+    source: str | tuple, parameters: tuple, centre: tuple[float, float, float], varied: frozenset[str]
+) -> Compiled:
     """As `build`, but with arguments that the cache can store. parameters: pairs (name, value), sorted."""
-    square_free, sign = _factorize(source, parameters)
+    square_free, sign = _factorize(source, parameters, varied)
     values = {name: Fraction(value) for name, value in parameters}
     middle = tuple(map(Fraction, centre))
     constants = _Constants()
@@ -98,9 +107,24 @@ def _build(source: str | tuple, parameters: tuple, centre: tuple[float, float, f
 
 
 @lru_cache(maxsize=256)
-def _factorize(source: str | tuple, parameters: tuple) -> tuple:
+def _factorize(source: str | tuple, parameters: tuple, varied: frozenset[str]) -> tuple:
     """(square-free factors, sign) of a polynomial, as `factorize` returns them. It is cached for all centres."""
-    return factorize(read(source, dict(parameters)), exact_parameters(dict(parameters)))
+    return factorize(read(source, dict(parameters)), exact_parameters(dict(parameters)), varied)
+
+
+def slope_flaw(source: Source, parameters: dict[str, float], varied: frozenset[str]) -> str | None:
+    """The reason why the surface has no derivative by the parameters `varied`, or None if it has one.
+
+    source, parameters: as for `build`.
+    """
+    source = source if isinstance(source, str) else tuple(source)
+    exact = exact_parameters(parameters)
+    if has_zero_root(read(source, parameters), exact, varied):
+        return "a square root is 0 there, and its slope infinite"
+    square_free, _ = _factorize(source, tuple(sorted(parameters.items())), varied)
+    if not are_square_free([f.expression for f in square_free], exact):
+        return "several sheets of the surface fall together there"
+    return None
 
 
 def read(source: Source, parameters: dict[str, float]) -> Expression:

@@ -27,6 +27,7 @@ class Capsule(ConvexSolid):
     parts = 3
     smooth = True
     v_ends = True
+    axis_fields = ("a", "b")
 
     type: Literal["capsule"] = "capsule"
     a: Point = (0.0, -0.5, 0.0)

@@ -26,6 +26,7 @@ class Cone(Revolved):
 
     parts = 2
     v_ends = True
+    axis_fields = ("axis",)
 
     type: Literal["cone"] = "cone"
     base: Point = (0.0, 0.0, 0.0)

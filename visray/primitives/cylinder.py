@@ -25,6 +25,7 @@ class Cylinder(Revolved):
     """
 
     parts = 3
+    axis_fields = ("axis",)
 
     type: Literal["cylinder"] = "cylinder"
     center: Point = (0.0, 0.0, 0.0)

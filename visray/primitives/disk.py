@@ -19,6 +19,8 @@ class Disk(Flat):
     uv: from 0 to 1 on the square around the disk. A texture has the same up direction as on a plane with this normal.
     """
 
+    axis_fields = ("normal",)
+
     type: Literal["disk"] = "disk"
     center: Point = (0.0, 0.0, 0.0)
     normal: Direction = (0.0, 1.0, 0.0)

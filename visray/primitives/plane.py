@@ -21,6 +21,7 @@ class Plane(Flat):
     """
 
     bounded = False
+    axis_fields = ("normal",)
 
     type: Literal["plane"] = "plane"
     point: Point = (0.0, 0.0, 0.0)

@@ -1,6 +1,8 @@
 """Polynomial surfaces: f(x, y, z) = 0 of any degree, inside a clip."""
 
 import re
+from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal
@@ -37,6 +39,8 @@ class Polynomial(Algebraic):
     """
 
     v_ends = True
+    # Names of the parameters by which derivatives are asked for (varied_by). No annotation, so that it is no field.
+    varied = frozenset()
 
     type: Literal["polynomial"] = "polynomial"
     expression: Annotated[str, Field(strict=True)] | None = None
@@ -81,7 +85,16 @@ class Polynomial(Algebraic):
     def compiled(self) -> Compiled:
         """The compiled polynomial, in coordinates about the clip's centre."""
         o = scalars(self.clip_volume()).frame().o
-        return polynomials.build(self.source(), self.parameters, tuple(map(float, o)))
+        return polynomials.build(self.source(), self.parameters, tuple(map(float, o)), self.varied)
+
+    def varied_by(self, names: Iterable[str]) -> "Polynomial":
+        """A copy of the object with the right derivatives by the named parameters: its program is right for all their
+        values in a neighbourhood. Raises PolynomialError if the surface has no such derivative."""
+        if flaw := polynomials.slope_flaw(self.source(), self.parameters, frozenset(names)):
+            raise PolynomialError(flaw)
+        varied = copy(self)
+        object.__setattr__(varied, "varied", frozenset(names))
+        return varied
 
     def flaws(self) -> list[tuple[str, str]]:
         given = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]

@@ -130,6 +130,7 @@ class Primitive:
     own_frames = False  # whether the table of the kind contains the objects' transforms
     walks = False  # whether the test of a row is a walk through a tree of its own
     v_ends = False  # whether v is from 0 to 1 and ends at a pole: no pixel of a texture is blended in from beyond it
+    axis_fields = ()  # names of the fields that turn the z axis of the frame, about which u and v are found (tangents)
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
 
     @property

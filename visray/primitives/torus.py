@@ -35,6 +35,7 @@ class Torus(PolynomialSolid):
 
     smooth = True
     parameters = ("major", "minor")
+    axis_fields = ("axis",)
 
     type: Literal["torus"] = "torus"
     center: Point = (0.0, 0.0, 0.0)

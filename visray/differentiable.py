@@ -1,0 +1,115 @@
+"""Scenes made ready for derivatives by some of their numbers, and refused if there are none.
+
+At some values a picture jumps or has a kink, so that a derivative does not exist. There, the formulas of a kernel would
+give 0 or any other number, without a word.
+
+An address is the dotted name of a value in a scene, such as `objects.ball.radius`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from visray.errors import UserError
+from visray.geometry import UPRIGHT
+from visray.lights.light import Light
+from visray.polynomials import PolynomialError
+from visray.primitives.instance import Instance
+from visray.primitives.mesh import Mesh
+from visray.primitives.polynomial import Polynomial
+from visray.primitives.primitive import scalars
+from visray.scene.scene import Scene
+
+
+def differentiable(scene: Scene, wrt: Sequence[str]) -> Scene:
+    """The scene, in the structure that has the right derivatives. Raises UserError if there is none by one of the
+    addresses.
+
+    The structure of a scene is what is decided by values before kernels are made: a polynomial without the terms that
+    are 0, a mesh of an opaque material as single triangles. Here it must also be right for nearby values.
+
+    wrt: addresses of the numbers by which derivatives are taken
+    """
+    for address in wrt:
+        if flaw := _flaw(scene, address, wrt):
+            raise UserError(f"{address}: has no derivative {flaw}")
+    objects, geometries = {}, {}
+    for name, obj in scene.objects.items():
+        shape, prefix = scene.shape_of(obj), _prefix(scene, name)
+        varied = [a for w in wrt if (a := w.removeprefix(f"{prefix}.parameters.")) != w]
+        if isinstance(shape, Polynomial) and varied and set(varied) <= set(shape.parameters):
+            objects[name] = _varied(scene.placed_shape(obj), varied, prefix)
+        if isinstance(shape, Mesh) and shape is obj and _asked(wrt, f"materials.{obj.material}.kt"):
+            # An instance is a body, as all transparent meshes are. No name of a geometry has a dot.
+            geometries[prefix] = obj
+            objects[name] = Instance(geometry=prefix, material=obj.material)
+    if not objects:
+        return scene
+    return replace(scene, objects=scene.objects | objects, geometries=scene.geometries | geometries)
+
+
+def _prefix(scene: Scene, name: str) -> str:
+    """Address of the shape of an object: that of its geometry if it is an instance, else its own."""
+    obj = scene.objects[name]
+    return f"geometries.{obj.geometry}" if isinstance(obj, Instance) else f"objects.{name}"
+
+
+def _asked(wrt: Sequence[str], address: str) -> bool:
+    """Whether one of the addresses `wrt` is this address or a part of it."""
+    return any(w == address or w.startswith(f"{address}.") for w in wrt)
+
+
+def _varied(polynomial: Polynomial, names: list[str], prefix: str) -> Polynomial:
+    """The polynomial, with the right derivatives by some of its parameters. prefix: address of the polynomial"""
+    try:
+        return polynomial.varied_by(names)
+    except PolynomialError as error:
+        values = ", ".join(f"{name} = {polynomial.parameters[name]:g}" for name in names)
+        raise UserError(f"{prefix}.parameters.{names[0]}: has no derivative at {values}: {error}") from None
+
+
+def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
+    """Where and why the picture has no derivative by the number at an address; None if it has one, or if its kind of
+    object decides (_varied)."""
+    head, name, field = (*address.split("."), "", "")[:3]
+    if head == "lights" and name in scene.lights:
+        return _light_flaw(scene.lights[name], field)
+    if head == "camera" and name == "focus" and (getattr(scene.camera, "aperture", 0) or "camera.aperture" in wrt):
+        return "at 0, which means the distance of the target; write that distance" if not scene.camera.focus else None
+    if head == "materials" and name in scene.materials and field in ("kr", "kt"):
+        material, scatter = scene.materials[name], scene.settings.scatter
+        matte = not any((*material.kr, *material.kt)) and (any(material.kd) or material.texture is not None)
+        if matte and scatter.rays and scatter.depth:
+            return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
+    if head in ("objects", "geometries"):
+        return _upright_flaw(scene, head, name, field)
+    return None
+
+
+def _light_flaw(light: Light, field: str) -> str | None:
+    """As _flaw, for a field of a light."""
+    if field not in ("a", "b", "c"):
+        return None
+    if not light.has_position and field != "a":
+        return "as a directional light is infinitely far away"
+    if not (light.a or light.b or light.c):
+        return "at a = b = c = 0, which means no attenuation, as a = 1 does; write a = 1"
+    return None
+
+
+def _upright_flaw(scene: Scene, head: str, name: str, field: str) -> str | None:
+    """As _flaw, for a field of an object or a geometry that turns its axis, if the axis is upright and something in the
+    picture depends on the directions of u and v."""
+    names = (
+        [name] if head == "objects" else [n for n, x in scene.objects.items() if _prefix(scene, n) == f"{head}.{name}"]
+    )
+    shape = getattr(scene, head).get(name)
+    if shape is None or field not in shape.axis_fields:
+        return None
+    textured = any(scene.materials[m].texture for n in names if (m := scene.objects[n].material) in scene.materials)
+    z = np.array(scalars(shape).frame().z, float)
+    upright = max(abs(z[0]), abs(z[2])) < UPRIGHT * np.linalg.norm(z)
+    if upright and (textured or scene.settings.shading == "uv"):
+        return "where the axis is upright, as the directions of u and v jump there; tilt it a little"
+    return None

@@ -318,7 +318,7 @@ def filled(thing) -> vr.Scene:
     )
 
 
-@pytest.mark.filterwarnings("ignore::visray.gradients.EdgeWarning")
+@pytest.mark.filterwarnings("ignore::visray.EdgeWarning")
 @pytest.mark.parametrize("moved", [False, True])
 @pytest.mark.parametrize("which", FILLING)
 def test_derivative_by_every_field_is_the_difference(which: str, moved: bool) -> None:

@@ -160,13 +160,20 @@ def derivative(
     return picture.reshape(scene.film.height, scene.film.width, 3)
 
 
+# Weights of pictures at multiples of the step, on both sides of a value and on one side only. Differences with these
+# weights are exact for quadratic functions.
+CENTRAL, UPWARDS, DOWNWARDS = {1: 0.5, -1: -0.5}, {0: -1.5, 1: 2, 2: -0.5}, {0: 1.5, -1: -2, -2: 0.5}
+
+
 def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
-    """Derivative of every pixel by central differences in double precision, with the same samples in both pictures: a
+    """Derivative of every pixel by central differences in double precision, with the same samples in all pictures: a
     slow reference for `derivative`. Shapes: (H, W, 3).
 
     step: change of the number up and down; it is multiplied by the number's absolute value if this value is larger than
         1
-    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding.
+    Error: step^2 / 6 times the third derivative, and about 1e-16 / step of rounding. If the number is at the end of the
+        range of its values, such as a colour of 0, the differences are those on one side, with an error of step^2 / 3
+        times the third derivative.
 
     Unlike `derivative`, the result contains what moving edges add.
     """
@@ -174,15 +181,28 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     value = addresses.value(scene, address)
     value = np.array(value.values if isinstance(value, NumberTable) else value, float)
     step_size = step * max(1.0, float(np.max(np.abs(value))))
-    pictures = []
-    for sign in (1, -1):
-        shifted = value + sign * step_size
-        new = float(shifted) if shifted.ndim == 0 else tuple(shifted) if shifted.ndim == 1 else shifted
-        prepared = prepare(addresses.replaced(scene, address, new))
-        mean = np.array(expose(prepared)[0].mean).T
-        pictures.append(np.empty_like(mean))
-        pictures[-1][prepared.order] = mean
-    return ((pictures[0] - pictures[1]) / (2 * step_size)).reshape(scene.film.height, scene.film.width, 3)
+
+    def scenes(weights: dict[int, float]) -> list[tuple[float, Scene]]:
+        moved = {k: value + k * step_size for k in weights}
+        values = {k: float(v) if v.ndim == 0 else tuple(v) if v.ndim == 1 else v for k, v in moved.items()}
+        return [(weight, addresses.replaced(scene, address, values[k])) for k, weight in weights.items()]
+
+    try:
+        terms = scenes(CENTRAL)
+    except UserError as error:
+        for one_sided in (UPWARDS, DOWNWARDS):
+            try:
+                terms = scenes(one_sided)
+                break
+            except UserError:
+                continue
+        else:
+            raise error from None
+    total = np.zeros((scene.film.height * scene.film.width, 3))
+    for weight, moved in terms:
+        prepared = prepare(moved)
+        total[prepared.order] += weight * np.array(expose(prepared)[0].mean, float).T
+    return (total / step_size).reshape(scene.film.height, scene.film.width, 3)
 
 
 def _mean(picture: Any) -> Any:

@@ -89,9 +89,9 @@ def test_another_geometry_and_another_material_are_updates_too() -> None:
 def test_a_derivative_by_a_geometry_is_the_sum_over_its_instances() -> None:
     scene = replace(BALLS, settings=vr.Settings(spp=1, shading="depth"))
     objects = written_out(scene)
-    with pytest.warns(vr.gradients.EdgeWarning):
+    with pytest.warns(vr.EdgeWarning):
         whole = vr.gradient(scene, ["geometries.block.max"])["geometries.block.max"]
-    with pytest.warns(vr.gradients.EdgeWarning):
+    with pytest.warns(vr.EdgeWarning):
         each = vr.gradient(objects, ["objects.middle.max", "objects.right.max"])
     assert np.abs(whole).max() > 1e-4
     assert whole == pytest.approx(sum(each.values()), rel=1e-9)

@@ -1034,7 +1034,8 @@ def test_a_png_file_alone_is_refused_and_an_exr_beside_it_helps() -> None:
 
 def test_half_precision_is_refused() -> None:
     with pytest.raises(
-        UserError, match=r"^error = 1e-05: half precision of EXR alone is off by .*; ask for a larger error"
+        UserError,
+        match=r"^error = 1e-05: half precision of EXR alone is off by .*; write float colours .*, or ask",
     ):
         render_adaptively(EDGES, error=1e-5, files=Files(["x.png", "x.exr"]))
 

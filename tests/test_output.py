@@ -7,6 +7,7 @@ import re
 import stat
 import subprocess
 import sys
+import warnings
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -15,10 +16,11 @@ import OpenEXR
 import pytest
 from PIL import Image as Pillow
 
-from visray.errors import UserError
+from visray.errors import RangeWarning, UserError
 from visray.output import files
 from visray.output.image import Image, check_destination
 from visray.output.layers import LAYERS, Layer
+from visray.output.rounding import rounding
 
 H, W = 5, 7
 ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -127,7 +129,8 @@ def test_colour_beyond_half_is_clamped_and_data_is_not(tmp_path) -> None:
     picture["RGB"][1, 0, 1] = -np.inf
     picture["RGB"][2, 0, 2] = 2.0**-24
     picture.layers["Z"] = np.full((H, W), 1e30, np.float32)
-    picture.write(tmp_path / "a.exr")
+    with pytest.warns(RangeWarning, match="^.*: 4 pixels of RGB are beyond 65504, .*; the largest is inf"):
+        picture.write(tmp_path / "a.exr")
     found = channels(tmp_path / "a.exr")
     assert found["R"][0, :5].tolist() == [65504, 65504, 65504, 65504, 1]
     assert found["G"][1, 0] == -65504
@@ -575,3 +578,32 @@ def test_a_link_stays_and_its_target_is_replaced(tmp_path) -> None:
     assert link.is_symlink()
     assert (Image.read(target)["RGB"] == 0.5).all()
     assert os.listdir(tmp_path / "far") == ["real.exr"]
+
+
+def test_clamped_colours_are_noted_and_float_keeps_them(tmp_path) -> None:
+    rgb = np.full((3, 4, 3), 0.5, np.float32)
+    rgb[0, 1, 2], rgb[2, 3] = 784588, (-70000, 1, 2)
+    picture = Image({"RGB": rgb, "albedo": np.ones_like(rgb), "Z": np.full((3, 4), 1e9, np.float32)})
+    with pytest.warns(RangeWarning) as noted:
+        picture.write(tmp_path / "half.exr")
+    (note,) = noted
+    assert str(note.message) == (
+        f"{tmp_path / 'half.exr'}: 2 pixels of RGB are beyond 65504, the largest half float, and clamped to it; "
+        "the largest is 784588; write float colours: --float, or write(..., float32=True)"
+    )
+    assert note.filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        picture.write(tmp_path / "float.exr", float32=True)
+        Image({"RGB": np.full((1, 1, 3), 65504, np.float32)}).write(tmp_path / "least.exr")
+    found = {name: Image.read(tmp_path / f"{name}.exr")["RGB"] for name in ("half", "float")}
+    assert np.array_equal(found["float"], rgb)
+    assert np.array_equal(found["half"], np.clip(rgb, -65504, 65504))
+    file = OpenEXR.File(str(tmp_path / "float.exr"), separate_channels=True)
+    assert {str(c.pixels.dtype) for c in file.channels().values()} == {"float32"}
+
+
+def test_float_colours_are_rounded_less() -> None:
+    rgb = np.random.default_rng(0).uniform(0.5, 2, (9, 9, 3))
+    assert rounding(rgb, "a.exr", float32=True) < 2.0**-24
+    assert 2.0**-14 < rounding(rgb, "a.exr") < 2.0**-11

@@ -10,5 +10,9 @@ class UserError(Exception):
         self.lines = lines
 
 
+class RangeWarning(UserWarning):
+    """A file cannot hold some numbers of a picture: they are clamped."""
+
+
 class GoalWarning(UserWarning):
     """The error of a picture is larger than was asked for, or it is unknown."""

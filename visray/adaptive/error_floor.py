@@ -26,7 +26,7 @@ MORE_PIXELS = 8
 LARGER = "ask for a larger error"
 FILES = {
     ".png": ("8-bit output as PNG", f"write an .exr file, or {LARGER}"),
-    ".exr": ("half precision of EXR", LARGER),
+    ".exr": ("half precision of EXR", f"write float colours (--float), or {LARGER}"),
 }
 # Least number of roundings in the colour of a sample that are the same for all samples of a flat surface: those of two
 # products of light and material, and of their sum.
@@ -39,11 +39,13 @@ class Files:
 
     paths: paths of the files.
     gamma, exposure: display curve and exposure in stops of PNG files.
+    float32: whether the colours of EXR files are float, not half.
     """
 
     paths: Sequence[str | Path] = ()
     gamma: Gamma = "srgb"
     exposure: float = 0.0
+    float32: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ def file_rounding(buffer: DualBuffer, files: Files) -> tuple[float, str]:
         return 0.0, ""
     # The pixels may stay in the order of lanes, because the error of a file does not depend on their order.
     picture = buffer.mean().T[None]
-    errors = {Path(p).suffix.lower(): rounding(picture, p, files.gamma, files.exposure) for p in files.paths}
+    options = files.gamma, files.exposure, files.float32
+    errors = {Path(p).suffix.lower(): rounding(picture, p, *options) for p in files.paths}
     suffix, least = min(errors.items(), key=lambda pair: pair[1])
     return least**2, suffix
 

@@ -138,6 +138,9 @@ def render_command(
     ] = None,
     gamma: Annotated[str, Parameter(help="Display curve of the PNG file: srgb, or an exponent such as 2.2.")] = "srgb",
     exposure: Annotated[float, Parameter(help="Exposure of the PNG file, in stops: 1 is twice as bright.")] = 0.0,
+    float32: flag(
+        "Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float"
+    ) = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
 ) -> int:
@@ -170,13 +173,13 @@ def render_command(
         progress=not (quiet or json),
         error=error,
         time=time,
-        files=Files(outputs, curve, exposure),
+        files=Files(outputs, curve, exposure, float32),
         begun=clock.LOADED,
     )
     # While the files are written, Ctrl-C does not stop the program.
     with Interrupts():
         for path in outputs:
-            image.write(path, gamma=curve, exposure=exposure)
+            image.write(path, gamma=curve, exposure=exposure, float32=float32)
     facts = image.metadata
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)

@@ -6,13 +6,14 @@ the channels are in the records of visray/output/layers.py. Other layers have no
 
 import os
 import re
+import warnings
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import OpenEXR
 
-from visray.errors import UserError
+from visray.errors import RangeWarning, UserError
 from visray.output.files import replacing
 from visray.output.layers import BY_NAME, LAYERS
 
@@ -34,14 +35,21 @@ _RECORDED = {channel for layer in LAYERS for channel in layer.channels}
 _ORDER = {letter: place for place, letter in enumerate("RGBAXYZWUV")}
 
 
-def write_exr(path: str | os.PathLike[str], layers: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
-    """Writes layers and metadata to a file. Values in channels of type half are clamped to the range of half.
+def write_exr(
+    path: str | os.PathLike[str], layers: dict[str, np.ndarray], facts: dict[str, Any], float32: bool = False
+) -> None:
+    """Writes layers and metadata to a file. Values in channels of type half are clamped to the range of half, with a
+    RangeWarning.
 
     layers: arrays by name. facts: metadata by key.
+    float32: whether all channels that would be half are float.
     """
     channels: dict[str, np.ndarray] = {}
     for name, values in layers.items():
-        channels |= _channels(name, values)
+        dtype = BY_NAME[name].dtype if name in BY_NAME else None
+        if dtype == "float16" and not float32:
+            _warn_of_clamping(path, name, values)
+        channels |= _channels(name, values, "float32" if dtype == "float16" and float32 else dtype)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
     # OpenEXR gets an open file, not a name, because then a full disk raises an OSError with an error number.
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -72,10 +80,23 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
     return _layers(pixels), _metadata(file.header())
 
 
-def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+def _warn_of_clamping(path: str | os.PathLike[str], name: str, values: np.ndarray) -> None:
+    """Warns if numbers of a layer are beyond the range of half. Shapes: values (H, W) or (H, W, n)."""
+    sizes = np.abs(values).reshape(*values.shape[:2], -1).max(2)
+    count = int((sizes > LARGEST_HALF).sum())
+    if count:
+        pixels = f"{count} pixel{'s' * (count > 1)} of {name} {'are' if count > 1 else 'is'}"
+        problem = f"{pixels} beyond {LARGEST_HALF:g}, the largest half float, and clamped to it; the largest is"
+        advice = "write float colours: --float, or write(..., float32=True)"
+        text = f"{os.fspath(path)}: {problem} {float(sizes.max()):.6g}; {advice}"
+        warnings.warn(text, RangeWarning, stacklevel=4)
+
+
+def _channels(name: str, values: np.ndarray, dtype: str | None) -> dict[str, np.ndarray]:
     """Dict of the channels of one layer by name, in the types in which they are written.
 
     name: name of the layer.
+    dtype: type of its numbers in the file; None: uint32 or float, as the values are.
 
     Shapes: values (H, W) or (H, W, n).
     """
@@ -87,16 +108,11 @@ def _channels(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     if len(names) != flat.shape[2]:
         right = f"{len(names)}" if names else "1 to 4"
         raise UserError(f"image: layer '{name}' has {flat.shape[2]} numbers a pixel; an EXR file takes {right}")
-    return {channel: _typed(name, flat[..., i]) for i, channel in enumerate(names)}
+    return {channel: _typed(name, flat[..., i], dtype) for i, channel in enumerate(names)}
 
 
-def _typed(name: str, values: np.ndarray) -> np.ndarray:
-    """The values in the type in which they are written: the type of the layer's record; without a record, uint32 or
-    float.
-
-    name: name of the layer.
-    """
-    dtype = BY_NAME[name].dtype if name in BY_NAME else None
+def _typed(name: str, values: np.ndarray, dtype: str | None) -> np.ndarray:
+    """The values in the type in which they are written. name, dtype: as in _channels."""
     if dtype == "uint32" or values.dtype == np.uint32:
         if not np.issubdtype(values.dtype, np.integer) or (values.astype(np.uint32) != values).any():
             raise UserError(f"image: layer '{name}' must hold whole numbers from 0 to {2**32 - 1}")

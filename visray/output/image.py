@@ -81,21 +81,25 @@ class Image:
         gamma: Gamma = "srgb",
         exposure: float = 0.0,
         layers: Sequence[str] | None = None,
+        float32: bool = False,
     ) -> None:
         """Writes an .exr file with layers in linear light, or a .png file with the colour in 8 bits.
 
         path: its suffix chooses the format.
         gamma, exposure: display curve and exposure in stops; only for PNG files.
         layers: names of the layers to write, only for EXR files; None means all.
+        float32: whether colours in EXR files are float. By default they are half, which ends at 65504: larger numbers
+            are clamped, with a warning.
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
             png.write_png(path, self._encoded(self._facts_for(path, gamma, exposure), gamma, exposure))
             return
+        facts = self._facts_for(path, gamma, exposure, float32)
         names = list(self.layers) if layers is None else list(layers)
         if not names:
             raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
-        exr.write_exr(path, {name: _checked(self, name) for name in names}, self._facts_for(path, gamma, exposure))
+        exr.write_exr(path, {name: _checked(self, name) for name in names}, facts, float32)
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> "Image":
@@ -137,7 +141,9 @@ class Image:
             display = np.dstack([display, alpha])
         return np.floor(display * 255 + 0.5).astype(np.uint8)
 
-    def _facts_for(self, path: str | os.PathLike[str], gamma: Gamma, exposure: float) -> dict[str, Any]:
+    def _facts_for(
+        self, path: str | os.PathLike[str], gamma: Gamma, exposure: float, float32: bool = False
+    ) -> dict[str, Any]:
         """The metadata for the file at `path`.
 
         If the picture was made by adaptive sampling, and its error does not contain the rounding of a file yet, the
@@ -150,7 +156,7 @@ class Image:
         luminance = float((rgb @ LUMINANCE).mean())
         if luminance <= 0:
             return facts
-        off = rounding(rgb, path, gamma, exposure) / luminance
+        off = rounding(rgb, path, gamma, exposure, float32) / luminance
         facts |= {key: hypot(facts[key], off) for key in ("error", "error_low", "error_high")} | {"file_error": off}
         if facts["error_high"] > facts.get("error_asked", inf) >= self.metadata["error_high"]:
             text = f"{os.fspath(path)}: the file rounds, which alone is off by {off:.2g}: its error is up to "

@@ -51,7 +51,7 @@ interaction
 direct occlusion
 shading
 media indirect
-integrator
+integrator light_probe
 setup passes
 adaptive
 certificate provenance renderer

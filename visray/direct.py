@@ -78,7 +78,20 @@ def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected:
 
     salt: number that makes the random points of each looped light differ
     """
-    a, n, row = s.a, dr.width(si.surface.p), light.light
+    row, sample_at = light.light, area_sampler(s, si, light, salt)
+
+    def step(j: Any, colour: Any) -> tuple:
+        return (colour + reflected(s, si, row, sample_at(j)[0]),)
+
+    black = dr.zeros(s.a.V, dr.width(si.surface.p))
+    total = s.loop(light.samples, light.points.count, si.hit.valid, (black,), step)
+    return total[0] * dr.rcp(s.a.F(light.points.count))
+
+
+def area_sampler(s: KernelScene, si: Interaction, light: PreparedLight, salt: Any = 0) -> Callable:
+    """Function of the number j of a point of an area light. It returns (the light sample from this point, the vector
+    from the surface point to it). Arguments as in `area_light`."""
+    a, row = s.a, light.light
     dimension = si.sample.derived(salt).dimension(DIMENSION + light.number)
     to_centre = a.V(row.position - si.surface.p)
     centre = None if s.settings.area == "samples" else _from_point(s, si, row, to_centre)
@@ -86,13 +99,11 @@ def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected:
     if s.features["shadows"]:
         origin = si.origin.toward(DirectionCone.around(a, to_centre, row.radius_bound()))
 
-    def step(j: Any, colour: Any) -> tuple:
+    def sample_at(j: Any) -> tuple[LightSample, Any]:
         to_light = to_centre + row.point_offset(a.V, *dimension.set_point(j, light.points))
-        sample = _from_point(s, si, row, to_light, origin, centre)
-        return (colour + reflected(s, si, row, sample),)
+        return _from_point(s, si, row, to_light, origin, centre), to_light
 
-    total = s.loop(light.samples, light.points.count, si.hit.valid, (dr.zeros(a.V, n),), step)
-    return total[0] * dr.rcp(a.F(light.points.count))
+    return sample_at
 
 
 def _from_point(

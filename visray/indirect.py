@@ -181,7 +181,7 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
     path_weight = dr.select(splits, dr.rcp(a.F(rays.count)), 1)
 
     def path_start(number: Any, b: Bounce, alive: Any) -> tuple:
-        limits = _limits_after(a, b, specular_left, scatters_left)
+        limits = limits_after(a, b, specular_left, scatters_left)
         return number, dr.zeros(a.U, n), *limits, *_state(b.ray), b.weight * path_weight, alive
 
     def extend(number: Any, i: Any, specular_left: Any, scatters_left: Any, *rest: Any) -> tuple:
@@ -195,7 +195,7 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
         colour = dr.select(hit.valid, colour if own_weight is None else colour * own_weight, miss_radiance(s, ray.d))
         total = dr.select(alive, total + weight * colour, total)
         b = bounce(s, si, ray, media, specular_left, scatters_left)
-        limits = _limits_after(a, b, specular_left, scatters_left)
+        limits = limits_after(a, b, specular_left, scatters_left)
         return number, i + 1, *limits, *_state(b.ray), weight * b.weight, alive & b.alive, total
 
     def step(*state: Any) -> tuple:
@@ -233,7 +233,7 @@ def _ray(o: Any, d: Any, row: Any, inside: Any, clearance: Any, part: Any = None
     return Ray(o, d, row, inside, clearance, part=part)
 
 
-def _limits_after(a: Any, b: Bounce, specular_left: Any, scatters_left: Any) -> tuple:
+def limits_after(a: Any, b: Bounce, specular_left: Any, scatters_left: Any) -> tuple:
     """Numbers of bounces that are still allowed after bounce b: of reflections and refractions, and of scatterings
     (None if none are simulated)."""
     remaining = None if scatters_left is None else scatters_left - dr.select(b.scattered, a.U(1), 0)

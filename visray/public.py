@@ -19,6 +19,7 @@ from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGra
 from visray.setup import Prepared
 from visray.study.cost.study import cost
 from visray.study.cost.tuning import tune
+from visray.study.pixel.why import why
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
@@ -62,4 +63,5 @@ __all__ = [
     "replaced",
     "tune",
     "value",
+    "why",
 ]  # fmt: skip

@@ -55,17 +55,22 @@ def shade(s: KernelScene, si: Interaction) -> Any:
 def lit(s: KernelScene, si: Interaction) -> Any:
     """Light that leaves the surface towards the ray's origin, a colour: reflected ambient light plus reflected light of
     all lights."""
-    a, on, m = s.a, s.features, si.material
-    colour = dr.zeros(a.V, 1)
+    colour, on = ambient(s, si), s.features
+    # Without both terms all lights are black, and Dr.Jit cannot trace a loop whose sum stays a literal zero.
+    return colour + direct(s, si, reflected) if on["diffuse"] or on["specular"] else colour
+
+
+def ambient(s: KernelScene, si: Interaction) -> Any:
+    """Reflected ambient light, a colour."""
+    colour, on = dr.zeros(s.a.V, 1), s.features
     if on["ambient"]:
         sky, near = s.ambient, s.lights_ambient
         if on["sky occlusion"]:
             sky = sky * occlusion.sky(s, si)
         if on["near occlusion"]:
             near = near * occlusion.near(s, si)
-        colour = colour + (sky + near) * m.ka
-    # Without both terms all lights are black, and Dr.Jit cannot trace a loop whose sum stays a literal zero.
-    return colour + direct(s, si, reflected) if on["diffuse"] or on["specular"] else colour
+        colour = colour + (sky + near) * si.material.ka
+    return colour
 
 
 def reflected(s: KernelScene, si: Interaction, light: Any, sample: LightSample) -> Any:

@@ -95,6 +95,14 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     return int(parts[0]), int(parts[1])
 
 
+def parse_pixel(text: str) -> tuple[int, int]:
+    """Column and row of a pixel from a text such as 320,240."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 2 or not all(part.isascii() and part.isdecimal() for part in parts):
+        raise UserError(f"--why = {text!r}: must be X,Y, the column and row of a pixel, such as 320,240")
+    return int(parts[0]), int(parts[1])
+
+
 def parse_list(text: str) -> tuple[str, ...]:
     """The words of a text, as a tuple. Commas separate the words."""
     return tuple(word for part in text.split(",") if (word := part.strip()))

@@ -19,6 +19,7 @@ from visray.cli.options import (
     flag,
     load_scene,
     parse_list,
+    parse_pixel,
     write_or_print,
 )  # fmt: skip
 from visray.errors import UserError
@@ -27,6 +28,7 @@ from visray.terminal import write_json, write_line
 
 if TYPE_CHECKING:
     from visray.mesh_report import MeshFacts
+    from visray.scene.scene import Scene
     from visray.tables import Table
 
 # Number of parts of a mesh whose names `explain` shows.
@@ -46,14 +48,19 @@ def explain_command(
     runs: Annotated[
         Integer | None, Parameter(help="With --cost: how often each picture is rendered. Default: 8.")
     ] = None,
+    why: Annotated[
+        str | None, Parameter(help="X,Y: tell how the colour of this pixel comes about. 0,0 is the top left.")
+    ] = None,
     json: Json = False,
 ) -> int:
     """List the effects that are simulated for a scene and those that are not, each with the reason.
 
     A second table says how rays find objects, and a third one lists the meshes. With --cost: what each effect costs in
-    time.
+    time. With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
     loaded = load_scene(scene, setup, compat, set)
+    if why is not None:
+        return _tell_pixel(loaded, *parse_pixel(why), json)
     from visray import tables
     from visray.renderer import explain
     from visray.study import ablation
@@ -81,6 +88,18 @@ def explain_command(
         tables.show(_table_of_meshes(on.meshes))
     if measured:
         tables.show(measured.table())
+    return 0
+
+
+def _tell_pixel(scene: "Scene", x: int, y: int, json: bool) -> int:
+    """Prints the story of a pixel. Returns the exit code."""
+    from visray.study.pixel.why import why
+
+    story = why(scene, x, y)
+    if json:
+        write_json(story.as_json())
+    for line in () if json else story.lines():
+        write_line(line)
     return 0
 
 

@@ -1,0 +1,225 @@
+"""Finds the story of a pixel: follows the path of one sample through the functions that pictures are rendered with.
+
+All lanes hold the same sample of the same pixel. Different lanes look at different samples of an area light, or at
+different scattered rays.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray import indirect as paths
+from visray import sampling
+from visray.accel.intersect import closest
+from visray.accel.origin import RayOrigin
+from visray.errors import UserError
+from visray.integrator import camera_origin, camera_ray, object_of
+from visray.interaction import Interaction
+from visray.light_probe import LightProbe, interaction_of, numbers, prepared_lights, probed
+from visray.lights.light import Light
+from visray.materials import Material
+from visray.media import Interface, interface_at, local_weight
+from visray.modes import BY_NAME
+from visray.pytree import evaluated
+from visray.quantities import quantities
+from visray.ray import NO_ROW, Hit, Ray
+from visray.renderer import prepare
+from visray.sampling import SampleState
+from visray.scene.scene import Scene
+from visray.setup import Prepared
+from visray.shading import ambient, shade
+from visray.study.pixel.story import Colour, LightStory, PixelStory, SurfaceStory
+
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+
+def why(scene: Scene | Prepared | str | Path, x: int, y: int) -> PixelStory:
+    """Why a pixel has its colour: what is hit, what becomes of each light, and what is reflected and refracted.
+
+    x, y: column and row of the pixel, from 0, 0 at the top left.
+
+    The story is that of one sample in the pixel's centre, without the blur of a lens. `print` shows it as text.
+    """
+    prepared = scene if isinstance(scene, Prepared) else prepare(scene)
+    film = prepared.scene.film
+    for name, value, size in (("x", x, film.width), ("y", y, film.height)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 <= value < size:
+            raise UserError(f"{name} = {value!r}: must be a whole number from 0 to {size - 1}, as the film has {size}")
+    return _Walk(prepared, int(x), int(y)).story()
+
+
+def sample_of(prepared: Prepared, x: int, y: int, lanes: int) -> tuple[Ray, SampleState]:
+    """The camera ray through a pixel's centre and the random numbers of the pixel's first sample, in several lanes."""
+    s, a = prepared.kernel, prepared.a
+    columns, rows = (dr.opaque(a.U, v, lanes) for v in (x, y))
+    plan = sampling.SamplePlan.of(a, s.settings.seed, s.settings.spp, 0, 1)
+    key = sampling.pixel_key(plan, columns, rows)
+    stratum = sampling.first_stratum(plan, key, a.F)
+    state = SampleState(s.settings.sampler, a.F, plan, key, dr.opaque(a.U, 0, lanes), stratum)
+    return camera_ray(s, a.F(columns) + 0.5, a.F(rows) + 0.5), state
+
+
+@dataclass
+class _Walk:
+    """The path of one sample of a pixel."""
+
+    prepared: Prepared
+    x: int
+    y: int
+
+    def __post_init__(self):
+        scene, self.s = self.prepared.scene, self.prepared.kernel
+        self.objects, self.light_names = list(scene.objects), list(scene.lights)
+        samples = [getattr(light, "samples", 1) for light in scene.lights.values()]
+        # At least two lanes, because single numbers make other kernels.
+        self.n = max(2, *samples, scene.settings.scatter.rays, 1)
+        self.j = dr.arange(self.s.a.U, self.n) + dr.opaque(self.s.a.U, 0)
+
+    def story(self) -> PixelStory:
+        """The whole story."""
+        s, surfaces = self.s, []
+        ray, sample = sample_of(self.prepared, self.x, self.y, self.n)
+        origin = RayOrigin(s.geometry, ray.o, shared=False) if s.features["defocus"] else camera_origin(s, ray)
+        first = self.interaction(ray, closest(origin, ray, s.brute_force), sample)
+        si, ray, way, weight, number = first, ray.exact(), "camera", s.a.V(1), 0
+        limits = s.bounce_limits if s.features["scatter"] else (s.bounce_limits[0], None)
+        while True:
+            media = interface_at(s, si) if s.features["paths"] else None
+            surfaces.append(self.surface(si, ray, way, weight, media))
+            if not s.features["paths"] or surfaces[-1].object is None:
+                break
+            b = paths.bounce(s, si, ray, media, *limits, s.a.U(0) if way == "camera" else None)
+            evaluated((b.ray, b.weight, b.alive, b.scattered))
+            if not self.first(b.alive):
+                break
+            if way == "camera" and self.first(b.scattered):
+                surfaces[-1] = self.with_scattered(surfaces[-1], si, ray, media)
+                break
+            way, weight, limits = self.way_of(si, b, media), weight * b.weight, paths.limits_after(s.a, b, *limits)
+            ray = b.ray
+            hit = closest(RayOrigin(s.geometry, ray.o, shared=False), ray, s.brute_force, b.alive)
+            si = self.interaction(ray, hit, first.sample.derived(1 + (dr.opaque(s.a.U, number) << 16)))
+            number += 1
+        total = [np.add(x.adds, x.scattered_light) for x in surfaces]
+        return PixelStory(self.x, self.y, s.settings.shading, tuple(surfaces), _colour(np.sum(total, 0)))
+
+    def interaction(self, ray: Ray, hit: Hit, sample: SampleState) -> Interaction:
+        """The interaction at a hit, evaluated."""
+        return interaction_of(self.s, ray.exact(), hit, sample)
+
+    def first(self, value: Any) -> Any:
+        """The value of the first lane, as a plain number or a tuple of numbers."""
+        x = numbers(value, self.n)[0]
+        return _colour(x) if x.shape else x.item()
+
+    def surface(self, si: Interaction, ray: Ray, way: str, weight: Any, media: Interface | None) -> SurfaceStory:
+        """The story of a surface, or of the background."""
+        s, factor = self.s, self.first(weight)
+        if not self.first(si.hit.valid):
+            sky = paths.miss_radiance(s, ray.d)
+            if way == "camera":
+                sky = s.a.V(0) if s.transparent else paths.background(s, ray.d)
+            own = self.first(sky)
+            return SurfaceStory(way, factor, None, _product(factor, own), own)
+        name = self.objects[int(self.first(object_of(s, si.hit)))]
+        lit = BY_NAME[s.settings.shading].lit
+        lights = self.lights(si) if lit else ()
+        reflected = self.first(ambient(s, si)) if lit else None
+        own = self.first(shade(s, si)) if not lit else _sum(reflected, *(_sum(l.diffuse, l.specular) for l in lights))
+        kept = local_weight(s, si, media) if s.features["paths"] else None
+        share = WHITE if kept is None else self.first(kept)
+        material = self.material(name, si)
+        return SurfaceStory(
+            way, factor, f"objects.{name}", _product(factor, share, own), own, share,
+            distance=self.first(si.hit.t), point=self.first(si.surface.p), normal=self.first(si.n),
+            uv=(self.first(si.u), self.first(si.v)), inside=self.first(si.from_inside), material=material,
+            ambient=reflected, lights=lights, notes=_notes(material, s.settings.local),
+        )  # fmt: skip
+
+    def material(self, name: str, si: Interaction) -> dict[str, Any]:
+        """The material of an object at a surface point: its address, its texture and its numbers."""
+        scene = self.prepared.scene
+        given = scene.objects[name].material
+        material = scene.materials.get(given, Material())
+        values = {field: getattr(material, field) for field in quantities(Material)}
+        values |= {field: self.first(getattr(si.material, field)) for field in ("ka", "kd")}
+        texture = None if material.texture is None else f"textures.{material.texture}"
+        return {"address": f"materials.{given}", "texture": texture} | values
+
+    def lights(self, si: Interaction) -> tuple[LightStory, ...]:
+        """What becomes of each light at a surface point."""
+        s, scene = self.s, self.prepared.scene
+        if not (s.features["diffuse"] or s.features["specular"]):
+            return ()
+        stories = {}
+        for number, prepared, salt in prepared_lights(s):
+            name = self.light_names[number]
+            light = scene.lights[name]
+            stories[number] = self.light(name, light, probed(s, si, prepared, salt, self.j))
+        return tuple(stories[number] for number in sorted(stories))
+
+    def light(self, name: str, light: Light, probe: LightProbe) -> LightStory:
+        """The story of one light."""
+        n = getattr(light, "samples", 1)
+        in_way = [f"objects.{self.objects[k]}" for lane in probe.in_way[:n] for k in lane]
+        mean = {field: np.asarray(getattr(probe, field)[:n], float).mean(0) for field in (
+            "distance", "cosine", "attenuation", "falloff", "transmittance", "diffuse", "specular"
+        )}  # fmt: skip
+        factors = probe.attenuation[:n] * probe.falloff[:n]
+        arrives = (factors[:, None] * probe.transmittance[:n]).mean(0) * light.intensity * np.array(light.Id)
+        has_falloff = type(light).falloff is not Light.falloff
+        return LightStory(
+            f"lights.{name}", light.type, n, float(mean["distance"]) if light.has_position else None,
+            float(mean["cosine"]), float(mean["attenuation"]), float(mean["falloff"]) if has_falloff else None,
+            {address: in_way.count(address) / n for address in dict.fromkeys(in_way)},
+            *(_colour(v) for v in (mean["transmittance"], arrives, mean["diffuse"], mean["specular"])),
+        )  # fmt: skip
+
+    def way_of(self, si: Interaction, b: paths.Bounce, media: Interface | None) -> str:
+        """How a path goes on from a surface."""
+        if self.first(b.scattered):
+            return "scattering"
+        if media is not None and media.hidden is not None and self.first(media.hidden):
+            return "passing"
+        if self.first(b.ray.inside ^ si.from_inside):
+            return "refraction"
+        kr = self.first(si.material.kr) if self.s.features["reflection"] else BLACK
+        return "reflection" if any(kr) else "total reflection"
+
+    def with_scattered(self, surface: SurfaceStory, si: Interaction, ray: Ray, media: Interface | None) -> SurfaceStory:
+        """The story of a surface with the light that its scattered rays bring."""
+        s, rays = self.s, self.prepared.scene.settings.scatter.rays
+        light = self.first(paths.indirect(s, si, ray, media))
+        b = paths.scattered(s, si, self.j)
+        hit = closest(RayOrigin(s.geometry, b.ray.o, shared=False), b.ray, s.brute_force, b.alive)
+        met = numbers(object_of(s, Hit(hit.t, dr.select(b.alive, hit.row, NO_ROW), hit.part)), self.n)[:rays]
+        names = ["nothing" if k == NO_ROW else f"objects.{self.objects[int(k)]}" for k in met]
+        return replace(
+            surface, scattered=rays, scattered_light=light,
+            scattered_to={name: names.count(name) / rays for name in dict.fromkeys(names)},
+        )  # fmt: skip
+
+
+def _notes(material: dict[str, Any], local: str) -> tuple[str, ...]:
+    """Sentences about a material that sends on more light than it gets."""
+    kt, kr = (np.array(material[k]) for k in ("kt", "kr"))
+    own = 1 if local == "full" else 1 - kt
+    total = kr + kt + own * (np.array(material["kd"]) + material["ks"])
+    if total.max() <= 1:
+        return ()
+    return (f"{material['address']} may send on {total.max():.3g} times the light that it gets",)
+
+
+def _colour(v: Any) -> Colour:
+    return tuple(float(x) for x in v)
+
+
+def _sum(*colours: Colour) -> Colour:
+    return _colour(np.sum(colours, 0))
+
+
+def _product(*colours: Colour) -> Colour:
+    return _colour(np.prod(colours, 0))

@@ -22,7 +22,7 @@ polynomials.error polynomials.expression polynomials.constants polynomials.simpl
 polynomials.sympy_constants polynomials.functions polynomials.reader polynomials.grammar polynomials.monomials
 polynomials.modular polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.relations
 polynomials.factorization polynomials.program
-polynomials.catalogue polynomials
+polynomials.volume polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
@@ -41,7 +41,7 @@ scene
 mesh_report clip_report feature_rules features tables progress differentiable
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
-pack address_index repack batches sampling moments film
+pack address_index repack nesting batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal

@@ -39,6 +39,8 @@ class Batch:
     object_of: number of each row's object among the objects of the batch; None if each row is an object
     material: material of each object
     texture: number of each object's texture, or NO_TEXTURE
+    rank: place of each row in the order of solids (nesting.py): where transparent solids overlap, that with the lowest
+        rank counts. None for open kinds, and in scenes without nested media
     packets: the materials once more, in packets; None if there are few, or if derivatives are asked for
     object: number of each object in the scene
     """
@@ -56,6 +58,7 @@ class Batch:
     material: Material
     texture: Any
     object: Any
+    rank: Any = None
     packets: Packets | None = None
 
     def __len__(self) -> int:
@@ -66,11 +69,11 @@ class Batch:
         return (row >= self.first_row) & (row < self.first_row + len(self))
 
     def rows_at(self, i: Any) -> "Batch":
-        """The rows with numbers `i` in this batch, one for each lane, as a Batch. Only `placed`, `centre` and `radius`
-        are filled; all other arrays are None."""
+        """The rows with numbers `i` in this batch, one for each lane, as a Batch. Only `placed`, `centre`, `radius` and
+        `rank` are filled; all other arrays are None."""
         return Batch(
             self.kind, self.names, self.first_row, *rows((self.placed, None, None, self.centre, self.radius), i),
-            coordinate_bound=None, object_of=None, material=None, texture=None, object=None,
+            coordinate_bound=None, object_of=None, material=None, texture=None, object=None, rank=rows(self.rank, i),
         )  # fmt: skip
 
     def object_at(self, i: Any) -> Any:

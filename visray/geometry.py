@@ -119,6 +119,10 @@ class Frame:
         scale = dr.rcp(dr.dot(self.x, rx))
         return Inverse(rx * scale, ry * scale, rz * scale, self.o)
 
+    def volume_factor(self) -> Any:
+        """Factor by which the map changes volumes: the absolute value of its determinant."""
+        return dr.abs(dr.dot(self.x, dr.cross(self.y, self.z)))
+
     def max_stretch(self) -> Any:
         """Bound on |M v| / |v| for the linear part M; exact if the columns of M are orthogonal.
 
@@ -147,6 +151,10 @@ class Similarity:
     def inverse(self) -> "SimilarityInverse":
         """Map from world to local coordinates."""
         return SimilarityInverse(dr.rcp(self.scale), self.o)
+
+    def volume_factor(self) -> Any:
+        """As Frame.volume_factor."""
+        return dr.abs(self.scale * self.scale * self.scale)
 
     def max_stretch(self) -> Any:
         """Factor by which the map changes lengths."""

@@ -14,6 +14,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray import nesting
 from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
@@ -172,7 +173,9 @@ def kernel_scene(
     """
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
-    geometry = geometry.with_looks(tuple(_with_needed(b, features, a) for b in geometry.batches))
+    ranks = _ranks(packed, scene, features, a, previous)
+    looks = (_with_needed(b, features, a, rank) for b, rank in zip(geometry.batches, ranks))
+    geometry = geometry.with_looks(tuple(looks))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
     lights_ambient = _lights_ambient(packed.lights, a)
     evaluated((view, lights_ambient))
@@ -233,6 +236,19 @@ def _geometry(packed: Packed, a: Arrays, settings: Settings, previous: tuple[Pac
     return Geometry(a, tuple(batches), settings.accelerator)
 
 
+def _ranks(
+    packed: Packed, scene: Scene, features: Features, a: Arrays, previous: tuple[Packed, KernelScene] | None
+) -> list[Any]:
+    """For each batch, the ranks of its rows in the order of solids; None in scenes without nested media, and for open
+    kinds. previous: as in kernel_scene."""
+    if not features["nested media"]:
+        return [None] * len(packed.batches)
+    same = previous is not None and previous[0].materials is packed.materials
+    if same and all(new is old for new, old in zip(packed.batches, previous[0].batches)):
+        return [batch.rank for batch in previous[1].batches]
+    return nesting.ranks(scene, packed.batches, a)
+
+
 # The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
 # other fields are always read.
 FIELD_READERS = {
@@ -251,12 +267,13 @@ def _needed(material: Material, features: Features) -> Material:
     return replace(material, **dict.fromkeys(unused))
 
 
-def _with_needed(batch: Batch, features: Features, a: Arrays) -> Batch:
-    """The batch with only those numbers of its materials that effects of the scene read."""
+def _with_needed(batch: Batch, features: Features, a: Arrays, rank: Any) -> Batch:
+    """The batch with the ranks of its rows, and with only those numbers of its materials that effects of the scene
+    read."""
     material = _needed(batch.material, features)
     many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(material))
     packets = evaluated(Packets.of(a.Q32, material)) if many and a.F is a.F32 else None
-    return replace(batch, material=material, packets=packets)
+    return replace(batch, material=material, packets=packets, rank=rank)
 
 
 def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:

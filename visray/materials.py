@@ -19,8 +19,9 @@ class Material:
     `kr` is the share of light that a mirror reflects (for a metal, its ks). `kt` is the share of light that passes
     through, refracted by the index `ior`; the surface's own colour is then weighted with 1 - kt (settings.local). Light
     that passes through a solid on its way from a light to a surface is multiplied by kt (1 - min(d / dmax, 1)), where d
-    is the length of its way inside the solid. `texture` names a texture. Its colour replaces kd and multiplies ka, so
-    that it shows in shadow too; with `textured` = "kd", ka is kept.
+    is the length of its way inside the solid. Where transparent solids overlap, the one with the higher `priority`
+    counts; of equal priorities, the one with the smaller volume. `texture` names a texture. Its colour replaces kd and
+    multiplies ka, so that it shows in shadow too; with `textured` = "kd", ka is kept.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -33,6 +34,8 @@ class Material:
     kt: Share = (0.0, 0.0, 0.0)
     ior: RefractiveIndex = 1.5
     dmax: Length = FARTHEST
+    # It is no Quantity: kernels read the order of the solids, not the number.
+    priority: Real = 0.0
     texture: Name | None = None
     textured: Literal["ka and kd", "kd"] = "ka and kd"
 

@@ -19,8 +19,8 @@ class Interface:
     """The interface between two media at a refracting surface.
 
     ratio: index of refraction on the viewer's side divided by the index on the other side
-    hidden: mask of the lanes in which the surface is invisible, because it lies inside a smaller transparent solid,
-        whose index of refraction counts there; None in scenes without nested media
+    hidden: mask of the lanes in which the surface is invisible, because it lies inside a transparent solid whose index
+        of refraction counts there; None in scenes without nested media
     """
 
     ratio: Any
@@ -44,51 +44,50 @@ class Medium:
     """The medium on one side of a surface. A solid fills this side, or air.
 
     ior: index of refraction
-    size: radius of the solid's bounding ball; inf for air
-    row: row of the solid; NO_ROW for air
+    rank: place of the solid in the order of solids (nesting.py); NO_ROW for air
     """
 
     ior: Any
-    size: Any
-    row: Any
+    rank: Any
 
-    def with_solid(self, where: Any, ior: Any, size: Any, row: Any) -> "Medium":
+    def with_solid(self, where: Any, ior: Any, rank: Any) -> "Medium":
         """The medium after one more solid is considered. If solids overlap, the index of refraction is that of the
-        smallest solid; of equally large solids, that of the first.
+        solid with the lowest rank.
 
         where: mask of the lanes in which the solid fills this side
-        ior, size, row: those of the solid
+        ior, rank: those of the solid
         """
-        replaces = where & ((size < self.size) | ((size == self.size) & (row < self.row)))
-        return Medium(*(dr.select(replaces, x, y) for x, y in ((ior, self.ior), (size, self.size), (row, self.row))))
+        replaces = where & (rank < self.rank)
+        return Medium(dr.select(replaces, ior, self.ior), dr.select(replaces, rank, self.rank))
 
 
 def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
     """The interface at a surface; None in scenes without refraction.
 
-    If transparent solids overlap, the index of refraction is that of the solid with the smallest bounding ball. So an
-    inner solid counts, whatever its place in the scene file.
+    If transparent solids overlap, the index of refraction is that of the solid with the lowest rank: the one with the
+    highest priority; of equal priorities, the smallest one. So an inner solid counts, whatever its place in the file.
     """
     if not s.features["refraction"]:
         return None
     a, n = s.a, dr.width(si.surface.p)
-    air = Medium(dr.full(a.D, 1, n), dr.full(a.D, dr.inf, n), dr.full(a.U, NO_ROW, n))
-    near_side, far_side = air, air
+    closed_batches = [b for b in s.batches if b.kind.closed]
     closed = dr.full(a.B, False, n)
-    for batch in (b for b in s.batches if b.kind.closed):
-        in_batch = batch.has(si.hit.row)
-        closed |= in_batch
-        size = dr.gather(a.D, batch.radius, dr.select(in_batch, si.hit.row - batch.first_row, 0))
-        solid = si.material.ior, size, si.hit.row
-        near_side = near_side.with_solid(in_batch & si.from_inside, *solid)
-        far_side = far_side.with_solid(in_batch & ~si.from_inside, *solid)
-        if s.features["nested media"]:
-            near_side, far_side = _nested_media(s, si, batch, near_side, far_side)
+    for batch in closed_batches:
+        closed |= batch.has(si.hit.row)
     # A flat object has no inside: light passes straight through it, unless a solid's surface lies at the same point.
-    ratio = near_side.ior / far_side.ior
+    near, far = (dr.select(closed & side, a.D(si.material.ior), 1) for side in (si.from_inside, ~si.from_inside))
     if not s.features["nested media"]:
-        return Interface(ratio, None)
-    return Interface(ratio, closed & (near_side.row == far_side.row) & (max_component(si.material.kt) > 0))
+        return Interface(near / far, None)
+    rank = dr.full(a.U, NO_ROW, n)
+    for batch in closed_batches:
+        own = batch.has(si.hit.row)
+        rank = dr.select(own, dr.gather(a.U, batch.rank, dr.select(own, si.hit.row - batch.first_row, 0)), rank)
+    near_side = Medium(near, dr.select(si.from_inside, rank, NO_ROW))
+    far_side = Medium(far, dr.select(si.from_inside, NO_ROW, rank))
+    for batch in closed_batches:
+        near_side, far_side = _nested_media(s, si, batch, near_side, far_side)
+    hidden = closed & (near_side.rank == far_side.rank) & (max_component(si.material.kt) > 0)
+    return Interface(near_side.ior / far_side.ior, hidden)
 
 
 def _nested_media(
@@ -102,13 +101,13 @@ def _nested_media(
     size = len(batch)
 
     def step(i: Any, *state: Any) -> tuple:
-        near_side, far_side = Medium(*state[:3]), Medium(*state[3:])
+        near_side, far_side = Medium(*state[:2]), Medium(*state[2:])
         row_batch, material = batch.rows_at(i), rows(batch.material, i)
         p, row = dr.detach(si.surface.p), i + batch.first_row
         f, g = batch.kind.surface_at(row_batch.placed, p)
         other_solid = (max_component(material.kt) > 0) & (si.hit.row != row)
         flush, leaves_solid = touches(row_batch, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
-        inside, solid = batch.kind.inside(row_batch.placed, p), (material.ior, row_batch.radius, row)
+        inside, solid = batch.kind.inside(row_batch.placed, p), (material.ior, row_batch.rank)
         near_side = near_side.with_solid(other_solid & dr.select(flush, leaves_solid, inside), *solid)
         far_side = far_side.with_solid(other_solid & dr.select(flush, ~leaves_solid, inside), *solid)
         return (*leaves(near_side), *leaves(far_side))
@@ -119,7 +118,7 @@ def _nested_media(
     else:
         for i in range(size):
             state = step(s.a.U(i), *state)
-    return Medium(*state[:3]), Medium(*state[3:])
+    return Medium(*state[:2]), Medium(*state[2:])
 
 
 def max_component(colour: Any) -> Any:

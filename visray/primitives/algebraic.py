@@ -20,6 +20,7 @@ import numpy as np
 from visray import polynomials, roots
 from visray.geometry import Frame, Inverse, Similarity, SimilarityInverse
 from visray.polynomials import Compiled, Program
+from visray.polynomials.volume import enclosed_volume
 from visray.primitives.clips import Clip
 from visray.primitives.primitive import Bounds, Primitive
 from visray.quantities import Arrays, stacked
@@ -62,6 +63,15 @@ class PolynomialRows:
             tolerance=a.put(a.D, np.array([x.tolerance for x in polynomials], float)) if loose else None,
             clip=stacked(a, type(clips[0]), clips),
         )
+
+    def local_volumes(self, program: Program, ball: bool) -> np.ndarray:
+        """(volume, bound on its error) of each solid f < 0 in its clip, before transforms. Shape: (rows, 2).
+
+        program: the program of all rows; ball: whether the clips are balls.
+        """
+        columns = [np.array(x, float) for x in (*self.constants, *self.clip.half_sides())]
+        rows = np.stack(np.broadcast_arrays(*columns), axis=1).tolist()
+        return np.array([enclosed_volume(program, tuple(row[:-3]), tuple(row[-3:]), ball) for row in rows])
 
     def placed(self, outer: Frame | None) -> "PlacedPolynomial":
         """The polynomials in the world. Their constants carry derivatives by the parameters, if any are asked for.
@@ -147,6 +157,14 @@ class Algebraic(Primitive):
         parameters: number of named parameters.
         """
         return _kind(cls, program, closed, clip, parameters, loose)
+
+    @classmethod
+    def volumes(cls, table: PolynomialRows, outer: Frame | None) -> tuple[Any, Any]:
+        """As Primitive.volumes. The volume of each polynomial is computed in NumPy, with a bound on its error."""
+        of_rows = table.local_volumes(cls.program, cls.solid.fills_ball)
+        o = table.clip.frame().o
+        factor = Similarity(0 * o.x + 1, o).then(outer).volume_factor()
+        return tuple(factor * type(factor)(x) for x in of_rows.T)
 
     @staticmethod
     def seen(placed: PlacedPolynomial, o: Any) -> SeenPolynomial:

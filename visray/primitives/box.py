@@ -40,6 +40,10 @@ class Box(ConvexSolid):
         return corner_distance(to_world), half_extents(to_world, "xyz")
 
     @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        return 8
+
+    @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The interval inside the canonical cube: the intersection of three slabs, one per axis."""
         x, y, z = (slab(p, v, 2 * i + 1, 2 * i) for i, (p, v) in enumerate(zip(o, d)))

@@ -55,6 +55,10 @@ class Capsule(ConvexSolid):
         return radius, h * half_extents(to_world, "z") + half_extents(to_world, "", "xyz")
 
     @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        return 2 * dr.pi * shape[0] + 4 / 3 * dr.pi
+
+    @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The interval inside the capsule.
 

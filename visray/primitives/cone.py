@@ -7,7 +7,7 @@ import drjit as dr
 
 from visray.geometry import Frame
 from visray.primitives.convex import Interval, slab
-from visray.primitives.primitive import MitsubaShapes, scalars, to_world_matrix
+from visray.primitives.primitive import MitsubaShapes, Placed, scalars, to_world_matrix
 from visray.primitives.revolved import Revolved, angle_u, axial_frame
 from visray.quantities import Direction, Length, Point
 from visray.transforms import compose
@@ -37,6 +37,10 @@ class Cone(Revolved):
     def frame(self) -> Frame:
         middle = self.base + 0.5 * self.height * dr.normalize(self.axis)
         return axial_frame(middle, self.axis, self.radius, self.height)
+
+    @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        return 2 / 3 * dr.pi
 
     @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
@@ -75,6 +79,11 @@ class Cone(Revolved):
         """The part nearest to a point q of the surface: the part with the greatest signed distance from q."""
         u = dr.uint32_array_t(q.x)
         return dr.select(dr.sqrt(q.x * q.x + q.y * q.y) - 0.5 * (1 - q.z) >= -1 - q.z, u(WALL), u(BASE))
+
+    @classmethod
+    def inside(cls, placed: Placed, p: Any) -> Any:
+        # The polynomial of the wall is negative beyond the apex too, in the mirror image of the cone.
+        return super().inside(placed, p) & (placed.inverse.point(p).z < 1)
 
     @staticmethod
     def depth(q: Any, part: Any, shape: tuple) -> tuple[Any, Any]:

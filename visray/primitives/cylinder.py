@@ -37,6 +37,10 @@ class Cylinder(Revolved):
         return axial_frame(self.center, self.axis, self.radius, self.height)
 
     @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        return 2 * dr.pi
+
+    @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The interval inside the infinite cylinder, intersected with the interval in the slab between the caps."""
         wall = dr.uint32_array_t(o.x)(WALL)

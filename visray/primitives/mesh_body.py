@@ -9,6 +9,7 @@ from typing import Any
 
 import drjit as dr
 
+from visray.geometry import Frame
 from visray.primitives.mesh_buffers import BodyTable, PlacedBody, body_table
 from visray.primitives.mesh_passage import Passage
 from visray.primitives.mesh_point import is_inside, nearest_triangle
@@ -40,6 +41,11 @@ class MeshBody(Primitive):
     @staticmethod
     def table(a: Arrays, objects: list) -> BodyTable:
         return body_table(a, objects)
+
+    @classmethod
+    def volumes(cls, table: BodyTable, outer: Frame | None) -> tuple[Any, Any]:
+        volume = table.volume * table.frame.volume_factor()
+        return volume, 0 * volume
 
     @staticmethod
     def seen(placed: PlacedBody, o: Any) -> SeenMesh:

@@ -52,6 +52,7 @@ class BodyTable:
     frame: map from coordinates of the mesh to the world.
     mesh: where the mesh lies in the buffers.
     half, radius: half sides of the mesh's bounding box, and radius of a ball, both about the centre of its tree.
+    volume: the volume that the mesh encloses, in its coordinates, by the divergence theorem.
     vertex_starts: for each body, the number of the first vertex of its mesh, in NumPy.
     buffers, look: the data of all meshes.
     """
@@ -60,6 +61,7 @@ class BodyTable:
     mesh: MeshRows
     half: Any
     radius: Any
+    volume: Any
     vertex_starts: np.ndarray
     buffers: Shared
     look: Shared
@@ -143,7 +145,8 @@ def body_table(a: Arrays, bodies: list[Body]) -> BodyTable:
     sizes = np.array([len(v) for v in vertices])
     half = np.array([np.abs(v - c).max(axis=0) for v, c in zip(vertices, centres)])
     radius = np.array([np.linalg.norm(v - c, axis=1).max() for v, c in zip(vertices, centres)])
-    return BodyTable(frames(a, bodies), rows, a.put(a.W, half[mesh_of].T), a.put(a.D, radius[mesh_of]),
+    volume = a.put(a.D, np.array([abs(s.topology.volume) for s in shapes])[mesh_of])
+    return BodyTable(frames(a, bodies), rows, a.put(a.W, half[mesh_of].T), a.put(a.D, radius[mesh_of]), volume,
                      (np.cumsum(sizes) - sizes)[mesh_of], Shared(buffers), Shared(_look(a, shapes)))  # fmt: skip
 
 

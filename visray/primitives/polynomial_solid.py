@@ -38,7 +38,7 @@ class PolynomialSolidRows:
 class PolynomialSolid(Algebraic):
     """A closed solid whose surface is a polynomial surface that no clip cuts.
 
-    A kind defines `frame`, `shape` and `extents`, as all kinds do. It also defines:
+    A kind defines `frame`, `shape`, `extents` and `canonical_volume`, as all kinds do. It also defines:
     definition: method that returns the polynomial.
     parameters: names of the fields that are the polynomial's parameters, in the order of the parameters.
     """
@@ -55,6 +55,10 @@ class PolynomialSolid(Algebraic):
     def kind(self) -> Any:
         program = self.definition().compiled().program
         return self.kind_of(program, True, type(self.definition().clip_volume()), len(self.parameters), False)
+
+    @classmethod
+    def volumes(cls, table: PolynomialSolidRows, outer: Frame | None) -> tuple[Any, Any]:
+        return super(Algebraic, cls).volumes(table.own, outer)
 
     @classmethod
     def table(cls, a: Arrays, objects: list) -> PolynomialSolidRows:

@@ -9,10 +9,11 @@ that the next one needs:
     kind.crossing(seen, ray, begin, end, known)
                                        the first crossing of the ray with the surface between two distances
 
-Four more methods complete a kind:
+Five more methods complete a kind:
 
     object.bounds(outer)               a box and a ball in world space that contain the object
     kind.inside(placed, p)             whether a point is inside; for closed kinds
+    kind.volumes(table, outer)         volumes, for closed kinds: where glass overlaps, the smaller solid counts
     kind.surface_at(placed, p, part)   (f, g): f is zero on the surface and negative inside; g is its gradient
     kind.uv(placed, p, part)           texture coordinates of a surface point
 
@@ -183,6 +184,22 @@ class Primitive:
         to_world: map from the canonical shape to the world.
         """
         raise TypeError("an unbounded primitive has no extents")
+
+    @classmethod
+    def volumes(cls, table: Any, outer: Frame | None) -> tuple[Any, Any]:
+        """(volume, error) of the solids of a table, in world space. Domain: closed kinds.
+
+        table: what `table` returns.
+        outer: the objects' transforms, or None.
+        error: bound on the error of the volume, apart from rounding; 0 for kinds with a closed form.
+        """
+        volume = cls.canonical_volume(table.shape()) * table.frame().then(outer).volume_factor()
+        return volume, 0 * volume
+
+    @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        """Volume of the canonical shape. shape: its parameters, as Primitive.shape returns them."""
+        raise TypeError("no closed form for the volume")
 
     @staticmethod
     def seen(placed: Any, o: Any) -> Any:

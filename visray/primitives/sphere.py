@@ -35,6 +35,10 @@ class UnitSphere(ConvexSolid):
         return to_world.max_stretch(), half_extents(to_world, "", "xyz")
 
     @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        return 4 / 3 * dr.pi
+
+    @staticmethod
     def interval(o: Any, d: Any, squared: Any, shape: tuple) -> Interval:
         """The interval inside the unit sphere.
 

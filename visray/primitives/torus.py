@@ -67,6 +67,11 @@ class Torus(PolynomialSolid):
         return self.major, self.minor
 
     @staticmethod
+    def canonical_volume(shape: tuple) -> Any:
+        major, minor = shape
+        return 2 * dr.pi * dr.pi * major * minor * minor
+
+    @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         """As Primitive.extents. The torus is the Minkowski sum of a circle and a ball, so both extents are added."""
         major, minor = shape

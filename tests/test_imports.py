@@ -38,10 +38,10 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
-mesh_report clip_report feature_rules features tables progress differentiable
+mesh_report clip_report feature_rules features material_report tables progress differentiable
 output.files output.curves output.layers output.exr output.rounding output.png output.image output
 images
-pack address_index repack nesting batches sampling moments film
+pack address_index repack nesting overlap_report batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal

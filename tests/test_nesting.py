@@ -209,3 +209,57 @@ def test_many_solids_keep_all_light_with_any_priorities() -> None:
     o, d = rays_at(rng, 1000, 2.0)
     found = seen(media(objects, materials=glass, background=WHITE), o, d)
     assert np.isin(found, (0, 1)).all() and found.mean() > 0.9
+
+
+# What `visray explain` says
+
+
+def pairs_of(scene: Scene) -> list[tuple[str, str, str]]:
+    return [(x.counts, x.hidden, x.reason) for x in vr.explain(scene).overlaps]
+
+
+def test_explain_says_which_solid_counts_and_why() -> None:
+    things = rod(2.1) | {
+        "bead": Sphere(radius=0.3, material="flint"),
+        "twin": Sphere(center=(0.1, 0, 0), radius=0.3, material="flint"),
+        "fish": Polynomial(expression="x^2+y^2+z^2-0.09", ends="capped", clip=Ball(radius=0.9), material="air"),
+        "far": Sphere(center=(9, 0, 0), material="air"),
+        "touching": Box(min=(-1, -1, 1), max=(1, 1, 2), material="air"),
+        "opaque": Sphere(radius=0.2),
+    }
+    found = pairs_of(media(things, materials=with_priorities(flint=2.5)))
+    reasons = {(counts.removeprefix("objects."), hidden.removeprefix("objects.")): why for counts, hidden, why in found}
+    assert reasons[("rod", "water")] == "volume 0.1484 is smaller than 4.189"
+    assert reasons[("bead", "water")] == reasons[("twin", "rod")] == "priority 2.5 is higher than 0"
+    assert reasons[("bead", "twin")] == "both have the volume 0.1131, and it comes first in the scene"
+    assert reasons[("fish", "rod")].startswith("volume 0.1131 +- 0.0001 is smaller than 0.1484")
+    assert not any({"far", "touching", "opaque"} & set(pair) for pair in reasons)
+    assert vr.explain(media(things)).overlap_count == len(reasons) == 10
+
+
+def test_explain_says_where_a_volume_is_only_a_bound() -> None:
+    things = {
+        "ball": Sphere(material="crown"),
+        "polynomial": Polynomial(expression="x^2+y^2+z^2-1", ends="capped", clip=Ball(radius=5.0), material="water"),
+    }
+    ((_, _, reason),) = pairs_of(media(things))
+    assert "+-" in reason and reason.endswith("the volumes are bounds that overlap, so write a priority to be sure")
+    assert pairs_of(media(things, materials=with_priorities(crown=1.0))) == [
+        ("objects.ball", "objects.polynomial", "priority 1 is higher than 0")
+    ]
+
+
+def test_who_counts_in_explain_counts_in_the_picture() -> None:
+    """Balls and boxes that overlap in pairs: the kernel's ranks are in the order that `explain` states."""
+    rng = np.random.default_rng(4)
+    objects = {
+        f"o{i}": replace(kind, material=list(MEDIA)[i % 4], transform=(Translate(translate=tuple(rng.normal(size=3))),))
+        for i, kind in enumerate((Sphere(radius=0.8), Box(), Box(max=(0.9, 0.5, 0.5))) * 8)
+    }
+    scene = media(objects, materials=with_priorities(flint=1.0, air=-1.0))
+    ranks = {}
+    for batch in prepare(scene).kernel.batches:
+        ranks |= {f"objects.{batch.names[i]}": rank for i, rank in enumerate(np.array(batch.rank))}
+    found = vr.explain(scene)
+    assert found.overlap_count == len(found.overlaps) > 20
+    assert all(ranks[pair.counts] < ranks[pair.hidden] for pair in found.overlaps)

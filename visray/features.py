@@ -53,6 +53,19 @@ class RayFamily:
 
 
 @dataclass(frozen=True)
+class Overlap:
+    """Two transparent solids whose bounding boxes and balls overlap.
+
+    counts, hidden: addresses of the solid that counts where both are, and of the one that does not count there.
+    reason: why.
+    """
+
+    counts: str
+    hidden: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class Features:
     """All effects of a render, simulated or not. features["shadows"] is whether shadows are simulated.
 
@@ -60,12 +73,18 @@ class Features:
     shininess_bits: number of binary digits that the kernel provides for the largest shininess.
     rays: how each family of rays finds objects; filled in by render.explain only.
     meshes: facts about each mesh; filled in by render.explain only.
+    overlaps: pairs of transparent solids that may overlap; filled in by render.explain only.
+    overlap_count: number of all such pairs, of which `overlaps` may be the first; filled in by render.explain only.
+    notes: sentences about materials; filled in by render.explain only.
     """
 
     listed: tuple[Feature, ...]
     shininess_bits: int
     rays: tuple[RayFamily, ...] = ()
     meshes: tuple[MeshFacts, ...] = ()
+    overlaps: tuple[Overlap, ...] = ()
+    overlap_count: int = 0
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> bool:
         """Whether an effect is simulated. "paths" is simulated if reflection, refraction or scatter is."""

@@ -40,11 +40,18 @@ class Solids:
     error: np.ndarray
     number: np.ndarray
 
+    def rounded_volume(self) -> np.ndarray:
+        """The volumes, rounded to DIGITS binary digits."""
+        mantissa, exponent = np.frexp(self.volume)
+        return np.ldexp(np.round(np.ldexp(mantissa, DIGITS)), exponent - DIGITS)
+
     def order(self) -> np.ndarray:
         """Indices of the solids, by rank."""
-        mantissa, exponent = np.frexp(self.volume)
-        rounded = np.ldexp(np.round(np.ldexp(mantissa, DIGITS)), exponent)
-        return np.lexsort((self.number, rounded, -self.priority))
+        return np.lexsort((self.number, self.rounded_volume(), -self.priority))
+
+    def at(self, index: np.ndarray) -> "Solids":
+        """The solids with these indices."""
+        return Solids(*(getattr(self, name)[index] for name in Solids.__dataclass_fields__))
 
     @staticmethod
     def joined(parts: Sequence["Solids"]) -> "Solids":

@@ -22,10 +22,12 @@ from visray.certificate import certificate_facts, warn_of_roots
 from visray.errors import GoalWarning, UserError
 from visray.features import Features, features
 from visray.kernel_scene import ray_families
+from visray.material_report import energy_notes, sheet_notes
 from visray.mesh_report import mesh_facts
 from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
+from visray.overlap_report import overlaps
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.provenance import provenance
@@ -197,11 +199,14 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
 
 
 def explain(scene: Scene) -> Features:
-    """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; and facts
-    about meshes."""
+    """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
+    about meshes; which transparent solids count where they overlap; and what is odd about materials."""
     scene = checked(scene)
     on = features(scene)
-    return replace(on, rays=ray_families(scene, on), meshes=mesh_facts(scene))
+    listed, count = overlaps(scene) if on["nested media"] else ((), 0)
+    notes = (*sheet_notes(scene, on), *energy_notes(scene))
+    more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
+    return replace(on, rays=ray_families(scene, on), **more)
 
 
 def set_threads(threads: int) -> None:

@@ -14,6 +14,7 @@ from visray.differentiable import differentiable
 from visray.errors import UserError
 from visray.features import Features, features
 from visray.kernel_scene import KernelScene, kernel_scene
+from visray.material_report import warn_of_sheets
 from visray.mesh_report import warn_of_meshes
 from visray.pack import Packed, pack
 from visray.quantities import BACKENDS, Arrays
@@ -105,6 +106,7 @@ def prepare(
     warn_of_meshes(scene)
     warn_of_clips(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
+    warn_of_sheets(scene, effects)
     if attach is not None:
         attach(packed)
     kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)

@@ -27,12 +27,15 @@ from visray.output.files import check_writable
 from visray.terminal import write_json, write_line
 
 if TYPE_CHECKING:
+    from visray.features import Features
     from visray.mesh_report import MeshFacts
     from visray.scene.scene import Scene
     from visray.tables import Table
 
 # Number of parts of a mesh whose names `explain` shows.
 SHOWN_PARTS = 8
+# Number of pairs of overlapping solids that `explain` shows.
+SHOWN_OVERLAPS = 20
 
 
 @app.command(name="explain")
@@ -55,8 +58,9 @@ def explain_command(
 ) -> int:
     """List the effects that are simulated for a scene and those that are not, each with the reason.
 
-    A second table says how rays find objects, and a third one lists the meshes. With --cost: what each effect costs in
-    time. With --why: only the story of a pixel, what is hit and what becomes of each light there.
+    Further tables say how rays find objects, list the meshes, and say which transparent solid counts where two may
+    overlap. Notes say which materials do not do what they seem to say. With --cost: what each effect costs in time.
+    With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
     loaded = load_scene(scene, setup, compat, set)
     if why is not None:
@@ -74,8 +78,9 @@ def explain_command(
     on = explain(loaded)
     if json:
         effects, rays = [asdict(f) for f in on.listed], [asdict(family) for family in on.rays]
-        meshes = [asdict(facts) for facts in on.meshes]
-        write_json({"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes})
+        meshes, pairs = ([asdict(x) for x in list_of_records] for list_of_records in (on.meshes, on.overlaps))
+        report = {"scene_hash": loaded.hash(), "features": effects, "rays": rays, "meshes": meshes}
+        write_json(report | {"overlaps": pairs, "overlap_count": on.overlap_count, "notes": list(on.notes)})
         return 0
     effects = tables.Table("effect", "", "why")
     for f in on.listed:
@@ -86,6 +91,13 @@ def explain_command(
     tables.show(effects, rays)
     if on.meshes:
         tables.show(_table_of_meshes(on.meshes))
+    if on.overlaps:
+        tables.show(_table_of_overlaps(on))
+    if on.notes:
+        notes = tables.Table("notes")
+        for text in on.notes:
+            notes.add_row(text)
+        tables.show(notes)
     if measured:
         tables.show(measured.table())
     return 0
@@ -113,6 +125,18 @@ def _table_of_meshes(meshes: "tuple[MeshFacts, ...]") -> "Table":
         remarks = "; ".join(["closed" if facts.closed else facts.edges, *facts.notes])
         numbers = (f"{number:,}" for number in (facts.triangles, facts.vertices))
         table.add_row(facts.address, *numbers, parts, f"{facts.bytes / 1000:,.0f}", remarks)
+    return table
+
+
+def _table_of_overlaps(on: "Features") -> "Table":
+    """A table that says which of two transparent solids counts where both are."""
+    from visray.tables import Table
+
+    table = Table("where both are", "counts, not", "why")
+    for pair in on.overlaps[:SHOWN_OVERLAPS]:
+        table.add_row(pair.counts, pair.hidden, pair.reason)
+    if on.overlap_count > SHOWN_OVERLAPS:
+        table.add_row(f"and {on.overlap_count - SHOWN_OVERLAPS:,} pairs more", "", "see --json")
     return table
 
 

@@ -61,6 +61,9 @@ class Polynomial(Algebraic):
         """Whether the object is a solid."""
         return self.ends == "capped"
 
+    def advice_for_glass(self) -> str:
+        return 'write "ends": "capped"'
+
     @property
     def kind(self) -> Any:
         program = self.compiled().program

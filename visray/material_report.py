@@ -1,0 +1,89 @@
+"""What visray says about the materials of a scene: glass on open surfaces, and more light than arrives."""
+
+import warnings
+
+import numpy as np
+
+from visray import modes
+from visray.feature_rules import used_materials
+from visray.features import Features
+from visray.geometry import gamma
+from visray.materials import Material
+from visray.scene.scene import Scene
+from visray.textures import CheckerTexture
+
+
+class MaterialWarning(UserWarning):
+    """Warning about a material that does not do what it seems to say."""
+
+
+def warn_of_sheets(scene: Scene, effects: Features) -> None:
+    """Warns of glass on open surfaces. Python shows each warning once. effects: those that are simulated."""
+    for text in sheet_notes(scene, effects):
+        warnings.warn(text, MaterialWarning, stacklevel=2)
+
+
+def sheet_notes(scene: Scene, effects: Features) -> list[str]:
+    """A list with a sentence for each material that should bend light, on open surfaces, which bend none. It names the
+    first of these objects. An index of refraction of 1 says that no bending is meant."""
+    if not effects["refraction"]:
+        return []
+    bending = {name for name, m in used_materials(scene).items() if any(m.kt) and m.ior != 1}
+    sheets: dict[tuple, list[str]] = {}
+    for name, obj in scene.objects.items() if bending else ():
+        if obj.material in bending and not (shape := scene.shape_of(obj)).closed:
+            sheets.setdefault((obj.material, shape.type, shape.advice_for_glass()), []).append(name)
+    return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
+
+
+def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[str]) -> str:
+    """The sentence about objects of one material and one kind."""
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    ior = used_materials(scene)[material].ior
+    return (
+        f"objects.{names[0]}{more}: a {kind} that is open bends no light, although materials.{material} has kt and the "
+        f"ior {ior:g}; {advice}, or write the ior 1 if light shall go straight through"
+    )
+
+
+def energy_notes(scene: Scene) -> list[str]:
+    """A list with a sentence for each sum of shares above 1. It names the first of its materials."""
+    if not modes.BY_NAME[scene.settings.shading].lit:
+        return []
+    names: dict[str, list[str]] = {}
+    for name, m in used_materials(scene).items():
+        if text := _surplus(scene, m):
+            names.setdefault(text, []).append(f"materials.{name}")
+    more = {text: f" and {len(of) - 1} more" if len(of) > 1 else "" for text, of in names.items()}
+    return [f"{of[0]}{more[text]}: {text}" for text, of in names.items()]
+
+
+def _surplus(scene: Scene, m: Material) -> str | None:
+    """What is said about one material; None if its shares are at most 1 together."""
+    passes_on, weighted = scene.settings.depth > 0, scene.settings.local == "weighted"
+    kr, kt = (np.array(x if passes_on else (0, 0, 0), float) for x in (m.kr, m.kt))
+    kd, ks, weight = _diffuse(scene, m), np.array(m.ks, float), 1 - kt if weighted else 1
+    total = kr + kt + weight * (kd + ks)
+    # The sum has at most six roundings.
+    if (total <= 1 + gamma(6)).all():
+        return None
+    own = [name for name, x in (("kd", kd), ("ks", ks)) if x.any()]
+    inner = " + ".join(own)
+    if kt.any() and weighted and own:
+        inner = f"(1 - kt) ({inner})" if len(own) > 1 else f"(1 - kt) {inner}"
+    written = [name for name, x in (("kr", kr), ("kt", kt)) if x.any()] + [inner] * bool(own)
+    if (kr + kt + weight * kd > 1 + gamma(6)).any():
+        meaning = "more light leaves it than arrives"
+    else:
+        meaning = "its highlights are brighter than the light that makes them"
+    keeps = m.kd == Material().kd and m.texture is None and (kr.any() or kt.any())
+    hint = "; kd is 0.7 unless it is written, and a mirror or glass has about 0" if keeps else ""
+    return f"{' + '.join(written)} = {total.max():.4g} is above 1: {meaning}{hint}"
+
+
+def _diffuse(scene: Scene, m: Material) -> np.ndarray:
+    """The largest diffuse colour of a material; 0 if an image says what it is."""
+    if m.texture is None:
+        return np.array(m.kd, float)
+    texture = scene.textures[m.texture]
+    return np.maximum(texture.a, texture.b) if isinstance(texture, CheckerTexture) else np.zeros(3)

@@ -76,6 +76,8 @@ MEANINGS: dict[type, dict[str, str]] = {
         "depth": "largest number of bounces, from 0 to 1000",
     },
     Material: {
+        "priority": "where transparent solids overlap, the one with the higher priority counts; of equal ones, the "
+        "smaller solid",
         "texture": "the name of one of the scene's textures, or null",
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
     },

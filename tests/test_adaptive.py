@@ -20,7 +20,7 @@ from test_render import compiled
 from virtual import Machine
 
 from visray import clock
-from visray.adaptive import allocation, dual_buffer
+from visray.adaptive import allocation, dual_buffer, lane_buffer
 from visray.adaptive import loop as adaptive
 from visray.adaptive.allocation import LARGEST_LEVEL, STEPS, WEIGHT_RANGE, Allocation
 from visray.adaptive.depth_bias import depth_biases
@@ -359,7 +359,7 @@ def test_neither_picture_nor_estimate_has_a_bias(chance: float, lone: bool) -> N
 
 def one_pass(monkeypatch: pytest.MonkeyPatch, samples: int) -> Callable[[DualBuffer, np.ndarray], bool]:
     """Extends by one pass of so many samples at most, as if there were time for no more."""
-    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: samples)
+    monkeypatch.setattr(lane_buffer, "first_pass_samples", lambda made: samples)
 
     def extend(h: DualBuffer, targets: np.ndarray) -> bool:
         h.pace, left = PassTimer(), iter([np.inf])
@@ -736,7 +736,7 @@ def test_a_time_ends_with_a_whole_picture(monkeypatch: pytest.MonkeyPatch, secon
 def test_a_time_too_short_for_the_first_samples_gives_the_fewest(monkeypatch: pytest.MonkeyPatch) -> None:
     """And says so as soon as that is known, not when all pixels have their first samples."""
     machine, warned = Machine(monkeypatch, rate=2e-4), []
-    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**14)
+    monkeypatch.setattr(lane_buffer, "first_pass_samples", lambda made: 2**14)
     monkeypatch.setattr(adaptive.warnings, "warn", lambda text, *_, **__: warned.append((text, machine.now - begun)))
     begun, scene = machine.now, replace(EDGES, film=Film(width=400, height=300))
     image = render_adaptively(scene, time=20)
@@ -751,7 +751,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch: pytest.MonkeyPatch, rate: float, kept: bool
 ) -> None:
     Machine(monkeypatch, rate=rate)
-    monkeypatch.setattr(dual_buffer, "first_pass_samples", lambda made: 2**12)
+    monkeypatch.setattr(lane_buffer, "first_pass_samples", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
         assert set(pursuit(made, error=0.01, interrupts=Asked(0)).buffer.counts) == {adaptive.SHORTEST_PILOT}

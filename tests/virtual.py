@@ -31,13 +31,13 @@ class Machine:
         self.pending = self.last = 0.0
         sample, sync = integrator.sample, dr.sync_thread
 
-        def sampled(kernel: KernelScene, plan: SamplePlan, x: Any, y: Any, moments: Any) -> Any:
+        def sampled(kernel: KernelScene, plan: SamplePlan, x: Any, y: Any, moments: Any, *window: Any) -> Any:
             rays = sum(int(np.array(points.count).sum()) for points in kernel.sample_sets.values())
             samples = int(np.broadcast_to(np.array(plan.count), dr.width(x)).sum())
             self.pending += rate * samples * (1 + rays / 3)
             self.now += tracing
             self.passes += 1
-            return sample(kernel, plan, x, y, moments)
+            return sample(kernel, plan, x, y, moments, *window)
 
         def synced() -> None:
             sync()

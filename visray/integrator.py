@@ -1,7 +1,7 @@
 """Radiance and data layers along camera rays. The code of an effect is in the kernel only if the scene needs this
 effect."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -22,6 +22,20 @@ from visray.shading import shade
 
 # Random dimension of the point on the lens (sampling.py).
 LENS = 1
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle in each lane's pixel. The pixel is the unit square.
+
+    left, top: corner of the rectangle
+    width, height: its sides
+    """
+
+    left: Any
+    top: Any
+    width: Any
+    height: Any
 
 
 def camera_direction(s: KernelScene, x: Any, y: Any) -> Any:
@@ -95,11 +109,14 @@ def radiance(s: KernelScene, ray: Ray, state: SampleState | None = None) -> tupl
     return dr.select(hit.valid, colour, sky), dr.select(hit.valid, 1, s.coverage)
 
 
-def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: Moments) -> Moments:
+def sample(
+    s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: Moments, window: Window | None = None
+) -> Moments:
     """The moments of the pixels (x, y) after one more pass. Each lane is one pixel.
 
     plan: samples that the pass takes
     moments: moments before the pass
+    window: part of each pixel that the samples are taken in; None for the whole pixel
 
     A symbolic loop runs over blocks of samples (moments.py), and an inner one over the samples of a block. Values that
     no sample changes are not part of the loop state, because Dr.Jit would trace the whole loop once more to remove
@@ -107,7 +124,7 @@ def sample(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, moments: M
     the other.
     """
     a, end, has_coverage = s.a, plan.first + plan.count, s.features["coverage"]
-    pixels = _Pixels(s, plan, x, y)
+    pixels = _Pixels(s, plan, x, y, window)
 
     def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
         state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
@@ -157,8 +174,8 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
 class _Pixels:
     """Random numbers and camera rays for the samples of the pixels (x, y) in one pass."""
 
-    def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any):
-        self.s, self.plan, self.key = s, plan, sampling.pixel_key(plan, x, y)
+    def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, window: Window | None = None):
+        self.s, self.plan, self.key, self.window = s, plan, sampling.pixel_key(plan, x, y), window
         self.left, self.top = s.a.F(x), s.a.F(y)
 
     def state(self, index: Any, stratum: Any) -> SampleState:
@@ -168,6 +185,8 @@ class _Pixels:
     def ray(self, state: SampleState) -> tuple[Any, Any]:
         """Direction and origin of a sample's camera ray. Either is None if all camera rays share it."""
         offset_x, offset_y = state.pixel()
+        if (part := self.window) is not None:
+            offset_x, offset_y = part.left + part.width * offset_x, part.top + part.height * offset_y
         x, y = self.left + offset_x, self.top + offset_y
         if isinstance(self.s.view, ParallelView):
             return None, sheet_point(self.s, x, y)

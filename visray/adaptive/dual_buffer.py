@@ -8,29 +8,23 @@ pixels.
 A lane is one entry of a Dr.Jit array: here one pixel in one half. N is the number of pixels.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray import clock, integrator
 from visray import film as films
-from visray.film import Film
-from visray.moments import Moments
+from visray.adaptive.lane_buffer import LaneBuffer
+from visray.integrator import Window
 from visray.output.curves import LUMINANCE
-from visray.pass_timer import PassTimer
-from visray.passes import first_pass_samples
-from visray.sampling import SamplePlan
 from visray.setup import Prepared
 
 # Quantile of the normal distribution: the interval from -QUANTILE to QUANTILE has a probability of 95 %.
 QUANTILE = 1.959964
 # Rule of three: if an event does not occur in n tries, its probability is below UNSEEN / n, with a confidence of 95 %.
 UNSEEN = 3.0
-# Largest number of samples of a lane in one pass. They run one after the other, and Ctrl-C waits for them.
-MOST_SAMPLES = 2**12
 
 
 @dataclass(frozen=True)
@@ -110,110 +104,29 @@ def ratio_quantile(d: float) -> float:
     return float(np.exp(np.interp(0.95, cumulative / cumulative[-1], x)))
 
 
-class DualBuffer:
+class DualBuffer(LaneBuffer):
     """Film of both halves. Lanes 0 to N - 1 are the pixels in half A, lanes N to 2 N - 1 the pixels in half B.
 
-    Its bits depend on the seed and on the number of samples of each lane. They do not depend on how the samples are
-    divided into passes (tests/test_same_bits.py).
-
-    prepared: the prepared scene.
     n: number of pixels, N.
-    film: the samples of all lanes.
-    pace: measured duration of samples, from which the size of a pass is chosen.
-    rates: seconds per sample of each lane in its last pass. Noisy lanes take longer. Shape: (2 N).
     """
 
     def __init__(self, prepared: Prepared):
-        self.prepared, self.n = prepared, len(prepared.order)
+        self.n = len(prepared.order)
         films.check_memory(prepared.scene.film.width, prepared.scene.film.height, 2)
-        self.film = Film.empty(prepared.a, np.tile(prepared.order, 2))
-        self.pace = PassTimer()
-        self.rates = np.zeros(2 * self.n)
-
-    @property
-    def counts(self) -> np.ndarray:
-        """Number of samples of each lane. Shape: (2 N)."""
-        return self.film.counts
+        super().__init__(prepared, np.tile(prepared.order, 2))
 
     def compile(self) -> None:
         """Compiles the kernel of a pass: takes a few samples and discards them."""
         lanes = np.arange(min(2 * self.n, 32))
         DualBuffer(self.prepared).run_pass(lanes, np.ones(2 * self.n, np.int64))
 
-    def extend(self, targets: np.ndarray, seconds_left: Callable[[], float] = lambda: np.inf) -> bool:
-        """Takes samples in passes until each lane has the number of samples that `targets` says. Lanes that lack most
-        samples come first. Returns whether all lanes have their targets.
-
-        targets: number of samples of each lane. Shape: (2 N).
-        seconds_left: function that is called before each pass, and returns how long this pass may take. If the time is
-            too short for a pass, no more samples are taken.
-        """
-        while (targets > self.counts).any():
-            if not self._extend(np.minimum(targets, self.counts + MOST_SAMPLES), seconds_left):
-                return False
-        return True
-
-    def _extend(self, targets: np.ndarray, seconds_left: Callable[[], float]) -> bool:
-        """Does the same as `extend`. Domain: no lane lacks more than MOST_SAMPLES samples."""
-        lanes = np.flatnonzero(targets > self.counts)
-        # Neighbours in this list run at the same time in one vector register, so they should lack the same number of
-        # samples. Lanes that lack the same number stay in the order of pixel tiles.
-        lanes = lanes[np.argsort((self.counts - targets)[lanes], kind="stable")]
-        while len(lanes):
-            span, pace = self.pace.next_seconds(seconds_left()), self.pace
-            if span <= 0:
-                return False
-            missing = (targets - self.counts)[lanes]
-            if pace.sample_seconds is None:
-                fit = np.searchsorted(np.cumsum(missing), first_pass_samples(self.prepared), "right")
-            else:
-                seconds = np.cumsum(missing * np.where(self.rates[lanes] > 0, self.rates[lanes], pace.sample_seconds))
-                limits = (np.cumsum(missing), pace.next_samples()), (seconds, span)
-                fit = min(np.searchsorted(sums, limit, "right") for sums, limit in limits)
-            pass_lanes, lanes = np.split(lanes, [max(int(fit), 1)])
-            self.run_pass(pass_lanes, targets)
-        return True
-
-    def run_pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:
-        """Takes samples of some lanes in one pass, until each of these lanes has its target.
-
-        lanes: numbers of the lanes. targets: number of samples of each lane.
-
-        Shapes: lanes (n), with any n; targets (2 N).
-        """
-        begun = clock.now()
-        # A single lane would need a kernel of its own, so it is computed twice. Both write the same value.
-        lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
-        counts, moments = self.counts.copy(), self.film.moments
-        before, counts[lanes] = counts[lanes], targets[lanes]
-        added = counts[lanes] - before
-        old, new, index = self._sample(lanes, before, added)
-        for film_part, old_part, new_part in zip(moments.arrays, old.arrays, new.arrays):
-            if new_part is not old_part:
-                dr.scatter(film_part, new_part, index)
-        samples = int(added.sum())
-        self.rates[lanes] = self.pace.evaluate(begun, samples, moments) / samples
-        self.film = self.film.with_moments(moments, counts)
-
-    def _sample(self, lanes: np.ndarray, first: np.ndarray, count: np.ndarray) -> tuple[Moments, Moments, Any]:
-        """Moments of some lanes before and after more samples, and the lanes as a Dr.Jit array.
-
-        lanes: numbers of the lanes.
-        first: index of the first new sample of each of these lanes.
-        count: number of new samples of each of these lanes.
-
-        Shapes: the same for all three.
-        """
+    def places(self, index: Any) -> tuple[Any, Any, Any, Window | None]:
         prepared, a, n = self.prepared, self.prepared.a, self.n
-        index = a.put(a.U, lanes.astype(np.uint32))
         in_b = index >= dr.opaque(a.U, n)
         pixel = dr.select(in_b, index - dr.opaque(a.U, n), index)
         seed_a, seed_b = (dr.opaque(a.U, half_seed(prepared.scene.settings.seed, half)) for half in (0, 1))
-        seeds = dr.select(in_b, seed_b, seed_a)
         x, y = (dr.gather(a.U, v, pixel) for v in (prepared.x, prepared.y))
-        plan = SamplePlan.per_lane(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
-        old = Moments(*(dr.gather(type(part), part, index) for part in self.film.moments.arrays))
-        return old, integrator.sample(prepared.kernel, plan, x, y, old), index
+        return dr.select(in_b, seed_b, seed_a), x, y, None
 
     def means(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean colours of the pixels in half A and in half B. Shapes: (3, N) each."""

@@ -24,8 +24,9 @@ from visray.adaptive import allocation, dual_buffer, lane_buffer
 from visray.adaptive import loop as adaptive
 from visray.adaptive.allocation import LARGEST_LEVEL, STEPS, WEIGHT_RANGE, Allocation
 from visray.adaptive.depth_bias import depth_biases
-from visray.adaptive.dual_buffer import QUANTILE, DualBuffer, Estimate, ratio_quantile
+from visray.adaptive.dual_buffer import QUANTILE, DualBuffer
 from visray.adaptive.error_floor import ROUNDINGS, Files
+from visray.adaptive.estimate import Estimate, ratio_quantile
 from visray.adaptive.loop import AdaptiveRun
 from visray.adaptive.stopping import Goal
 from visray.camera import Camera

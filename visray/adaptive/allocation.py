@@ -19,11 +19,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from visray.adaptive.dual_buffer import window_sums
+from visray.adaptive.lane_buffer import LARGEST_LEVEL
 
 # Weights are rounded to powers of 2^(1 / STEPS), and clamped to the range from 2^-WEIGHT_RANGE to 2^WEIGHT_RANGE.
 STEPS, WEIGHT_RANGE = 8, 40
-# A pixel has at most 2^LARGEST_LEVEL samples in each half, because the samples of a pixel run one after the other.
-LARGEST_LEVEL = 18
 # error^2 is proportional to samples^-power. The power is 1 for independent samples, and larger for stratified samples.
 # Before it is measured, it is assumed to be large. Then a round may take too few samples, and another round follows.
 # That costs less time than too many samples.
@@ -43,10 +42,15 @@ CENTER_WEIGHT = WINDOW[2] ** 2
 Classes = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def neighbour_means(variances: np.ndarray) -> np.ndarray:
+def neighbour_means(variances: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
     """Weighted mean of the variances around each pixel, without the pixel's own variance; 1 if there is no other pixel.
-    Shapes: (H, W)."""
-    total, mass = (window_sums(x, WINDOW) - CENTER_WEIGHT * x for x in (variances, np.ones(variances.shape)))
+
+    known: mask of the pixels whose variance is known; None if that is all.
+
+    Shapes: (H, W).
+    """
+    known = np.ones(variances.shape) if known is None else known.astype(float)
+    total, mass = (window_sums(x, WINDOW) - CENTER_WEIGHT * x for x in (variances * known, known))
     return np.divide(np.maximum(total, 0), mass, out=np.ones(mass.shape), where=mass > 0)
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from visray.adaptive.depth_bias import PIXELS, SAMPLES, DepthBias, depth_biases
-from visray.adaptive.dual_buffer import DualBuffer, Estimate
+from visray.adaptive.dual_buffer import DualBuffer
+from visray.adaptive.estimate import Estimate
 from visray.errors import UserError
 from visray.geometry import gamma as rounded
 from visray.output.curves import Gamma

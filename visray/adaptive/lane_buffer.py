@@ -20,6 +20,8 @@ from visray.setup import Prepared
 
 # Largest number of samples of a lane in one pass. They run one after the other, and Ctrl-C waits for them.
 MOST_SAMPLES = 2**12
+# A lane has at most 2^LARGEST_LEVEL samples, because they run one after the other.
+LARGEST_LEVEL = 18
 
 
 class LaneBuffer:
@@ -123,3 +125,12 @@ class LaneBuffer:
         plan = SamplePlan.per_lane(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
         old = Moments(*(dr.gather(type(part), part, index) for part in self.film.moments.arrays))
         return old, integrator.sample(prepared.kernel, plan, x, y, old, window), index
+
+
+def half_seed(seed: int, half: int) -> int:
+    """Seed of the samples in one half. It differs between the halves and between seeds, and it is far from the small
+    numbers that scenes use as seeds.
+
+    seed: the scene's seed. half: 0 for A, 1 for B; larger numbers give seeds for other samples.
+    """
+    return (seed * 0x9E3779B1 + half * 0x7FEB352D + 0x85EBCA6B) % 2**32

@@ -25,11 +25,15 @@ from typing import Any
 
 import numpy as np
 
-from visray import terminal
+from visray import clock, terminal
 from visray.adaptive.allocation import LEAST_POWER, POWER, Allocation, neighbour_means
+from visray.adaptive.brightness import Brightness
+from visray.adaptive.cell_buffer import CellBuffer
 from visray.adaptive.depth_bias import DepthBias
-from visray.adaptive.dual_buffer import DualBuffer, Estimate
+from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import Files, Floor, checked_floor, file_rounding
+from visray.adaptive.estimate import Estimate
+from visray.adaptive.small_objects import small_objects
 from visray.adaptive.stopping import Goal
 from visray.errors import GoalWarning
 from visray.passes import first_pass_samples
@@ -40,6 +44,11 @@ from visray.setup import Prepared
 PILOT_SHARE, SHORTEST_PILOT, LONGEST_PILOT = 1 / 8, 4, 64
 # After Ctrl-C the first samples are finished if this takes at most so many seconds. Otherwise there is no picture.
 FINISHING_SECONDS = 2.0
+# Light is hidden if it may be HIDDEN times as bright as the brightest pixels of the picture. Most pictures show a third
+# of the greatest brightness that their lights and materials allow. The brightest pixels are a share of the picture, but
+# at least and at most so many.
+HIDDEN = 3.0
+SHARE_OF_BRIGHTEST, FEWEST_BRIGHTEST, MOST_BRIGHTEST = 0.01, 4, 16
 # A round aims at this share of the allowed mean square error, so that the error after the round is rarely too large.
 MARGIN = 0.98
 
@@ -82,6 +91,8 @@ class AdaptiveRun:
     floor: error that more samples do not reduce.
     pilot_squares: mean square errors in the pilot, as a dict by the number of samples that all lanes had.
     time_missed: why the time of the goal is too short for any picture; None if it is not.
+    hidden: brightness of light that samples may have missed, and what it is. The small objects that got no samples of
+        their own are part of it.
     """
 
     def __init__(
@@ -92,6 +103,8 @@ class AdaptiveRun:
         self.floor = Floor(DepthBias(prepared.scene.settings.depth, 0.0, 0.0, 0.0))
         self.pilot_squares: dict[int, float] = {}
         self.time_missed: str | None = None
+        self.hidden: tuple[float, str] = 0.0, ""
+        self.compile_seconds = 0.0
 
     def run(self, files: Files) -> None:
         """Renders the picture. Raises UserError if the goal cannot be reached.
@@ -100,7 +113,9 @@ class AdaptiveRun:
         """
         buffer, goal = self.buffer, self.goal
         if goal.seconds is not None:
+            begun = clock.now()
             buffer.compile()
+            self.compile_seconds = clock.now() - begun
             if goal.seconds_left() <= 0:
                 took = goal.seconds_passed() + goal.reserve
                 self._miss_time(f"loading, compiling and writing alone take {took:.2g} s")
@@ -113,6 +128,12 @@ class AdaptiveRun:
             # A round at most doubles the number of samples, or quadruples it while this is quick. Then the error is
             # estimated again. With longer rounds, far too many samples are taken if the error falls faster than
             # expected.
+            if self._needs_cells():
+                complete = buffer.cells.rise(self._seconds_left)
+                self.estimate = self._checked_estimate()
+                if not complete:
+                    return
+                continue
             quick = 3 * buffer.counts.sum() <= first_pass_samples(buffer.prepared)
             targets = np.tile(allocation.targets(self._plan(allocation, 4 if quick else 2)[0]), 2)
             if not (targets > buffer.counts).any():
@@ -123,7 +144,7 @@ class AdaptiveRun:
             self.floor = replace(self.floor, rounding=file_rounding(buffer, files)[0])
             if not complete:
                 return
-            allocation.update(self.estimate.square, buffer.counts[: buffer.n])
+            allocation.update(self.estimate.square - self.estimate.cells, buffer.counts[: buffer.n])
             self._expect_end(allocation)
 
     def _run_pilot(self) -> Allocation:
@@ -138,6 +159,7 @@ class AdaptiveRun:
             count = SHORTEST_PILOT
             if not buffer.extend(np.full_like(buffer.counts, count), self._seconds_left):
                 return self._new_allocation()
+        self._look_at_small_objects()
         while True:
             allocation = self._new_allocation()
             seconds = buffer.pace.predicted_seconds(len(buffer.counts) * count)
@@ -164,6 +186,40 @@ class AdaptiveRun:
                     return self._new_allocation()
             if not buffer.extend(targets, self._seconds_left):
                 return self._new_allocation()
+
+    def _look_at_small_objects(self) -> None:
+        """Gives the pixels that show small objects samples of their own. Small objects that cannot have these are
+        hidden light."""
+        buffer, prepared = self.buffer, self.buffer.prepared
+        cells, brightness = small_objects(prepared), Brightness.of(prepared)
+        self.hidden = brightness.hidden, brightness.cause
+        names = list(prepared.scene.objects)
+
+        def bright(number: int) -> float:
+            return brightness.objects[prepared.scene.objects[names[number]].material]
+
+        missed = list(cells.missed)
+        if len(cells.pixels):
+            own = CellBuffer(prepared, cells, np.array([bright(k) for k in cells.objects]))
+            # The cells have a kernel of their own, which takes about as long to compile as that of the pixels.
+            if self._seconds_left() > 2 * self.compile_seconds and own.rise(self._seconds_left):
+                buffer.cells = own
+            else:
+                missed += list(cells.objects)
+        if missed:
+            brightest = max(missed, key=bright)
+            if bright(brightest) > self.hidden[0]:
+                self.hidden = bright(brightest), f"objects.{names[brightest]}, smaller than a pixel"
+
+    def _needs_cells(self) -> bool:
+        """Whether the error of the pixels that are cut into cells is too large a part of the picture's error."""
+        estimate, cells = self.estimate, self.buffer.cells
+        if cells is None or cells.exhausted or not estimate.cells:
+            return False
+        allowed = 0.0
+        if self.goal.error is not None:
+            allowed = self.goal.allowed_square(estimate, self.floor.high) / (2 * estimate.factor)
+        return estimate.cells > max(estimate.square - estimate.cells, allowed)
 
     def _seconds_for_first_samples(self) -> float:
         """Seconds that a pass of the first samples may take: infinite, because without these there is no picture.
@@ -206,13 +262,25 @@ class AdaptiveRun:
             self.pilot_squares[int(buffer.counts[0])] = self.estimate.square
         # A black picture has no luminance to divide by.
         variances /= np.square(self.estimate.luminance) or 1.0
-        nearby = neighbour_means(variances.reshape(film.height, film.width)).ravel()[order]
+        known = np.ones(variances.shape, bool)
+        if buffer.cells is not None:
+            known[order[buffer.cells.lanes]] = False
+        shape = film.height, film.width
+        nearby = neighbour_means(variances.reshape(shape), known.reshape(shape)).ravel()[order]
         allocation = Allocation.of(nearby, buffer.counts[: buffer.n])
-        allocation.update(self.estimate.square, buffer.counts[: buffer.n])
+        allocation.update(self.estimate.square - self.estimate.cells, buffer.counts[: buffer.n])
         return allocation
 
     def _checked_estimate(self) -> Estimate:
         """Estimated error of the samples so far. Raises NotANumber if a pixel is not a number."""
+        self.buffer.hidden = 0.0
+        if self.hidden[0]:
+            brightness = np.sqrt(np.square(self.buffer.mean()).mean(0))
+            if self.buffer.cells is not None:
+                brightness = np.delete(brightness, self.buffer.cells.lanes)
+            k = int(np.clip(SHARE_OF_BRIGHTEST * len(brightness), FEWEST_BRIGHTEST, MOST_BRIGHTEST))
+            shown = np.sort(brightness)[-k:][0] if len(brightness) else 0.0
+            self.buffer.hidden = self.hidden[0] if self.hidden[0] > HIDDEN * shown else 0.0
         estimate = self.buffer.estimate()
         if not np.isfinite(estimate.square):
             raise NotANumber(self.buffer.mean())
@@ -249,6 +317,7 @@ class AdaptiveRun:
         insufficient: list[tuple[float, float]] = [(present, estimate.square)]
 
         def enough(mean: float, square: float, least: int) -> bool:
+            square += estimate.cells
             high = square * estimate.factor + estimate.unseen * (fewest / least) ** 2
             is_enough = mean >= min(growth * present, affordable) or high <= allowed
             (sufficient if is_enough else insufficient).append((mean, square))
@@ -278,7 +347,7 @@ class AdaptiveRun:
             (n, before), *_, (m, after) = self.pilot_squares.items()
             power = float(np.clip(np.log(before / after) / np.log(m / n), LEAST_POWER, POWER))
         cautious = replace(allocation, power=power, scale=0.0)
-        cautious.update(self.estimate.square, counts[: self.buffer.n])
+        cautious.update(self.estimate.square - self.estimate.cells, counts[: self.buffer.n])
         mean, square = self._expect_end(cautious)
         missing = (mean - counts.mean()) * len(counts)
         seconds = (
@@ -342,7 +411,7 @@ def _facts(run: AdaptiveRun, forecast: Forecast) -> dict[str, Any]:
     noise, squares = (estimate.error, estimate.low, estimate.high), (floor.square, floor.low, floor.high)
     errors = [float(np.hypot(x, scale * np.sqrt(square))) for x, square in zip(noise, squares)]
     floor_parts = {"depth_error": max(floor.depth.square, 0.0), "file_error": floor.rounding}
-    spp = run.buffer.counts.reshape(2, -1).sum(0)
+    spp = run.buffer.samples()
     facts = {
         "sampler": run.buffer.prepared.scene.settings.sampler,
         "spp": round(float(spp.mean()), 2),
@@ -354,6 +423,10 @@ def _facts(run: AdaptiveRun, forecast: Forecast) -> dict[str, Any]:
         "forecast_spp": round(forecast.spp, 2),
         "forecast_seconds": round(forecast.seconds, 2),
     }
+    if run.buffer.hidden:
+        facts |= {"unseen_error": float(scale * np.sqrt(estimate.unseen)), "unseen": run.hidden[1]}
+    if run.buffer.cells is not None:
+        facts |= {"small_object_pixels": len(run.buffer.cells.lanes)}
     facts |= {} if goal.error is None else {"error_asked": float(goal.error)}
     facts |= {} if goal.seconds is None else {"time_asked": float(goal.seconds)}
     facts |= {} if run.time_missed is None else {"time_missed": run.time_missed}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from visray import clock
-from visray.adaptive.dual_buffer import Estimate
+from visray.adaptive.estimate import Estimate
 from visray.errors import UserError
 
 

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 FACTS = ("spp", "seed", "precision", "backend", "features", "scene_hash", "render_seconds", "threads", "error_at_most")
 ADAPTIVE_FACTS = (
     "sampler", "spp_least", "spp_most", "error", "error_low", "error_high", "depth_error", "file_error", "error_asked",
-    "time_asked", "time_missed", "forecast_error", "forecast_spp", "forecast_seconds",
+    "time_asked", "time_missed", "unseen_error", "unseen", "small_object_pixels", "forecast_error", "forecast_spp",
+    "forecast_seconds",
 )  # fmt: skip
 CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
 
@@ -93,6 +94,9 @@ def _summary_of_samples(facts: dict[str, Any]) -> str:
     parts = {"depth": facts["depth_error"], "the file's rounding": facts["file_error"]}
     # The squares of errors add up. So a part below a fifth of the whole error changes it by about 2 % and is not shown.
     largest = "".join(f", {x:.2g} of it by {name}" for name, x in parts.items() if x > 0.2 * facts["error"])
+    # The upper end of the interval is the root of a sum of squares, too.
+    if facts.get("unseen_error", 0.0) > 0.2 * facts["error_high"]:
+        largest += f", {facts['unseen_error']:.2g} in case that no sample met {facts['unseen']}"
     above = "" if _goal_met(facts) else f", above the {facts['error_asked']:g} asked"
     mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
     spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"

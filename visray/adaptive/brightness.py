@@ -1,0 +1,139 @@
+"""How bright light can be that no sample of a picture may have met.
+
+Small objects that the camera sees are known from the scene (small_objects.py). Other small and bright things are not:
+a lamp in a mirror or behind glass, a highlight, light through a pinhole, the cone of a narrow spot light, a bright
+pixel of a texture. Of these, the scene says how bright they can be. A brightness here is the root mean square of red,
+green and blue.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from visray import modes
+from visray.adaptive.small_objects import SMALL
+from visray.camera import ParallelView
+from visray.geometry import gamma
+from visray.lights.light import Light
+from visray.materials import Material
+from visray.pack import materials_of
+from visray.scene.scene import SkyGradient
+from visray.setup import Prepared
+from visray.textures import CheckerTexture
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """Upper bounds of brightness in a scene.
+
+    objects: brightness of each material, as a dict by its name: of its surfaces, with all that they mirror.
+    hidden: brightness of light that may fall on a small part of what the camera sees, wherever that is.
+    cause: what is so bright, as part of a sentence.
+    """
+
+    objects: dict[str, float]
+    hidden: float
+    cause: str
+
+    @staticmethod
+    def of(prepared: Prepared) -> "Brightness":
+        """The bounds for a scene.
+
+        Light of several lights is not added up, because it is rare that all of them meet in one small thing. A light
+        that is inside the box of an object shines on it as from the nearest other object.
+        """
+        scene = prepared.scene
+        used = {x.material for x in scene.objects.values()}
+        materials = {name: m for name, m in materials_of(scene).items() if name in used}
+        if not modes.BY_NAME[scene.settings.shading].lit or not materials:
+            return Brightness(dict.fromkeys(materials, 1.0), 0.0, "")
+        textures = _brightest_texels(prepared)
+        colours = {name: textures.get(m.texture, np.array(m.kd)) for name, m in materials.items()}
+        lights = {name: (light, _most_attenuation(prepared, light)) for name, light in scene.lights.items()}
+        lit = {
+            (name, key): rms(_reflected(light, m, colours[key]) * weight)
+            for name, (light, weight) in lights.items()
+            for key, m in materials.items()
+        }
+        ambient = np.array(scene.ambient) + sum(np.array(x.Ia) * x.intensity for x in scene.lights.values())
+        local = {key: max([lit[name, key] for name in lights] + [0.0]) for key in materials}
+        shown = {
+            key: local[key] + rms(ambient * np.array(m.ka) * np.maximum(1, colours[key] if m.texture else 1))
+            for key, m in materials.items()
+        }
+        sky = scene.background
+        sky = max(map(rms, (sky.top, sky.bottom) if isinstance(sky, SkyGradient) else (sky,)))
+        brightest = max(shown, key=shown.get)
+        passed_on = {key: _passed_on(prepared, m) for key, m in materials.items()}
+        objects = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
+        causes = {f"light of lights.{name} on materials.{key}": x for (name, key), x in lit.items()} | {"": 0.0}
+        causes[f"materials.{brightest} in mirrors, glass or scattered light"] = (
+            max(passed_on.values()) * shown[brightest]
+        )
+        cause = max(causes, key=causes.get)
+        return Brightness(objects, causes[cause], cause)
+
+
+def rms(colour: np.ndarray | tuple) -> float:
+    """Brightness of a colour."""
+    return float(np.sqrt(np.square(colour).mean()))
+
+
+def _reflected(light: Light, material: Material, kd: np.ndarray) -> np.ndarray:
+    """The most light of a light, without attenuation, that a material of the diffuse colour kd can reflect."""
+    return light.intensity * (np.array(light.Id) * kd + np.array(light.Is) * np.array(material.ks))
+
+
+def _passed_on(prepared: Prepared, m: Material) -> float:
+    """The largest share of light from other surfaces that a material reflects, refracts or scatters."""
+    effects = prepared.features
+    shares = [("reflection", m.kr), ("refraction", m.kt), ("scatter", m.kd)]
+    return max([max(colour) for effect, colour in shares if effects[effect]] + [0.0])
+
+
+def _brightest_texels(prepared: Prepared) -> dict[str, np.ndarray]:
+    """The greatest red, green and blue of each texture, as a dict by its name."""
+    textures, atlas = prepared.scene.textures, prepared.kernel.atlas
+    texels = None if atlas is None or atlas.texels is None else np.array(atlas.texels).reshape(-1, 4)[:, :3].max(0)
+    return {
+        name: np.maximum(t.a, t.b) if isinstance(t, CheckerTexture) else texels.astype(float)
+        for name, t in textures.items()
+    }
+
+
+def _most_attenuation(prepared: Prepared, light: Light) -> float:
+    """The factor by which distance weakens (or, below a distance of 1, strengthens) a light where little of the film
+    shows it.
+
+    The bright spot of a light on an object has about the size of its distance from the object. A spot that is large on
+    the film is seen. Then the typical distance of objects counts, because light through a pinhole falls anywhere.
+    """
+    if not (light.a or light.b or light.c):
+        return 1.0
+    distances = _distances(prepared, light) if light.has_position else np.zeros(0)
+    if not len(distances):
+        return 1 / light.a if light.a else 1.0
+    p, view = np.array(light.position, float), prepared.kernel.view
+    pixel = float(np.linalg.norm(np.array(view.pixel_right, float)))
+    if not isinstance(view, ParallelView):
+        pixel *= float(np.linalg.norm(p - np.array(prepared.scene.camera.origin, float)))
+    nearest = float(distances.min())
+    small = np.pi * nearest**2 < SMALL * pixel**2
+    d = nearest if small else float(np.median(distances))
+    return 1 / (light.a + d * (light.b + d * light.c))
+
+
+def _distances(prepared: Prepared, light: Light) -> np.ndarray:
+    """Distances from a light to the boxes of objects, and to planes, except those that it is in."""
+    p, found = np.array(light.position, float)[:, None], []
+    for batch in prepared.kernel.batches:
+        if batch.kind.bounded:
+            low, high = np.array(batch.low, float), np.array(batch.high, float)
+            found.append(np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0), axis=0))
+    for x in prepared.scene.objects.values():
+        if x.type == "plane" and not x.transform:
+            n = np.array(x.normal) / np.linalg.norm(x.normal)
+            d = abs(float(n @ (p[:, 0] - np.array(x.point))))
+            found.append(np.array([d if d > gamma(8) * np.abs(p).sum() else 0.0]))
+    distances = np.concatenate([np.zeros(0), *found])
+    return distances[distances > 0]

@@ -70,9 +70,22 @@ class CellBuffer(LaneBuffer):
     def rise(self, seconds_left: Callable[[], float]) -> bool:
         """Raises the level by one, and takes the samples of the new level. Returns whether all of them were taken."""
         self.level += 1
-        wanted = np.maximum(self.floor, _power_of_two(self.share * 2.0**self.level))
-        targets = np.minimum(np.maximum(wanted, 1), 2**LARGEST_LEVEL)
-        return self.extend(np.maximum(np.tile(targets, REPLICATES), self.counts), seconds_left)
+        return self._extend_to(_power_of_two(self.share * 2.0**self.level), seconds_left)
+
+    def keep_up(self, samples: int, seconds_left: Callable[[], float]) -> bool:
+        """Takes samples until they are as dense as those of pixels with this number of samples. Returns whether all of
+        them were taken."""
+        return self._extend_to(_power_of_two(self.cells.areas * (samples / REPLICATES)), seconds_left)
+
+    def _extend_to(self, wanted: np.ndarray, seconds_left: Callable[[], float]) -> bool:
+        """Takes samples until each lane of each cell has as many as are wanted. Shape: wanted (C)."""
+        targets = np.tile(np.minimum(np.maximum(wanted, self.floor), 2**LARGEST_LEVEL), REPLICATES)
+        return self.extend(np.maximum(targets, self.counts), seconds_left)
+
+    def density(self) -> float:
+        """Smallest number of samples per area of any cell; the area of a pixel is 1."""
+        samples = self.counts.reshape(REPLICATES, -1).sum(0)
+        return float((samples / self.cells.areas).min())
 
     @property
     def exhausted(self) -> bool:

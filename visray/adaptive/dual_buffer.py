@@ -72,7 +72,7 @@ class DualBuffer(LaneBuffer):
         are cells."""
         samples = 2 * int(self.counts.min())
         if self.cells is not None:
-            return Estimate.of(*self.means(), samples, self.cells, self.hidden)
+            return Estimate.of(*self.means(), min(samples, self.cells.density()), self.cells, self.hidden)
         a, lanes = self.prepared.a, dr.arange(self.prepared.a.U, self.n)
         left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
         squares = dr.squared_norm(left - right) / 12

@@ -139,6 +139,8 @@ class AdaptiveRun:
             if not (targets > buffer.counts).any():
                 return
             complete = buffer.extend(targets, self._seconds_left)
+            if complete and buffer.cells is not None:
+                complete = buffer.cells.keep_up(2 * int(buffer.counts.min()), self._seconds_left)
             self.estimate = self._checked_estimate()
             # The rounding error of a file changes as the picture becomes less noisy.
             self.floor = replace(self.floor, rounding=file_rounding(buffer, files)[0])

@@ -48,11 +48,12 @@ accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
 kernel_scene
 interaction
-direct occlusion
+direct light_loop occlusion
 shading
 media indirect
 integrator light_probe
-setup passes
+jacobian wavefront
+setup passes attached_picture
 adaptive
 certificate provenance renderer
 edges

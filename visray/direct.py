@@ -66,7 +66,7 @@ def _looped(s: KernelScene, si: Interaction, batch: LightBatch, reflected: Calla
         return (colour + reflected(s, si, row, light_sample(s, si, light)),)
 
     black = dr.zeros(s.a.V, dr.width(si.surface.p))
-    return s.loop(0, batch.count, si.hit.valid, (black,), step)[0]
+    return s.loop(batch.count, si.hit.valid, (black,), step)[0]
 
 
 def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected: Callable, salt: Any = 0) -> Any:
@@ -84,7 +84,7 @@ def area_light(s: KernelScene, si: Interaction, light: PreparedLight, reflected:
         return (colour + reflected(s, si, row, sample_at(j)[0]),)
 
     black = dr.zeros(s.a.V, dr.width(si.surface.p))
-    total = s.loop(light.samples, light.points.count, si.hit.valid, (black,), step)
+    total = s.loop(light.points.count, si.hit.valid, (black,), step)
     return total[0] * dr.rcp(s.a.F(light.points.count))
 
 
@@ -94,27 +94,39 @@ def area_sampler(s: KernelScene, si: Interaction, light: PreparedLight, salt: An
     a, row = s.a, light.light
     dimension = si.sample.derived(salt).dimension(DIMENSION + light.number)
     to_centre = a.V(row.position - si.surface.p)
-    centre = None if s.settings.area == "samples" else _from_point(s, si, row, to_centre)
+    centre = None if s.settings.area == "samples" else _from_area(s, si, row, to_centre, None, None)
     origin = None
     if s.features["shadows"]:
         origin = si.origin.toward(DirectionCone.around(a, to_centre, row.radius_bound()))
 
     def sample_at(j: Any) -> tuple[LightSample, Any]:
         to_light = to_centre + row.point_offset(a.V, *dimension.set_point(j, light.points))
-        return _from_point(s, si, row, to_light, origin, centre), to_light
+        return _from_area(s, si, row, to_light, origin, centre), to_light
 
     return sample_at
 
 
-def _from_point(
-    s: KernelScene, si: Interaction, row: Any, to_light: Any, origin: RayOrigin | None = None,
-    centre: LightSample | None = None,
-) -> LightSample:  # fmt: skip
-    """A light sample from one point of an area light, computed in the precision of shading.
+@dataclass(frozen=True)
+class Connection:
+    """A point of a light, seen from a surface point, before shadows.
+
+    sample: the light sample
+    l, cosine: direction to the point, and its cosine with the normal. Those of `sample` are the same, except with
+        settings.area "centre"
+    distance: distance of the point; inf for a directional light
+    """
+
+    sample: LightSample
+    l: Any
+    cosine: Any
+    distance: Any
+
+
+def to_area(s: KernelScene, si: Interaction, row: Any, to_light: Any, centre: LightSample | None) -> Connection:
+    """One point of an area light, computed in the precision of shading.
 
     row: numbers of the light
     to_light: vector from the surface point to the point of the light
-    origin: origin of shadow rays; None if there are no shadows
     centre: light sample from the light's centre, or None. If it is given, the result takes direction, cosine and weight
         from it, and only the shadow from the point
     """
@@ -130,19 +142,60 @@ def _from_point(
     sample = LightSample(l, cosine, arrives, attenuation(s, row, distance))
     if centre is not None:
         sample = LightSample(centre.l, centre.cosine, arrives & centre.arrives, centre.weight)
+    return Connection(sample, l, cosine, distance)
+
+
+def rounding_of_point(s: KernelScene, row: Any, distance: Any, extent: Any) -> Any:
+    """Error of a point of a light. The vector to it is a sum whose terms may be larger than the distance.
+
+    extent: bound on the distance of the point from the light's position
+    """
+    return gamma(8, s.a.precision) * (distance + extent) + s.a.F(gamma(9) * l1_norm(row.position))
+
+
+def _from_area(
+    s: KernelScene, si: Interaction, row: Any, to_light: Any, origin: RayOrigin | None, centre: LightSample | None
+) -> LightSample:
+    """A light sample from one point of an area light. Arguments as in `to_area`.
+
+    origin: origin of shadow rays; None if there are no shadows
+    """
+    c = to_area(s, si, row, to_light, centre)
     if origin is None:
-        return sample
-    # Error of the point of the light. The vector to it is a sum whose terms may be larger than the distance.
-    largest_coordinate = distance + a.F(row.radius_bound())
-    error = gamma(8, a.precision) * largest_coordinate + a.F(gamma(9) * l1_norm(row.position))
-    return _shadowed(s, origin, si.spawn_ray(l, cosine), Target(distance, error, may_touch=True), sample)
+        return c.sample
+    error = rounding_of_point(s, row, c.distance, s.a.F(row.radius_bound()))
+    return _shadowed(s, origin, si.spawn_ray(c.l, c.cosine), Target(c.distance, error, may_touch=True), c.sample)
 
 
 def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
     """The light sample from a light without an area."""
     if not light.kind.has_position:
-        return _directional(s, si, light)
+        return _from_far(s, si, light)
     a, row = s.a, light.light
+    c, from_light, d = to_point(s, si, row, light.kind)
+    if not s.features["shadows"]:
+        return c.sample
+    starts_single = a.precision == "single"
+    if light.origin is None:
+        error = gamma(9) * (l1_norm(row.position) + a.D(c.distance))
+        ray = replace(si.spawn_ray(-d, c.cosine), to_target=-from_light if starts_single else None)
+        return _shadowed(s, si.origin, ray, Target(c.distance, error, may_touch=True), c.sample)
+    # The shadow ray runs from the light to the point, so that all shadow rays of a light share their origin. A surface
+    # above the point by at most the errors of the point and of the ray's end does not occlude: to within rounding it is
+    # the surface that is shaded.
+    error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(c.distance))
+    slope = si.face_cosine(c.l, c.cosine)
+    target = Target(c.distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=slope)
+    ray = Ray(row.position, d, to_target=from_light if starts_single else None)
+    return _shadowed(s, light.origin.along(light.lists, si.surface.p), ray, target, c.sample)
+
+
+def to_point(s: KernelScene, si: Interaction, row: Any, kind: type[Light]) -> tuple[Connection, Any, Any]:
+    """A light with a position and without an area: (the connection, vector from the light, its direction).
+
+    row: numbers of the light
+    """
+    a = s.a
     from_light = si.surface.p - row.position
     # Single precision suffices for shadow rays that pass far from all objects. The falloff needs double, because digits
     # cancel in it.
@@ -157,49 +210,40 @@ def light_sample(s: KernelScene, si: Interaction, light: PreparedLight) -> Light
         d = from_light * inverse_distance
     distance, l = squared_distance * inverse_distance, a.V(-d)
     cosine, arrives = _incidence(si, l)
-    exact_falloff = starts_single and light.kind.falloff is not Light.falloff
+    exact_falloff = starts_single and kind.falloff is not Light.falloff
     weight = attenuation(s, row, a.F(distance))
     falloff = row.falloff(from_light * inverse_length(from_light, a.F32) if exact_falloff else d)
     if falloff is not None:
         falloff = a.F(falloff)
         arrives &= falloff > 0
         weight = falloff if weight is None else weight * falloff
-    sample = LightSample(l, cosine, arrives, weight)
-    if not s.features["shadows"]:
-        return sample
-    if light.origin is None:
-        error = gamma(9) * (l1_norm(row.position) + a.D(distance))
-        ray = replace(si.spawn_ray(-d, cosine), to_target=-from_light if starts_single else None)
-        return _shadowed(s, si.origin, ray, Target(distance, error, may_touch=True), sample)
-    # The shadow ray runs from the light to the point, so that all shadow rays of a light share their origin. A surface
-    # above the point by at most the errors of the point and of the ray's end does not occlude: to within rounding it is
-    # the surface that is shaded.
-    error = si.surface.error + gamma(9) * (l1_norm(row.position) + a.D(distance))
-    slope = si.face_cosine(l, cosine)
-    target = Target(distance, error, si.hit.row, si.from_inside, si.hit.part, slack=error, cosine=slope)
-    ray = Ray(row.position, d, to_target=from_light if starts_single else None)
-    return _shadowed(s, light.origin.along(light.lists, si.surface.p), ray, target, sample)
+    return Connection(LightSample(l, cosine, arrives, weight), l, cosine, distance), from_light, d
 
 
-def _directional(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
+def to_far(s: KernelScene, si: Interaction, row: Any) -> tuple[Connection, Any]:
+    """A directional light: (the connection, the direction of the light in double). row: numbers of the light"""
+    d = -dr.normalize(row.direction)
+    l = s.a.V(d)
+    cosine, arrives = _incidence(si, l)
+    weight = None
+    if s.features["attenuation"]:
+        weight = dr.select(row.a > 0, dr.rcp(row.a), 1)
+    return Connection(LightSample(l, cosine, arrives, weight), l, cosine, s.a.D(dr.inf)), d
+
+
+def _from_far(s: KernelScene, si: Interaction, light: PreparedLight) -> LightSample:
     """The light sample from a directional light.
 
     Its shadow rays are endless and share their direction. They start at the surface point, so the start is the known
     end, and a search for roots begins there.
     """
-    a, row = s.a, light.light
-    d = -dr.normalize(row.direction)
-    l = a.V(d)
-    cosine, arrives = _incidence(si, l)
-    weight = None
-    if s.features["attenuation"]:
-        weight = dr.select(row.a > 0, dr.rcp(row.a), 1)
-    sample = LightSample(l, cosine, arrives, weight)
+    a = s.a
+    c, d = to_far(s, si, light.light)
     if not s.features["shadows"]:
-        return sample
+        return c.sample
     zeros = dr.zeros(a.D, dr.width(si.surface.p))
-    ray = si.spawn_ray(d + zeros, cosine)
-    return _shadowed(s, si.origin.along(light.lists), ray, Target(zeros + dr.inf, zeros), sample)
+    ray = si.spawn_ray(d + zeros, c.cosine)
+    return _shadowed(s, si.origin.along(light.lists), ray, Target(zeros + dr.inf, zeros), c.sample)
 
 
 def _incidence(si: Interaction, l: Any) -> tuple[Any, Any]:
@@ -233,5 +277,5 @@ def _shadowed(s: KernelScene, origin: RayOrigin, ray: Ray, target: Target, sampl
         is_occluded = occluded(origin, ray, target, sample.arrives, s.brute_force)
         return LightSample(sample.l, sample.cosine, sample.arrives & ~is_occluded, sample.weight)
     tints = tuple((b.material.kt, b.material.dmax) for b in s.batches)
-    light_left = transmittance(origin, ray, target, sample.arrives, tints, s.attached, s.brute_force)
+    light_left = transmittance(origin, ray, target, sample.arrives, tints, s.brute_force)
     return LightSample(sample.l, sample.cosine, sample.arrives, sample.weight, light_left)

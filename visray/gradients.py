@@ -10,63 +10,80 @@ patch, but not what a moving silhouette or shadow edge adds. `gradient` and `der
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import prod
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray import integrator
 from visray.accel.policy import MAX_UNROLLED
 from visray.address_index import AddressIndex, Slot, TableSlot
+from visray.attached_picture import SampleLoop, Sweeps
 from visray.edges import moves_edges, warn_of_edges
 from visray.errors import UserError
+from visray.jacobian import Launches
+from visray.kernel_scene import KernelScene
 from visray.number_table import NumberTable
 from visray.pack import Packed
 from visray.passes import expose
-from visray.sampling import SamplePlan
+from visray.progress import Bar, Interrupts
 from visray.scene import address as addresses
 from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import prepare
+from visray.wavefront import Waves
 
 
-@dataclass(frozen=True)
-class AttachedPicture:
-    """A rendered picture that carries derivatives.
+class _Derivatives:
+    """A scene whose picture is differentiated.
 
+    prepared: the scene
     slots: place of each address in the packed arrays
-    picture: mean colour of each lane (one lane is one pixel), with derivatives with respect to these arrays. Shapes:
-        (3, H W)
-    order: number (row * width + column) of each lane's pixel
+    parameters: arrays of these places, as the sources of all derivatives: for each address, one or more
     """
 
-    slots: dict[str, Slot | TableSlot]
-    picture: Any
-    order: np.ndarray
+    def __init__(self, scene: Scene, wrt: Sequence[str], backend: str, forward: bool):
+        """Raises UserError if a derivative does not exist, and warns if moving edges are in view.
+
+        wrt: addresses of the numbers with respect to which derivatives are taken
+        forward: whether the numbers get tangents: they grow by 1
+        """
+        self.slots: dict[str, Slot | TableSlot] = {}
+        self.parameters: dict[str, list] = {}
+
+        def attach(packed: Packed) -> None:
+            index = AddressIndex(scene, packed)
+            self.slots.update({w: index.slot(w) for w in wrt})
+            for w, slot in self.slots.items():
+                dr.enable_grad(*slot.arrays)
+                self.parameters[w] = [type(v)(v) for v in slot.arrays]
+                for array, hot in zip(slot.arrays, slot.one_hot() if forward else ()):
+                    dr.set_grad(array, type(dr.detach(array))(hot))
+
+        self.prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
+        _check_coloured_shadows(scene, self.prepared.kernel, wrt)
+        self.forward = forward
+        warn_of_edges(scene, self.prepared.kernel, wrt, self.prepared.x, self.prepared.y)
+
+    def traced(self, interrupts: Interrupts, bar: Bar) -> Sweeps | SampleLoop:
+        """The picture, ready to be traced."""
+        p = self.prepared
+        if not p.kernel.in_waves:
+            return SampleLoop(p, p.scene.settings.spp, self.forward)
+        attached = [v for arrays in self.parameters.values() for v in arrays]
+        launches = Launches(p.kernel, attached if self.forward else None)
+        return Sweeps(Waves(p.kernel, p.scene.settings.spp, p.x, p.y), launches, interrupts, bar)
+
+    def read(self) -> dict[str, Any]:
+        """The gradients of the numbers at each address, after reverse mode."""
+        return {w: slot.read([dr.grad(v) for v in self.parameters[w]]) for w, slot in self.slots.items()}
 
 
-def _traced(
-    scene: Scene, wrt: Sequence[str], spp: int, mark: Callable[[Slot | TableSlot], None], backend: str
-) -> AttachedPicture:
-    """Renders a picture with derivatives. Raises UserError if a derivative does not exist, and warns if moving edges
-    are in view.
-
-    wrt: addresses of the numbers with respect to which derivatives are taken
-    mark: function that enables derivatives in the arrays of a slot
-    """
-    slots: dict[str, Slot | TableSlot] = {}
-
-    def attach(packed: Packed) -> None:
-        index = AddressIndex(scene, packed)
-        slots.update({w: index.slot(w) for w in wrt})
-        for slot in slots.values():
-            mark(slot)
-
-    prepared = prepare(scene, backend, wrt=tuple(wrt), attach=attach)
-    s = prepared.kernel
-    if s.features["coloured shadows"] and any(len(b) > MAX_UNROLLED for b in s.batches):
+def _check_coloured_shadows(scene: Scene, s: KernelScene, wrt: Sequence[str]) -> None:
+    """Raises UserError if derivatives are asked for that coloured shadows do not have."""
+    if not s.features["coloured shadows"]:
+        return
+    if any(len(b) > MAX_UNROLLED for b in s.batches):
         limit = f"derivatives through coloured shadows work for up to {MAX_UNROLLED} objects or triangles of a kind"
         raise UserError(f"objects: {limit}; take fewer objects, or materials without kt")
     searched_solids = [
@@ -74,13 +91,10 @@ def _traced(
     ]
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
     transmissive_solids = [name for name in searched_solids if scene.objects[name].material in transmissive]
-    if s.features["coloured shadows"] and transmissive_solids and any(moves_edges(scene, w) for w in wrt):
+    if transmissive_solids and any(moves_edges(scene, w) for w in wrt):
         name = transmissive_solids[0]
         problem = "no derivative with respect to motion passes through its coloured shadow"
         raise UserError(f"objects.{name}: {problem}; give this {scene.objects[name].type} a material without kt")
-    warn_of_edges(scene, s, wrt, prepared.x, prepared.y)
-    plan = SamplePlan.of(prepared.a, scene.settings.seed, spp, 0, spp)
-    return AttachedPicture(slots, integrator.attached_mean(s, plan, prepared.x, prepared.y), prepared.order)
 
 
 def gradient(
@@ -91,6 +105,7 @@ def gradient(
     spp: int | None = None,
     precision: str = "double",
     backend: str = "llvm",
+    progress: bool = True,
 ) -> dict[str, Any]:
     """Derivatives of a loss with respect to the numbers at some addresses, by reverse-mode differentiation. Returns a
     dict from address to a number, to an array of three if the address names a triple, or to an array of shape (N, 3) if
@@ -100,26 +115,26 @@ def gradient(
     loss: function from the picture to one number, computed with Dr.Jit. The picture is a Dr.Jit triple whose H * W
         entries are the pixels, row by row. By default the loss is the mean over pixels and channels
     spp: samples per pixel; by default those of the scene
+    progress: whether a progress bar is shown, after two seconds
     """
     scene = adjusted(scene, precision=precision, spp=spp)
     wrt = [wrt] if isinstance(wrt, str) else list(wrt)
-    attached = _traced(scene, wrt, scene.settings.spp, lambda slot: dr.enable_grad(*slot.arrays), backend)
-    picture = attached.picture
-    if loss is not None:
-        lane_of_pixel = np.empty(len(attached.order), np.uint32)
-        lane_of_pixel[attached.order] = np.arange(len(lane_of_pixel), dtype=np.uint32)
-        picture = dr.gather(type(picture), picture, dr.uint32_array_t(dr.detached_t(type(picture.x)))(lane_of_pixel))
-    loss_value = (loss or _mean)(picture)
-    if loss is not None:
-        _check_loss(loss_value, picture)
-    if not dr.grad_enabled(picture):
-        # The picture depends on none of the addresses: all derivatives are 0.
-        return {w: slot.read([np.zeros(np.array(v).shape) for v in slot.arrays]) for w, slot in attached.slots.items()}
-    dr.backward(loss_value)
-    return {w: slot.read([dr.grad(v) for v in slot.arrays]) for w, slot in attached.slots.items()}
+    with Interrupts() as interrupts, Bar("differentiating", 1, progress) as bar:
+        d = _Derivatives(scene, wrt, backend, forward=False)
+        traced, order, a = d.traced(interrupts, bar), d.prepared.order, d.prepared.a
+        mean, _ = traced.picture()
+        rows = np.empty_like(mean)
+        rows[:, order] = mean
+        picture = a.put(a.V, rows)
+        dr.enable_grad(picture)
+        loss_value = (loss or _mean)(picture)
+        _check_loss(loss_value)
+        dr.backward(loss_value)
+        traced.pull(np.array(dr.grad(picture), float)[:, order])
+    return d.read()
 
 
-def _check_loss(loss_value: Any, picture: Any) -> None:
+def _check_loss(loss_value: Any) -> None:
     """Raises UserError if the value that a loss returned is not one number that carries the picture's derivatives."""
     advice = (
         "return one number computed with Dr.Jit from the picture, such as dr.mean(dr.squared_norm(picture - target))"
@@ -129,12 +144,18 @@ def _check_loss(loss_value: Any, picture: Any) -> None:
         raise UserError(f"loss: returned a value of type {kind}, which carries no derivatives; {advice}")
     if (count := prod(dr.shape(loss_value))) != 1:
         raise UserError(f"loss: returned {count} numbers, not one; {advice}")
-    if dr.grad_enabled(picture) and not dr.grad_enabled(loss_value):
+    if not dr.grad_enabled(loss_value):
         raise UserError(f"loss: its result carries no derivatives: NumPy and dr.detach lose them; {advice}")
 
 
 def derivative(
-    scene: Scene, address: str, *, spp: int | None = None, precision: str = "double", backend: str = "llvm"
+    scene: Scene,
+    address: str,
+    *,
+    spp: int | None = None,
+    precision: str = "double",
+    backend: str = "llvm",
+    progress: bool = True,
 ) -> np.ndarray:
     """Derivative of every pixel with respect to the number at one address, by forward-mode differentiation. Shapes: (H,
     W, 3).
@@ -143,20 +164,14 @@ def derivative(
     names a single number.
 
     spp: samples per pixel; by default those of the scene
+    progress: whether a progress bar is shown, after two seconds
     """
     scene = adjusted(scene, precision=precision, spp=spp)
-
-    def mark(slot: Slot | TableSlot) -> None:
-        for array, hot in zip(slot.arrays, slot.one_hot()):
-            dr.enable_grad(array)
-            dr.set_grad(array, type(dr.detach(array))(hot))
-
-    attached = _traced(scene, [address], scene.settings.spp, mark, backend)
-    derivatives = np.zeros((len(attached.order), 3))
-    if dr.grad_enabled(attached.picture):
-        derivatives[:] = np.array(dr.forward_to(attached.picture)).T
-    picture = np.empty_like(derivatives)
-    picture[attached.order] = derivatives
+    with Interrupts() as interrupts, Bar("differentiating", 1, progress) as bar:
+        d = _Derivatives(scene, [address], backend, forward=True)
+        _, tangent = d.traced(interrupts, bar).picture()
+    picture = np.empty_like(tangent.T)
+    picture[d.prepared.order] = tangent.T
     return picture.reshape(scene.film.height, scene.film.width, 3)
 
 

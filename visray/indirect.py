@@ -28,18 +28,19 @@ from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene
 from visray.media import Interface, interface_at, local_weight, max_component
 from visray.ray import NO_ROW, Hit, Ray, unit
+from visray.sampling import SampleSet
 from visray.shading import shade
 
 # Random dimensions (sampling.py): the choice between reflection and refraction, and the direction of scattering.
 LOBE, SCATTER = 5, 6
 
 
-def _strength(colour: Any) -> Any:
+def _strength(colour: Any, asked: bool) -> Any:
     """Largest component of a colour: the weight for choosing one of several bounces. If derivatives with respect to the
     colour are asked for, a strength of 0 becomes 1, because a bounce that adds no light may still add to the
     derivative."""
     strength = max_component(colour)
-    return dr.select(strength > 0, strength, 1) if dr.grad_enabled(colour) else strength
+    return dr.select(strength > 0, strength, 1) if asked else strength
 
 
 @dataclass(frozen=True)
@@ -58,13 +59,14 @@ class Bounce:
     scattered: Any
 
 
-def scattered(s: KernelScene, si: Interaction, j: Any) -> Bounce:
+def scattered(s: KernelScene, si: Interaction, j: Any, starts: SampleSet | None = None) -> Bounce:
     """A bounce by scattering at a matte surface.
 
     j: number of the path, if several paths start at this surface; None at later vertices of a path
+    starts: set of the paths that start at the surface; by default that of the first surface
     """
     dimension = si.sample.dimension(SCATTER)
-    u, v = dimension.point() if j is None else dimension.set_point(j, s.sample_sets["scatter"])
+    u, v = dimension.point() if j is None else dimension.set_point(j, starts or s.sample_sets["scatter"])
     d = warp.cosine(si.n, u, v)
     always = dr.full(s.a.B, True, dr.width(d))
     cosine = s.a.D(dr.dot(si.n, d))
@@ -82,6 +84,7 @@ def bounce(
     specular_left: Any,
     scatters_left: Any,
     j: Any = None,
+    starts: SampleSet | None = None,
 ) -> Bounce:
     """The continuation of a path at a surface.
 
@@ -89,13 +92,14 @@ def bounce(
     interface: media at the surface; None in scenes without refraction
     specular_left: number of reflections and refractions that are still allowed
     scatters_left: number of scatterings that are still allowed
-    j: number of the path, if several paths start at this surface; None at later vertices of a path
+    j, starts: as in `scattered`
     """
-    a, effects, m = s.a, s.features, si.material
-    kr = _strength(m.kr) if effects["reflection"] else a.F(0)
-    kt = _strength(m.kt) if effects["refraction"] else a.F(0)
-    shiny = kr + kt > 0
-    matte = (max_component(m.kr) + max_component(m.kt) == 0) & (_strength(m.kd) > 0) if effects["scatter"] else None
+    a, effects, m, asked = s.a, s.features, si.material, s.asked
+    kr = _strength(m.kr, "kr" in asked) if effects["reflection"] else a.F(0)
+    kt = _strength(m.kt, "kt" in asked) if effects["refraction"] else a.F(0)
+    shiny, matte = kr + kt > 0, None
+    if effects["scatter"]:
+        matte = (max_component(m.kr) + max_component(m.kt) == 0) & (_strength(m.kd, "kd" in asked) > 0)
     n, face = _normal(si, ray)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)
@@ -125,8 +129,10 @@ def bounce(
     ray = replace(si.spawn_ray(unit(d, a.W), dr.abs(dr.dot(n, d))).exact(), inside=inside)
     result = Bounce(ray, weight, alive, a.B(False))
     if effects["scatter"]:
-        result = _either(matte & (scatters_left > 0), scattered(s, si, j), result)
-    alive_and_lit = result.alive & si.hit.valid & (_strength(result.weight) > 0)
+        result = _either(matte & (scatters_left > 0), scattered(s, si, j, starts), result)
+    alive_and_lit = (
+        result.alive & si.hit.valid & (_strength(result.weight, not asked.isdisjoint(("kr", "kt", "kd"))) > 0)
+    )
     return Bounce(result.ray, result.weight, alive_and_lit, result.scattered)
 
 
@@ -166,9 +172,10 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
     ray: the camera ray
     first_interface: media at this surface; None in scenes without refraction
 
-    One loop runs over the vertices of all paths, one path after the other. It is unrolled if derivatives are asked for.
+    One loop runs over the vertices of all paths, one path after the other. Derivatives follow paths in another way
+    (wavefront.py).
     """
-    a, settings, rays, n = s.a, s.settings, s.sample_sets["scatter"], dr.width(first.surface.p)
+    a, rays, n = s.a, s.sample_sets["scatter"], dr.width(first.surface.p)
     specular_left, scatters_left = (dr.full(a.U, 0, n) + limit for limit in s.bounce_limits)
     # Values that never change are not part of the loop state (as in integrator.sample). Without scattering there is
     # only one path; its number, and the number of scatterings left, never change.
@@ -207,18 +214,8 @@ def indirect(s: KernelScene, first: Interaction, ray: Ray, first_interface: Inte
         state = tuple(dr.select(starts_next, x, y) for x, y in zip(next_path, (number, *rest, alive)))
         return *state, total
 
-    total = dr.zeros(a.V, n)
-    if not s.attached:
-        start = *path_start(first_path, first_bounce, first_bounce.alive), total
-        return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
-    specular = s.features["reflection"] or s.features["refraction"]
-    for k in range(settings.scatter.rays if s.features["scatter"] else 1):
-        number = None if first_path is None else first_path + k
-        b, alive = (first_bounce, first_bounce.alive) if k == 0 else (scattered(s, first, a.U(k)), splits)
-        state = path_start(number, b, alive)
-        for _ in range(settings.depth * specular + settings.scatter.depth * s.features["scatter"]):
-            *state, total = extend(*state, total)
-    return total
+    start = *path_start(first_path, first_bounce, first_bounce.alive), dr.zeros(a.V, n)
+    return dr.while_loop(start, lambda *state: state[-2], step, label="paths")[-1]
 
 
 def _state(ray: Ray) -> tuple:

@@ -124,7 +124,7 @@ def sample(
     the other.
     """
     a, end, has_coverage = s.a, plan.first + plan.count, s.features["coverage"]
-    pixels = _Pixels(s, plan, x, y, window)
+    pixels = Pixels(s, plan, x, y, window)
 
     def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
         state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
@@ -156,7 +156,7 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
     loops.
     """
     a, n = s.a, dr.width(x)
-    pixels = _Pixels(s, plan, x, y)
+    pixels = Pixels(s, plan, x, y)
 
     def step(i: Any, stratum: Any, reference: Any, total: Any) -> tuple:
         state = pixels.state(i + plan.first, stratum)
@@ -171,7 +171,7 @@ def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> 
     return reference + total * (1 / a.F(plan.count))
 
 
-class _Pixels:
+class Pixels:
     """Random numbers and camera rays for the samples of the pixels (x, y) in one pass."""
 
     def __init__(self, s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any, window: Window | None = None):
@@ -260,7 +260,7 @@ def certificate(s: KernelScene, ray: Ray, hit: Hit, p: Any) -> dict[str, Any]:
             return (total + batch.kind.crossing(seen, ray, begin, None, NOTHING_KNOWN).unresolved,)
 
         n = len(batch)
-        unresolved = s.loop(n, dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
+        unresolved = s.loop(dr.opaque(a.U, n), a.B(True), (unresolved,), step)[0]
         in_batch = batch.has(hit.row)
         placed = rows(batch.placed, dr.select(in_batch, hit.row - batch.first_row, 0))
         f, _ = batch.kind.surface_at(placed, p, batch.part(hit.part))

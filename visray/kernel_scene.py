@@ -27,7 +27,7 @@ from visray.lights.light import Light
 from visray.materials import Material
 from visray.pack import BatchKeys, LightColumns, Packed
 from visray.pytree import Packets, detached, evaluated, leaves, mapped, rows
-from visray.quantities import Arrays
+from visray.quantities import Arrays, quantities
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
 
@@ -77,6 +77,48 @@ class LightBatch:
 
 
 @dataclass(frozen=True)
+class LightSteps:
+    """All samples of some lights, one after the other, as a kernel with derivatives visits them (light_loop.py). Lights
+    without an area have one sample.
+
+    batches: the lights, kind by kind
+    count: number of steps, as opaque data
+    batch, row, j: for each step: number of the batch, row in its table, and number of the sample
+    salt, number: for each step: what determines the random numbers of the light (direct.area_light)
+    points: for each step, the set of sample points
+    share: for each step, 1 / number of samples
+    """
+
+    batches: tuple[LightBatch, ...]
+    count: Any
+    batch: Any
+    row: Any
+    j: Any
+    salt: Any
+    number: Any
+    points: SampleSet
+    share: Any
+
+    @staticmethod
+    def of(a: Arrays, lights: list[LightColumns], looped: bool) -> "LightSteps":
+        """The samples of `lights`. looped: whether lights of a kind are looped over in a kernel without derivatives,
+        which then have other random numbers"""
+        batches, steps, counts = [], [], []
+        for k, columns in enumerate(lights):
+            loops = looped and len(columns.samples) > 1
+            first = columns.scene_index[0]
+            batches.append(LightBatch(columns.kind, columns.numbers, None, None, first))
+            for row, index in enumerate(columns.scene_index):
+                n = columns.samples[row] if columns.kind.has_area else 1
+                counts += [n] * n
+                steps += [(k, row, j, row if loops else 0, first if loops else index) for j in range(n)]
+        batch, row, j, salt, number = (a.put(a.U, x) for x in np.array(steps, np.uint32).T)
+        share = a.put(a.F, 1 / np.array(counts, float))
+        points = SampleSet.table(a, counts)
+        return LightSteps(tuple(batches), dr.opaque(a.U, len(steps)), batch, row, j, salt, number, points, share)
+
+
+@dataclass(frozen=True)
 class KernelScene:
     """All data of a scene that kernels read. Parameters named `s` are of this type.
 
@@ -89,6 +131,9 @@ class KernelScene:
     camera_lists: lists of rows for the rays of an orthographic camera; None for other cameras, or without lists
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
+    light_steps: samples of all lights, if the kernel visits them in loops with derivatives; then `lights` and
+        `looped_lights` are empty
+    most_rows: largest number of rows of a batch, as opaque data
     sky: background
     ambient: ambient light of the scene
     lights_ambient: ambient light of all lights together
@@ -100,6 +145,8 @@ class KernelScene:
     coverage: coverage (alpha) of a sample that hits nothing: 0 if the film is transparent, else 1
     transparent: whether the film is transparent
     attached: whether derivatives are asked for
+    in_waves: whether paths are traced in waves (wavefront.py); else derivatives are those of a loop over samples
+    asked: names of the fields of materials that carry derivatives
     brute_force: whether every row is tested, without guards or trees, as a reference for tests
     """
 
@@ -112,6 +159,8 @@ class KernelScene:
     camera_lists: ParallelLists | None
     lights: tuple[PreparedLight, ...]
     looped_lights: tuple[LightBatch, ...]
+    light_steps: tuple[LightSteps, ...]
+    most_rows: Any
     sky: SkyGradient
     ambient: Any
     lights_ambient: Any
@@ -123,6 +172,8 @@ class KernelScene:
     coverage: Any
     transparent: bool
     attached: bool
+    in_waves: bool
+    asked: frozenset[str]
     brute_force: bool
 
     @property
@@ -135,26 +186,23 @@ class KernelScene:
         """Whether shadow rays or occlusion rays start at the points that are shaded. The rays of paths are not
         considered."""
         effects = self.features
-        from_points = any(l.origin is None for l in self.lights) or self.looped_lights
+        from_points = any(l.origin is None for l in self.lights) or self.looped_lights or self.light_steps
         return bool(from_points and effects["shadows"]) or effects["sky occlusion"] or effects["near occlusion"]
 
-    def loop(self, n: int, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
-        """The state after n steps: in step j = 0, 1, ..., n - 1 the state becomes body(j, *state).
+    def loop(self, count: Any, active: Any, state: tuple, body: Callable) -> tuple:
+        """The state after `count` steps: in step j = 0, 1, ... the state becomes body(j, *state).
 
-        n: number of steps; used only if the loop is unrolled
-        count: the same number as opaque data; used otherwise
-        active: mask of the lanes that take part; not used if the loop is unrolled
+        count: number of steps, as opaque data
+        active: mask of the lanes that take part
 
-        The loop is symbolic, that is, a loop of the kernel. It is unrolled if derivatives are asked for, because Dr.Jit
-        1.5 does not differentiate loops inside loops.
+        The loop is a loop of the kernel. If derivatives are asked for, what a step adds to the state must not depend on
+        the state. Dr.Jit 1.5 does not differentiate loops inside loops; wavefront.py has none.
         """
-        if self.attached:
-            for j in range(n):
-                state = body(self.a.U(j), *state)
-            return state
         start = (dr.zeros(self.a.U, max(map(dr.width, state))), *state)
         step = lambda j, *state: (j + 1, *body(j, *state))  # noqa: E731 - the body with its counter
-        return dr.while_loop(start, lambda j, *_: (j < count) & active, step, label="repeated")[1:]
+        more = lambda j, *_: (j < count) & active  # noqa: E731 - the condition
+        sums_only = -1 if self.attached else None
+        return dr.while_loop(start, more, step, label="repeated", max_iterations=sums_only)[1:]
 
 
 def kernel_scene(
@@ -182,7 +230,8 @@ def kernel_scene(
     light_tables = tuple(columns.numbers for columns in packed.lights)
     inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
     attached = dr.grad_enabled(leaves(inputs, shared=True))
-    lights, looped = _lights(packed, geometry, features, a, attached)
+    in_waves = attached and _needs_waves(packed, geometry, features)
+    lights, looped = ((), ()) if in_waves else _lights(packed, geometry, features, a)
     parallel = isinstance(view, ParallelView)
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
@@ -205,6 +254,8 @@ def kernel_scene(
         camera_lists=camera_lists,
         lights=lights,
         looped_lights=looped,
+        light_steps=_light_steps(packed, geometry, a) if in_waves else (),
+        most_rows=dr.opaque(a.U, max(map(len, geometry.batches), default=0)),
         sky=packed.background,
         ambient=packed.ambient,
         lights_ambient=lights_ambient,
@@ -216,6 +267,8 @@ def kernel_scene(
         coverage=dr.opaque(a.F, float(not scene.film.transparent)),
         transparent=scene.film.transparent,
         attached=attached,
+        in_waves=in_waves,
+        asked=_asked(packed.materials, attached and features["bilinear"]),
         brute_force=brute_force,
     )
 
@@ -265,6 +318,13 @@ def _needed(material: Material, features: Features) -> Material:
     """The materials, with None for each field that no effect of the scene reads."""
     unused = [name for name, effects in FIELD_READERS.items() if not any(features[e] for e in effects)]
     return replace(material, **dict.fromkeys(unused))
+
+
+def _asked(materials: Material, attached_textures: bool) -> frozenset[str]:
+    """Names of the fields of materials that carry derivatives: their own, or those of the colour of a texture that
+    changes from point to point."""
+    own = (name for name in quantities(Material) if dr.grad_enabled(getattr(materials, name)))
+    return frozenset(own) | (frozenset({"kd"}) if attached_textures else frozenset())
 
 
 def _with_needed(batch: Batch, features: Features, a: Arrays, rank: Any) -> Batch:
@@ -346,12 +406,27 @@ def _parallel(
     return geometry.lists.get(build, "direction", direction, against, distance or 0.0)
 
 
-def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays, attached: bool) -> tuple:
-    """Two tuples: the lights that are unrolled, and the batches of lights that are looped over.
+def _loops_lights(packed: Packed, geometry: Geometry) -> bool:
+    """Whether lights of one kind are looped over, if there are several."""
+    return _too_many_lights(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
 
-    attached: whether derivatives are asked for; then no light is looped over
-    """
-    loops = not attached and _too_many_lights(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
+
+def _needs_waves(packed: Packed, geometry: Geometry, features: Features) -> bool:
+    """Whether a kernel with derivatives would need loops inside its loop over the samples of a pixel."""
+    effects = "paths", "area lights", "coloured shadows", "sky occlusion", "near occlusion"
+    return any(features[effect] for effect in effects) or _loops_lights(packed, geometry)
+
+
+def _light_steps(packed: Packed, geometry: Geometry, a: Arrays) -> tuple[LightSteps, ...]:
+    """The samples of all lights with a position, and those of all others, if there are any."""
+    looped = _loops_lights(packed, geometry)
+    groups = ([l for l in packed.lights if l.kind.has_position is wanted] for wanted in (True, False))
+    return tuple(LightSteps.of(a, group, looped) for group in groups if group)
+
+
+def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays) -> tuple:
+    """Two tuples: the lights that are unrolled, and the batches of lights that are looped over."""
+    loops = _loops_lights(packed, geometry)
     unrolled, looped = {}, []
     for columns in packed.lights:
         kind, table, samples = columns.kind, columns.numbers, columns.samples

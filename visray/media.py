@@ -113,8 +113,8 @@ def _nested_media(
         return (*leaves(near_side), *leaves(far_side))
 
     state = (*leaves(near_side), *leaves(far_side))
-    if size > policy.MAX_INLINED or (size > 1 and batch.kind.walks):
-        state = s.loop(size, dr.opaque(s.a.U, size), si.hit.valid, state, step)
+    if not s.attached and (size > policy.MAX_INLINED or (size > 1 and batch.kind.walks)):
+        state = s.loop(dr.opaque(s.a.U, size), si.hit.valid, state, step)
     else:
         for i in range(size):
             state = step(s.a.U(i), *state)

@@ -58,7 +58,7 @@ def _mean(s: KernelScene, si: Interaction, name: str, n: int, step: Any) -> Any:
     """
     count = s.sample_sets[name].count
     start = (dr.zeros(s.a.F, dr.width(si.surface.p)),)
-    total = s.loop(n, count, si.hit.valid, start, step)[0]
+    total = s.loop(count, si.hit.valid, start, step)[0]
     return dr.select(count > 0, total * dr.rcp(dr.maximum(s.a.F(count), 1)), 1)
 
 

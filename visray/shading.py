@@ -15,7 +15,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray import modes, occlusion
+from visray import light_loop, modes, occlusion
 from visray.direct import LightSample, direct
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene
@@ -57,7 +57,8 @@ def lit(s: KernelScene, si: Interaction) -> Any:
     all lights."""
     colour, on = ambient(s, si), s.features
     # Without both terms all lights are black, and Dr.Jit cannot trace a loop whose sum stays a literal zero.
-    return colour + direct(s, si, reflected) if on["diffuse"] or on["specular"] else colour
+    lights = light_loop.direct if s.light_steps else direct
+    return colour + lights(s, si, reflected) if on["diffuse"] or on["specular"] else colour
 
 
 def ambient(s: KernelScene, si: Interaction) -> Any:

@@ -3,8 +3,8 @@
 A row is one object in the kernel's tables. A batch is a set of rows of one kind, which share code. A lane is one entry
 of a Dr.Jit array; here it is one ray.
 
-Queries search without derivatives. interaction.py then evaluates a hit again, with derivatives. Only `transmittance`
-can carry derivatives itself.
+Queries search without derivatives. interaction.py then evaluates a hit again, with derivatives, and light_loop.py the
+rows that tint a shadow, with `tint_of_row`.
 With `brute_force=True` every row is tested, without guards and without a tree; the results are equal bit for bit
 (tests/test_search.py).
 """
@@ -112,7 +112,7 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
 
     a = origin.a
 
-    def stop(c: Candidate, segment: RaySegment, _: RaySegment | None, hidden: Any) -> tuple:
+    def stop(c: Candidate, segment: RaySegment, hidden: Any) -> tuple:
         return (hidden | occludes(segment),)
 
     def screen(lists: RowLists, d: Any, first: Any, end: Any, guarded: Callable, state: tuple) -> tuple:
@@ -154,31 +154,97 @@ def occluded(origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_for
 
 
 def transmittance(
-    origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, attached: bool, brute_force: bool = False
+    origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, brute_force: bool = False
 ) -> Any:
-    """The transmittance of each ray from its origin to its target, a colour. It is 1 without a row between them.
+    """The transmittance of each ray from its origin to its target, a colour, without derivatives. It is 1 without a row
+    between them.
 
     A row that the ray both enters and leaves multiplies the transmittance by kt (1 - min(d / dmax, 1)), where d is the
     length of the ray inside the row. A row that the ray only enters, or only leaves, multiplies it by kt. Opaque rows
     have kt = 0.
 
     tints: (kt, dmax) for each batch, arrays with one entry per object.
-    attached: whether the result carries derivatives by the tints and by d. Then the kernel has no branches.
     """
-    a = origin.a
+    a, tints = origin.a, detached(tints)
 
-    def tint(c: Candidate, segment: RaySegment, attached_segment: RaySegment | None, *state: Any) -> tuple:
-        object_index = origin.batches[c.batch].object_at(c.row)
-        kt, dmax = rows(tints[c.batch] if attached else detached(tints[c.batch]), object_index)
-        hit, passes_through, inside = passage(segment, attached_segment)
-        share = a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
-        return tuple(dr.select(hit, old * k * share, old) for old, k in zip(state, kt))
+    def change(c: Candidate, segment: RaySegment, *state: Any) -> tuple:
+        hit, tint = _tint(origin, c, segment, None, tints)
+        return tuple(dr.select(hit, old * k, old) for old, k in zip(state, tint))
 
     def dark(r: Any, g: Any, b: Any) -> Any:
         return (r == 0) & (g == 0) & (b == 0)
 
     start = tuple(dr.full(a.F, 1, _width(origin, ray)) for _ in range(3))
-    return a.V(*_between(origin, ray, target, active, brute_force or attached, start, tint, dark))
+    return a.V(*_between(origin, ray, target, active, brute_force, start, change, dark))
+
+
+def _tint(
+    origin: RayOrigin, c: Candidate, segment: RaySegment, attached: RaySegment | None, tints: tuple
+) -> tuple[Any, tuple]:
+    """(mask of the rays that a row tints, the factors of the three channels).
+
+    attached: the segment with derivatives, which the factors then carry; None without derivatives by the segment
+    tints: as in `transmittance`
+    """
+    kt, dmax = rows(tints[c.batch], origin.batches[c.batch].object_at(c.row))
+    hit, passes_through, inside = passage(segment, attached)
+    share = origin.a.F(dr.select(passes_through, 1 - dr.minimum(inside / dmax, 1), 1))
+    return hit, tuple(k * share for k in kt)
+
+
+@dataclass(frozen=True)
+class TintProduct:
+    """The transmittance of rays as a product without its factors 0, for each of three channels.
+
+    product: product of all factors that are not 0
+    zeros: number of factors that are 0
+    """
+
+    product: Any
+    zeros: Any
+
+    def whole(self) -> Any:
+        """The transmittance."""
+        return dr.select(self.zeros == 0, self.product, 0)
+
+    def without(self, tint: Any) -> Any:
+        """The product of all factors but one. tint: this factor."""
+        dark = tint == 0
+        rest = self.product / dr.select(dark, 1, tint)
+        return dr.select(self.zeros == dr.select(dark, type(self.zeros)(1), 0), rest, 0)
+
+
+def tint_product(
+    origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, brute_force: bool = False
+) -> TintProduct:
+    """The transmittance with its factors 0 counted, without derivatives. Arguments are those of `transmittance`."""
+    a, tints = origin.a, detached(tints)
+
+    def change(c: Candidate, segment: RaySegment, *state: Any) -> tuple:
+        hit, tint = _tint(origin, c, segment, None, tints)
+        product = (dr.select(hit & (k != 0), old * k, old) for old, k in zip(state[:3], tint))
+        zeros = (dr.select(hit & (k == 0), old + 1, old) for old, k in zip(state[3:], tint))
+        return *product, *zeros
+
+    n = _width(origin, ray)
+    start = *(dr.full(a.F, 1, n) for _ in range(3)), *(dr.zeros(a.F, n) for _ in range(3))
+    never = lambda *_: a.B(False)  # noqa: E731 - no state decides
+    state = _between(origin, ray, target, active, brute_force, start, change, never)
+    return TintProduct(a.V(*state[:3]), a.V(*state[3:]))
+
+
+def tint_of_row(
+    origin: RayOrigin, ray: Ray, target: Target, active: Any, tints: tuple, batch: int, row: Any
+) -> tuple[Any, Any]:
+    """(mask of the rays that one row tints, its factor of the transmittance, a colour with derivatives).
+
+    batch, row: number of the batch, and of the row in it, one for each ray. Other arguments: as in `transmittance`
+    """
+    segments = _Segments(origin, ray, target)
+    c = Candidate(batch, row, row + origin.batches[batch].first_row, True)
+    segment = segments.of(c, *segments.begin())
+    hit, tint = _tint(origin, c, segment, segments.attached(c, segment), tints)
+    return hit & active & ~origin.never_rehit(c, segments.ray), origin.a.V(*tint)
 
 
 def _width(origin: RayOrigin, ray: Ray) -> int:
@@ -186,42 +252,27 @@ def _width(origin: RayOrigin, ray: Ray) -> int:
     return max(dr.width(ray.d), dr.width(origin.o))
 
 
-def _between(
-    origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
-    finished: Callable, screen: Callable | None = None, decided: Callable | None = None,
-) -> tuple:  # fmt: skip
-    """The state (a tuple of arrays) after each ray is tested against all rows between its origin and its target.
+class _Segments:
+    """The segments of rays up to their targets, for tests against rows."""
 
-    start: the state before the first row.
-    change(c, segment, attached_segment, *state): function that returns the state after one row. `attached_segment` is
-        the segment with derivatives; None if neither the row nor the ray carries any.
-    finished(*state): function that returns a mask of the rays whose state no other row can change.
-    screen: as in Query
-    decided(*state): function that returns the state of rays that surely cross a row; None if that does not decide it.
-    """
-    a, attached_ray, attached_target = origin.a, ray, target
-    ray, target, active = detached(ray), detached(target), dr.detach(active)
-    d32, reach = a.V32(ray.d), a.F32(target.distance)
+    def __init__(self, origin: RayOrigin, ray: Ray, target: Target):
+        self.origin, self.ray, self.target = origin, detached(ray), detached(target)
+        self.attached_ray, self.attached_target = ray, target
 
-    def ends_on(c: Candidate) -> Any:
-        return a.B(False) if target.row is None else target.row == c.index
+    def begin(self) -> tuple[Ray, Any]:
+        """(the rays in double, the distances of their ends in double)."""
+        return self.target.exact(self.origin.a, self.ray)
 
-    def may_hit(c: Candidate, *state: Any) -> Any:
-        maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray)
-        maybe &= origin.guard_passes(c, d32, reach)
-        if target.row is None:
-            return maybe
-        # `never_rehit` also holds for the ray in the other direction, which starts at the end: such a ray cannot hit
-        # the row on which it starts.
-        return maybe & ~(ends_on(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
+    def ends_on(self, c: Candidate) -> Any:
+        """Mask of the segments that end on a row."""
+        return self.origin.a.B(False) if self.target.row is None else self.target.row == c.index
 
-    def begin() -> tuple[Ray, Any]:
-        return target.exact(a, ray)
-
-    def segment_of(c: Candidate, exact_ray: Ray, distance: Any) -> RaySegment:
+    def of(self, c: Candidate, exact_ray: Ray, distance: Any) -> RaySegment:
+        """The segments for a test against a row. exact_ray, distance: results of `begin`."""
+        a, origin, target = self.origin.a, self.origin, self.target
         batch = origin.batches[c.batch]
         kind, placed, seen = batch.kind, rows(batch.placed, c.row), origin.seen_row(c)
-        on_end, inward = ends_on(c), a.B(False) if target.inward is None else target.inward
+        on_end, inward = self.ends_on(c), a.B(False) if target.inward is None else target.inward
         error = a.D(target.error)
         end_part = target.part if kind.uses_part else None
         if target.may_touch:
@@ -237,20 +288,48 @@ def _between(
         known = replace(origin.start(c, exact_ray), on_end=on_end, inward=inward, end_part=end_part, end_error=error)
         return RaySegment(kind, placed, seen, exact_ray, exact_ray.begin(known), distance, known)
 
-    def attached(c: Candidate, segment: RaySegment) -> RaySegment | None:
+    def attached(self, c: Candidate, segment: RaySegment) -> RaySegment | None:
+        """The segment with derivatives; None if neither the row nor the ray carries any."""
         if segment.kind.finds_roots or segment.kind.walks:
             # gradients.py refuses transparent rows of such kinds. So this row is opaque, and it makes the transmittance
             # 0 whatever the length inside.
             return None
-        placed = origin.geometry.batches[c.batch].placed
-        if not dr.grad_enabled(leaves((placed, attached_ray), shared=True)):
+        placed = self.origin.geometry.batches[c.batch].placed
+        if not dr.grad_enabled(leaves((placed, self.attached_ray), shared=True)):
             return None
-        placed, (exact_ray, end) = rows(placed, c.row), attached_target.exact(a, attached_ray)
-        return replace(segment, placed=placed, seen=segment.kind.seen(placed, attached_ray.o), ray=exact_ray, end=end)
+        placed = rows(placed, c.row)
+        exact_ray, end = self.attached_target.exact(self.origin.a, self.attached_ray)
+        seen = segment.kind.seen(placed, self.attached_ray.o)
+        return replace(segment, placed=placed, seen=seen, ray=exact_ray, end=end)
+
+
+def _between(
+    origin: RayOrigin, ray: Ray, target: Target, active: Any, brute_force: bool, start: tuple, change: Callable,
+    finished: Callable, screen: Callable | None = None, decided: Callable | None = None,
+) -> tuple:  # fmt: skip
+    """The state (a tuple of arrays) after each ray is tested against all rows between its origin and its target.
+
+    start: the state before the first row.
+    change(c, segment, *state): function that returns the state after one row.
+    finished(*state): function that returns a mask of the rays whose state no other row can change.
+    screen: as in Query
+    decided(*state): function that returns the state of rays that surely cross a row; None if that does not decide it.
+    """
+    a, segments = origin.a, _Segments(origin, ray, target)
+    ray, target, active = segments.ray, segments.target, dr.detach(active)
+    d32, reach = a.V32(ray.d), a.F32(target.distance)
+
+    def may_hit(c: Candidate, *state: Any) -> Any:
+        maybe = active & ~finished(*state) & c.present & ~origin.never_rehit(c, ray)
+        maybe &= origin.guard_passes(c, d32, reach)
+        if target.row is None:
+            return maybe
+        # `never_rehit` also holds for the ray in the other direction, which starts at the end: such a ray cannot hit
+        # the row on which it starts.
+        return maybe & ~(segments.ends_on(c) & origin.batches[c.batch].kind.never_rehit(target.inward))
 
     def intersect(c: Candidate, *state: Any, begun: tuple | None = None) -> tuple:
-        segment = segment_of(c, *(begun or begin()))
-        return change(c, segment, attached(c, segment), *state)
+        return change(c, segments.of(c, *(begun or segments.begin())), *state)
 
     def certain(exact_ray: Ray, distance: Any) -> Certain:
         # The rounding error of the end bounds that of its distance from a row (culling.point_rounding).
@@ -261,7 +340,7 @@ def _between(
     # The distance in single has a few rounding errors.
     farthest = a.D(target.distance) * (1 + gamma(16, "single"))
     query = Query(
-        may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, begin, screen,
+        may_hit, intersect, lambda _: farthest, lambda *state: finished(*state) | ~active, segments.begin, screen,
         decided and certain,
     )  # fmt: skip
     return traverse(origin, query, ray, start, brute_force)

@@ -164,7 +164,7 @@ def transmittances(ours: VisrayScene, traced: TracedRays, shadow_rays: ShadowRay
     active: mask of the lanes that matter, (N)
     """
     materials = tuple((batch.material.kt, batch.material.dmax) for batch in ours.kernel.batches)
-    return to_numpy(transmittance(*_search(ours, traced, shadow_rays, True), ours.a.B(active), materials, False))
+    return to_numpy(transmittance(*_search(ours, traced, shadow_rays, True), ours.a.B(active), materials))
 
 
 def _search(

@@ -131,8 +131,7 @@ class KernelScene:
     camera_lists: lists of rows for the rays of an orthographic camera; None for other cameras, or without lists
     lights: lights that are unrolled in the kernel
     looped_lights: lights that the kernel loops over
-    light_steps: samples of all lights, if the kernel visits them in loops with derivatives; then `lights` and
-        `looped_lights` are empty
+    light_steps: samples of all lights, if the kernel visits them in loops with derivatives; else empty
     most_rows: largest number of rows of a batch, as opaque data
     sky: background
     ambient: ambient light of the scene
@@ -231,7 +230,7 @@ def kernel_scene(
     inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
     attached = dr.grad_enabled(leaves(inputs, shared=True))
     in_waves = attached and _needs_waves(packed, geometry, features)
-    lights, looped = ((), ()) if in_waves else _lights(packed, geometry, features, a)
+    lights, looped = _lights(packed, geometry, features, a)
     parallel = isinstance(view, ParallelView)
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):

@@ -375,11 +375,11 @@ def test_the_search_for_cycles_goes_on_afterwards() -> None:
 
 
 def test_deep_files_are_refused_or_judged() -> None:
-    for depth in (100, 600, 900):
-        raw = parse('{"camera": ' + "[" * depth + "]" * depth + "}", "x").raw
-        assert examined(raw)[1][0].startswith("camera = [[[[")
-    with pytest.raises(vr.UserError, match="x: is nested too deeply"):
-        parse("[" * 5000 + "]" * 5000, "x")
+    raw = parse('{"camera": ' + "[" * 99 + "]" * 99 + "}", "x").raw
+    assert examined(raw)[1][0].startswith("camera = [[[[")
+    for depth in (100, 600, 900, 5000):
+        with pytest.raises(vr.UserError, match="x: is nested deeper than 100"):
+            parse('{"camera": ' + "[" * depth + "]" * depth + "}", "x")
 
 
 def test_keys_that_are_written_twice_are_found_at_any_depth() -> None:

@@ -19,8 +19,6 @@ import drjit as dr
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from visray import llvm
-
 
 class Quantity(NamedTuple):
     """How a field enters a kernel.
@@ -142,8 +140,6 @@ class Arrays:
     @staticmethod
     def of(backend: str = "llvm", precision: str = "single") -> "Arrays":
         """The array types of a backend, with shading in the given precision."""
-        if backend == "llvm":
-            llvm.prepare()
         lib = import_module(BACKENDS[backend])
         double = (lib.Float32, lib.Array3f) if backend == "metal" else (lib.Float64, lib.Array3f64)
         shading = double if precision == "double" else (lib.Float32, lib.Array3f)

@@ -46,6 +46,11 @@ def main(tokens: list[str] | None = None) -> int:
 
 def _run(tokens: list[str] | None) -> int:
     """Runs a command and returns its exit code. Raises UserError if there is no such command or option."""
+    if (sys.argv[1:] if tokens is None else tokens) == ["--version"]:
+        from visray.version import __version__  # at once, without the help of cyclopts
+
+        terminal.write_line(__version__)
+        return 0
     from cyclopts import CycloptsError  # here, because its import may be interrupted, like that of the commands
 
     # Commands that need no Dr.Jit do without it, and errors in a scene are seen before it is loaded.

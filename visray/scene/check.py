@@ -9,6 +9,7 @@ shortcut, to report all errors at once.
 """
 
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass, replace
 from typing import Any
 
@@ -24,8 +25,9 @@ from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import FARTHEST, Name
 from visray.scene.garbage import uncollected
-from visray.scene.messages import hint, line, lines
+from visray.scene.messages import hint, limited, line, lines
 from visray.scene.scene import ADAPTER, Scene
+from visray.scene.source import half_characters
 from visray.scene.validated import plain, remember, validated
 from visray.terminal import printable
 from visray.transforms import Transform, bounds, compose
@@ -84,7 +86,9 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     try:
         scene = ADAPTER.validate_python(raw)
     except ValidationError as error:
-        return None, [printable(text) for text in lines(error, raw) + _flaws_of_the_rest(raw, error)]
+        # pydantic shows half a character as another one, so its addresses would lead nowhere.
+        found = half_characters(raw) or lines(error, raw) + _flaws_of_the_rest(raw, error)
+        return None, limited(map(printable, found))
     return scene, flaws(scene)
 
 
@@ -215,16 +219,20 @@ def flaws(scene: Scene) -> list[str]:
     Each flaw is one line: `ADDRESS = VALUE: what is wrong; what would be right`.
     """
     with np.errstate(all="ignore"):
-        texts = _camera_flaws(scene.camera)
-        for name, material in scene.materials.items():
-            texts += _texture_flaws(scene, f"materials.{name}.texture", material.texture)
-        for name, light in scene.lights.items():
-            texts += _own_flaws(f"lights.{name}", light)
-        for name, shape in scene.geometries.items():
-            texts += _geometry_flaws(scene, name, shape)
-        for name, shape in scene.objects.items():
-            texts += _object_flaws(scene, f"objects.{name}", shape)
-        return [printable(text) for text in texts]
+        return limited(map(printable, _all_flaws(scene)))
+
+
+def _all_flaws(scene: Scene) -> Iterator[str]:
+    """The flaws of a scene. They are found one after another, because a message about a name takes a while."""
+    yield from _camera_flaws(scene.camera)
+    for name, material in scene.materials.items():
+        yield from _texture_flaws(scene, f"materials.{name}.texture", material.texture)
+    for name, light in scene.lights.items():
+        yield from _own_flaws(f"lights.{name}", light)
+    for name, shape in scene.geometries.items():
+        yield from _geometry_flaws(scene, name, shape)
+    for name, shape in scene.objects.items():
+        yield from _object_flaws(scene, f"objects.{name}", shape)
 
 
 def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:

@@ -8,8 +8,9 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
+from itertools import islice
 from types import NoneType
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -20,6 +21,10 @@ from visray.transforms import STEPS
 
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
 LONGEST_VALUE = 60
+# Largest number of choices that a hint lists, and of those in which it looks for a similar one.
+LISTED, COMPARED = 60, 200
+# Largest number of errors of one scene that are reported.
+MOST = 50
 
 
 def line(address: str, value: Any, text: str) -> str:
@@ -36,14 +41,25 @@ def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     quote: quotation mark around the suggested word.
     """
     choices = list(choices)
-    listed = f"one of {', '.join(choices)}" if choices else "there is none"
+    more = f", and {len(choices) - LISTED} more" if len(choices) > LISTED else ""
+    listed = f"one of {', '.join(choices[:LISTED])}{more}" if choices else "there is none"
     similar = _similar(word, choices) if isinstance(word, str) else []
     return f"did you mean {quote}{similar[0]}{quote}? ({listed})" if similar else listed
 
 
 def _similar(word: str, choices: list[str]) -> list[str]:
     """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`."""
-    return [c for c in choices if c.casefold() == word.casefold()] or get_close_matches(word, choices, 1)
+    if same := [c for c in choices if c.casefold() == word.casefold()]:
+        return same
+    if len(choices) > COMPARED:
+        choices = [c for c in choices if c[:1].casefold() == word[:1].casefold()][:COMPARED]
+    return get_close_matches(word, choices, 1)
+
+
+def limited(texts: Iterable[str]) -> list[str]:
+    """List of the first messages, as many as a user can read, with a last one if there are more."""
+    first = list(islice(texts, MOST + 1))
+    return first if len(first) <= MOST else [*first[:MOST], f"there are more than {MOST} errors; correct these first"]
 
 
 def lines(error: ValidationError, raw: Any) -> list[str]:
@@ -139,7 +155,10 @@ def _dotted(address: tuple) -> str:
 
 def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
     """Message about a value of a wrong type. `annotation`: the right type."""
-    return line(_dotted(address), _value(raw, address), f"must be {describe(annotation)}")
+    value = _value(raw, address)
+    named = isinstance(value, list) and value and get_origin(bare(annotation)) is dict
+    example = ', such as {"NAME": {...}}' if named else ""
+    return line(_dotted(address), value, f"must be {describe(annotation)}{example}")
 
 
 # Messages for pydantic's types of errors. The names in braces stand for values that the error contains.

@@ -1,6 +1,7 @@
 """Strict reading of JSON files. Errors give the line and the column."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -12,6 +13,12 @@ from visray.scene.garbage import uncollected
 
 # A whole number of at most this many digits fits a double. A longer one is read as a float, which may be infinite.
 LONGEST_INTEGER = 300
+# Largest number of objects and lists around a value. Python's own limit depends on who calls.
+DEEPEST = 100
+# Bytes of a JSON text other than brackets, and a table that makes all brackets square.
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+_SQUARE = bytes.maketrans(b"{}", b"[]")
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 @dataclass(frozen=True)
@@ -88,12 +95,70 @@ def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
     to_object: function that makes the dict of a JSON object from its (key, value) pairs.
     """
     try:
-        return json.loads(text, object_pairs_hook=to_object, parse_int=_integer)
+        raw = json.loads(text, object_pairs_hook=to_object, parse_int=_integer)
     except json.JSONDecodeError as error:
-        reason = error.msg[0].lower() + error.msg[1:]
-        raise UserError(f"{name}: line {error.lineno}, column {error.colno}: is not JSON: {reason}") from None
+        position, reason = _reason(text, error)
+        line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
+        raise UserError(f"{name}: line {line}, column {column}: is not JSON: {reason}") from None
     except RecursionError:
-        raise UserError(f"{name}: is nested too deeply") from None
+        raise UserError(_too_deep(name)) from None
+    if _is_too_deep(text):
+        raise UserError(_too_deep(name))
+    if "\\u" in text and (halves := half_characters(raw)):
+        raise UserError(*(f"{name}: {half}" for half in halves))
+    return raw
+
+
+def _reason(text: str, error: json.JSONDecodeError) -> tuple[int, str]:
+    """Position of the fault in a text that is no JSON, and what is wrong there.
+
+    Python's own message names the next token, which may be on another line.
+    """
+    rest, before = text[error.pos :].lstrip(), text[: error.pos].rstrip()
+    if before.endswith(",") and rest[:1] in ("]", "}"):
+        return len(before) - 1, f"no comma belongs before '{rest[0]}'; leave it out"
+    if rest[:1] == "," and before.endswith(","):
+        return len(before), "there are two commas; leave one out"
+    if rest[:2] in ("//", "/*") or rest[:1] == "#":
+        return error.pos, "JSON has no comments; leave it out"
+    if not rest:
+        return len(before), "the file ends too early"
+    if error.msg.startswith("Expecting ','") and "\n" in text[len(before) : error.pos]:
+        return len(before), "a comma is missing here, or a bracket"
+    return error.pos, error.msg[0].lower() + error.msg[1:]
+
+
+def _is_too_deep(text: str) -> bool:
+    """Whether a JSON text is nested deeper than DEEPEST."""
+    brackets = _STRING.sub("", text).encode("utf-8", "replace").translate(None, _NO_BRACKETS).translate(_SQUARE)
+    for _ in range(DEEPEST):
+        if not brackets:
+            return False
+        brackets = brackets.replace(b"[]", b"")
+    return bool(brackets)
+
+
+def _too_deep(name: str) -> str:
+    """Message about a JSON text that is nested too deeply."""
+    return f"{name}: is nested deeper than {DEEPEST} objects and lists; no scene needs that"
+
+
+def half_characters(raw: Any, address: str = "") -> list[str]:
+    """List with a message for each text in dicts, lists and values that contains half a character. Such a half, which
+    Python calls a surrogate, is no character, and cannot be written to a file.
+
+    address: address of `raw`, and a dot.
+    """
+    if isinstance(raw, str):
+        half = next((c for c in raw if "\ud800" <= c <= "\udfff"), None)
+        where = f"{address}{json.dumps(raw)}"
+        return [f"{where}: \\u{ord(half):x} is half a character; write the whole one"] if half else []
+    if isinstance(raw, dict):
+        keys = [text for key in raw for text in half_characters(key, address)]
+        return keys + [text for key, value in raw.items() for text in half_characters(value, f"{address}{key}.")]
+    if isinstance(raw, (list, tuple)):
+        return [text for i, value in enumerate(raw) for text in half_characters(value, f"{address}{i}.")]
+    return []
 
 
 def _integer(digits: str) -> int | float:
@@ -117,9 +182,11 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
 
 def neighbour(path: Path) -> str:
     """Hint at a file with a similar name in the same folder; "" if there is none."""
-    if not path.parent.is_dir():
-        return ""
     # Names are compared without their suffix, because files of one type all have the same one.
-    files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
+    try:
+        files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
+    except (OSError, ValueError):
+        # There is no such folder, or it may not be listed.
+        return ""
     similar = get_close_matches(path.stem, files, 1)
     return f"; did you mean {str(path.parent / files[similar[0]])!r}?" if similar else ""

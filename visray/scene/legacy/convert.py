@@ -61,8 +61,13 @@ def is_legacy_scene(raw: Any) -> bool:
         return False
     if any(key.strip(" :").casefold() == "typescene" for key in raw):
         return True
-    has_list = any(isinstance(raw.get(key), list) for key in ("objects", "properties", "attributes"))
-    return has_list and not VISRAY_KEYS & raw.keys()
+    if VISRAY_KEYS & raw.keys():
+        return False
+    objects = raw.get("objects")
+    # A list of objects alone may be a mistake in a visray scene. In a VisRayTrace scene, objects have names.
+    named = isinstance(objects, list) and any(isinstance(entry, dict) and "name" in entry for entry in objects)
+    others = any(isinstance(raw.get(key), list) for key in ("properties", "attributes"))
+    return named or others or (isinstance(objects, list) and "scene" in raw)
 
 
 def is_legacy_setup(raw: Any) -> bool:

@@ -59,7 +59,7 @@ certificate provenance renderer
 edges
 gradients
 study
-cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
+cli.stuck cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

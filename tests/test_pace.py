@@ -9,7 +9,7 @@ import pytest
 
 from visray import clock
 from visray import pass_timer as pace
-from visray.pass_timer import GROWTH, PASS_SECONDS, RUN_PER_TRACE, SAFE_SHARE, PassTimer
+from visray.pass_timer import GROWTH, LONGEST_PASS, PASS_SECONDS, RUN_PER_TRACE, SAFE_SHARE, PassTimer
 from visray.passes import empty_film, exposed_once
 from visray.primitives import Sphere
 from visray.scene.scene import Film, Scene, Settings
@@ -34,7 +34,9 @@ def test_small_passes_do_not_tell_how_long_samples_take(monkeypatch: pytest.Monk
     assert found.sample_seconds == pytest.approx(4e-4)
 
 
-@pytest.mark.parametrize(("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.2, RUN_PER_TRACE * 0.2)])
+@pytest.mark.parametrize(
+    ("tracing", "seconds"), [(0.01, PASS_SECONDS), (0.1, RUN_PER_TRACE * 0.1), (0.5, LONGEST_PASS), (2.0, 4.0)]
+)
 def test_passes_run_long_against_their_tracing(tracing: float, seconds: float) -> None:
     found = PassTimer(tracing, 1e-6, 10**6)
     assert found.next_seconds() == pytest.approx(seconds) and found.next_samples() == pytest.approx(seconds / 1e-6)

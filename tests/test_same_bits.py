@@ -1,5 +1,6 @@
 """The same scene, seed and samples give the same bits, however the work was cut: into passes, films, files, threads."""
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -17,7 +18,7 @@ from test_render import CHANGES, SHOW, at, compiled, many
 from virtual import Machine
 
 from visray import integrator, passes
-from visray.errors import UserError
+from visray.errors import StoppedWarning, UserError
 from visray.film import Film, PictureIdentity
 from visray.geometry import gamma
 from visray.lights import RectangleLight
@@ -411,3 +412,75 @@ def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="does not exist; create it first"):
         exposed_once(made, empty_film(made), 5).save(tmp_path / "no" / "a.film")
     assert path.read_bytes() == whole and sorted(p.name for p in tmp_path.iterdir()) == ["a.film", "b.npz"]
+
+
+def cut(monkeypatch: pytest.MonkeyPatch, room: int) -> list[int]:
+    """Makes each launch take at most `room` samples. Returns a list to which the pixels of each launch are added."""
+    launches: list[int] = []
+
+    def counted(made: Prepared, film: Film, *more: Any) -> Film:
+        launches.append(len(film.counts))
+        return exposed_once(made, film, *more)
+
+    monkeypatch.setattr(passes, "first_pass_samples", lambda made: 1)
+    monkeypatch.setattr(passes, "_least_samples", lambda made: room)
+    monkeypatch.setattr(passes.PassTimer, "next_samples", lambda timer: room)
+    monkeypatch.setattr(passes, "exposed_once", counted)
+    return launches
+
+
+@EACH
+@FILMS
+def test_a_pass_of_several_launches_is_one_of_one(
+    sampler: str, transparent: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, launches = made_of(sampler, transparent), cut(monkeypatch, 100)
+    monkeypatch.setattr(passes.PassTimer, "next_samples", lambda timer: 100 if len(launches) < 8 else 1e6)
+    film, done = expose(made)
+    assert done == SPP and same(film, at_once(sampler, transparent))
+    n = len(made.order)
+    assert launches[:4] == [96, 96, n - 192, 96] and launches[-1] == n
+
+
+def test_stopped_within_a_sample_and_taken_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, interrupts, n = made_of("sobol"), Interrupts(has_results=False), len(made_of("sobol").order)
+    interrupts.requested = True
+    launches = cut(monkeypatch, 100)
+    film, done = expose(made, interrupts=interrupts)
+    assert done == 0 and launches == [96] and film.counts.sum() == 96 and interrupts.has_results
+    monkeypatch.undo()
+    assert same(expose(made, film=film)[0], at_once("sobol"))
+    # The pixels that have a sample are spread over the picture.
+    sampled = np.zeros(n, bool)
+    sampled[made.order] = film.counts > 0
+    rows, columns = sampled.reshape(14, 21).any(1), sampled.reshape(14, 21).any(0)
+    assert rows.mean() > 0.5 < columns.mean()
+
+
+def test_lanes_are_spread_evenly() -> None:
+    for n in (1, 15, 16, 17, 294, 1000):
+        lanes = passes._spread(n)
+        assert np.array_equal(np.sort(lanes), np.arange(n))
+    lanes = passes._spread(4096)
+    for k in range(0, 4096, 512):
+        assert abs(lanes[k : k + 512].mean() / 4096 - 0.5) < 0.1
+        assert all((lanes[k : k + 512] // 1024 == q).sum() == 128 for q in range(4))
+
+
+def test_a_picture_without_some_samples_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    launches = cut(monkeypatch, 100)
+
+    def stopped(made: Prepared, film: Film, *more: Any) -> Film:
+        launches.append(len(film.counts))
+        signal.raise_signal(signal.SIGINT)
+        return exposed_once(made, film, *more)
+
+    monkeypatch.setattr(passes, "exposed_once", stopped)
+    with pytest.warns(StoppedWarning, match="^stopped when 96 of 294 pixels had a sample; the others are transparent$"):
+        image = render(made_of("sobol"), progress=False)
+    assert image.metadata["spp"] == 0 and image.metadata["interrupted"] == 1 and launches == [96]
+    seen = image["A"] > 0
+    assert seen.sum() == 96 and not image["RGB"][~seen].any() and image["RGB"][seen].any()
+    monkeypatch.undo()
+    whole = render(replace(made_of("sobol").scene, settings=replace(SOFT.settings, sampler="sobol", spp=1)))
+    assert np.array_equal(image["RGB"][seen], whole["RGB"][seen])

@@ -6,13 +6,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from visray import tables, terminal
-from visray.cli import program
+from visray.cli import program, stuck
 from visray.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -174,3 +175,45 @@ def test_ctrl_c_while_an_object_is_deleted_is_not_lost():
         Slow()
         for _ in range(1000):
             time.sleep(0.01)
+
+
+# The program, in which the main thread runs compiled code for hours, and Ctrl-C is pressed several times.
+BUSY = """
+import hashlib, signal, sys, threading, time
+from visray.cli import program, stuck
+from visray.progress import Interrupts
+
+def press():
+    for _ in range({times}):
+        time.sleep(0.3)
+        signal.raise_signal(signal.SIGINT)
+
+def run(tokens):
+    with Interrupts(has_results={has_results}):
+        threading.Thread(target=press, daemon=True).start()
+        hashlib.pbkdf2_hmac("sha512", b"", b"", 2**31 - 1)
+
+program._run = run
+sys.exit(program.main([]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("times", "has_results", "line"),
+    [(1, False, "stopped before anything could be kept"), (2, True, "stopped; nothing is kept")],
+)
+def test_ctrl_c_while_compiled_code_runs(times, has_results, line):
+    script = BUSY.format(times=times, has_results=has_results)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", f"visray: {line}\n")
+
+
+def test_ctrl_c_that_is_answered_ends_nothing():
+    """A thread watches; it says nothing if the main thread answers, and ends with the block."""
+    threads = threading.active_count()
+    with program._Stop.caught() as stop, stuck.watched(99):
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert stop.count == 1 and not stop.loses_nothing() and not stuck._loses_nothing()
+    assert threading.active_count() == threads

@@ -14,5 +14,9 @@ class RangeWarning(UserWarning):
     """A file cannot hold some numbers of a picture: they are clamped."""
 
 
+class StoppedWarning(UserWarning):
+    """A picture was stopped before each of its pixels had a sample, or before its layers were computed."""
+
+
 class GoalWarning(UserWarning):
     """The error of a picture is larger than was asked for, or it is unknown."""

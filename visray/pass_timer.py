@@ -13,8 +13,9 @@ import drjit as dr
 
 from visray import clock
 
-# A pass should run PASS_SECONDS, or RUN_PER_TRACE times as long as its tracing takes, whichever is longer.
-PASS_SECONDS, RUN_PER_TRACE = 0.5, 8
+# A pass should run PASS_SECONDS, or RUN_PER_TRACE times as long as its tracing takes, whichever is longer. But a user
+# waits for its end after Ctrl-C: at most LONGEST_PASS, or twice its tracing if that is longer.
+PASS_SECONDS, RUN_PER_TRACE, LONGEST_PASS = 0.5, 8, 1.5
 # A pass takes at most this many times the samples of the pass that was measured.
 GROWTH = 64
 # A pass is planned for at most this share of the seconds left, because its samples may take longer than those before.
@@ -31,11 +32,13 @@ class PassTimer:
     trace_seconds: seconds that tracing a pass takes
     sample_seconds: seconds that one sample of one pixel takes; None before the first measurement
     timed_samples: number of samples in the pass that `sample_seconds` was measured on, over all pixels
+    compile_seconds: seconds that compiling the kernels of all passes took
     """
 
     trace_seconds: float = 0.0
     sample_seconds: float | None = None
     timed_samples: int = 0
+    compile_seconds: float = 0.0
 
     def evaluate(self, begun: float, samples: int, moments: Any) -> float:
         """Computes the moments of one pass, and records how long tracing and running took. Compiling counts as neither.
@@ -46,7 +49,9 @@ class PassTimer:
         moments: the pass's result, traced but not yet computed
         """
         self.trace_seconds = clock.now() - begun
+        evaluated = clock.now()
         ran = timed_eval(moments)
+        self.compile_seconds += max(clock.now() - evaluated - ran, 0.0)
         # A much smaller pass is not measured, because other costs than its samples dominate there.
         if self.sample_seconds is None or 4 * samples >= self.timed_samples:
             self.sample_seconds, self.timed_samples = ran / samples, samples
@@ -63,7 +68,8 @@ class PassTimer:
         """
         if left < 2 * self.trace_seconds or left <= 0:
             return 0.0
-        return min(max(PASS_SECONDS, RUN_PER_TRACE * self.trace_seconds), SAFE_SHARE * (left - self.trace_seconds))
+        seconds = min(max(PASS_SECONDS, RUN_PER_TRACE * self.trace_seconds), max(LONGEST_PASS, 2 * self.trace_seconds))
+        return min(seconds, SAFE_SHARE * (left - self.trace_seconds))
 
     def next_samples(self) -> float:
         """Number of samples that the next pass should take, over all pixels. Domain: after a first pass."""

@@ -1,5 +1,5 @@
 """Renders a prepared scene into a film, in passes. A pass takes some samples for the pixels of the film, with one
-kernel."""
+kernel. Where even a single sample of all pixels takes long, a pass consists of several launches of this kernel."""
 
 from dataclasses import replace
 
@@ -7,10 +7,14 @@ import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
+from visray.moments import Moments
 from visray.pass_timer import PassTimer
 from visray.progress import Bar, Interrupts
 from visray.sampling import SamplePlan
 from visray.setup import Prepared
+
+# Number of lanes that a processor computes together, with the widest registers.
+PACKET = 16
 
 
 def subset(prepared: Prepared, lanes: np.ndarray) -> Prepared:
@@ -26,46 +30,113 @@ def empty_film(prepared: Prepared) -> films.Film:
 
 
 def expose(
-    prepared: Prepared, progress: bool = False, interrupts: Interrupts | None = None, film: films.Film | None = None
+    prepared: Prepared,
+    progress: bool = False,
+    interrupts: Interrupts | None = None,
+    film: films.Film | None = None,
+    timer: PassTimer | None = None,
 ) -> tuple[films.Film, int]:
     """Takes all samples that the scene's settings ask for. Returns the film, and the smallest number of samples of a
-    pixel. Ctrl-C ends the work after the current pass; this number is then smaller than asked for.
+    pixel. Ctrl-C ends the work after the current launch; this number is then smaller than asked for, perhaps 0.
 
     progress: whether a progress bar is shown
     film: film to continue, of the same picture and pixels; None starts an empty film
+    timer: records how long the passes take
 
     The result is bit for bit that of a single pass with all samples. It does not depend on how samples are divided into
     passes or pixels into films, nor on the number of threads (tests/test_same_bits.py).
     """
-    interrupts, timer = interrupts or Interrupts(), PassTimer()
+    interrupts, timer = interrupts or Interrupts(), timer or PassTimer()
     if film is None:
         film = empty_film(prepared)
     film.check(films.PictureIdentity(prepared.scene, prepared.a), prepared.order)
     settings, n = prepared.scene.settings, len(prepared.order)
-    passes = -(-settings.spp * n // max(first_pass_samples(prepared), n))
-    count = -(-settings.spp // passes)
+    first = first_pass_samples(prepared)
+    passes = -(-settings.spp * n // max(first, n))
+    count, room = -(-settings.spp // passes), first if first >= n else _least_samples(prepared)
     with Bar("rendering", settings.spp, progress) as bar:
-        while (done := int(film.counts.min())) < settings.spp and not (done and interrupts.requested):
-            target = min(done + count, settings.spp)
-            film = exposed_once(prepared, film, np.maximum(film.counts, target), timer)
-            bar.update(target)
-            count = max(1, round(timer.next_samples() / n))
+        while (done := int(film.counts.min())) < settings.spp and not (film.counts.any() and interrupts.requested):
+            targets = np.maximum(film.counts, min(done + count, settings.spp))
+            if n > room:
+                film = _exposed_in_parts(prepared, film, targets, room, timer, bar, interrupts)
+            else:
+                film = exposed_once(prepared, film, targets, timer)
+            interrupts.has_results = True
+            bar.update(film.counts.mean())
+            room = timer.next_samples()
+            count = max(1, round(room / n))
     return film, done
+
+
+def _exposed_in_parts(
+    prepared: Prepared,
+    film: films.Film,
+    targets: np.ndarray,
+    room: float,
+    timer: PassTimer,
+    bar: Bar,
+    interrupts: Interrupts,
+) -> films.Film:
+    """The film after one more pass, whose pixels are divided into several launches. Each is as short as a pass should
+    be, even if a single sample of all pixels takes minutes. After Ctrl-C, some pixels have no new sample.
+
+    targets: number of samples that each lane has after the pass
+    room: number of samples that the first launch may take; the timer decides about the others
+    """
+    a, counts = prepared.a, film.counts.copy()
+    moments = [np.array(x) for x in film.moments.arrays]
+    lanes = _spread(len(counts))
+    while len(lanes) and not (counts.any() and interrupts.requested):
+        # A launch has whole packets of lanes. With fewer lanes it would take as long.
+        size = max(int(room / max((targets - counts)[lanes].mean(), 1)) // PACKET, 1) * PACKET
+        now, lanes = np.split(lanes, [size if len(lanes) - size >= PACKET else len(lanes)])
+        kinds = Moments.types(a)
+        part = films.Film(a, Moments(*(a.put(k, x[..., now]) for k, x in zip(kinds, moments))), counts[now], now)
+        part = exposed_once(subset(prepared, now), part, targets[now], timer)
+        for x, new in zip(moments, part.moments.arrays):
+            x[..., now] = np.array(new)
+        counts[now] = part.counts
+        interrupts.has_results = True
+        bar.update(counts.mean())
+        room = timer.next_samples()
+    return film.with_moments(Moments(*(a.put(k, x) for k, x in zip(Moments.types(a), moments))), counts)
+
+
+def _spread(n: int) -> np.ndarray:
+    """The lanes 0 to n - 1, in an order in which any range of them is spread over the whole picture. So all ranges take
+    about the same time, and a picture that is stopped has pixels everywhere.
+
+    Packets of lanes, which are neighbouring pixels, stay together. They are ordered by their reversed binary numbers.
+    """
+    packets = np.arange(-(-n // PACKET))
+    bits = max(int(packets[-1]).bit_length(), 1)
+    reverse = sum(((packets >> k) & 1) << (bits - 1 - k) for k in range(bits))
+    lanes = (np.argsort(reverse, kind="stable")[:, None] * PACKET + np.arange(PACKET)).ravel()
+    return lanes[lanes < n]
 
 
 def first_pass_samples(prepared: Prepared) -> int:
     """Number of samples that the first pass should take, over all pixels. The pass should last a fraction of a second,
     estimated from the number of rays per sample and the kinds of objects."""
+    # A small picture is a single pass, traced once, if that takes no more than about two seconds.
+    return max(_least_samples(prepared), min(2**18, 2**27 // _rays_per_sample(prepared)), 1)
+
+
+def _least_samples(prepared: Prepared) -> int:
+    """Number of samples that surely last no more than a fraction of a second."""
+    has_tree = bool(prepared.kernel.geometry.plan("nothing").tree)
+    has_searched_kinds = any(b.kind.finds_roots for b in prepared.kernel.batches)
+    return 2**25 // (_rays_per_sample(prepared) * (8 if has_tree else 1) * (64 if has_searched_kinds else 1))
+
+
+def _rays_per_sample(prepared: Prepared) -> int:
+    """Estimated number of rays that one sample of a pixel sends."""
     s = prepared.kernel
     effects, settings = s.features, s.settings
     rays = 1 + sum(getattr(light, "samples", 1) for light in prepared.scene.lights.values())
     rays += settings.occlusion.sky * effects["sky occlusion"] + settings.occlusion.near * effects["near occlusion"]
     paths = max(settings.scatter.rays * effects["scatter"], 1) * 2 if effects["paths"] else 0
-    has_tree, has_searched_kinds = bool(s.geometry.plan("nothing").tree), any(b.kind.finds_roots for b in s.batches)
-    rays *= 1 + 4 * paths
-    samples = 2**25 // (rays * (8 if has_tree else 1) * (64 if has_searched_kinds else 1))
-    # A small picture is a single pass, traced once, if that takes no more than about two seconds.
-    return max(samples, min(2**18, 2**27 // rays), 1)
+    return rays * (1 + 4 * paths)
 
 
 def exposed_once(

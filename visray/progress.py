@@ -34,7 +34,7 @@ class Bar:
         if self.bar is not None:
             self.bar.stop()
 
-    def update(self, done: int) -> None:
+    def update(self, done: float) -> None:
         """Reports that `done` of the steps are finished."""
         if self.bar is None:
             if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
@@ -63,10 +63,13 @@ class Interrupts:
     interrupts at once.
 
     An interrupt in the middle of Dr.Jit's tracing would leave an incomplete kernel behind.
+
+    requested: whether Ctrl-C was pressed.
+    has_results: whether there is something to keep. Until then, a process that Ctrl-C cannot reach may be ended.
     """
 
-    def __init__(self) -> None:
-        self.requested = False
+    def __init__(self, has_results: bool = True) -> None:
+        self.requested, self.has_results = False, has_results
         self.previous_handler: object = None
 
     def __enter__(self) -> "Interrupts":
@@ -77,6 +80,10 @@ class Interrupts:
     def __exit__(self, *_: object) -> None:
         if self.previous_handler is not None:
             signal.signal(signal.SIGINT, self.previous_handler)
+
+    def loses_nothing(self) -> bool:
+        """Whether nothing would be lost if the process ended now."""
+        return not self.has_results
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         """Handler of SIGINT: the first signal is recorded, the second goes to the previous handler."""

@@ -19,7 +19,7 @@ from visray.adaptive.error_floor import Files
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
-from visray.errors import GoalWarning, UserError
+from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
 from visray.kernel_scene import ray_families
 from visray.material_report import energy_notes, sheet_notes
@@ -28,6 +28,7 @@ from visray.output.curves import LUMINANCE
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.overlap_report import overlaps
+from visray.pass_timer import LONGEST_PASS, PassTimer
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.provenance import provenance
@@ -96,7 +97,7 @@ def render(
     if threads is not None:
         set_threads(threads)
     prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
-    with Interrupts() as interrupts:
+    with Interrupts(has_results=False) as interrupts:
         if goal:
             values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
         else:
@@ -130,10 +131,16 @@ def _layers_of_spp(
     prepared: Prepared, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata."""
-    film, spp = expose(prepared, progress, interrupts)
+    timer = PassTimer()
+    film, spp = expose(prepared, progress, interrupts, timer=timer)
     values, facts = developed(prepared, film)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
+    if interrupts.requested and timer.compile_seconds > LONGEST_PASS:
+        # Their kernel would take about as long to compile, and Ctrl-C would wait for it.
+        text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
+        warnings.warn(text, StoppedWarning, stacklevel=3)
+        return values, {"spp": spp} | facts
     return values | _first_hit_layers(prepared, layers), {"spp": spp} | facts
 
 
@@ -238,11 +245,16 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
     """The layers of a film by name (colour, coverage, variance), and a dict of facts about the error.
 
     The fact `error_at_most` is the error that independent samples would have. With other samplers the error is smaller.
+    After Ctrl-C, pixels may have no sample; they are transparent.
     """
-    transparent = prepared.scene.film.transparent
-    layers = {"RGB": np.array(film.mean)}
-    layers |= {"A": np.array(film.coverage) / film.counts if transparent else np.ones(len(prepared.order))}
-    if film.counts.min() == 1:
+    present = film.counts > 0
+    layers = {"RGB": np.array(film.mean), "A": present.astype(float)}
+    if prepared.scene.film.transparent:
+        layers["A"] = np.array(film.coverage) / np.maximum(film.counts, 1)
+    if not present.all():
+        text = f"stopped when {present.sum():,} of {present.size:,} pixels had a sample; the others are transparent"
+        warnings.warn(text, StoppedWarning, stacklevel=4)
+    if film.counts.min() <= 1:
         return layers, {}
     layers["variance"] = np.array(film.squares) / (film.counts - 1)
     luminance = float((LUMINANCE @ layers["RGB"]).mean())

@@ -91,6 +91,12 @@ def note(message: Warning | str, *_: object, **__: object) -> None:
     say(f"note: {message}")
 
 
+def restore() -> None:
+    """Shows the cursor again, which a progress bar hides, before a process is ended without clearing up."""
+    if sys.stderr.isatty():
+        print("\x1b[?25h", end="", file=sys.stderr, flush=True)
+
+
 def abandon_output() -> None:
     """Drops what was not yet written to standard output, after writing has failed. Otherwise Python would try again at
     its exit, and print an error."""

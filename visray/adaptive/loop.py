@@ -157,6 +157,7 @@ class AdaptiveRun:
         count = SHORTEST_PILOT if quick and self.goal.seconds is None else 1
         self.bar.total = count * len(buffer.counts)
         buffer.extend(np.full_like(buffer.counts, count), self._seconds_for_first_samples)
+        self.interrupts.has_results = True
         if self.goal.seconds is None and count < SHORTEST_PILOT:
             count = SHORTEST_PILOT
             if not buffer.extend(np.full_like(buffer.counts, count), self._seconds_left):

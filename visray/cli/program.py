@@ -18,6 +18,7 @@ from types import FrameType
 from typing import Any
 
 from visray import drjit_import, terminal
+from visray.cli.stuck import watched
 from visray.errors import UserError
 
 # Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
@@ -32,7 +33,7 @@ def main(tokens: list[str] | None = None) -> int:
     tokens: the words of the command; None means those of the command line.
     """
     terminal.open_streams()
-    with _Stop.caught() as stop:
+    with _Stop.caught() as stop, watched(INTERRUPTED):
         try:
             code = _run(tokens)
             sys.stdout.flush()
@@ -102,6 +103,10 @@ class _Stop:
         if self.count > 2:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
+
+    def loses_nothing(self) -> bool:
+        """Whether nothing would be lost if the process ended now: the main thread has not answered Ctrl-C yet."""
+        return self.count == 0
 
     def repeat(self, unraisable: Any) -> None:
         """Handler of exceptions that Python cannot raise, because they occur while an object is deleted. A

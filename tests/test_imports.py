@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
-clock errors drjit_import terminal version pass_timer
+clock errors memory drjit_import terminal version pass_timer
 llvm
 quantities pytree
 ray geometry transforms
@@ -39,7 +39,7 @@ primitives.algebraic primitives.polynomial primitives.polynomial_solid primitive
 scene.scene
 scene
 mesh_report clip_report feature_rules features material_report tables progress differentiable
-output.files output.curves output.layers output.exr output.rounding output.png output.image output
+output.files output.curves output.layers output.exr_header output.exr output.rounding output.png output.image output
 images
 pack address_index repack nesting overlap_report batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells

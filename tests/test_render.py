@@ -12,7 +12,7 @@ import pytest
 from samples import polynomial_sphere
 
 from visray import film as films
-from visray import integrator, passes
+from visray import integrator, memory, passes
 from visray import pass_timer as pace
 from visray.camera import Camera
 from visray.errors import UserError
@@ -290,15 +290,15 @@ def test_smallest_pictures(size: tuple[int, int]) -> None:
 
 
 def test_a_film_too_large_is_refused_with_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(films, "available_memory", lambda: 2**30)
+    monkeypatch.setattr(memory, "free", lambda: memory.Free(2**30, "are left of `ulimit -v`"))
     most = 2**30 // films.BYTES_PER_PIXEL
     check_memory(most, 1)
     with pytest.raises(UserError) as caught:
         check_memory(most + 1, 1)
-    assert str(caught.value).startswith(f"film = {most + 1} x 1: needs about 1.0 GiB, 1.0 GiB are free")
+    assert str(caught.value).startswith(f"film = {most + 1} x 1: needs about 1.0 GiB, 1.0 GiB are left of `ulimit -v`")
     with pytest.raises(UserError, match="100000 x 100000: needs about"):
         render(SHOW, size=(100_000, 100_000), progress=False)
-    monkeypatch.setattr(films, "available_memory", lambda: None)
+    monkeypatch.setattr(memory, "free", lambda: None)
     check_memory(10**6, 10**6)  # a system that does not say is not second-guessed
 
 

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from PIL import Image as Pillow
 from samples import NAMES, SAMPLES, Lineup, aimed, array
 
+from visray import memory
 from visray.camera import Camera, OrthographicCamera
 from visray.errors import UserError
 from visray.gradients import derivative
@@ -28,6 +29,9 @@ from visray.images import atlas as packing
 from visray.images import pack, read_image, reading
 from visray.images.lookup import colour
 from visray.materials import Material
+from visray.output import exr
+from visray.output.exr import read_exr
+from visray.output.exr_header import read_header
 from visray.primitives import Ellipsoid, Rectangle, Sphere
 from visray.primitives.instance import Instance
 from visray.quantities import Arrays
@@ -367,6 +371,75 @@ def test_a_picture_too_large_is_refused_by_its_header(tmp_path, kind: str) -> No
             (tmp_path / "a").write_bytes(resized(kind, whole, width, height))
             said = f"has {width} x {height} pixels; visray reads up to 268435456, such as 16384 x 16384"
             assert refused(tmp_path / "a") == said
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "EXR"])
+def test_a_picture_without_all_its_rows_is_refused_in_little_memory(tmp_path, monkeypatch, kind: str) -> None:
+    """Its header states a size that nothing in the file fills. No decoder is asked: it would take memory for the size,
+    and leave what is missing black."""
+
+    def none(*_: Any, **__: Any) -> None:
+        raise AssertionError("a decoder was asked")
+
+    whole = encoded(kind, tmp_path)
+    monkeypatch.setattr(reading, "_unpacked", none)
+    monkeypatch.setattr(exr.OpenEXR, "File", none)
+    for width, height in ((2**14, 2**14), (30, 2**14), (2**13, 2**14)):
+        if kind == "JPEG" and width == 30:
+            continue  # so few pixels could be in the file
+        (tmp_path / "a").write_bytes(resized(kind, whole, width, height))
+        said = refused(tmp_path / "a")
+        assert said.startswith("is damaged: ") and said.endswith("; save it anew")
+
+
+@pytest.mark.parametrize("interlaced", [False, True])
+def test_a_png_file_whose_rows_end_early_is_refused(tmp_path, interlaced: bool) -> None:
+    """Its compressed stream ends as a stream should, after some of the rows."""
+    whole = png(some(20, 9, 3, kind=np.uint16), interlaced)
+    at = whole.index(b"IDAT")
+    size = struct.unpack(">I", whole[at - 4 : at])[0]
+    rows = zlib.decompress(whole[at + 4 : at + 4 + size])
+    for share in (0, 0.5, 0.99):
+        part = zlib.compress(rows[: int(share * len(rows))])
+        (tmp_path / "a.png").write_bytes(whole[: at - 4] + chunk(b"IDAT", part) + chunk(b"IEND", b""))
+        assert refused(tmp_path / "a.png").startswith("is damaged: it lacks rows, only ")
+    pieces = [chunk(b"IDAT", part) for part in (whole[at + 4 : at + 9], b"", whole[at + 9 : at + 4 + size])]
+    (tmp_path / "b.png").write_bytes(whole[: at - 4] + b"".join(pieces) + chunk(b"IEND", b""))
+    assert read(tmp_path / "b.png").shape == (20, 9, 3)
+
+
+@pytest.mark.parametrize("compression", ["NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB"])
+def test_an_exr_file_without_some_rows_is_refused(tmp_path, compression: str) -> None:
+    """The table of its blocks says that some of them are not there, or the file ends before them."""
+    planes = {c: np.random.default_rng(1).random((70, 30)).astype(np.float16) for c in "RGB"}
+    path = write_exr(tmp_path / "a.exr", getattr(OpenEXR, f"{compression}_COMPRESSION"), **planes)
+    header = read_header(path)
+    assert (header.width, header.height, header.channels, header.missing) == (30, 70, 3, 0)
+    read(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 40])
+    assert "is damaged: " in refused(path)
+    first = struct.pack("<Q", min(struct.unpack("<Q", whole[i : i + 8])[0] for i in [_table(whole)]))
+    path.write_bytes(whole.replace(first, bytes(8), 1))
+    assert refused(path) == "is damaged: 1 of its blocks of rows are missing; save it anew"
+    with pytest.raises(UserError, match=f"^{path}: is damaged: 1 of its blocks"):
+        read_exr(path)
+
+
+def _table(whole: bytes) -> int:
+    """Where the table of an EXR file's blocks begins: after the attribute of its type, and a zero byte."""
+    at = whole.index(b"type\0string\0") + 12
+    return at + 4 + struct.unpack("<I", whole[at : at + 4])[0] + 1
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "EXR"])
+def test_a_picture_that_does_not_fit_into_memory_is_refused(tmp_path, monkeypatch, kind: str) -> None:
+    (tmp_path / "a").write_bytes(encoded(kind, tmp_path))
+    monkeypatch.setattr(memory, "free", lambda: memory.Free(40 * 30 * 48 - 1, "are left of the container's limit"))
+    said = "has 30 x 40 pixels, which take about 0.0 GiB; 0.0 GiB are left of the container's limit; "
+    assert refused(tmp_path / "a") == said + "make the picture smaller"
+    monkeypatch.setattr(memory, "free", lambda: memory.Free(40 * 30 * 48, "are free"))
+    read(tmp_path / "a")
 
 
 def test_pillows_own_limit_on_pixels_does_not_count(tmp_path, monkeypatch) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray import memory
 from visray.errors import UserError
 from visray.moments import Moments
 from visray.output.files import replacing
@@ -230,22 +231,8 @@ def tile_order(width: int, height: int, side: int = 4) -> np.ndarray:
 
 def check_memory(width: int, height: int, films: int = 1) -> None:
     """Raises UserError, with an estimate, if `films` films of this size do not fit into memory."""
-    needed, free = films * width * height * BYTES_PER_PIXEL, available_memory()
-    if free is not None and needed > free:
+    needed, free = films * width * height * BYTES_PER_PIXEL, memory.free()
+    if free is not None and needed > free.size:
         raise UserError(
-            f"film = {width} x {height}: needs about {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free; "
-            "make it smaller with --size"
+            f"film = {width} x {height}: needs about {needed / 2**30:.1f} GiB, {free}; make it smaller with --size"
         )
-
-
-def available_memory() -> int | None:
-    """Available memory in bytes. It is the total memory on systems that report only this, and None if nothing is
-    reported."""
-    try:
-        with open("/proc/meminfo") as info:
-            return next(int(line.split()[1]) * 1024 for line in info if line.startswith("MemAvailable"))
-    except (OSError, StopIteration):
-        pass
-    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return None

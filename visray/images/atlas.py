@@ -12,7 +12,8 @@ import numpy as np
 
 from visray.errors import UserError
 from visray.geometry import gamma
-from visray.images.reading import MOST_PIXELS, read_image
+from visray.images.reading import read_image
+from visray.images.rows import MOST_PIXELS
 from visray.quantities import Arrays
 from visray.textures import USES, CheckerTexture, ImageTexture, Texture
 

@@ -6,29 +6,25 @@ The format is determined by the first bytes of the file, not by its name.
 import json
 import os
 import stat
-import struct
 import warnings
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 
 from visray.errors import UserError
+from visray.images.rows import check_jpeg_rows, check_png_rows, check_size
 from visray.output.curves import linear
 from visray.output.exr import read_exr
+from visray.output.exr_header import read_header
 from visray.quantities import BRIGHTEST
 from visray.scene.source import neighbour
 from visray.terminal import printable
 
-# Largest number of pixels in all images of a scene together: 4 GiB in a kernel. Above 2^30, 32-bit indices would fail.
-MOST_PIXELS = 2**28
 # Largest number of bytes that the images in the cache take.
 CACHE_BYTES = 2**30
-# Length of the longest attribute name in an EXR header, in bytes.
-LONGEST_NAME = 255
 # Pillow reads PNG files of 16-bit colour in one of the raw modes on the left, and keeps only the upper byte of each
 # number. In the raw mode on the right it keeps the lower byte. The last number counts the channels that are used.
 LOWER_BYTE = {"RGB;16B": ("RGB;16L", 3), "RGBA;16B": ("RGBA;16L", 3), "LA;16B": ("ARGB", 1)}
@@ -135,12 +131,6 @@ def _converted(values: np.ndarray, encoding: str) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(light, (*light.shape[:2], 3)))
 
 
-def _check_size(width: int, height: int) -> None:
-    """Raises a UserError if an image has too many pixels."""
-    if width * height > MOST_PIXELS:
-        raise UserError(f"has {width} x {height} pixels; visray reads up to {MOST_PIXELS}, such as 16384 x 16384")
-
-
 def _decoded(kind: type, path: str) -> np.ndarray:
     """Numbers of a PNG or JPEG file, as an array of uint8 or uint16. Shape: (H, W, 1) or (H, W, 3).
 
@@ -150,7 +140,11 @@ def _decoded(kind: type, path: str) -> np.ndarray:
     # Pillow's warnings are about lost alpha and invalid animations, not about the colour.
     with warnings.catch_warnings(action="ignore"):
         with kind(path) as image:
-            _check_size(*image.size)
+            check_size(*image.size)
+            if kind is PngImageFile:
+                check_png_rows(path)
+            else:
+                check_jpeg_rows(path, *image.size)
             mode = image.tile[0].args
             upper = _unpacked(image)
         if mode not in LOWER_BYTE:
@@ -169,7 +163,10 @@ def _unpacked(image: PngImageFile | JpegImageFile) -> np.ndarray:
 
 def _exr(path: str) -> np.ndarray:
     """Colour of an EXR file, as an array of float32. Shape: (H, W, 1) or (H, W, 3)."""
-    _check_header(path)
+    header = read_header(path)
+    if header is None:
+        raise UserError("has several parts; save the picture as a file of one")
+    check_size(header.width, header.height)
     layers, _ = read_exr(path)
     alpha = layers.pop("A", None)
     values = layers.get("RGB", next(iter(layers.values())) if len(layers) == 1 else None)
@@ -186,34 +183,6 @@ def _exr(path: str) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore"):
             values = values / np.where(translucent, alpha, 1)[..., None]
     return values.astype(np.float32)
-
-
-def _check_header(path: str) -> None:
-    """Raises a UserError if an EXR file has several parts or too many pixels. Decodes no pixels.
-
-    The reader checks the rest of the header when it opens the file afterwards.
-    """
-    with open(path, "rb") as file:
-        # Bit 12 of the version number says that the file has several parts.
-        if file.read(8)[5] & 0x10:
-            raise UserError("has several parts; save the picture as a file of one")
-        # An attribute is a name and a type, each followed by a zero byte, then the size of the value, and the value.
-        while name := _zero_ended(file):
-            _zero_ended(file)
-            size = int.from_bytes(file.read(4), "little")
-            if name == b"dataWindow":
-                left, top, right, bottom = struct.unpack("<4i", file.read(16))
-                return _check_size(right - left + 1, bottom - top + 1)
-            file.seek(size, os.SEEK_CUR)
-    raise UserError("is damaged: its header states no size; save it anew")
-
-
-def _zero_ended(file: BinaryIO) -> bytes:
-    """Bytes of a file up to the next zero byte or the end of the file, and at most LONGEST_NAME + 1 of them."""
-    name = b""
-    while len(name) <= LONGEST_NAME and (byte := file.read(1)) not in (b"\0", b""):
-        name += byte
-    return name
 
 
 def _checked_light(light: np.ndarray) -> np.ndarray:

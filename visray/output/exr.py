@@ -14,6 +14,7 @@ import numpy as np
 import OpenEXR
 
 from visray.errors import RangeWarning, UserError
+from visray.output.exr_header import check_header
 from visray.output.files import replacing
 from visray.output.layers import BY_NAME, LAYERS
 
@@ -66,6 +67,10 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
         raise UserError(f"{path}: there is no such file; check the path")
     if not OpenEXR.isOpenExrFile(path):
         raise UserError(f"{path}: this is not an EXR file; give one")
+    try:
+        check_header(path)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from None
     try:
         # By default OpenEXR joins R, G and B into one array, but not the channels of other layers.
         file = OpenEXR.File(path, separate_channels=True)

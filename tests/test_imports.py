@@ -54,6 +54,7 @@ media indirect
 integrator light_probe
 jacobian wavefront
 setup passes attached_picture
+dark
 adaptive
 certificate provenance renderer
 edges

@@ -16,12 +16,13 @@ from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.direct import LightSample, area_sampler, attenuation, light_sample
 from visray.features import Features
-from visray.integrator import object_of
+from visray.integrator import camera_ray, object_of
 from visray.interaction import Interaction, interact
 from visray.kernel_scene import KernelScene, PreparedLight
 from visray.lights.light import Light
 from visray.pytree import evaluated, rows
-from visray.ray import NO_ROW, Hit
+from visray.ray import NO_ROW, Hit, Ray
+from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key
 from visray.shading import reflected
 
 # The largest number of objects that are looked for in the way of one ray.
@@ -61,6 +62,14 @@ def numbers(value: Any, n: int) -> np.ndarray:
     """The values of a Dr.Jit array or a plain number in NumPy. Shapes: (n), or (n, 3) for a triple."""
     x = np.array(value)
     return np.broadcast_to(x, (3, n)).T if x.ndim == 2 else np.broadcast_to(x, n)
+
+
+def centre_sample(s: KernelScene, x: Any, y: Any) -> tuple[Ray, SampleState]:
+    """The camera rays through the centres of the pixels (x, y), and the random numbers of their first samples."""
+    plan = SamplePlan.of(s.a, s.settings.seed, s.settings.spp, 0, 1)
+    key = pixel_key(plan, x, y)
+    state = SampleState(s.settings.sampler, s.a.F, plan, key, 0 * x, first_stratum(plan, key, s.a.F))
+    return camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5), state
 
 
 def prepared_lights(s: KernelScene) -> Iterator[tuple[int, PreparedLight, int]]:

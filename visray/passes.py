@@ -1,6 +1,7 @@
 """Renders a prepared scene into a film, in passes. A pass takes some samples for the pixels of the film, with one
 kernel. Where even a single sample of all pixels takes long, a pass consists of several launches of this kernel."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,7 @@ def expose(
     interrupts: Interrupts | None = None,
     film: films.Film | None = None,
     timer: PassTimer | None = None,
+    look: Callable[[films.Film], None] | None = None,
 ) -> tuple[films.Film, int]:
     """Takes all samples that the scene's settings ask for. Returns the film, and the smallest number of samples of a
     pixel. Ctrl-C ends the work after the current launch; this number is then smaller than asked for, perhaps 0.
@@ -42,6 +44,7 @@ def expose(
     progress: whether a progress bar is shown
     film: film to continue, of the same picture and pixels; None starts an empty film
     timer: records how long the passes take
+    look: function that is called with the film after the first pass
 
     The result is bit for bit that of a single pass with all samples. It does not depend on how samples are divided into
     passes or pixels into films, nor on the number of threads (tests/test_same_bits.py).
@@ -63,6 +66,9 @@ def expose(
                 film = exposed_once(prepared, film, targets, timer)
             interrupts.has_results = True
             bar.update(film.counts.mean())
+            if look is not None and film.counts.all():
+                look(film)
+                look = None
             room = timer.next_samples()
             count = max(1, round(room / n))
     return film, done

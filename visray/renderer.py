@@ -7,6 +7,7 @@ A lane is one pixel in the arrays of a kernel. The order of lanes is not the ord
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from visray.adaptive.error_floor import Files
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
+from visray.dark import warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
 from visray.kernel_scene import ray_families
@@ -132,7 +134,8 @@ def _layers_of_spp(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata."""
     timer = PassTimer()
-    film, spp = expose(prepared, progress, interrupts, timer=timer)
+    look = partial(_look, prepared, interrupts)
+    film, spp = expose(prepared, progress, interrupts, timer=timer, look=look)
     values, facts = developed(prepared, film)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
@@ -155,6 +158,10 @@ def _layers_for_goal(
     except NotANumber as none:
         check_numbers(prepared, none.mean)
         raise
+    # A look for light would compile another kernel, which takes a part of the time.
+    coverage = np.array(adaptive.layers.get("A", np.ones(len(prepared.order))))
+    if not interrupts.requested:
+        warn_of_dark(prepared, adaptive.layers["RGB"], coverage, interrupts, may_look=goal.seconds is None)
     return adaptive.layers | first_hit, adaptive.facts
 
 
@@ -248,9 +255,7 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
     After Ctrl-C, pixels may have no sample; they are transparent.
     """
     present = film.counts > 0
-    layers = {"RGB": np.array(film.mean), "A": present.astype(float)}
-    if prepared.scene.film.transparent:
-        layers["A"] = np.array(film.coverage) / np.maximum(film.counts, 1)
+    layers = {"RGB": np.array(film.mean), "A": _coverage(prepared, film)}
     if not present.all():
         text = f"stopped when {present.sum():,} of {present.size:,} pixels had a sample; the others are transparent"
         warnings.warn(text, StoppedWarning, stacklevel=4)
@@ -262,6 +267,19 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
         return layers, {}
     square = float((layers["variance"] / film.counts).mean())
     return layers, {"error_at_most": float(np.sqrt(square) / luminance)}
+
+
+def _coverage(prepared: Prepared, film: films.Film) -> np.ndarray:
+    """The coverage (alpha) of the pixels of a film. Pixels without a sample are transparent."""
+    if prepared.scene.film.transparent:
+        return np.array(film.coverage) / np.maximum(film.counts, 1)
+    return (film.counts > 0).astype(float)
+
+
+def _look(prepared: Prepared, interrupts: Interrupts, film: films.Film) -> None:
+    """Warns if the film is black or shows nothing."""
+    if not interrupts.requested:
+        warn_of_dark(prepared, film.mean, _coverage(prepared, film), interrupts)
 
 
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:

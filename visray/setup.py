@@ -1,7 +1,7 @@
 """A scene prepared for rendering: packed into arrays, placed in the world, and its pixels ordered as lanes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -36,6 +36,8 @@ class Prepared:
     x, y: column and row of each lane's pixel
     identities: names in the scene, each with the id() of its value, to detect that a dict of the scene was changed in
         place
+    looked: what pictures of the scene were already looked at for (dark/); one set for all scenes that are made from it
+        by `updated`
     """
 
     scene: Scene
@@ -47,6 +49,7 @@ class Prepared:
     x: Any
     y: Any
     identities: tuple
+    looked: set[str] = field(default_factory=set)
 
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The prepared scene with other values at some addresses. Only what changes is checked, packed and placed

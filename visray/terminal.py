@@ -8,6 +8,9 @@ import io
 import json
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from visray.errors import UserError
@@ -95,6 +98,22 @@ def restore() -> None:
     """Shows the cursor again, which a progress bar hides, before a process is ended without clearing up."""
     if sys.stderr.isatty():
         print("\x1b[?25h", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def kept_notes() -> Iterator[list[str]]:
+    """Collects the texts of all warnings in a `with` block, in a list. They are shown as before."""
+    show, notes = warnings.showwarning, []
+
+    def keep(message: Warning | str, *more: Any, **fields: Any) -> None:
+        notes.append(str(message))
+        show(message, *more, **fields)
+
+    warnings.showwarning = keep
+    try:
+        yield notes
+    finally:
+        warnings.showwarning = show
 
 
 def abandon_output() -> None:

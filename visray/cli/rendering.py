@@ -30,7 +30,7 @@ from visray.cli.options import (
 from visray.errors import UserError
 from visray.modes import MODES, Mode
 from visray.output.layers import LAYERS, NAMES, Layer, names_from
-from visray.terminal import write_json, write_line
+from visray.terminal import kept_notes, write_json, write_line
 
 if TYPE_CHECKING:
     from visray.output.image import Image
@@ -155,40 +155,39 @@ def render_command(
     begun = clock.now()
     if quiet:
         warnings.simplefilter("ignore")
-    loaded = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
-    from visray.adaptive.error_floor import Files
-    from visray.adaptive.stopping import Goal
-    from visray.output.image import check_destination
-    from visray.progress import Interrupts
-    from visray.renderer import render
+    with kept_notes() as notes:
+        loaded = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
+        from visray.adaptive.error_floor import Files
+        from visray.adaptive.stopping import Goal
+        from visray.output.image import check_destination
+        from visray.progress import Interrupts
+        from visray.renderer import render
 
-    Goal.from_arguments(error, time, spp, begun)
-    if not loaded.lights and not any(loaded.ambient):
-        warnings.warn("the scene has no light and no ambient: every object is black", stacklevel=1)
-    outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
-    names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
-    for path in outputs:
-        check_destination(path, curve, exposure)
-    image = render(
-        loaded,
-        threads=threads,
-        backend=backend,
-        layers=names,
-        progress=not (quiet or json),
-        error=error,
-        time=time,
-        files=Files(outputs, curve, exposure, float32),
-        begun=clock.LOADED,
-    )
-    # While the files are written, Ctrl-C does not stop the program.
-    with Interrupts():
+        Goal.from_arguments(error, time, spp, begun)
+        outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
+        names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
         for path in outputs:
-            image.write(path, gamma=curve, exposure=exposure, float32=float32)
+            check_destination(path, curve, exposure)
+        image = render(
+            loaded,
+            threads=threads,
+            backend=backend,
+            layers=names,
+            progress=not (quiet or json),
+            error=error,
+            time=time,
+            files=Files(outputs, curve, exposure, float32),
+            begun=clock.LOADED,
+        )
+        # While the files are written, Ctrl-C does not stop the program.
+        with Interrupts():
+            for path in outputs:
+                image.write(path, gamma=curve, exposure=exposure, float32=float32)
     facts = image.metadata
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
-        write_json(_report(image, outputs, seconds))
+        write_json(_report(image, outputs, seconds) | {"notes": notes})
     elif not quiet:
         write_line(_line(image, outputs, seconds))
     if facts["interrupted"]:

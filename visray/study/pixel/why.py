@@ -12,13 +12,12 @@ import drjit as dr
 import numpy as np
 
 from visray import indirect as paths
-from visray import sampling
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.errors import UserError
-from visray.integrator import camera_origin, camera_ray, object_of
+from visray.integrator import camera_origin, object_of
 from visray.interaction import Interaction
-from visray.light_probe import LightProbe, interaction_of, numbers, prepared_lights, probed
+from visray.light_probe import LightProbe, centre_sample, interaction_of, numbers, prepared_lights, probed
 from visray.lights.light import Light
 from visray.materials import Material
 from visray.media import Interface, interface_at, local_weight
@@ -53,13 +52,8 @@ def why(scene: Scene | Prepared | str | Path, x: int, y: int) -> PixelStory:
 
 def sample_of(prepared: Prepared, x: int, y: int, lanes: int) -> tuple[Ray, SampleState]:
     """The camera ray through a pixel's centre and the random numbers of the pixel's first sample, in several lanes."""
-    s, a = prepared.kernel, prepared.a
-    columns, rows = (dr.opaque(a.U, v, lanes) for v in (x, y))
-    plan = sampling.SamplePlan.of(a, s.settings.seed, s.settings.spp, 0, 1)
-    key = sampling.pixel_key(plan, columns, rows)
-    stratum = sampling.first_stratum(plan, key, a.F)
-    state = SampleState(s.settings.sampler, a.F, plan, key, dr.opaque(a.U, 0, lanes), stratum)
-    return camera_ray(s, a.F(columns) + 0.5, a.F(rows) + 0.5), state
+    x, y = (dr.opaque(prepared.a.U, v, lanes) for v in (x, y))
+    return centre_sample(prepared.kernel, x, y)
 
 
 @dataclass

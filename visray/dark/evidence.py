@@ -1,0 +1,88 @@
+"""Evidence in a picture that light reaches something, or that nothing is seen."""
+
+from dataclasses import replace
+
+import drjit as dr
+import numpy as np
+
+from visray.feature_rules import used_materials
+from visray.geometry import gamma
+from visray.passes import expose, subset
+from visray.progress import Interrupts
+from visray.scene.scene import Scene, SkyGradient
+from visray.setup import Prepared
+
+# Below this, every pixel of an 8-bit picture is 0: half a step of sRGB, which is linear there.
+NEARLY_BLACK = 0.5 / 255 / 12.92
+# Colours are sums of a few rounded products in single precision.
+ROUNDING = gamma(64, "single")
+# Number of pixels that are looked at first, before all of them.
+FIRST_PIXELS = 1024
+# Share of the pixels that are dark in a picture that may be unlit.
+DARK_SHARE = 1 / 64
+
+
+def _sky(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The background at the bottom and at the top of the sky."""
+    sky = scene.background
+    ends = (sky.bottom, sky.top) if isinstance(sky, SkyGradient) else (sky, sky)
+    return tuple(np.zeros(3) if scene.film.transparent else np.array(c, float) for c in ends)
+
+
+def shows_only_background(prepared: Prepared, rgb: np.ndarray, coverage: np.ndarray | None = None) -> bool:
+    """Whether all colours of a picture may be those of the background. It is False for nearly all other pictures.
+
+    coverage: coverage of the pixels; None if it does not matter
+    """
+    if coverage is not None and not coverage.any():
+        return True
+    bottom, top = _sky(prepared.scene)
+    across, error = top - bottom, 4 * ROUNDING * max(bottom.max(), top.max())
+    for colours in (rgb[:, :: max(1, rgb.shape[1] // FIRST_PIXELS)], rgb):
+        share = across @ (colours - bottom[:, None]) / max(across @ across, 1e-300)
+        nearest = bottom[:, None] + across[:, None] * np.clip(share, 0, 1)
+        if (np.abs(colours - nearest) > error).any():
+            return False
+    return True
+
+
+def surely_lit(prepared: Prepared, rgb: np.ndarray) -> bool:
+    """Whether the colours prove that light of a light reaches something.
+
+    Without such light, and without mirrors and glass, a pixel is a mixture of the background, black, and the materials'
+    ambient light. So it is never beyond all of these, along any of some directions in the space of colours.
+    """
+    scene, on = prepared.scene, prepared.features
+    ambient = np.array(scene.ambient) + sum((l.intensity * np.array(l.Ia) for l in scene.lights.values()), np.zeros(3))
+    colours = [ambient * m.ka for m in used_materials(scene).values()]
+    # Matte surfaces show at most their ambient light then. If few pixels are so dark, there is no need to look further.
+    brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)
+    if (rgb.max(0) <= brightest).mean() < DARK_SHARE:
+        return True
+    if on["paths"] or on["textures"]:
+        return False
+    corners = np.stack([np.zeros(3), *_sky(scene), *colours], 1)
+    e = np.eye(3)
+    directions = np.stack([*e, *(x - y for x in e for y in e if x is not y)])
+    farthest = (directions @ corners).max(1)
+    return bool(((directions @ rgb).max(1) > farthest + max(4 * ROUNDING * corners.max(), NEARLY_BLACK)).any())
+
+
+def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
+    """Whether light of a light is seen anywhere, by samples of the same kernel without ambient light and background.
+
+    A few pixels are looked at first, and then all. After Ctrl-C, the answer is that there is some.
+    """
+    s, scene = prepared.kernel, prepared.scene
+    scene, interrupts = replace(scene, settings=replace(scene.settings, spp=1)), interrupts or Interrupts()
+    black = lambda colour: dr.opaque(type(colour), 0, dr.width(colour))  # noqa: E731 - a colour of the same kind
+    sky = replace(s.sky, top=black(s.sky.top), bottom=black(s.sky.bottom))
+    dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=sky)
+    n = len(prepared.order)
+    for step in sorted({max(1, n // FIRST_PIXELS), 1}, reverse=True):
+        pixels = subset(prepared, np.arange(0, n, step))
+        dr.eval(pixels.x, pixels.y)
+        film, _ = expose(replace(pixels, kernel=dark, scene=scene), interrupts=interrupts)
+        if interrupts.requested or np.array(film.mean).max() > NEARLY_BLACK:
+            return True
+    return False

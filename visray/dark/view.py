@@ -1,0 +1,127 @@
+"""Why a picture shows nothing: where the objects are, as seen from the camera."""
+
+from dataclasses import dataclass
+from math import degrees, hypot
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.accel.intersect import closest
+from visray.camera import OrthographicCamera, ParallelView
+from visray.integrator import camera_origin, camera_ray
+from visray.primitives.primitive import bounding_box
+from visray.scene.scene import Scene
+from visray.setup import Prepared
+
+# The largest number of objects that are looked at one by one.
+MOST_OBJECTS = 2000
+
+
+def listed(values: Any) -> str:
+    """Numbers as a list, as a scene file has it."""
+    return "[" + ", ".join(f"{v:.4g}" for v in values) + "]"
+
+
+@dataclass(frozen=True)
+class PictureRays:
+    """What the rays through the centres of all pixels meet. hit: for each lane, whether its ray hits an object."""
+
+    hit: np.ndarray
+
+    @staticmethod
+    def of(prepared: Prepared) -> "PictureRays":
+        s, a, n = prepared.kernel, prepared.a, len(prepared.order)
+        ray = camera_ray(s, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5)
+        valid = closest(camera_origin(s, ray), ray, s.brute_force).valid
+        dr.eval(valid)
+        return PictureRays(np.broadcast_to(np.array(valid), n))
+
+
+@dataclass(frozen=True)
+class Box:
+    """The bounding box of an object, as the camera sees it.
+
+    address: address of the object
+    middle: middle of the box, in the world
+    behind, beside: whether the whole box is behind the camera, and whether it is beyond one edge of the picture
+    angle: angle of its middle off the camera's view, in degrees
+    pixels: width of the box in pixels
+    """
+
+    address: str
+    middle: np.ndarray
+    behind: bool
+    beside: bool
+    angle: float
+    pixels: float
+
+
+def boxes(prepared: Prepared) -> list[Box]:
+    """The boxes of the objects, but not of unbounded objects."""
+    view, scene = prepared.kernel.view, prepared.scene
+    o, forward, right, down = (
+        np.array(v, float)[:, 0] for v in (view.o, view.forward, view.pixel_right, view.pixel_down)
+    )
+    parallel = isinstance(view, ParallelView)
+    found = []
+    for name, obj in list(scene.objects.items())[:MOST_OBJECTS]:
+        if (corners := _corners(scene, obj)) is None:
+            continue
+        p = corners - o
+        depth = p @ forward
+        scale = 1 if parallel else np.maximum(depth, 1e-300)
+        x, y = (p @ axis / (axis @ axis) / scale for axis in (right, down))
+        half = scene.film.width / 2, scene.film.height / 2
+        seen = depth > 0
+        beyond = [(s * v[seen] > h).all() for v, h in zip((x, y), half) for s in (1, -1)]
+        middle = p.mean(0)
+        across = np.linalg.norm(middle - (middle @ forward) * forward)
+        angle = degrees(np.arctan2(across, middle @ forward))
+        pixels = hypot(np.ptp(x), np.ptp(y)) if seen.all() else np.inf
+        found.append(Box(f"objects.{name}", corners.mean(0), not seen.any(), any(beyond), angle, pixels))
+    return found
+
+
+def _corners(scene: Scene, obj: Any) -> np.ndarray | None:
+    """The corners of an object's bounding box in the world; None for unbounded objects. Shape: (8, 3)."""
+    box = bounding_box(scene.placed_shape(obj))
+    if box is None:
+        return None
+    low, high = (np.ravel(v) for v in box)
+    return np.stack(np.meshgrid(*zip(low, high), indexing="ij"), -1).reshape(-1, 3)
+
+
+def empty_notes(prepared: Prepared) -> list[str]:
+    """List of one sentence that says why no ray of the camera meets an object."""
+    scene = prepared.scene
+    if not scene.objects:
+        return ["the scene has no objects: the picture shows only the background"]
+    found = boxes(prepared)
+    if not found or len(found) < min(len(scene.objects), MOST_OBJECTS):
+        name = next(n for n, o in scene.objects.items() if _corners(scene, o) is None)
+        return [f"nothing is seen: the camera looks past objects.{name}; turn camera.target to it"]
+    in_front = [box for box in found if not box.behind]
+    middle = listed(np.mean([box.middle for box in (in_front or found)], 0))
+    if not in_front:
+        return [f"nothing is seen: all objects are behind the camera; camera.target = {middle} looks at them"]
+    in_view = [box for box in in_front if not box.beside]
+    if not in_view:
+        nearest = min(in_front, key=lambda box: box.angle)
+        return [
+            f"nothing is seen: all objects are beside the picture; {nearest.address} is {nearest.angle:.0f} degrees "
+            f"off the view, {_limits(scene)}; camera.target = {middle} looks at them"
+        ]
+    largest = max(in_view, key=lambda box: box.pixels)
+    if largest.pixels < 1:
+        size = f"{largest.pixels:.2g} pixels wide"
+        return [f"nothing is seen: {largest.address} is only {size}; go nearer, or lower camera.fov"]
+    return [f"nothing is seen: rays pass {largest.address}, whose bounding box is in view, without meeting its surface"]
+
+
+def _limits(scene: Scene) -> str:
+    """How far the picture reaches from its middle to its upper edge, as words."""
+    camera = scene.camera
+    if isinstance(camera, OrthographicCamera):
+        return f"and the picture is {camera.height:g} high"
+    return f"and the picture ends {camera.fov / 2:.3g} degrees above and below it"

@@ -80,6 +80,7 @@ def changed(*changes: Change) -> Scene:
 NIGHT, OUTSIDE = fields(background=BLACK), things("a", "b", "c")
 SHELL = Polynomial(expression="x^2 + y^2 + z^2 - 100", clip=Ball(radius=11))
 WALL = Plane(point=(0, 0, -4), normal=(0, 0, 1))
+SLAB = vr.Rectangle(width=(9, 0, 0), height=(0, 0, -9), material="matte")
 ROOF = vr.Rectangle(center=(0, 20, 0), width=(60, 0, 0), height=(0, 0, 60))
 # Causes: what is changed in a scene that is fine, and what the note must contain.
 CAUSES: dict[str, tuple[list[Change], list[str]]] = {
@@ -108,7 +109,7 @@ CAUSES: dict[str, tuple[list[Change], list[str]]] = {
                                ["camera.origin lies inside or behind objects.shell"]),
     "behind a wall": ([lamp(replace(SUN, position=(0, 3, -9))), things("a", wall=WALL)],
                       ["lights.sun is behind all surfaces that are seen, such as objects.wall"]),
-    "hidden by a roof": ([lamp(replace(SUN, position=(0, 30, 0))), things("floor", "a", roof=ROOF)],
+    "hidden by a roof": ([lamp(replace(SUN, position=(0, 30, 0))), things("a", slab=SLAB, roof=ROOF)],
                          ["lights.sun is hidden by objects.roof"]),
     "all behind": ([OUTSIDE, seen(target=(0, 2, 20))], ["nothing is seen: all objects are behind the camera",
                                                         "camera.target = [0, 1, 0.3333]"]),

@@ -38,7 +38,7 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 scene.scene
 scene
-mesh_report clip_report feature_rules features material_report tables progress differentiable
+mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable
 output.files output.curves output.layers output.exr_header output.exr output.rounding output.png output.image output
 images
 pack address_index repack nesting overlap_report batches sampling moments film

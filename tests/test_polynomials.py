@@ -26,7 +26,10 @@ from visray.polynomials import (
     modular,
 )
 from visray.polynomials.constants import rational
-from visray.polynomials.program import read
+from visray.polynomials.program import read, slope_flaw
+from visray.primitives import Polynomial, Sphere
+from visray.renderer import explain
+from visray.scene.scene import Scene
 from visray.study.stability.exact.expressions import number
 
 HEART = "(x^2+9/4*y^2+z^2-1)^3 - x^2*z^3 - 9/80*y^2*z^3"
@@ -707,3 +710,19 @@ def test_degrees_of_factors_modulo_primes():
         factors = flint.nmod_poly(coefficients, p).factor()[1]
         assert all(n == 1 for _, n in factors)
         assert sorted(modular.factor_degrees(coefficients, p)) == sorted(f.degree() for f, _ in factors)
+
+
+def test_functions_that_are_rounded_are_named():
+    def named(text, parameters=None):
+        return Polynomial(expression=text, parameters=parameters or {}).rounded_constants()
+
+    assert named("cos(2*pi/5)*x^2 + sqrt(2)*y^2 - 1") == ()
+    assert named("sin(1)*x^2 + exp(1/2)*y^2 - sin(1)*2^(1/3)") == ("sin(1)", "exp(1/2)", "2^(1/3)")
+    scene = Scene(objects={"p": Polynomial(expression="x^2 + y^2 - log(a)", parameters={"a": 2.0}), "q": Sphere()})
+    assert explain(scene).notes == ("objects.p: log(a) is rounded to 53 bits, the nearest double",)
+
+
+@pytest.mark.parametrize("text", ["x - acos(a)", "x - asin(a)*y - 1", "x - asin(-a)^2 + 1", "x - sqrt(1 - a)"])
+def test_infinite_slopes_are_refused(text):
+    assert "slope infinite" in slope_flaw(text, {"a": 1.0}, frozenset({"a"}))
+    assert slope_flaw(text, {"a": 0.5}, frozenset({"a"})) is None

@@ -9,10 +9,11 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from visray import tables, terminal
+from visray import progress, tables, terminal
 from visray.cli import program, stuck
 from visray.errors import UserError
 
@@ -217,3 +218,34 @@ def test_ctrl_c_that_is_answered_ends_nothing():
             signal.raise_signal(signal.SIGINT)
         assert stop.count == 1 and not stop.loses_nothing() and not stuck._loses_nothing()
     assert threading.active_count() == threads
+
+
+def test_a_bar_appears_before_the_first_step(monkeypatch):
+    """A compilation may take minutes. A thread shows that it goes on."""
+    shown, started = [], threading.Event()
+
+    class Recorder:
+        def __init__(self):
+            self.tasks, self.task_ids = [SimpleNamespace(start_time=0.0)], [0]
+
+        def start(self):
+            started.set()
+
+        def stop(self):
+            shown.append("stop")
+
+        def add_task(self, text, total):
+            shown.append((text, total))
+            return 0
+
+        def update(self, task, **more):
+            shown.append((more["description"], more["completed"], more["total"]))
+
+    monkeypatch.setattr(progress, "_rich_bar", Recorder)
+    monkeypatch.setattr(progress, "SHOWN_AFTER", 0.01)
+    with progress.Bar("rendering", 4, before="compiling") as bar:
+        assert started.wait(60)
+        bar.update(1)
+    assert shown == [("compiling", None), ("rendering", 1, 4), "stop"]
+    with progress.Bar("rendering", 4, shown=False) as bar:
+        assert not bar.timer.is_alive()

@@ -57,7 +57,7 @@ def expose(
     first = first_pass_samples(prepared)
     passes = -(-settings.spp * n // max(first, n))
     count, room = -(-settings.spp // passes), first if first >= n else _least_samples(prepared)
-    with Bar("rendering", settings.spp, progress) as bar:
+    with Bar("rendering", settings.spp, progress, before="compiling") as bar:
         while (done := int(film.counts.min())) < settings.spp and not (film.counts.any() and interrupts.requested):
             targets = np.maximum(film.counts, min(done + count, settings.spp))
             if n > room:

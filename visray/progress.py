@@ -20,31 +20,53 @@ class Bar:
     title: text before the bar
     total: total number of steps, which may change
     shown: whether the bar may appear
+    before: text before the bar until the first step is finished, such as "compiling"; None means the title. A thread
+        shows it, because a compilation may take minutes, in which no step is reported.
     """
 
-    def __init__(self, title: str, total: int, shown: bool = True):
-        self.title, self.total, self.shown = title, total, shown
-        self.begun = clock.now()
+    def __init__(self, title: str, total: int, shown: bool = True, before: str | None = None):
+        self.title, self.total, self.shown, self.before = title, total, shown, before or title
+        self.begun, self.lock = clock.now(), threading.Lock()
+        self.timer = threading.Timer(SHOWN_AFTER, self._appear)
         self.bar: Progress | None = None
 
     def __enter__(self) -> "Bar":
+        if self.shown:
+            self.timer.daemon = True
+            self.timer.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.stop()
+        self.timer.cancel()
+        with self.lock:
+            self.shown = False
+            if self.bar is not None:
+                self.bar.stop()
 
     def update(self, done: float) -> None:
         """Reports that `done` of the steps are finished."""
-        if self.bar is None:
-            if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
-                return
-            self.bar = _rich_bar()
-            self.bar.start()
-            # The estimate of the time left includes the time before the bar appeared.
-            task = self.bar.add_task(self.title, total=self.total)
-            self.bar.tasks[task].start_time -= clock.now() - self.begun
-        self.bar.update(self.bar.task_ids[0], completed=done, total=max(self.total, done))
+        with self.lock:
+            self.timer.cancel()
+            if self.bar is None:
+                if not self.shown or clock.now() - self.begun < SHOWN_AFTER or done >= self.total:
+                    return
+                self._show()
+            task, total = self.bar.task_ids[0], max(self.total, done)
+            self.bar.update(task, description=self.title, completed=done, total=total)
+
+    def _appear(self) -> None:
+        """Shows the bar before a step is finished."""
+        with self.lock:
+            if self.shown and self.bar is None:
+                self._show()
+
+    def _show(self) -> None:
+        """Shows the bar, without a number of steps."""
+        self.bar = _rich_bar()
+        self.bar.start()
+        # The estimate of the time left includes the time before the bar appeared.
+        task = self.bar.add_task(self.before, total=None)
+        self.bar.tasks[task].start_time -= clock.now() - self.begun
 
 
 def _rich_bar() -> "Progress":

@@ -20,6 +20,7 @@ from visray.adaptive.error_floor import Files
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
+from visray.constant_report import constant_notes
 from visray.dark import warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
@@ -218,7 +219,7 @@ def explain(scene: Scene) -> Features:
     scene = checked(scene)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    notes = (*sheet_notes(scene, on), *energy_notes(scene))
+    notes = (*sheet_notes(scene, on), *energy_notes(scene), *constant_notes(scene))
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)
 

@@ -398,7 +398,7 @@ def render_adaptively(
         if progress:
             terminal.say(forecast.text())
 
-    with Bar("rendering", 1, progress) as bar:
+    with Bar("rendering", 1, progress, before="compiling") as bar:
         run = AdaptiveRun(prepared, goal, interrupts, bar, report)
         run.run(files)
         if not interrupts.requested:

@@ -5,7 +5,7 @@ factor is compiled into a list of operations, its code. A polynomial is square-f
 constant is an expression without x, y and z.
 """
 
-from visray.polynomials.constants import evaluate
+from visray.polynomials.constants import evaluate, inexact
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.program import (
     Compiled,
@@ -28,6 +28,7 @@ __all__ = [
     "check_sizes",
     "evaluate",
     "exact_terms",
+    "inexact",
     "interpret",
     "magnitude_bounds",
     "slope_flaw",

@@ -3,7 +3,7 @@
 A constant is an expression without x, y and z.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from fractions import Fraction
 from functools import cache, lru_cache
 from math import isqrt
@@ -174,9 +174,13 @@ def _pi(bits: int) -> Fraction:
 
 
 def has_zero_root(node: Expression, parameters: dict[str, Fraction], varied: Collection[str]) -> bool:
-    """Whether the expression contains a square root that is 0 and contains one of the parameters `varied`."""
-    if isinstance(node, Root) and _has_parameter(node.of, varied) and not rational(node, parameters):
-        return True
+    """Whether the expression contains a square root that is 0 and contains one of the parameters `varied`. An arc sine
+    or cosine of 1 or -1 counts as one, because its slope is infinite too."""
+    if isinstance(node, Root | Function) and _has_parameter(node.of, varied):
+        if isinstance(node, Root) and not rational(node, parameters):
+            return True
+        if isinstance(node, Function) and node.name in ("asin", "acos") and abs(rational(node.of, parameters)) == 1:
+            return True
     return any(has_zero_root(x, parameters, varied) for x in operands(node))
 
 
@@ -185,6 +189,22 @@ def _has_parameter(node: Expression, names: Collection[str]) -> bool:
     if isinstance(node, Parameter):
         return node.name in names
     return any(_has_parameter(x, names) for x in operands(node))
+
+
+def inexact(constants: Iterable[Expression]) -> tuple[str, ...]:
+    """Texts of the functions in the constants, each once: they have no form in numbers and square roots."""
+    found: dict[str, None] = {}
+
+    def search(node: Expression) -> None:
+        if isinstance(node, Function):
+            found[node.written] = None
+            return
+        for part in operands(node):
+            search(part)
+
+    for constant in constants:
+        search(constant)
+    return tuple(found)
 
 
 def is_zero(node: Expression) -> bool:

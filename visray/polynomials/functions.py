@@ -18,6 +18,7 @@ from visray.polynomials.expression import (
     Reciprocal,
     Root,
     Sum,
+    operands,
 )
 from visray.polynomials.sympy_constants import simplest
 
@@ -85,5 +86,4 @@ def power_of(
 
 def _nesting(node: Expression) -> int:
     """The number of functions in one another in an expression."""
-    inner = [*getattr(node, "parts", ()), *([node.of] if hasattr(node, "of") else [])]
-    return max(map(_nesting, inner), default=0) + isinstance(node, Function)
+    return max(map(_nesting, operands(node)), default=0) + isinstance(node, Function)

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from visray.polynomials.constants import rational
 from visray.polynomials.error import PolynomialError
-from visray.polynomials.expression import Axis, Expression, Function, Root, fold
+from visray.polynomials.expression import Axis, Expression, Function, Root, fold, operands
 
 DIGITS = 800
 _TINY = Decimal(10) ** (-DIGITS // 2)
@@ -45,12 +45,7 @@ def _may_be_related(node: Expression) -> bool:
     """Whether an expression contains a function, or a square root in a square root."""
     if isinstance(node, Function) or (isinstance(node, Root) and node.of.irrational):
         return True
-    return node.irrational and any(map(_may_be_related, getattr(node, "parts", None) or _operand(node)))
-
-
-def _operand(node: Expression) -> tuple[Expression, ...]:
-    """The operand of a node that has one, as a tuple; otherwise the empty tuple."""
-    return (node.of,) if hasattr(node, "of") else ()
+    return node.irrational and any(map(_may_be_related, operands(node)))
 
 
 def _along(factor: Expression, parameters: dict[str, Fraction]) -> list[Decimal]:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from visray.polynomials.constants import BITS
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
-from visray.polynomials.expression import Expression, Function, NamedConstant
+from visray.polynomials.expression import Expression, Function, NamedConstant, operands
 from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
 from visray.polynomials.sympy_constants import to_sympy
 
@@ -107,7 +107,7 @@ def _transcendental(atoms: list[Expression]) -> list[Expression]:
         if node == NamedConstant("pi") or isinstance(node, Function):
             found[node] = None
             return
-        for part in getattr(node, "parts", None) or ((node.of,) if hasattr(node, "of") else ()):
+        for part in operands(node):
             search(part)
 
     for atom in atoms:

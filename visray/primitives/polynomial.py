@@ -99,6 +99,10 @@ class Polynomial(Algebraic):
         object.__setattr__(varied, "varied", frozenset(names))
         return varied
 
+    def rounded_constants(self) -> tuple[str, ...]:
+        """Texts of the functions in the polynomial that have no exact form here, such as "sin(1)"."""
+        return polynomials.inexact(self.compiled().constants)
+
     def flaws(self) -> list[tuple[str, str]]:
         given = [name for name in ("expression", "monomis", "surface") if getattr(self, name) is not None]
         if len(given) != 1:

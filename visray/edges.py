@@ -1,7 +1,14 @@
-"""Moving edges, such as silhouettes and shadow edges: the warning that derivatives leave them out (gradients.py)."""
+"""Moving edges, such as silhouettes and shadow edges: the warning that derivatives leave them out (gradients.py).
+
+Edges are looked for along the rays through the centres of the pixels, so edges of things smaller than a pixel may be
+missed. What is found there but need not move with the value in question, such as an edge of a mesh that is nearly flat,
+is reported all the same.
+"""
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -10,18 +17,21 @@ import numpy as np
 from visray import integrator, modes
 from visray.accel.intersect import closest
 from visray.direct import LightSample, light_sample
-from visray.images import Atlas
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
+from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
+
+# Fields of lights and materials whose change moves shadow edges, or edges seen through refraction.
+EDGE_MOVING_FIELDS = {"position", "direction", "angle", "width", "height", "normal", "radius", "ior"}
+# A message lists at most this many addresses of edges of one kind.
+MOST_LISTED = 4
 
 
 class EdgeWarning(UserWarning):
     """The picture has moving edges, such as silhouettes and shadow edges, and the derivative leaves them out."""
-
-
-# Fields of lights and materials whose change moves shadow edges, or edges seen through refraction.
-EDGE_MOVING_FIELDS = {"position", "direction", "angle", "width", "height", "normal", "radius", "ior"}
 
 
 def moves_edges(scene: Scene, address: str) -> bool:
@@ -41,49 +51,196 @@ def warn_of_edges(scene: Scene, s: KernelScene, wrt: Sequence[str], x: Any, y: A
 
     x, y: columns and rows of the pixels
     """
-    if any(moves_edges(scene, w) for w in wrt) and (edges := _edges(s, x, y)):
-        problem = f"the picture has moving edges ({edges}): the derivative leaves them out and can be far off"
+    movers = [w for w in wrt if moves_edges(scene, w)]
+    if movers and (edges := EdgesInView(scene, s, movers, x, y).found()):
+        listed = "; ".join(kind + (f" of {_listed(where)}" if where else "") for kind, where in edges.items())
+        problem = f"the picture has moving edges ({listed})"
+        size = "the derivative leaves them out, so it can be wrong by a factor or in its sign, and not only a little"
         advice = "compare with vr.difference(scene, address, step=0.01)"
-        warnings.warn(f"{problem}; {advice}", EdgeWarning, stacklevel=4)
+        warnings.warn(f"{problem}: {size}; {advice}", EdgeWarning, stacklevel=4)
 
 
-def _edges(s: KernelScene, x: Any, y: Any) -> str:
-    """Names of the kinds of edges in view, as text. It is empty if there are none; a derivative is then complete,
-    except for edges smaller than a pixel.
+def _listed(addresses: list[str]) -> str:
+    """The addresses as text, at most MOST_LISTED of them."""
+    more = len(addresses) - MOST_LISTED
+    return ", ".join(addresses[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
+
+@dataclass(frozen=True)
+class EdgesInView:
+    """The edges in view that move with one of several values.
+
+    scene: the scene
+    s: the scene as kernels read it
+    movers: addresses of the values
     x, y: columns and rows of the pixels
     """
-    ray = integrator.camera_ray(s, s.a.F(x) + 0.5, s.a.F(y) + 0.5)
-    hit = closest(integrator.camera_origin(s, ray), ray)
-    si = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(x)))
-    fully_lit = [_fully_lit(light_sample(s, si, light)) for light in s.lights if not light.kind.has_area]
-    edges = []
-    visible_rows = np.unique(np.array(hit.row))
-    visible_kinds = [b.kind for b in s.batches if b.has(visible_rows).any()]
-    # A surface that a line can cross more than twice may hide a part of itself.
-    if len(visible_rows) > 1 or any(kind.smooth and kind.max_crossings > 2 for kind in visible_kinds):
-        edges.append("silhouettes")
-    flat_faces = [b for b in s.batches if b.kind.many_rows and not b.kind.bends_normals]
-    if not all(kind.smooth for kind in visible_kinds) or any(b.has(visible_rows).sum() > 1 for b in flat_faces):
-        edges.append("creases")
-    if any(np.any(np.array(l)) and not np.all(np.array(l)) for l in fully_lit):
-        edges.append("shadow edges")
-    if s.features["textures"] and _has_steps(s.atlas):
-        edges.append("texture edges")
-    if _stepped(s.settings):
-        edges.append("steps of a cartoon")
-    # Rays to area lights, occlusion rays and paths meet further edges, unless there is only one object.
-    sampled_edges = {
-        "penumbras": "area lights",
-        "sky occlusion": "sky occlusion",
-        "near occlusion": "near occlusion",
-        "reflections": "reflection",
-        "refractions": "refraction",
-        "scattered light": "scatter",
-    }
-    if sum(map(len, s.batches)) > 1:
-        edges += [name for name, effect in sampled_edges.items() if s.features[effect]]
-    return ", ".join(edges)
+
+    scene: Scene
+    s: KernelScene
+    movers: list[str]
+    x: Any
+    y: Any
+
+    def found(self) -> dict[str, list[str]]:
+        """The kinds of edges, each with the addresses of the objects or lights that have them. It is empty if there are
+        none; a derivative is then complete, except for edges smaller than a pixel."""
+        edges = {
+            "silhouettes": [f"objects.{n}" for n in self.moving if self.visible_count > 1 or self._hides_itself(n)],
+            "creases": [f"objects.{n}" for n in self.moving if self._is_creased(n)],
+            "shadow edges": [f"lights.{n}" for n in self._lights_with_shadow_edges()],
+            "ends of highlights": [f"lights.{n}" for n in self._lights_with_ends()],
+            "texture edges": [f"objects.{n}" for n in self.moving if self._has_steps(n)],
+        }
+        if self.scene.settings.shading == "uv":
+            edges["jumps of u and v"] = [f"objects.{n}" for n in self.moving if self._jumps(n)]
+        found = {kind: where for kind, where in edges.items() if where}
+        if _stepped(self.scene.settings):
+            found["steps of a cartoon"] = []
+        return found | self._sampled()
+
+    def _sampled(self) -> dict[str, list[str]]:
+        """Edges that only rays meet that do not come from the camera: rays to area lights, occlusion rays and paths.
+        They are not looked for, but there are none if there is only one object."""
+        if sum(map(len, self.s.batches)) < 2:
+            return {}
+        effects, scene = self.s.features, self.scene
+
+        def objects_with(field: str) -> list[str]:
+            return [f"objects.{n}" for n, x in scene.objects.items() if any(getattr(self._material(x), field, ()))]
+
+        kinds = {
+            "penumbras": ("area lights", [f"lights.{n}" for n, light in scene.lights.items() if light.has_area]),
+            "reflections": ("reflection", objects_with("kr")),
+            "refractions": ("refraction", objects_with("kt")),
+            "scattered light": ("scatter", []),
+        }
+        if self.moves_all or self.moved_shapes:
+            kinds |= {name: (name, []) for name in ("sky occlusion", "near occlusion")}
+        return {kind: where for kind, (effect, where) in kinds.items() if effects[effect]}
+
+    @cached_property
+    def moves_all(self) -> bool:
+        """Whether all objects move in the picture."""
+        return any(w.startswith("camera.") for w in self.movers)
+
+    @cached_property
+    def moved_shapes(self) -> set[str]:
+        """Names of the objects that move in the scene."""
+        heads = {".".join(w.split(".")[:2]) for w in self.movers}
+        return {
+            name
+            for name, x in self.scene.objects.items()
+            if f"objects.{name}" in heads or (isinstance(x, Instance) and f"geometries.{x.geometry}" in heads)
+        }
+
+    @cached_property
+    def moving(self) -> list[str]:
+        """Names of the visible objects that move in the picture."""
+        return [name for name in self._visible if self.moves_all or name in self.moved_shapes]
+
+    @cached_property
+    def _shown(self) -> tuple[np.ndarray, np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
+        """What the centres of the pixels show, found by one kernel.
+
+        The numbers of object, row and part, as an array of shape (3, N), the texture coordinates (2, N), and, for each
+        unrolled light without an area, two masks: where its light arrives, and where the surface is turned to it.
+        """
+        s, names = self.s, list(self.scene.lights)
+        ray = integrator.camera_ray(s, s.a.F(self.x) + 0.5, s.a.F(self.y) + 0.5)
+        hit = closest(integrator.camera_origin(s, ray), ray)
+        si = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(self.x)))
+        part = 0 * hit.row if hit.part is None else hit.part
+        faces, lit = (integrator.object_of(s, hit), hit.row, part), {}
+        for light in s.lights:
+            if not light.kind.has_area:
+                sample = light_sample(s, si, light)
+                turned_to = hit.valid & (sample.cosine > 0)
+                lit[names[light.number]] = dr.detach(_fully_lit(sample) & hit.valid), dr.detach(turned_to)
+        uv = dr.detach((si.u, si.v))
+        dr.eval(faces, uv, lit)
+        masks = {name: tuple(np.array(mask) for mask in pair) for name, pair in lit.items()}
+        return np.stack([np.array(x) for x in faces]), np.stack([np.array(x) for x in uv]), masks
+
+    @cached_property
+    def _visible(self) -> dict[str, int]:
+        """For each visible object the number of its faces in view: its triangles or its parts."""
+        shown, names = self._shown[0], list(self.scene.objects)
+        faces = np.unique(shown[:, shown[0] != NO_ROW], axis=1)
+        return {names[i]: int(n) for i, n in zip(*np.unique(faces[0], return_counts=True))}
+
+    @cached_property
+    def visible_count(self) -> int:
+        """Number of the visible objects; what is behind all objects counts as one."""
+        return len(self._visible) + bool((self._shown[0][1] == NO_ROW).any())
+
+    def _material(self, obj: Primitive) -> Any:
+        """The material of an object; None if it is the default material and the scene does not define it."""
+        return self.scene.materials.get(obj.material)
+
+    def _kind(self, name: str) -> type[Primitive]:
+        """The class of an object in the kernel."""
+        return next(batch.kind for batch in self.s.batches if batch.names.row(name) is not None)
+
+    def _hides_itself(self, name: str) -> bool:
+        """Whether a visible object may hide a part of itself."""
+        kind = self._kind(name)
+        if kind.many_rows or kind.walks:
+            return self._visible[name] > 1
+        return kind.max_crossings > (2 if kind.closed else 1)
+
+    def _is_creased(self, name: str) -> bool:
+        """Whether a visible object may have a crease in view."""
+        kind = self._kind(name)
+        if kind.bends_normals or (kind.smooth and not kind.many_rows):
+            return False
+        # A polynomial of degree 2 that has no factors is smooth, or a cone, which is smooth but for its apex.
+        may_cross_itself = kind.finds_roots and any(f.degree > 2 for f in kind.program.factors)
+        return self._visible[name] > 1 or may_cross_itself
+
+    def _jumps(self, name: str) -> bool:
+        """Whether u or v of a visible object jumps in view: between whole numbers, or at a seam."""
+        faces, uv, _ = self._shown
+        own = uv[:, faces[0] == list(self.scene.objects).index(name)]
+        return any(len(np.unique(np.floor(x))) > 1 or np.ptp(x) > 0.5 for x in own)
+
+    def _has_steps(self, name: str) -> bool:
+        """Whether the colour of an object's texture jumps, between the squares of a checker or between pixels."""
+        material = self._material(self.scene.objects[name])
+        if material is None or material.texture is None or not self.s.features["textures"]:
+            return False
+        return getattr(self.scene.textures[material.texture], "filter", "nearest") == "nearest"
+
+    @cached_property
+    def _moving_lights(self) -> list[str]:
+        """Names of the lights whose shadows move in the picture."""
+        names = list(self.scene.lights)
+        if self.moves_all or self.moved_shapes:
+            return names
+        return [n for n in names if any(w.startswith(f"lights.{n}.") for w in self.movers)]
+
+    def _lights_with_shadow_edges(self) -> list[str]:
+        """Names of the lights without an area whose light arrives at a part of the surface points that are turned to
+        it. A looped light counts if anything can hide it, because it is not looked for."""
+        s = self.s
+        found = {n for n, (lit, turned_to) in self._shown[2].items() if lit.any() and not lit[turned_to].all()}
+        if s.features["shadows"] and sum(map(len, s.batches)) > 1:
+            looped = {batch.kind for batch in s.looped_lights if not batch.kind.has_area}
+            found |= {n for n, light in self.scene.lights.items() if type(light) in looped}
+        return [n for n in self._moving_lights if n in found]
+
+    def _lights_with_ends(self) -> list[str]:
+        """Names of the lights whose highlights end on a face in view, where it turns away from the light. Other light
+        has faded by then."""
+        if not self.s.features["specular"]:
+            return []
+        faces, _, masks = self._shown
+        _, face = np.unique(faces, axis=1, return_inverse=True)
+        # The numbers of all faces that are turned to the light somewhere, and of those that are not somewhere.
+        found = {
+            n for n, (_, t) in masks.items() if set(face[t].tolist()) & set(face[~t & (faces[0] != NO_ROW)].tolist())
+        }
+        return [n for n in self._moving_lights if n in found]
 
 
 def _fully_lit(b: LightSample) -> Any:
@@ -91,8 +248,3 @@ def _fully_lit(b: LightSample) -> Any:
     if (t := b.transmittance) is None:
         return b.arrives
     return b.arrives & (t.x == 1) & (t.y == 1) & (t.z == 1)
-
-
-def _has_steps(atlas: Atlas) -> bool:
-    """Whether the colour of a texture jumps, between the squares of a checker or between the pixels of an image."""
-    return atlas.rows.a is not None or not np.all(np.array(atlas.rows.smooth))

@@ -225,13 +225,18 @@ def test_looking_compiles_no_kernel_of_the_picture(monkeypatch: pytest.MonkeyPat
     assert len(looks) == 1
 
 
-def test_pictures_warn_after_their_first_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_warn_after_their_first_pass() -> None:
     scene = changed(*CAUSES["no light at night"][0])
     with pytest.warns(DarkWarning, match="the picture is black: the scene has no lights"):
         image = vr.render(scene, layers=("RGB",), progress=False)
     assert not image["RGB"].any()
     with pytest.warns(DarkWarning, match="the scene has no lights"):
         vr.render(scene, error=0.5, layers=("RGB",), progress=False)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        vr.render(scene, layers=("RGB",), progress=False)
+        vr.render(scene, error=0.5, layers=("RGB",), progress=False)
+    assert {w.filename for w in caught if w.category is DarkWarning} == {__file__}
 
 
 def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

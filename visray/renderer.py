@@ -21,7 +21,7 @@ from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.constant_report import constant_notes
-from visray.dark import warn_of_dark
+from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
 from visray.kernel_scene import ray_families
@@ -162,7 +162,8 @@ def _layers_for_goal(
     # A look for light would compile another kernel, which takes a part of the time.
     coverage = np.array(adaptive.layers.get("A", np.ones(len(prepared.order))))
     if not interrupts.requested:
-        warn_of_dark(prepared, adaptive.layers["RGB"], coverage, interrupts, may_look=goal.seconds is None)
+        notes = dark_notes(prepared, adaptive.layers["RGB"], coverage, interrupts, may_look=goal.seconds is None)
+        warn_of_dark(notes, stacklevel=3)
     return adaptive.layers | first_hit, adaptive.facts
 
 
@@ -280,7 +281,8 @@ def _coverage(prepared: Prepared, film: films.Film) -> np.ndarray:
 def _look(prepared: Prepared, interrupts: Interrupts, film: films.Film) -> None:
     """Warns if the film is black or shows nothing."""
     if not interrupts.requested:
-        warn_of_dark(prepared, film.mean, _coverage(prepared, film), interrupts)
+        # The line of code that called vr.render is five calls away.
+        warn_of_dark(dark_notes(prepared, film.mean, _coverage(prepared, film), interrupts), stacklevel=5)
 
 
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:

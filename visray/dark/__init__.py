@@ -23,17 +23,15 @@ class DarkWarning(UserWarning):
     """Warning that a picture is black, or shows nothing, or only ambient light, and why."""
 
 
-def warn_of_dark(
-    prepared: Prepared, rgb: Any, coverage: np.ndarray, interrupts: Interrupts | None = None, may_look: bool = True
-) -> None:
-    """Warns if a picture is black or shows nothing. Arguments as in `dark_notes`."""
-    for text in dark_notes(prepared, np.array(rgb), coverage, interrupts, may_look):
-        warnings.warn(text, DarkWarning, stacklevel=4)
+def warn_of_dark(notes: list[str], stacklevel: int) -> None:
+    """Shows the notes of `dark_notes`. stacklevel: as in warnings.warn, for the function that calls this one."""
+    for text in notes:
+        warnings.warn(text, DarkWarning, stacklevel=stacklevel + 1)
 
 
 def dark_notes(
     prepared: Prepared,
-    rgb: np.ndarray,
+    rgb: Any,
     coverage: np.ndarray,
     interrupts: Interrupts | None = None,
     may_look: bool = True,
@@ -46,6 +44,7 @@ def dark_notes(
         ambient light and background, to see whether light of a light is in it. Of a prepared scene this is done once.
     Shapes: rgb (3, N), coverage (N), in the order of lanes.
     """
+    rgb = np.array(rgb)
     on, lit_mode = prepared.features, BY_NAME[prepared.scene.settings.shading].lit
     black, lights_shine = bool(rgb.max() <= NEARLY_BLACK), on["diffuse"] or on["specular"]
     # Nothing shines on any surface; or the colours of the picture leave it open whether a light does.

@@ -18,6 +18,8 @@ NEARLY_BLACK = 0.5 / 255 / 12.92
 ROUNDING = gamma(64, "single")
 # Number of pixels that are looked at first, before all of them.
 FIRST_PIXELS = 1024
+# At most this many pixels are looked at. More would take as much memory as the picture itself.
+MOST_PIXELS = 2**20
 # Share of the pixels that are dark in a picture that may be unlit.
 DARK_SHARE = 1 / 64
 
@@ -53,6 +55,7 @@ def surely_lit(prepared: Prepared, rgb: np.ndarray) -> bool:
     ambient light. So it is never beyond all of these, along any of some directions in the space of colours.
     """
     scene, on = prepared.scene, prepared.features
+    rgb = rgb[:, :: max(1, rgb.shape[1] // (64 * FIRST_PIXELS))]
     ambient = np.array(scene.ambient) + sum((l.intensity * np.array(l.Ia) for l in scene.lights.values()), np.zeros(3))
     colours = [ambient * m.ka for m in used_materials(scene).values()]
     # Matte surfaces show at most their ambient light then. If few pixels are so dark, there is no need to look further.
@@ -71,7 +74,8 @@ def surely_lit(prepared: Prepared, rgb: np.ndarray) -> bool:
 def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     """Whether light of a light is seen anywhere, by samples of the same kernel without ambient light and background.
 
-    A few pixels are looked at first, and then all. After Ctrl-C, the answer is that there is some.
+    A few pixels are looked at first, and then all, or MOST_PIXELS of them. After Ctrl-C, the answer is that there is
+    some.
     """
     s, scene = prepared.kernel, prepared.scene
     scene, interrupts = replace(scene, settings=replace(scene.settings, spp=1)), interrupts or Interrupts()
@@ -79,7 +83,7 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     sky = replace(s.sky, top=black(s.sky.top), bottom=black(s.sky.bottom))
     dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=sky)
     n = len(prepared.order)
-    for step in sorted({max(1, n // FIRST_PIXELS), 1}, reverse=True):
+    for step in sorted({max(1, n // FIRST_PIXELS), max(1, n // MOST_PIXELS)}, reverse=True):
         pixels = subset(prepared, np.arange(0, n, step))
         dr.eval(pixels.x, pixels.y)
         film, _ = expose(replace(pixels, kernel=dark, scene=scene), interrupts=interrupts)

@@ -63,6 +63,7 @@ def render(
     time: float | None = None,
     files: Files = ANYWHERE,
     begun: float | None = None,
+    allow_outside: bool = False,
 ) -> Image:
     """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
     taken so far.
@@ -80,6 +81,7 @@ def render(
     files: files that the picture will be written to. An `error` below the rounding of these files is refused, and a
         part of `time` is kept for writing them.
     begun: the moment from which `time` counts (clock.now); None means the moment of the call.
+    allow_outside: whether a scene file may name files outside of its folder.
 
     With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image
     say how the picture was made.
@@ -87,7 +89,7 @@ def render(
     now = clock.now()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
     _check_arguments(goal, layers, files)
-    scene = load(scene, setup) if isinstance(scene, (str, Path)) else scene
+    scene = load(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
@@ -200,7 +202,7 @@ def _seconds_to_finish(pixels: int, layers: tuple[str, ...], files: Files) -> fl
     return (LAYERING + sum(writing)) * pixels
 
 
-def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
+def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: bool = False) -> Prepared:
     """Prepares a scene, or the scene in a file, to be rendered many times. It is validated and turned into the arrays
     of a kernel only once.
 
@@ -210,8 +212,10 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm") -> Prepared:
         image = vr.render(prepared)
 
     `updated` computes again only what changes.
+    allow_outside: whether a scene file may name files outside of its folder.
     """
-    return prepare_checked(checked(load(scene) if isinstance(scene, (str, Path)) else scene), backend)
+    scene = load(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
+    return prepare_checked(checked(scene), backend)
 
 
 def explain(scene: Scene) -> Features:

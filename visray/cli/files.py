@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from visray.cli.options import Compat, SceneFile, Setup, app, load_scene, write_or_print
+from visray.cli.options import Compat, Outside, SceneFile, Setup, app, load_scene, write_or_print
 
 
 @app.command
@@ -33,12 +33,13 @@ def import_command(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="A .json file. Default: the scene is printed.")
     ] = None,
 ) -> int:
     """Convert a scene of the original VisRayTrace to visray's own format."""
-    loaded = load_scene(scene, setup, compat, [])
+    loaded = load_scene(scene, setup, compat, [], allow_outside=allow_outside)
     from visray.scene.load import dump
 
     write_or_print(dump(loaded, output and output.parent), output)

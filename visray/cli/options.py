@@ -45,6 +45,7 @@ Integer = Annotated[int, Parameter(converter=parse_integer)]
 SceneFile = Annotated[Path, Parameter(help="A scene file (.json).")]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
 Compat = flag("With a scene of the original VisRayTrace: use its rules for light, occlusion and weights.")
+Outside = flag("Read textures and meshes outside of the scene's folder too. Only for scenes that you trust.")
 Json = flag("Print the report as JSON.", name="--json")
 Threads = Annotated[Integer | None, Parameter(help="Number of threads. Default: one per core.")]
 Settings = Annotated[
@@ -67,12 +68,15 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
-def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[str], **settings: Any) -> "Scene":
+def load_scene(
+    scene: Path, setup: Path | None, compat: bool, assignments: list[str], *, allow_outside: bool, **settings: Any
+) -> "Scene":
     """Loads a scene file, and changes the scene as the options of the command line say.
 
     setup: the setup file of a scene of the original VisRayTrace, or None.
     compat: whether the rules of the original VisRayTrace apply.
     assignments: values of the option --set, each ADDRESS=VALUE.
+    allow_outside: whether the scene may name files outside of its folder.
     settings: size of the film, and values of fields of Settings by name; None keeps the scene's value.
     """
     source = read(scene)
@@ -81,7 +85,7 @@ def load_scene(scene: Path, setup: Path | None, compat: bool, assignments: list[
     from visray.scene.adjusted import adjusted
     from visray.scene.load import load
 
-    loaded = adjusted(load(scene, setup, compat, source), **settings)
+    loaded = adjusted(load(scene, setup, compat, source, allow_outside=allow_outside), **settings)
     return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
 
 

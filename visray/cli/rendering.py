@@ -18,6 +18,7 @@ from visray.cli.options import (
     Integer,
     Json,
     Outputs,
+    Outside,
     SceneFile,
     Settings,
     Setup,
@@ -124,6 +125,7 @@ def render_command(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     output: Outputs = [],  # noqa: B006 - only read
     spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")] = None,
     error: Annotated[
@@ -156,7 +158,8 @@ def render_command(
     if quiet:
         warnings.simplefilter("ignore")
     with kept_notes() as notes:
-        loaded = load_scene(scene, setup, compat, set, spp=spp, size=parse_size(size), seed=seed, precision=precision)
+        changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
         from visray.adaptive.stopping import Goal
         from visray.output.image import check_destination

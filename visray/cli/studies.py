@@ -11,6 +11,7 @@ from visray.cli.options import (
     Compat,
     Integer,
     Json,
+    Outside,
     SceneFile,
     Settings,
     Setup,
@@ -45,6 +46,7 @@ def explain_command(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
     cost: flag("Measure what each effect costs, on a small picture.") = False,
     spp: Annotated[Integer | None, Parameter(help="With --cost: samples per pixel of the small picture.")] = None,
@@ -62,7 +64,7 @@ def explain_command(
     overlap. Notes say which materials do not do what they seem to say. With --cost: what each effect costs in time.
     With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
-    loaded = load_scene(scene, setup, compat, set)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
     if why is not None:
         return _tell_pixel(loaded, *parse_pixel(why), json)
     from visray import tables
@@ -147,6 +149,7 @@ def check(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference of both pictures to this .exr file.")
@@ -160,7 +163,7 @@ def check(
 
     The same rays go through both. Exit code 1 if they differ.
     """
-    loaded = load_scene(scene, setup, compat, set)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.output.image import check_destination
     from visray.renderer import set_threads
     from visray.study.mitsuba import crosscheck
@@ -184,6 +187,7 @@ def cost(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
     output: Annotated[
         Path | None,
@@ -201,7 +205,7 @@ def cost(
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
-    loaded = load_scene(scene, setup, compat, set)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.progress import Interrupts
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report
@@ -239,6 +243,7 @@ def tune(
     *,
     setup: Setup = None,
     compat: Compat = False,
+    allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
     error: Annotated[float | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
     time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
@@ -258,7 +263,7 @@ def tune(
         raise UserError(f"{output}: a scene is a .json file; end the name so")
     if output is not None:
         check_writable(output)
-    loaded = load_scene(scene, setup, compat, set)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.progress import Interrupts
     from visray.study.cost.tuned import as_scene
     from visray.study.cost.tuning import tune as study

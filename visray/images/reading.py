@@ -23,6 +23,8 @@ from visray.quantities import BRIGHTEST
 from visray.scene.source import neighbour
 from visray.terminal import printable
 
+# Suffixes of image files. An error names no other files of a folder.
+SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
 # Largest number of bytes that the images in the cache take.
 CACHE_BYTES = 2**30
 # Pillow reads PNG files of 16-bit colour in one of the raw modes on the left, and keeps only the upper byte of each
@@ -74,7 +76,7 @@ def _status(path: str) -> os.stat_result:
     try:
         status = os.stat(path)
     except FileNotFoundError:
-        raise UserError(f"there is no such file{neighbour(Path(path)) or '; check the path'}") from None
+        raise UserError(f"there is no such file{neighbour(Path(path), SUFFIXES) or '; check the path'}") from None
     except (OSError, ValueError) as error:
         raise UserError(f"cannot be read ({_reason(error)}); check the path") from None
     if stat.S_ISDIR(status.st_mode):

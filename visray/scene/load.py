@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
-from visray.scene.check import SECTIONS, checked, examined, flaws
+from visray.scene.check import checked, examined
+from visray.scene.files import placed
 from visray.scene.legacy.convert import LegacyWarning, convert, is_legacy_scene, is_legacy_setup
 from visray.scene.messages import line
 from visray.scene.scene import Scene
@@ -13,17 +14,24 @@ from visray.scene.source import Source, read
 from visray.scene.write import dump, schema
 from visray.terminal import printable
 
-__all__ = ["checked", "dump", "flaws", "load", "schema"]
+__all__ = ["checked", "dump", "load", "schema"]
 
 
 def load(
-    path: str | Path, setup: str | Path | None = None, compat: bool = False, source: Source | None = None
+    path: str | Path,
+    setup: str | Path | None = None,
+    compat: bool = False,
+    source: Source | None = None,
+    *,
+    allow_outside: bool = False,
 ) -> Scene:
     """The scene of a file in visray's format, or in the format of the original VisRayTrace.
 
     setup: the setup file of a VisRayTrace scene, or None.
     compat: whether a VisRayTrace scene follows VisRayTrace's rules where visray's rules differ (legacy/convert.py).
     source: content of the file, if it was read before.
+    allow_outside: whether the scene may name files outside of its folder: by `..`, absolute paths, or links. Without
+        it, that is an error.
 
     In the file, paths of texture and mesh files are relative to the folder of the file. In the scene, they are relative
     to the current folder. If a VisRayTrace file asks for something that visray cannot do, there is a LegacyWarning or a
@@ -31,7 +39,7 @@ def load(
     """
     source = source or read(path)
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
-        scene, warning_texts = convert(path, setup, compat)
+        scene, warning_texts = convert(path, setup, compat, allow_outside)
         for text in warning_texts:
             warnings.warn(text, LegacyWarning, stacklevel=2)
         return scene
@@ -41,27 +49,11 @@ def load(
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those have its rules; leave --compat out")
     repeated = [printable(f"{address}: the key is written twice; keep one") for address in source.repeated]
     raw, schema_flaws = _without_schema(source.raw)
-    scene, scene_flaws = examined(_with_folder(raw, Path(path).parent))
-    if repeated or schema_flaws or scene_flaws:
-        raise UserError(*(f"{path}: {text}" for text in [*repeated, *schema_flaws, *scene_flaws]))
+    raw, outside = placed(raw, Path(path).parent, allow_outside)
+    scene, scene_flaws = examined(raw)
+    if flaws := [*repeated, *schema_flaws, *outside, *scene_flaws]:
+        raise UserError(*(f"{path}: {text}" for text in flaws))
     return scene
-
-
-def _with_folder(raw: Any, folder: Path) -> Any:
-    """Content of a scene file in which paths of files are relative to the current folder. Meshes are read when a scene
-    is checked, so their paths must be right before.
-
-    folder: folder of the scene file; in the file, paths are relative to it.
-    """
-    if not isinstance(raw, dict):
-        return raw
-
-    def moved(entry: Any) -> Any:
-        file = entry.get("file") if isinstance(entry, dict) else None
-        return entry | {"file": str(folder / file)} if file and isinstance(file, str) else entry
-
-    sections = {name: raw[name] for name in SECTIONS if isinstance(raw.get(name), dict)}
-    return raw | {name: {key: moved(entry) for key, entry in part.items()} for name, part in sections.items()}
 
 
 def _without_schema(raw: Any) -> tuple[Any, list[str]]:

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -180,11 +180,15 @@ def _plain(tree: Any, address: str, repeated: list[str]) -> Any:
     return tree
 
 
-def neighbour(path: Path) -> str:
-    """Hint at a file with a similar name in the same folder; "" if there is none."""
+def neighbour(path: Path, suffixes: Collection[str] | None = None) -> str:
+    """Hint at a file with a similar name in the same folder; "" if there is none.
+
+    suffixes: suffixes of the files that may be named, in lower case; None means all files.
+    """
     # Names are compared without their suffix, because files of one type all have the same one.
     try:
-        files = {p.stem: p.name for p in path.parent.iterdir() if p.is_file()}
+        readable = (p for p in path.parent.iterdir() if suffixes is None or p.suffix.lower() in suffixes)
+        files = {p.stem: p.name for p in readable if p.is_file()}
     except (OSError, ValueError):
         # There is no such folder, or it may not be listed.
         return ""

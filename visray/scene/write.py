@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from inspect import cleandoc, get_annotations
@@ -22,14 +23,13 @@ from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
 from visray.scene.check import checked
+from visray.scene.files import WITH_FILES, OutsideWarning, is_below
 from visray.scene.scene import ADAPTER, Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.scene.source import read
 from visray.textures import ImageTexture, Texture
 from visray.transforms import STEPS, Matrix, Rotate, Scale
 
 LONGEST_LINE = 100
-# The sections of a scene whose entries may name a file.
-WITH_FILES = ("textures", "geometries", "objects")
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.OBJECTS, Ball, Block)
 KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, FitBox, *STEPS.values())
@@ -137,6 +137,8 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
     destination = folder or "."
     raw = read(like).raw if like else None
     moved = scene if folder is None else with_files(scene, lambda file: _relative_path(destination, file))
+    if folder is not None:
+        _warn_of_files_outside(scene, folder)
     tree = _json_tree(moved, raw)
     if isinstance(raw, dict) and "$schema" in raw:
         name = raw["$schema"]
@@ -144,6 +146,17 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
         shown = _relative_path(destination, schema_file) if os.path.exists(schema_file) else name
         tree = {"$schema": shown} | tree
     return pretty(tree) + "\n"
+
+
+def _warn_of_files_outside(scene: Scene, folder: str | Path) -> None:
+    """Warns if a scene names files that a scene file in this folder may not read."""
+    outside = []
+    with_files(scene, lambda file: file if is_below(file, folder) else outside.append(file) or file)
+    if outside:
+        more = f" and {len(outside) - 1} more" if len(outside) > 1 else ""
+        problem = f"{outside[0]}{more}: is outside of the folder of the scene file that is written"
+        advice = "put the scene above it, or read the scene with --allow-outside"
+        warnings.warn(f"{problem}; {advice}", OutsideWarning, stacklevel=3)
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:

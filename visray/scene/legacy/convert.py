@@ -79,11 +79,15 @@ def is_legacy_setup(raw: Any) -> bool:
 
 
 def convert(
-    scene_file: str | Path, setup_file: str | Path | None = None, compat: bool = False
+    scene_file: str | Path,
+    setup_file: str | Path | None = None,
+    compat: bool = False,
+    allow_outside: bool = False,
 ) -> tuple[Scene, list[str]]:
     """The visray scene of a VisRayTrace scene file and its setup file, and a list of the warnings about both files.
 
     compat: whether VisRayTrace's rules apply (see the module's docstring).
+    allow_outside: whether files outside of the resources folder may be read.
 
     In the scene, paths of image and mesh files are relative to the current folder. Raises a UserError that lists all
     errors of both files.
@@ -97,7 +101,7 @@ def convert(
         log.warn("no setup file: no lights, a black background, and a camera at (0, 0, 10) that looks at the origin")
         raw_setup = {"camera": {"vup": [0, 1, 0], "vfov": 90}}
     e = Entry(raw_setup, "", SETUP, setup_log)
-    resources = Resources(scene_file)
+    resources = Resources(scene_file, allow_outside)
     materials = Materials(enabled_effects(e), Textures(resources, compat))
     objects_by_name = _objects(raw, materials, Meshes(resources, compat), log)
     setup_parts = setup(e, materials.by_name.values(), compat)

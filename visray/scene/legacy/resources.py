@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
+from visray.scene.files import is_below
 from visray.scene.legacy.entry import Entry
 from visray.scene.messages import line
 
@@ -21,10 +22,11 @@ class Resources:
     """Files that a scene names.
 
     folder: folder of the scene file.
+    allow_outside: whether files outside of the resources folder may be read.
     """
 
-    def __init__(self, scene_file: str | Path):
-        self.folder = Path(scene_file).parent
+    def __init__(self, scene_file: str | Path, allow_outside: bool = False):
+        self.folder, self.allow_outside = Path(scene_file).parent, allow_outside
 
     def path(self, e: Entry, key: str, sort: str) -> str | None:
         """Path of the file that is given under a key. If there is no such file, None with an error in the log.
@@ -36,7 +38,9 @@ class Resources:
         relative = RESOURCES_PREFIX.sub("", written.replace("\\", "/"))
         expected = (self.folder / relative, self._parent() / relative)
         candidates = chain(expected, self._elsewhere(os.path.basename(relative)))
-        path = next(filter(os.path.isfile, candidates), None)
+        # What is outside counts as if it did not exist, so that nobody learns whether it does.
+        visible = (p for p in candidates if self.allow_outside or is_below(p, self._parent()))
+        path = next(filter(os.path.isfile, visible), None)
         if path is None:
             tried = " and ".join(map(os.path.normpath, expected))
             e.error(key, f"there is no such {sort}; tried {tried}, and the sub-folders of both folders")

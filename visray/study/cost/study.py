@@ -97,16 +97,20 @@ def check_report(path: str | os.PathLike[str]) -> None:
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
     progress: bool = True, threads: int | None = None,
+    allow_outside: bool = False,
 ) -> Study:  # fmt: skip
     """Measures what accuracy costs for a scene, or a scene file: error and time of every knob.
 
     quick: fewer values of each knob, on smaller pictures
     seeds: pictures of each choice, from 16 to 4096
+    allow_outside: whether a scene file may name files outside of its folder
     Ctrl-C keeps the complete turns, and raises KeyboardInterrupt where they are too few for an error with an interval.
     """
     begun = clock.now()
     name = str(scene) if isinstance(scene, (str, Path)) else "a scene given in Python"
-    scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
+    if isinstance(scene, (str, Path)):
+        scene = load(scene, setup, allow_outside=allow_outside)
+    scene = checked(scene)
     if not isinstance(seeds, int) or isinstance(seeds, bool) or not LEAST_SEEDS <= seeds <= MOST_SEEDS:
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:

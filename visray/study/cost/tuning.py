@@ -51,6 +51,7 @@ MOST_SPP = 2**18
 def tune(
     scene: Scene | str | Path, *, setup: str | Path | None = None, error: float | None = None,
     time: float | None = None, quick: bool = True, progress: bool = True, threads: int | None = None,
+    allow_outside: bool = False,
 ) -> Tuned:  # fmt: skip
     """Chooses the settings of a scene, or a scene file, with which `render(scene, error=error)` takes the least time,
     or `render(scene, time=time)` has the least error.
@@ -58,11 +59,14 @@ def tune(
     error: root mean square over pixels and channels in linear light, over the mean luminance
     time: seconds of one render at the scene's own size, with its kernels compiled
     quick: whether the study is the quick one
+    allow_outside: whether a scene file may name files outside of its folder
     """
     target = Target.of(error, time)
     if error is not None:
         check_precision(error, "double")
-    scene = checked(load(scene, setup) if isinstance(scene, (str, Path)) else scene)
+    if isinstance(scene, (str, Path)):
+        scene = load(scene, setup, allow_outside=allow_outside)
+    scene = checked(scene)
     if threads is not None:
         set_threads(threads)
     with Interrupts() as interrupts:

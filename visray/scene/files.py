@@ -1,0 +1,57 @@
+"""Files that a scene file names. A scene reads only below its own folder: a scene of a stranger can neither read other
+files nor find out which there are."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from visray.scene.messages import line
+from visray.terminal import printable
+
+# Sections whose entries may name a file. For each, an entry without a file. It takes the place of an entry whose file
+# must not be read, while the rest of the scene is checked.
+WITH_FILES: dict[str, dict] = {
+    "textures": {"type": "checker"},
+    "geometries": {"type": "sphere"},
+    "objects": {"type": "sphere"},
+}
+OUTSIDE = "is outside of the scene's folder; put the file below it, or allow that with --allow-outside"
+
+
+class OutsideWarning(UserWarning):
+    """A scene file that is written names files outside of its folder."""
+
+
+def is_below(file: str | Path, folder: str | Path) -> bool:
+    """Whether a file is below a folder if all links are followed. Whether it exists makes no difference."""
+    try:
+        return Path(os.path.realpath(file)).is_relative_to(os.path.realpath(folder))
+    except (OSError, ValueError):
+        return False
+
+
+def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]:
+    """Content of a scene file in which paths of files are relative to the current folder, and a list of errors: one for
+    each file outside of the scene's folder. Such an entry is replaced by one without a file.
+
+    Meshes are read when a scene is checked, so their paths must be right before.
+
+    folder: folder of the scene file; in the file, paths are relative to it.
+    allow_outside: whether files outside of the folder may be read.
+    """
+    if not isinstance(raw, dict):
+        return raw, []
+    flaws: list[str] = []
+
+    def moved(section: str, name: str, entry: Any) -> Any:
+        file = entry.get("file") if isinstance(entry, dict) else None
+        if not (file and isinstance(file, str)):
+            return entry
+        path = str(folder / file)
+        if not (allow_outside or is_below(path, folder)):
+            flaws.append(printable(line(f"{section}.{name}.file", file, OUTSIDE)))
+            return WITH_FILES[section]
+        return entry | {"file": path}
+
+    sections = {section: raw[section] for section in WITH_FILES if isinstance(raw.get(section), dict)}
+    return raw | {s: {key: moved(s, key, entry) for key, entry in part.items()} for s, part in sections.items()}, flaws

@@ -391,10 +391,13 @@ SADDLES = {
     "a factor into which it splits": ("(y + 0.01)*(z + 4) - a", {"a": 0.0}),
     "a reciprocal": ("y/(1 + a) - a*x*z", {"a": 0.0}),
     "a root": ("y - sqrt(a)*x", {"a": 0.25}),
+    "powers": ("y - a^(2/2)*x - a^(4/2)*z", {"a": 0.0}),
+    "functions": ("y - log(1 + a)*x - sin(a)*z - (1 - a)^(1/3)*x*a", {"a": 0.0}),
 }
 NO_SLOPE = {
     "a root of 0": ("y - sqrt(a)*x", {"a": 0.0}, "a = 0: a square root is 0 there"),
     "a root of a square": ("y - sqrt(a^2)*x", {"a": 0.0}, "a = 0: a square root is 0 there"),
+    "a root of any degree": ("y - a^(1/3)*x", {"a": 0.0}, "a = 0: a square root is 0 there"),
     "sheets that part": ("y^2 - a", {"a": 0.0}, "a = 0: several sheets"),
     "sheets that cross": ("y^2 - a^2*x^2", {"a": 0.0}, "a = 0: several sheets"),
     "a sheet on another": ("y^2*(y - a*x)", {"a": 0.0}, "a = 0: several sheets"),

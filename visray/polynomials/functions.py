@@ -68,9 +68,9 @@ def power_of(
     argument, written: texts of the base and of the whole power, for messages.
     """
     value, n = value_of(base, parameters), value_of(exponent, parameters)
-    if not value:
-        if n <= 0:
-            raise PolynomialError(f"{written} divides by 0; write another number")
+    if not value and n <= 0:
+        raise PolynomialError(f"{written} divides by 0; write another number")
+    if not value and not base.parametric:
         return Number(Fraction(0))
     exact = not exponent.irrational and not exponent.parametric
     if exact and n.denominator == 1:
@@ -80,6 +80,8 @@ def power_of(
         raise PolynomialError(f"{written} has a negative base, {argument}; only a whole exponent is possible there")
     if exact and n.denominator == 2:
         return power_of(root_of(base, parameters, argument), Number(2 * n), parameters, argument, written)
+    if not value:
+        return Root(base)  # which is 0 too, has no derivative either, and keeps the parameters
     logarithm = function_of("log", base, parameters, argument, written)
     return function_of("exp", Product((exponent, logarithm)), parameters, argument, written)
 

@@ -310,6 +310,30 @@ def estimates() -> list[str]:
     ]
 
 
+def small_bright() -> list[str]:
+    """Lines about the errors of pictures of small and bright things."""
+    report = loaded("small_bright")
+    new, old, scenes = report["with"], report["without"], report["scenes"]
+    seeds = new["pictures"] // len(scenes)
+    percent = lambda x: f"{100 * x:.2g} %" if x < 1 else f"{100 * x:,.0f} %"  # noqa: E731 - a share as text
+    rows = [
+        [r["scene"], percent(r["asked"]), r["with"]["within"], percent(r["with"]["worst"]), f"{r['with']['spp']:,.0f}",
+         r["without"]["within"], percent(r["without"]["worst"])]
+        for r in scenes
+    ]  # fmt: skip
+    heads = ["scene", "asked", f"of {seeds} within", "largest true error", "spp"]
+    return [
+        *prose(
+            f"The same was tried with {len(scenes)} scenes of small and bright things, on films of 16 x 16 pixels, with "
+            f"{seeds} seeds each: {_of_all(new['within'], new['pictures'])} true errors lie in their 95 % intervals, and "
+            f"{_of_all(new['met'], new['pictures'])} are no larger than asked. *Before*: without samples for small "
+            f"objects and without hidden light in the interval, {_of_all(old['within'], old['pictures'])} did."
+        ),
+        *table([*heads, "before: within", "before: largest true error"], rows),
+        measured(report, "small_bright"),
+    ]
+
+
 def _of_all(count: int, total: int) -> str:
     """A count and its total, in words: "All 84", "80 of 84"."""
     return f"All {total}" if count == total else f"{count} of {total}"
@@ -387,6 +411,7 @@ FIGURES = {
     "layers": layer_records,
     "modes": mode_records,
     "estimates": estimates,
+    "small_bright": small_bright,
     "adaptive": adaptive,
     "cost": cost,
     "speed": speed,

@@ -8,6 +8,7 @@ green and blue.
 
 from dataclasses import dataclass
 
+import drjit as dr
 import numpy as np
 
 from visray import modes
@@ -92,11 +93,12 @@ def _passed_on(prepared: Prepared, m: Material) -> float:
 
 
 def _brightest_texels(prepared: Prepared) -> dict[str, np.ndarray]:
-    """The greatest red, green and blue of each texture, as a dict by its name."""
+    """The greatest red, green and blue of each texture, as a dict by its name; for images, no less than the greatest
+    number in any image of the scene."""
     textures, atlas = prepared.scene.textures, prepared.kernel.atlas
-    texels = None if atlas is None or atlas.texels is None else np.array(atlas.texels).reshape(-1, 4)[:, :3].max(0)
+    greatest = 0.0 if atlas is None or atlas.texels is None else float(dr.max(atlas.texels)[0])
     return {
-        name: np.maximum(t.a, t.b) if isinstance(t, CheckerTexture) else texels.astype(float)
+        name: np.maximum(t.a, t.b) if isinstance(t, CheckerTexture) else np.full(3, greatest)
         for name, t in textures.items()
     }
 
@@ -105,8 +107,9 @@ def _most_attenuation(prepared: Prepared, light: Light) -> float:
     """The factor by which distance weakens (or, below a distance of 1, strengthens) a light where little of the film
     shows it.
 
-    The bright spot of a light on an object has about the size of its distance from the object. A spot that is large on
-    the film is seen. Then the typical distance of objects counts, because light through a pinhole falls anywhere.
+    The bright spot of a light on an object has about the size of its distance from the object, or of the light itself.
+    A spot that is large on the film is seen. Then the typical distance of objects counts, because light through a
+    pinhole falls anywhere.
     """
     if not (light.a or light.b or light.c):
         return 1.0
@@ -118,7 +121,9 @@ def _most_attenuation(prepared: Prepared, light: Light) -> float:
     if not isinstance(view, ParallelView):
         pixel *= float(np.linalg.norm(p - np.array(prepared.scene.camera.origin, float)))
     nearest = float(distances.min())
-    small = np.pi * nearest**2 < SMALL * pixel**2
+    sides = [np.linalg.norm(getattr(light, name, 0.0)) / 2 for name in ("width", "height")]
+    spot = max(nearest, getattr(light, "radius", 0.0), *sides)
+    small = np.pi * spot**2 < SMALL * pixel**2
     d = nearest if small else float(np.median(distances))
     return 1 / (light.a + d * (light.b + d * light.c))
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
+from drjit.scalar import Array3f64
 
 from visray.batches import Batch
 from visray.camera import ParallelView
 from visray.geometry import Frame, SimilarityInverse, gamma
 from visray.kernel_scene import KernelScene
+from visray.pytree import rows
 
 # Share of the outline of a row's box that the row itself covers, at least: a ball seen along the diagonal of its box,
 # half a rectangle, and a guess for shapes that only their box is known of.
@@ -52,18 +54,27 @@ class Blocks:
         return Blocks(centre, axes, np.where(k > 1, np.inf, self.ball[row]), self.share[row]), row
 
 
+def triangles(batch: Batch, index: np.ndarray) -> Blocks:
+    """Boxes of the rows of a batch with these numbers. Domain: triangular kinds. Shape: index (R)."""
+    u = type(batch.object)
+    placed = rows(batch.placed, u(index.astype(np.uint32)))
+    return _of_triangles(*(_points(c, len(index)) for c in batch.kind.corners(placed)))
+
+
 def blocks(batch: Batch) -> Blocks:
     """Boxes of the rows of a batch. Domain: bounded kinds."""
     kind, n = batch.kind, len(batch)
     if kind.triangular:
-        return _of_triangles(*(_points(c, n) for c in kind.corners(batch.placed)))
+        return triangles(batch, np.arange(n))
     centre, radius = _points(batch.centre, n), np.broadcast_to(np.array(batch.radius, float), n)
     inverse = getattr(batch.placed, "inverse", None)
     if isinstance(inverse, SimilarityInverse):
         axes = np.eye(3) / np.broadcast_to(np.array(inverse.scale, float), n)[:, None, None]
         return Blocks(centre, axes, radius, np.full(n, SOLID))
     try:
-        unit = [type(inverse.o)(*(float(i == k) for i in range(3))) for k in range(3)]
+        # Scalars, unless the kind has parameters, because they compile no kernel.
+        vector = type(inverse.o) if batch.placed.shape else Array3f64
+        unit = [vector(*(float(i == k) for i in range(3))) for k in range(3)]
         half = _points(kind.extents(Frame(*unit, 0 * unit[0]), batch.placed.shape)[1], n)
         frames = np.linalg.inv(np.stack([_points(v, n) for v in (inverse.x, inverse.y, inverse.z)], 1))
     except (AttributeError, TypeError, np.linalg.LinAlgError):
@@ -86,8 +97,8 @@ def _of_triangles(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Blocks:
     corners = np.stack([a, b, c], 1)
     sides = np.roll(corners, -1, 1) - corners
     longest = np.argmax(np.square(sides).sum(2), 1)
-    rows = np.arange(len(a))
-    start, base, apex = corners[rows, longest], sides[rows, longest], corners[rows, longest - 1]
+    row = np.arange(len(a))
+    start, base, apex = corners[row, longest], sides[row, longest], corners[row, longest - 1]
     along = ((apex - start) * base).sum(1) / np.maximum(np.square(base).sum(1), 1e-300)
     height = apex - start - along[:, None] * base
     axes = np.stack([base / 2, height / 2, np.zeros_like(base)], 1)

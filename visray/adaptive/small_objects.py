@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visray.adaptive.footprint import Blocks, FilmMap, blocks, row_objects
+from visray.adaptive.footprint import Blocks, FilmMap, blocks, row_objects, triangles
 from visray.batches import Batch
 from visray.setup import Prepared
 
@@ -76,14 +76,18 @@ def small_objects(prepared: Prepared) -> Cells:
 def _small_rows(batch: Batch, to_film: FilmMap) -> list[tuple[Blocks, np.ndarray, np.ndarray]]:
     """The rows of the small objects of a batch, as a list with at most one tuple: their boxes, the number of each row's
     object, and the area of this object in pixels."""
-    boxes, objects = blocks(batch), row_objects(batch)
-    objects = np.broadcast_to(objects, len(batch))
-    if batch.kind.many_rows and len(batch) > PROBED:
-        probed = np.linspace(0, len(batch) - 1, PROBED).astype(int)
-        front = probed[to_film.in_front(boxes[probed])]
-        large = np.bincount(objects[front], to_film.areas(boxes[front]), objects.max() + 1) >= SMALL
-        kept = np.flatnonzero(~large[objects])
-        boxes, objects = boxes[kept], objects[kept]
+    objects = np.broadcast_to(row_objects(batch), len(batch))
+    if batch.kind.triangular and len(batch) > PROBED:
+        probed = np.unique(np.linspace(0, len(batch) - 1, PROBED).astype(int))
+        boxes = triangles(batch, probed)
+        front = np.flatnonzero(to_film.in_front(boxes))
+        areas = np.bincount(objects[probed][front], to_film.areas(boxes[front]), objects.max() + 1)
+        kept = np.flatnonzero(areas[objects] < SMALL)
+        if not len(kept):
+            return []
+        boxes, objects = triangles(batch, kept), objects[kept]
+    else:
+        boxes = blocks(batch)
     front = np.flatnonzero(to_film.in_front(boxes))
     boxes, objects = boxes[front], objects[front]
     if not len(front):

@@ -324,8 +324,8 @@ def small_bright() -> list[str]:
     heads = ["scene", "asked", f"of {seeds} within", "largest true error", "spp"]
     return [
         *prose(
-            f"The same was tried with {len(scenes)} scenes of small and bright things, on films of 16 x 16 pixels, with "
-            f"{seeds} seeds each: {_of_all(new['within'], new['pictures'])} true errors lie in their 95 % intervals, and "
+            f"{len(scenes)} scenes of small and bright things, on films of 16 x 16 pixels, were made with {seeds} "
+            f"seeds each: {_of_all(new['within'], new['pictures'])} true errors lie in their 95 % intervals, and "
             f"{_of_all(new['met'], new['pictures'])} are no larger than asked. *Before*: without samples for small "
             f"objects and without hidden light in the interval, {_of_all(old['within'], old['pictures'])} did."
         ),

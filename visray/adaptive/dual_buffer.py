@@ -69,17 +69,26 @@ class DualBuffer(LaneBuffer):
 
     def estimate(self) -> Estimate:
         """Estimated error of the picture. It is the same as by Estimate.of, but Dr.Jit computes the sums, unless there
-        are cells."""
+        are cells or hidden light."""
         samples = 2 * int(self.counts.min())
-        if self.cells is not None:
-            return Estimate.of(*self.means(), min(samples, self.cells.density()), self.cells, self.hidden)
+        if self.cells is None and not self.hidden:
+            return self._quick_estimate(samples)
+        least = samples if self.cells is None else min(samples, self.cells.density())
+        estimate = Estimate.of(*self.means(), least, self.cells, self.hidden)
+        if not self.hidden or samples < 4:
+            return estimate
+        variances = (self.variances() / (3 * self.counts)).reshape(2, -1).sum(0) / 4
+        return estimate.guarded(variances if self.cells is None else np.delete(variances, self.cells.lanes))
+
+    def _quick_estimate(self, samples: int) -> Estimate:
+        """The estimate of a picture without cells and hidden light. samples: smallest number of samples of a pixel."""
         a, lanes = self.prepared.a, dr.arange(self.prepared.a.U, self.n)
         left, right = (dr.gather(a.W, self.film.mean, lanes + dr.opaque(a.U, i * self.n)) for i in (0, 1))
         squares = dr.squared_norm(left - right) / 12
         light = dr.dot(a.W(*LUMINANCE.tolist()), left + right) / 2
         sums = dr.sum(squares), dr.sum(dr.square(squares)), dr.sum(light)
         dr.eval(sums)
-        return Estimate.from_sums(self.n, *(float(x[0]) for x in sums), samples, hidden=self.hidden)
+        return Estimate.from_sums(self.n, *(float(x[0]) for x in sums), samples)
 
     def samples(self) -> np.ndarray:
         """Number of samples of each pixel, in both halves together. Shape: (N)."""

@@ -1,6 +1,6 @@
 """The estimated error of a picture, and its interval, from the two halves of a dual buffer (dual_buffer.py)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from visray.output.curves import LUMINANCE
 
 # Rule of three: if an event does not occur in n tries, its probability is below UNSEEN / n, with a confidence of 95 %.
 UNSEEN = 3.0
+# Degrees of freedom of a variance that is known as well as any.
+CERTAIN = 1e6
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,8 @@ class Estimate:
     factor: upper bound of the true mean square error, without `unseen`, divided by `square`.
     unseen: mean square error by light that perhaps no sample has met; it is contained only in `high`.
     cells: the part of `square` by pixels that are cut into cells.
+    guard: upper bound of the true mean square error, without `unseen`, by the variances of samples; 0 if there is no
+        hidden light.
     """
 
     error: float
@@ -32,6 +36,7 @@ class Estimate:
     factor: float
     unseen: float
     cells: float = 0.0
+    guard: float = 0.0
 
     @staticmethod
     def of(
@@ -88,6 +93,24 @@ class Estimate:
             error, low, high = (scale * np.sqrt([square, low, high])).tolist()
             high = max(1.0, high) if light == 0 and samples < np.inf else high
             return Estimate(error, low, high, square, light, factor, unseen, of_cells / n)
+
+    def guarded(self, variances: np.ndarray) -> "Estimate":
+        """The estimate with an upper end that the variances of samples bound, too.
+
+        If few samples meet something bright, in a single pixel, its two halves may agree by chance. The picture must
+        not stop then. The variance of the samples does not vanish by chance, and samples that are better spread than
+        independent ones only make the true error smaller.
+
+        variances: mean square errors of the pixels if their samples were independent. Shape: (N).
+        """
+        total, fourths = float(variances.sum()), 3 * float(np.square(variances).sum())
+        if not total > 0:
+            return self
+        d = max(2 * total**2 / fourths - 1, 1.0)
+        guard = ratio_quantile(d, CERTAIN) * total / len(variances) + self.cells * self.factor
+        scale = 1 / self.luminance if self.luminance > 0 else 1.0
+        high = max(self.high, scale * float(np.sqrt(guard + self.unseen)))
+        return replace(self, guard=guard, high=high)
 
 
 def _factors(squares: float, fourths: float, fourths_of_cells: float) -> tuple[float, float]:

@@ -321,7 +321,8 @@ class AdaptiveRun:
 
         def enough(mean: float, square: float, least: int) -> bool:
             square += estimate.cells
-            high = square * estimate.factor + estimate.unseen * (fewest / least) ** 2
+            high = max(square * estimate.factor, estimate.guard * present / mean)
+            high += estimate.unseen * (fewest / least) ** 2
             is_enough = mean >= min(growth * present, affordable) or high <= allowed
             (sufficient if is_enough else insufficient).append((mean, square))
             return is_enough

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import visray as vr
 from visray.errors import UserError
 from visray.scene import messages
-from visray.scene.source import DEEPEST, half_characters, neighbour, parse
+from visray.scene.source import DEEPEST, neighbour, parse, wrong_texts
 
 
 def refused(folder: Path, text: str) -> list[str]:
@@ -89,7 +89,7 @@ def test_half_a_character_in_a_scene_from_python_is_refused():
 
 
 def test_whole_characters_are_none_of_that(tmp_path):
-    assert half_characters({"é 😀": ["😀", 1, None, {"x": (True,)}]}) == []
+    assert wrong_texts({"é 😀": ["😀", 1, None, {"x": (True,)}]}) == []
     (tmp_path / "a.json").write_text(r'{"objects": {"\ud83d\ude00": {"type": "sphere"}}}')
     assert list(vr.load(tmp_path / "a.json").objects) == ["😀"]
 

@@ -48,11 +48,11 @@ def warn_of_roots(facts: dict[str, Any], prepared: Prepared) -> None:
     pixels = len(prepared.order)
     if facts.get("unresolved", 0) > LARGEST_UNRESOLVED * pixels:
         text = f"{facts['unresolved']} parts of rays could not be told from rounding; {ADVICE}"
-        warnings.warn(text, RootWarning, stacklevel=3)
+        warnings.warn(text, RootWarning, stacklevel=4)
     if facts.get("residual_ulps", 0) <= LARGEST_RESIDUAL:
         return
     # If an object has a `tolerance`, the user has chosen to be less exact.
     shapes = *prepared.scene.objects.values(), *prepared.scene.geometries.values()
     if not any(getattr(shape, "tolerance", 0) for shape in shapes):
         text = f"what is seen is up to {facts['residual_ulps']:.2g} ulp off its surface; {ADVICE}"
-        warnings.warn(text, RootWarning, stacklevel=3)
+        warnings.warn(text, RootWarning, stacklevel=4)

@@ -57,7 +57,7 @@ def warn_of_edges(scene: Scene, s: KernelScene, wrt: Sequence[str], x: Any, y: A
         problem = f"the picture has moving edges ({listed})"
         size = "the derivative leaves them out, so it can be wrong by a factor or in its sign, and not only a little"
         advice = "compare with vr.difference(scene, address, step=0.01)"
-        warnings.warn(f"{problem}: {size}; {advice}", EdgeWarning, stacklevel=4)
+        warnings.warn(f"{problem}: {size}; {advice}", EdgeWarning, stacklevel=5)
 
 
 def _listed(addresses: list[str]) -> str:

@@ -10,7 +10,7 @@ patch, but not what a moving silhouette or shadow edge adds. `gradient` and `der
 """
 
 from collections.abc import Callable, Sequence
-from math import prod
+from math import inf, prod
 from typing import Any
 
 import drjit as dr
@@ -18,6 +18,7 @@ import numpy as np
 
 from visray.accel.policy import MAX_UNROLLED
 from visray.address_index import AddressIndex, Slot, TableSlot
+from visray.arguments import checked_arguments, shown
 from visray.attached_picture import SampleLoop, Sweeps
 from visray.edges import moves_edges, warn_of_edges
 from visray.errors import UserError
@@ -97,6 +98,7 @@ def _check_coloured_shadows(scene: Scene, s: KernelScene, wrt: Sequence[str]) ->
         raise UserError(f"objects.{name}: {problem}; give this {scene.objects[name].type} a material without kt")
 
 
+@checked_arguments
 def gradient(
     scene: Scene,
     wrt: Sequence[str],
@@ -148,6 +150,7 @@ def _check_loss(loss_value: Any) -> None:
         raise UserError(f"loss: its result carries no derivatives: NumPy and dr.detach lose them; {advice}")
 
 
+@checked_arguments
 def derivative(
     scene: Scene,
     address: str,
@@ -180,6 +183,7 @@ def derivative(
 CENTRAL, UPWARDS, DOWNWARDS = {1: 0.5, -1: -0.5}, {0: -1.5, 1: 2, 2: -0.5}, {0: 1.5, -1: -2, -2: 0.5}
 
 
+@checked_arguments
 def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | None = None) -> np.ndarray:
     """Derivative of every pixel by central differences in double precision, with the same samples in all pictures: a
     slow reference for `derivative`. Shapes: (H, W, 3).
@@ -192,6 +196,8 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
 
     Unlike `derivative`, the result contains what moving edges add.
     """
+    if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < inf:
+        raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
     scene = adjusted(scene, precision="double", spp=spp)
     value = addresses.value(scene, address)
     value = np.array(value.values if isinstance(value, NumberTable) else value, float)

@@ -19,6 +19,7 @@ from visray import film as films
 from visray.adaptive.error_floor import Files
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
+from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.constant_report import constant_notes
 from visray.dark import dark_notes, warn_of_dark
@@ -47,6 +48,7 @@ ANYWHERE = Files()
 LAYERING, PNG, CHANNEL = 6e-7, 4e-7, 3e-8
 
 
+@checked_arguments
 def render(
     scene: Scene | Prepared | str | Path,
     *,
@@ -177,10 +179,10 @@ def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts
     The warning shows the line of code that called vr.render.
     """
     if not rgb.any():
-        warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=3)
+        warnings.warn("no sample met any light: nothing is known of the error", GoalWarning, stacklevel=4)
     elif not (goal.seconds or interrupts.requested) and facts["error_high"] > goal.error:
         text = f"the error asked for, {goal.error:g}, is not reached with {facts['spp_most']} samples of a pixel"
-        warnings.warn(text, GoalWarning, stacklevel=3)
+        warnings.warn(text, GoalWarning, stacklevel=4)
 
 
 def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
@@ -190,8 +192,8 @@ def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
     """
     layers = (layers,) if isinstance(layers, str) else tuple(layers)
     for name in layers:
-        if name not in BY_NAME:
-            raise UserError(f"layers = {name!r}: there is no such layer; choose from {', '.join(NAMES)}")
+        if not isinstance(name, str) or name not in BY_NAME:
+            raise UserError(f"layers = {shown(name)}: there is no such layer; choose from {', '.join(NAMES)}")
     return layers
 
 
@@ -202,6 +204,7 @@ def _seconds_to_finish(pixels: int, layers: tuple[str, ...], files: Files) -> fl
     return (LAYERING + sum(writing)) * pixels
 
 
+@checked_arguments
 def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: bool = False) -> Prepared:
     """Prepares a scene, or the scene in a file, to be rendered many times. It is validated and turned into the arrays
     of a kernel only once.
@@ -218,6 +221,7 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
     return prepare_checked(checked(scene), backend)
 
 
+@checked_arguments
 def explain(scene: Scene) -> Features:
     """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
     about meshes; which transparent solids count where they overlap; and what is odd about materials."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from visray import film as films
 from visray import images, llvm
+from visray.arguments import checked_arguments
 from visray.clip_report import warn_of_clips
 from visray.differentiable import differentiable
 from visray.errors import UserError
@@ -51,6 +52,7 @@ class Prepared:
     identities: tuple
     looked: set[str] = field(default_factory=set)
 
+    @checked_arguments
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
         """The prepared scene with other values at some addresses. Only what changes is checked, packed and placed
         again.

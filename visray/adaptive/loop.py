@@ -251,7 +251,7 @@ class AdaptiveRun:
             text = (
                 f"time = {self.goal.seconds:g}: {cause}; the picture gets the fewest samples there can be, two a pixel"
             )
-            warnings.warn(text, GoalWarning, stacklevel=5)
+            warnings.warn(text, GoalWarning, stacklevel=6)
 
     def _new_allocation(self) -> Allocation:
         """Allocation by the variance of the samples so far. Updates `estimate` and `pilot_squares` too."""

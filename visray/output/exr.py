@@ -94,7 +94,7 @@ def _warn_of_clamping(path: str | os.PathLike[str], name: str, values: np.ndarra
         problem = f"{pixels} beyond {LARGEST_HALF:g}, the largest half float, and clamped to it; the largest is"
         advice = "write float colours: --float, or write(..., float32=True)"
         text = f"{os.fspath(path)}: {problem} {float(sizes.max()):.6g}; {advice}"
-        warnings.warn(text, RangeWarning, stacklevel=4)
+        warnings.warn(text, RangeWarning, stacklevel=5)
 
 
 def _channels(name: str, values: np.ndarray, dtype: str | None) -> dict[str, np.ndarray]:

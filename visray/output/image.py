@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from visray.arguments import checked_arguments
 from visray.errors import GoalWarning, UserError
 from visray.output import exr, files, png
 from visray.output.curves import LUMINANCE, Gamma, curve
@@ -40,6 +41,10 @@ class Image:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.layers, dict) and all(isinstance(x, np.ndarray) for x in self.layers.values())):
+            raise UserError("image: its layers are a dict of NumPy arrays by name")
+        if not isinstance(self.metadata, dict):
+            raise UserError("image: its metadata are a dict by name")
         if not self.layers:
             raise UserError("image: it has no layers; give at least one, such as RGB")
         for name, values in self.layers.items():
@@ -48,6 +53,7 @@ class Image:
                 shape = f"({self.height}, {self.width}) or ({self.height}, {self.width}, n), as '{first}'"
                 raise UserError(f"image: layer '{name}' has the shape {values.shape}; right would be {shape}")
 
+    @checked_arguments
     def __getitem__(self, name: str) -> np.ndarray:
         """One layer. Shapes: (H, W) or (H, W, n)."""
         self.check_layers([name])
@@ -64,6 +70,11 @@ class Image:
     def __repr__(self) -> str:
         return f"<Image {self.width} x {self.height}: {', '.join(self.layers)}>"
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        """The colour, for NumPy. Shapes: (H, W, 3)."""
+        colour = np.asarray(self["RGB"], dtype)
+        return colour.copy() if copy else colour
+
     def _repr_png_(self) -> bytes | None:
         return self.png() if "RGB" in self.layers else None
 
@@ -75,6 +86,7 @@ class Image:
                 right = f"did you mean '{near[0]}'?" if near else "it has " + ", ".join(self.layers)
                 raise UserError(f"image: there is no layer '{name}'; {right}")
 
+    @checked_arguments
     def write(
         self,
         path: str | os.PathLike[str],
@@ -102,6 +114,7 @@ class Image:
         exr.write_exr(path, {name: _checked(self, name) for name in names}, facts, float32)
 
     @staticmethod
+    @checked_arguments
     def read(path: str | os.PathLike[str]) -> "Image":
         """The picture in an EXR file of one part. Colours are not converted, whatever colour space the file states."""
         layers, facts = exr.read_exr(path)
@@ -110,6 +123,7 @@ class Image:
         except UserError as error:
             raise UserError(f"{path}: {error}") from error
 
+    @checked_arguments
     def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
         """The bytes of a PNG file with the colour.
 
@@ -122,6 +136,7 @@ class Image:
         facts = facts | {"gamma": gamma, "exposure": exposure}
         return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
 
+    @checked_arguments
     def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
         """The colour as 8-bit numbers for a screen. Unless layer A is 1 everywhere, alpha is the fourth number, and the
         colour is not premultiplied by alpha.
@@ -161,7 +176,7 @@ class Image:
         if facts["error_high"] > facts.get("error_asked", inf) >= self.metadata["error_high"]:
             text = f"{os.fspath(path)}: the file rounds, which alone is off by {off:.2g}: its error is up to "
             text += f"{facts['error_high']:.2g}, and {facts['error_asked']:g} was asked for"
-            warnings.warn(text, GoalWarning, stacklevel=3)
+            warnings.warn(text, GoalWarning, stacklevel=4)
         return facts
 
     def provenance(self) -> dict[str, Any]:
@@ -192,7 +207,7 @@ def _checked(image: Image, name: str) -> np.ndarray:
 
 def check_curve(gamma: Gamma, exposure: float) -> None:
     """Raises a UserError if `gamma` or `exposure` is not valid."""
-    if gamma != "srgb" and not (_real(gamma) and gamma > 0):
+    if not (isinstance(gamma, str) and gamma == "srgb") and not (_real(gamma) and gamma > 0):
         raise UserError(f"gamma: {gamma!r} cannot be used; give 'srgb' or a number above 0, such as 2.2")
     if not (_real(exposure) and abs(exposure) <= 100):
         raise UserError(f"exposure: {exposure!r} cannot be used; give a number of stops from -100 to 100, such as -1")

@@ -9,6 +9,7 @@ from dataclasses import asdict, fields, is_dataclass
 from typing import Any, get_args
 
 from visray import camera as cameras
+from visray.arguments import checked_arguments, python_number
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
@@ -20,11 +21,13 @@ from visray.scene.validated import plain
 from visray.terminal import printable
 
 
+@checked_arguments
 def value(scene: Scene, address: str) -> Any:
     """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
     return _value_at(scene, address)
 
 
+@checked_arguments
 def replaced(scene: Scene, address: str, new: Any) -> Scene:
     """Copy of the scene with another value at an address. Raises UserError if the new scene is not valid."""
     return changed(scene, {address: new})
@@ -132,7 +135,7 @@ def _without_instances(new: Any) -> Any:
         return asdict(new)
     if isinstance(new, dict):
         return {k: _without_instances(v) for k, v in new.items()}
-    return tuple(map(_without_instances, new)) if isinstance(new, (tuple, list)) else new
+    return tuple(map(_without_instances, new)) if isinstance(new, (tuple, list)) else python_number(new)
 
 
 def _with(node: Any, keys: list[str], new: Any) -> Any:

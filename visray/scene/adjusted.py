@@ -3,6 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from visray.arguments import shown
 from visray.errors import UserError
 from visray.scene.check import checked
 from visray.scene.scene import Scene
@@ -19,7 +22,7 @@ def adjusted(scene: Scene, *, size: tuple[int, int] | None = None, **settings: A
     if changed:
         scene = replace(scene, settings=replace(scene.settings, **changed))
     if size is not None:
-        if len(size) != 2:
-            raise UserError(f"size = {size!r}: must be a width and a height, such as (640, 480)")
+        if not isinstance(size, (tuple, list, np.ndarray)) or np.shape(size)[:1] != (2,):
+            raise UserError(f"size = {shown(size)}: must be a width and a height, such as (640, 480)")
         scene = replace(scene, film=replace(scene.film, width=size[0], height=size[1]))
     return checked(scene) if changed or size is not None else scene

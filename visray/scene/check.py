@@ -27,7 +27,7 @@ from visray.quantities import FARTHEST, Name
 from visray.scene.garbage import uncollected
 from visray.scene.messages import hint, limited, line, lines
 from visray.scene.scene import ADAPTER, Scene
-from visray.scene.source import half_characters
+from visray.scene.source import wrong_texts
 from visray.scene.validated import plain, remember, validated
 from visray.terminal import printable
 from visray.transforms import Transform, bounds, compose
@@ -86,8 +86,8 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     try:
         scene = ADAPTER.validate_python(raw)
     except ValidationError as error:
-        # pydantic shows half a character as another one, so its addresses would lead nowhere.
-        found = half_characters(raw) or lines(error, raw) + _flaws_of_the_rest(raw, error)
+        # pydantic shows half characters and keys that are no texts as others, so its addresses would lead nowhere.
+        found = wrong_texts(raw) or lines(error, raw) + _flaws_of_the_rest(raw, error)
         return None, limited(map(printable, found))
     return scene, flaws(scene)
 

@@ -4,6 +4,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.scene.check import checked, examined
 from visray.scene.files import placed
@@ -17,6 +18,7 @@ from visray.terminal import printable
 __all__ = ["checked", "dump", "load", "schema"]
 
 
+@checked_arguments
 def load(
     path: str | Path,
     setup: str | Path | None = None,
@@ -41,7 +43,7 @@ def load(
     if is_legacy_scene(source.raw) or is_legacy_setup(source.raw):
         scene, warning_texts = convert(path, setup, compat, allow_outside)
         for text in warning_texts:
-            warnings.warn(text, LegacyWarning, stacklevel=2)
+            warnings.warn(text, LegacyWarning, stacklevel=3)
         return scene
     if setup is not None:
         raise UserError(f"{path}: is not a VisRayTrace scene, and only those take a setup file; leave {setup} out")

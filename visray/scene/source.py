@@ -104,7 +104,7 @@ def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
         raise UserError(_too_deep(name)) from None
     if _is_too_deep(text):
         raise UserError(_too_deep(name))
-    if "\\u" in text and (halves := half_characters(raw)):
+    if "\\u" in text and (halves := wrong_texts(raw)):
         raise UserError(*(f"{name}: {half}" for half in halves))
     return raw
 
@@ -143,9 +143,9 @@ def _too_deep(name: str) -> str:
     return f"{name}: is nested deeper than {DEEPEST} objects and lists; no scene needs that"
 
 
-def half_characters(raw: Any, address: str = "") -> list[str]:
-    """List with a message for each text in dicts, lists and values that contains half a character. Such a half, which
-    Python calls a surrogate, is no character, and cannot be written to a file.
+def wrong_texts(raw: Any, address: str = "") -> list[str]:
+    """List with a message for each text in dicts, lists and values that contains half a character, and for each key
+    that is no text. Half a character, which Python calls a surrogate, is none, and cannot be written to a file.
 
     address: address of `raw`, and a dot.
     """
@@ -154,10 +154,11 @@ def half_characters(raw: Any, address: str = "") -> list[str]:
         where = f"{address}{json.dumps(raw)}"
         return [f"{where}: \\u{ord(half):x} is half a character; write the whole one"] if half else []
     if isinstance(raw, dict):
-        keys = [text for key in raw for text in half_characters(key, address)]
-        return keys + [text for key, value in raw.items() for text in half_characters(value, f"{address}{key}.")]
+        others = [f"{address}{key!r}: is no text; a key is a text" for key in raw if not isinstance(key, str)]
+        keys = others + [text for key in raw if isinstance(key, str) for text in wrong_texts(key, address)]
+        return keys + [text for key, value in raw.items() for text in wrong_texts(value, f"{address}{key}.")]
     if isinstance(raw, (list, tuple)):
-        return [text for i, value in enumerate(raw) for text in half_characters(value, f"{address}{i}.")]
+        return [text for i, value in enumerate(raw) for text in wrong_texts(value, f"{address}{i}.")]
     return []
 
 

@@ -10,6 +10,8 @@ from functools import cache
 from typing import Any
 from weakref import ref
 
+from visray.arguments import python_number
+
 # Atoms: types of values that contain no other values.
 ATOMS = frozenset((float, str, int, bool, type(None)))
 
@@ -67,8 +69,8 @@ def _add(instance: Any, equal: Any | None) -> None:
 
 
 def plain(value: Any) -> Any:
-    """The value with dicts in place of dataclass instances at every depth, like dataclasses.asdict. The result must not
-    be changed: its dicts may be the instances' own."""
+    """The value with dicts in place of dataclass instances at every depth, like dataclasses.asdict, and with Python's
+    numbers in place of NumPy's. The result must not be changed: its dicts may be the instances' own."""
     kind = type(value)
     if kind in ATOMS:
         return value
@@ -79,7 +81,7 @@ def plain(value: Any) -> Any:
         return {key: plain(part) for key, part in value.items()}
     if isinstance(value, list):
         return [plain(part) for part in value]
-    return tuple(map(plain, value)) if isinstance(value, tuple) else value
+    return tuple(map(plain, value)) if isinstance(value, tuple) else python_number(value)
 
 
 @cache

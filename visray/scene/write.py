@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from visray import lights, primitives, textures
+from visray.arguments import checked_arguments
 from visray.camera import Camera, OrthographicCamera
 from visray.lights.light import AreaLight
 from visray.materials import Material
@@ -126,6 +127,7 @@ MEANINGS: dict[type, dict[str, str]] = {
 }
 
 
+@checked_arguments
 def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None = None) -> str:
     """Text of a scene file that loads as an equal scene. Fields that equal their default are left out.
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from visray import clock
 from visray.adaptive.dual_buffer import QUANTILE
+from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.output.files import write_text
 from visray.progress import Interrupts
@@ -94,6 +95,7 @@ def check_report(path: str | os.PathLike[str]) -> None:
         raise UserError(f"{path}: the name says no format of a report; end it in {', '.join(SUFFIXES)}")
 
 
+@checked_arguments
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
     progress: bool = True, threads: int | None = None,

@@ -22,6 +22,7 @@ from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import DEEPEST, LARGER, Files, check_precision
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
+from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.progress import Interrupts
 from visray.renderer import check_numbers, set_threads
@@ -48,6 +49,7 @@ RENDERS, ENOUGH = 5, 2.0
 MOST_SPP = 2**18
 
 
+@checked_arguments
 def tune(
     scene: Scene | str | Path, *, setup: str | Path | None = None, error: float | None = None,
     time: float | None = None, quick: bool = True, progress: bool = True, threads: int | None = None,

@@ -1,0 +1,136 @@
+"""Odd arguments of the public functions: a UserError of one line, or what was meant; never another exception."""
+
+import inspect
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import visray as vr
+from visray import setup
+from visray.arguments import checked_argument, python_number
+from visray.errors import UserError
+
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
+BALL = vr.Scene(objects={"a": vr.Sphere()}, lights={"l": vr.PointLight(position=(3.0, 4.0, 5.0))})
+IMAGE = vr.Image({"RGB": np.ones((2, 3, 3), np.float32), "Z": np.ones((2, 3), np.float32)})
+ODD = [
+    None, True, 5, -1, 0, 2.5, np.nan, np.inf, 10**30, "", "x", "a.b", b"x", [], {}, (), (1,), (1, 2, 3), (1.5, 2),
+    ("a", "b"), [None], [[]], {"a": 1}, object(), np.int64(2), np.float32(2), np.array([1, 2]), np.array(3),
+    lambda x: x, vr.Sphere(), vr.Sphere, BALL, vr.Scene, IMAGE, "\ud800", "a\0b", set(), range(3), 1j, ...,
+]  # fmt: skip
+# Arguments with which a function would do its work.
+GOOD = {
+    "scene": BALL, "path": str(SCENES / "sphere.json"), "address": "objects.a.radius", "new": 2.0, "error": 0.01,
+    "wrt": ["objects.a.radius"], "x": 0, "y": 0,
+}  # fmt: skip
+FUNCTIONS = [getattr(vr, name) for name in vr.__all__ if inspect.isfunction(getattr(vr, name))]
+
+
+class Begun(Exception):
+    """The work begins: the arguments are accepted."""
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    """Nothing is prepared or rendered."""
+
+    def begin(*_, **__):
+        raise Begun
+
+    prepare = setup.prepare
+    for module in [m for name, m in sys.modules.items() if name.startswith("visray.")]:
+        for name in [name for name, value in vars(module).items() if value is prepare]:
+            monkeypatch.setattr(module, name, begin)
+
+
+def refuses_or_begins(function, arguments):
+    """Calls a function. Any exception but a UserError of printable lines, or Begun, is a fault."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            function(**arguments)
+    except Begun:
+        return
+    except UserError as error:
+        assert error.lines and all(line and "\n" not in line for line in error.lines)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_odd_arguments_of_functions(function, no_work):
+    names = list(inspect.signature(function).parameters)
+    required = [n for n, p in inspect.signature(function).parameters.items() if p.default is p.empty]
+    good = {name: GOOD[name] for name in required + (["error"] if function is vr.tune else [])}
+    for name in names:
+        for odd in ODD:
+            refuses_or_begins(function, good | {name: odd})
+
+
+def test_odd_arguments_of_images(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for odd in ODD:
+        for call in (vr.Image.read, IMAGE.png, IMAGE.write, IMAGE.display, IMAGE.__getitem__, vr.Image):
+            refuses_or_begins(lambda call=call, odd=odd: call(odd), {})
+        refuses_or_begins(lambda odd=odd: vr.Image({"RGB": odd}), {})
+        refuses_or_begins(lambda odd=odd: vr.Image({"RGB": IMAGE["RGB"]}, odd), {})
+        refuses_or_begins(IMAGE.write, {"path": "a.png", "gamma": odd})
+        refuses_or_begins(IMAGE.write, {"path": "a.png", "exposure": odd})
+        refuses_or_begins(IMAGE.write, {"path": "a.exr", "layers": odd})
+
+
+def kinds():
+    """The dataclasses among the public names that are parts of a scene."""
+    values = [getattr(vr, name) for name in vr.__all__]
+    return [x for x in values if hasattr(x, "__dataclass_fields__") and hasattr(x, "__pydantic_config__")]
+
+
+def test_odd_values_in_scenes():
+    """Every section and every setting of a scene, from Python."""
+    for name in vr.Scene.__dataclass_fields__:
+        for odd in [*ODD, {"a": object()}, {1: vr.Sphere()}, {None: 1}, {"a": vr.Scene}]:
+            refuses_or_begins(vr.explain, {"scene": vr.Scene(**{name: odd})})
+    for name in vr.Settings.__dataclass_fields__:
+        for odd in ODD:
+            refuses_or_begins(vr.explain, {"scene": vr.Scene(settings=vr.Settings(**{name: odd}))})
+
+
+@pytest.mark.parametrize("size", [5, None, "12", (1, 2, 3), {1, 2}, np.array(3), (2.5, 2), ("a", "b"), [-1, 2]])
+def test_a_size_that_is_none(size):
+    if size is None:
+        assert vr.render(BALL, size=None, spp=1, layers="RGB").width == BALL.film.width
+        return
+    with pytest.raises(UserError, match=r"size = .*such as \(640, 480\)|film.width|film.height"):
+        vr.render(BALL, size=size)
+
+
+def test_numbers_of_numpy_are_numbers():
+    arguments = {"spp": np.int64(2), "size": np.array([6, 4]), "seed": np.uint8(3), "threads": np.int32(1)}
+    image = vr.render(BALL, **arguments, progress=np.bool_(False))
+    same = vr.render(BALL, spp=2, size=(6, 4), seed=3)
+    np.testing.assert_array_equal(image["RGB"], same["RGB"])
+    ball = vr.Sphere(radius=np.float32(0.5), center=(np.int64(1), np.float64(2), 0))
+    assert vr.dump(vr.Scene(objects={"a": ball})) == vr.dump(
+        vr.Scene(objects={"a": vr.Sphere(radius=0.5, center=(1, 2, 0))})
+    )
+    assert vr.value(vr.replaced(BALL, "objects.a.radius", np.float32(0.25)), "objects.a.radius") == 0.25
+    assert python_number(np.bool_(True)) is True and isinstance(python_number(np.array(3)), np.ndarray)
+
+
+def test_an_image_is_an_array_for_numpy():
+    np.testing.assert_array_equal(np.asarray(IMAGE), IMAGE["RGB"])
+    assert np.array(IMAGE, dtype=np.float64).dtype == np.float64 and np.mean(IMAGE) == 1
+    assert not np.shares_memory(np.array(IMAGE), IMAGE["RGB"])
+
+
+def test_what_is_right_is_said():
+    for value, annotation, text in (
+        (5, str | Path | None, "a = 5: must be a text or a path or None"),
+        ([], str, "a = []: must be a text"),
+        ("x", bool, "a = 'x': must be True or False"),
+        (5, dict, "a = 5: must be a dict"),
+    ):
+        with pytest.raises(UserError) as caught:
+            checked_argument("a", value, annotation)
+        assert str(caught.value) == text

@@ -47,6 +47,8 @@ class Image:
             raise UserError("image: its metadata are a dict by name")
         if not self.layers:
             raise UserError("image: it has no layers; give at least one, such as RGB")
+        if next(iter(self.layers.values())).ndim < 2:
+            raise UserError("image: a layer has the shape (height, width) or (height, width, n)")
         for name, values in self.layers.items():
             if values.ndim not in (2, 3) or values.shape[:2] != (self.height, self.width) or not values.size:
                 first = next(iter(self.layers))

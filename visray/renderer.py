@@ -147,7 +147,7 @@ def _layers_of_spp(
     if interrupts.requested and timer.compile_seconds > LONGEST_PASS:
         # Their kernel would take about as long to compile, and Ctrl-C would wait for it.
         text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
-        warnings.warn(text, StoppedWarning, stacklevel=3)
+        warnings.warn(text, StoppedWarning, stacklevel=4)
         return values, {"spp": spp} | facts
     return values | _first_hit_layers(prepared, layers), {"spp": spp} | facts
 
@@ -167,7 +167,7 @@ def _layers_for_goal(
     coverage = np.array(adaptive.layers.get("A", np.ones(len(prepared.order))))
     if not interrupts.requested:
         notes = dark_notes(prepared, adaptive.layers["RGB"], coverage, interrupts, may_look=goal.seconds is None)
-        warn_of_dark(notes, stacklevel=3)
+        warn_of_dark(notes, stacklevel=4)
     return adaptive.layers | first_hit, adaptive.facts
 
 
@@ -268,7 +268,7 @@ def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dic
     layers = {"RGB": np.array(film.mean), "A": _coverage(prepared, film)}
     if not present.all():
         text = f"stopped when {present.sum():,} of {present.size:,} pixels had a sample; the others are transparent"
-        warnings.warn(text, StoppedWarning, stacklevel=4)
+        warnings.warn(text, StoppedWarning, stacklevel=5)
     if film.counts.min() <= 1:
         return layers, {}
     layers["variance"] = np.array(film.squares) / (film.counts - 1)
@@ -290,7 +290,7 @@ def _look(prepared: Prepared, interrupts: Interrupts, film: films.Film) -> None:
     """Warns if the film is black or shows nothing."""
     if not interrupts.requested:
         # The line of code that called vr.render is five calls away.
-        warn_of_dark(dark_notes(prepared, film.mean, _coverage(prepared, film), interrupts), stacklevel=5)
+        warn_of_dark(dark_notes(prepared, film.mean, _coverage(prepared, film), interrupts), stacklevel=6)
 
 
 def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:

@@ -726,3 +726,10 @@ def test_functions_that_are_rounded_are_named():
 def test_infinite_slopes_are_refused(text):
     assert "slope infinite" in slope_flaw(text, {"a": 1.0}, frozenset({"a"}))
     assert slope_flaw(text, {"a": 0.5}, frozenset({"a"})) is None
+
+
+def test_sympy_is_not_asked_what_it_cannot_answer_quickly():
+    """Both took minutes: sympy judged the sign of a nested constant, and factored numbers of 1000 bits."""
+    assert build("(1 + asin(acos(sqrt(2)^(1e-300))))*x + y").values == (1.0,)
+    text = "exp(acos(-1))*x^3 + atan((1/3)^0.5)*1e-290*x*y*z - sin(1e300)*x^2*y + cos(1e299)*x*z^2 - pi*x"
+    assert sum(f.degree for f in build(text).program.factors) == 3

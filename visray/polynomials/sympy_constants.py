@@ -23,6 +23,7 @@ from visray.polynomials.expression import (
     Reciprocal,
     Root,
     Sum,
+    operands,
 )
 from visray.polynomials.literals import FUNCTIONS
 
@@ -34,6 +35,8 @@ MAX_PARTS, FERMAT = 255, 3 * 5 * 17
 # Greatest number of square roots, one in the other or side by side, that replace one function.
 MAX_ROOTS = 12
 MAX_POWER = 32
+# Greatest number of bits of the numerators and denominators in constants that sympy is asked about.
+MAX_NUMBER_BITS = 64
 
 
 def to_sympy(
@@ -82,13 +85,33 @@ def simplest(function: Function) -> Expression:
     """
     import sympy
 
-    number = to_sympy(function, {})
-    number = number.replace(lambda n: isinstance(n, sympy.tan), lambda n: sympy.sin(n.args[0]) / sympy.cos(n.args[0]))
-    number = number.replace(lambda n: isinstance(n, sympy.sin | sympy.cos), _in_roots)
+    if not _is_simple(function.of):
+        return function
+    try:
+        number = to_sympy(function, {})
+        tangent = lambda n: sympy.sin(n.args[0]) / sympy.cos(n.args[0])  # noqa: E731 - used once
+        number = number.replace(lambda n: isinstance(n, sympy.tan), tangent)
+        number = number.replace(lambda n: isinstance(n, sympy.sin | sympy.cos), _in_roots)
+    except Exception:
+        # Whatever sympy fails at, it has no exact form.
+        return function
     if number.has(sympy.zoo, sympy.oo, -sympy.oo, sympy.nan):
         raise PolynomialError(f"{function.written} is infinite; write another number")
     expression = _from_sympy(number, function.written)
     return function if expression is None else expression
+
+
+def _is_simple(node: Expression) -> bool:
+    """Whether sympy surely finds a form of a function of this constant in a short time: the constant has short numbers
+    and at most one function. Others have an exact form only in contrived cases."""
+    functions, nodes = 0, [node]
+    while nodes:
+        n = nodes.pop()
+        functions += isinstance(n, Function)
+        if isinstance(n, Number) and max(map(int.bit_length, n.value.as_integer_ratio())) > MAX_NUMBER_BITS:
+            return False
+        nodes += operands(n)
+    return functions <= 1
 
 
 def _in_roots(of: sympy.Expr) -> sympy.Expr:

@@ -17,6 +17,8 @@ from visray.polynomials.sympy_constants import to_sympy
 # False: factoring only makes rendering faster.
 MAX_TERMS = {True: MOST_TERMS, False: 300}
 MAX_ALGEBRAIC_TERMS = 60
+# Greatest number of bits of the coefficients of a polynomial that is factored only to be rendered faster.
+MAX_BITS = 600
 
 
 def repeated_factor_error() -> PolynomialError:
@@ -34,7 +36,8 @@ def rational_factors(
     needed: whether factoring is necessary, because a factor is repeated; see MAX_TERMS.
     """
     terms, atoms = symbolic_terms(expression)
-    if len(terms) > MAX_TERMS[needed]:
+    longest = max(max(map(int.bit_length, c.as_integer_ratio())) for c in terms.values())
+    if len(terms) > MAX_TERMS[needed] or (longest > MAX_BITS and not needed):
         raise TooLong
     from sympy import QQ, Poly, symbols
 

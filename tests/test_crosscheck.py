@@ -12,6 +12,7 @@ import pytest
 from light_samples import LIGHT_NAMES, light_sample
 from rich.console import Console
 from samples import SAMPLES
+from solids import ring
 
 from visray import modes
 from visray.camera import Camera
@@ -28,15 +29,17 @@ from visray.primitives import (
     Polynomial,
     Rectangle,
     Sphere,
+    Torus,
 )
 from visray.primitives.primitive import MitsubaShapes
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.study.mitsuba import visray_lighting
-from visray.study.mitsuba.crosscheck import check, random_rays
+from visray.study.mitsuba.crosscheck import check
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
 from visray.study.mitsuba.omitted_effects import MOST_TRANSPARENT
 from visray.study.mitsuba.placed_shapes import mitsuba_shapes
+from visray.study.mitsuba.random_rays import random_rays
 from visray.study.mitsuba.ray_comparison import RayComparison
 from visray.study.mitsuba.report import Report
 from visray.study.mitsuba.rounding import AXES
@@ -601,6 +604,31 @@ def test_lights_that_lie_on_glass_pass(ground: Scene) -> None:
     assert report.passed, failures(report)
     assert report.tints.near_edge < 0.1 * report.tints.rays and report.tints.rays > 2000
     assert report.tints.difference < 1e-4 and report.picture.rms < 1e-4
+
+
+RINGS = {
+    "a torus": Torus(axis=(0.1, 0.2, 1), major=1.0, minor=0.35),
+    "a mirrored torus": Torus(axis=(0.1, 0.2, 1), minor=0.3, transform=(Scale(scale=(1.0, -1.2, 1.0)),)),
+    "a mesh": Mesh(vertices=ring()[0], faces=ring()[1], transform=(Rotate(rotate=80.0, axis=(1, 0, 0)),)),
+}
+
+
+@pytest.mark.parametrize("name", RINGS)
+def test_glass_that_a_ray_enters_twice_passes(name: str) -> None:
+    """A ring between the wall and lights: in front of it, in its hole, and in its tube; and the sun."""
+    lamps = {
+        "front": PointLight(position=(4, 0.2, 0.1)), "hole": PointLight(position=(0.1, 0, 0.05)),
+        "tube": PointLight(position=(1.02, 0, 0.05)), "sun": DirectionalLight(direction=(-1, -0.1, -0.1)),
+    }  # fmt: skip
+    s = scene({"wall": Plane(point=(-2.5, 0, 0), normal=(1, 0, 0.2)), "ring": RINGS[name]}, lights=lamps)
+    s = painted(s, {"glass": replace(GLASS, dmax=3.0)}, ring="glass")
+    s = replace(s, film=Film(width=64, height=48), camera=Camera(origin=(0.3, 0.8, 6), target=(-1.2, 0, 0), fov=40.0))
+    report = checked(s, rays=1000)
+    assert report.passed, (failures(report), report.examples)
+    assert report.tints.rays > 2000 and report.tints.near_edge < 0.01 * report.tints.rays
+    assert "coloured shadows: transmittance" in failures(
+        checked(s, replaced(s, "materials.glass.dmax", 3.03), rays=1000)
+    )
 
 
 def test_more_glass_than_can_be_checked_counts_as_opaque() -> None:

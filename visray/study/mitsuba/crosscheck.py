@@ -8,18 +8,19 @@ from visray.errors import UserError
 from visray.features import features
 from visray.geometry import gamma
 from visray.output.image import Image
-from visray.primitives.primitive import MitsubaShapes, bounding_box
+from visray.primitives.primitive import MitsubaShapes
 from visray.progress import Bar
 from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
-from visray.study.mitsuba import area_shadows, coloured_shadows, shadows
+from visray.study.mitsuba import area_shadows, coloured_shadows, media, shadows
 from visray.study.mitsuba.mitsuba_scene import MitsubaScene
 from visray.study.mitsuba.omitted_effects import opaque, without_omitted_effects
 from visray.study.mitsuba.placed_shapes import mitsuba_shapes
+from visray.study.mitsuba.random_rays import random_rays
 from visray.study.mitsuba.ray_comparison import RayComparison
 from visray.study.mitsuba.report import ColouredShadowDifferences, PictureDifference, Report
 from visray.study.mitsuba.shadows import ShadowComparison
-from visray.study.mitsuba.visray_scene import Rays, VisrayScene
+from visray.study.mitsuba.visray_scene import VisrayScene
 
 # A picture of this size shows every object that matters, and takes seconds. With many lights it is smaller, to limit
 # the number of shadow rays.
@@ -29,7 +30,8 @@ LONGEST_SIDE, MOST_SHADOW_RAYS = 512, 2**21
 def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | None = None) -> Report:
     """Compares visray and Mitsuba: rays through pixel centres, shadow rays, random rays, and the picture.
 
-    Objects and effects that Mitsuba does not have are left out in both programs (omitted_effects.OMISSIONS).
+    Objects and effects that Mitsuba does not have are left out in both programs (omitted_effects.OMISSIONS). The media
+    of transparent solids are compared with a witness instead (media.py).
 
     rays: number of random rays
     seed: seed of the random rays
@@ -42,12 +44,13 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     if not shapes:
         why = "; ".join(f"objects.{name}: {reason}" for name, reason in left_out.items()) or "it has no objects"
         raise UserError(f"nothing of the scene can be checked: {why}")
-    full_scene, size_notes = _reduced(_only_objects(scene, shapes))
+    whole, size_notes = _reduced(scene)
+    full_scene = _only_objects(whole, shapes)
     scene, effect_notes = without_omitted_effects(full_scene)
     their_lights = (other or full_scene).lights
     their_scene = without_omitted_effects(_only_objects(other, shapes))[0] if other else scene
     their_scene = _without_instances(their_scene)
-    with Bar("checking", 6) as bar:
+    with Bar("checking", 7) as bar:
         ours = VisrayScene(opaque(scene))
         theirs = MitsubaScene(their_scene, ours.names, shapes, ours.centre)
         bar.update(1)
@@ -61,24 +64,28 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
         of_random = RayComparison(ours, theirs, random_rays(their_scene, ours.centre, rays, seed))
         bar.update(5)
         coloured, picture, difference = _compare_pictures(of_pixels, scene, shadow_comparison)
+        bar.update(6)
+        of_media, media_examples, media_notes = media.compare(whole, other or whole, seed)
     return Report(
         width=scene.film.width,
         height=scene.film.height,
         seed=seed,
         objects=len(shapes),
         left_out=left_out,
-        notes=(*size_notes, *effect_notes),
+        notes=(*size_notes, *effect_notes, *media_notes),
         examples=(
             *of_pixels.examples("pixel"),
             *shadow_comparison.examples,
             *area_light_examples,
             *of_random.examples("random ray"),
+            *media_examples,
         ),
         pixels=of_pixels.differences(),
         random=of_random.differences(),
         shadows=shadow_comparison.differences,
         tints=coloured,
         penumbras=area_lights,
+        media=of_media,
         picture=picture,
         difference=difference,
     )
@@ -114,33 +121,6 @@ def _reduced(scene: Scene) -> tuple[Scene, list[str]]:
     return adjusted(scene, size=small), [note]
 
 
-def random_rays(scene: Scene, centre: np.ndarray, count: int, seed: int) -> Rays:
-    """Rays from random origins in and around the common bounding box of all bounded objects.
-
-    Half of the rays aim at a random point in the bounding box of a random object. The other half have random
-    directions. In a scene without bounded objects, the bounding box of the camera, its target and the lights that have
-    a position is used.
-
-    centre: the camera's position, which is the origin of the returned rays' coordinates
-    count: number of rays
-    """
-    rng = np.random.default_rng(seed)
-    boxes = [box for primitive in scene.objects.values() if (box := bounding_box(primitive)) is not None]
-    if not boxes:
-        lights = [light.position for light in scene.lights.values() if light.has_position]
-        points = [scene.camera.origin, scene.camera.target, *lights]
-        boxes = [(np.min(points, 0), np.max(points, 0))]
-    low, high = (np.array(corner) - centre for corner in zip(*boxes))
-    least, most = low.min(0), high.max(0)
-    margin = 0.5 * (most - least).max()
-    o = rng.uniform(least - margin, most + margin, (count, 3))
-    d = rng.normal(size=(count, 3))
-    box = rng.integers(len(boxes), size=count // 2)
-    d[: count // 2] = rng.uniform(low[box], high[box]) - o[: count // 2]
-    d /= np.linalg.norm(d, axis=1, keepdims=True)
-    return Rays(o.astype(np.float32), d.astype(np.float32))
-
-
 def _compare_pictures(
     comparison: RayComparison, scene: Scene, shadow_comparison: ShadowComparison
 ) -> tuple[ColouredShadowDifferences, PictureDifference, Image]:
@@ -155,14 +135,19 @@ def _compare_pictures(
     Returns the differences of coloured shadows, the difference of the pictures, and an image with the layers that
     Report.difference lists.
     """
-    ours, transmittances = comparison.ours, [light.their_lit[:, None] for light in shadow_comparison.lights]
+    ours, traced = comparison.ours, comparison.traced
+    transmittances = [light.their_lit[:, None] for light in shadow_comparison.lights]
     near_edge = np.any([np.zeros(len(comparison.our_hits.t), bool), *shadow_comparison.near_edge], axis=0)
     coloured = ColouredShadowDifferences()
     if features(scene)["coloured shadows"]:
         ours = VisrayScene(scene)
-        coloured, near_coloured_edge, transmittances = coloured_shadows.compare(comparison, ours, shadow_comparison)
+        # The rows of a scene are others with its transparent meshes: such a mesh is one row, and not one a triangle.
+        traced = ours.trace(comparison.rays)
+        coloured, near_coloured_edge, transmittances = coloured_shadows.compare(
+            comparison, ours, traced, shadow_comparison
+        )
         near_edge = near_edge | near_coloured_edge
-    our_colours = ours.colours(comparison.traced)
+    our_colours = ours.colours(traced)
     # Both programs look up textures at visray's (u, v), rounded to single precision as stored. Mitsuba's own (u, v) are
     # compared by RayComparison; on the facets of Mitsuba's meshes, they are less accurate than the size of a texel.
     theirs, uv = comparison.theirs, comparison.our_hits.uv

@@ -119,7 +119,7 @@ class MitsubaScene:
     def first_hit(self, shadow_rays: ShadowRays, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
         """The first hit of shadow rays with the objects of the given names; other objects are ignored.
 
-        Returns the distance, inf without a hit, and |cosine| of the angle between ray and normal. Shapes: (N), (N).
+        Returns the distance, inf without a hit, and the cosine of the angle between ray and normal. Shapes: (N), (N).
         """
         if not len(shadow_rays.p):
             # Mitsuba ends the process if there are no rays at all.
@@ -127,7 +127,7 @@ class MitsubaScene:
         if names not in self.scenes_of_subsets:
             self.scenes_of_subsets[names] = _loaded(self._children(names))
         si = self.scenes_of_subsets[names].ray_intersect(self._bounded_rays(shadow_rays))
-        return np.array(si.t, float), np.abs((np.array(si.n, float).T * shadow_rays.l).sum(1))
+        return np.array(si.t, float), (np.array(si.n, float).T * shadow_rays.l).sum(1)
 
     def _bounded_rays(self, shadow_rays: ShadowRays) -> Any:
         ray = self._mitsuba_rays(Rays(shadow_rays.p.astype(np.float32), shadow_rays.l.astype(np.float32)))

@@ -150,6 +150,32 @@ class AreaLightDifferences:
 
 
 @dataclass(frozen=True)
+class MediaDifferences:
+    """Media on both sides of transparent surfaces, along straight rays through the scene.
+
+    rays: number of rays
+    crossings: number of crossings with transparent surfaces
+    compared: of these, those that are compared: no other surface is so near that rounding matters
+    unordered: crossings at which it is not known which of two solids counts, because their volumes are too similar
+    mismatches: of all compared crossings, those at which visray has another ratio of indices than the scene says, or
+        hides a surface that counts, or the other way round
+    """
+
+    rays: int = 0
+    crossings: int = 0
+    compared: int = 0
+    unordered: int = 0
+    mismatches: int = 0
+
+    def tolerances(self) -> list[Tolerance]:
+        undecided = self.crossings - self.compared - self.unordered
+        return [
+            Tolerance("media: mismatches", self.mismatches, 0, "crossings"),
+            Tolerance("media: undecided", undecided / max(self.crossings, 1), 0.5, "of the crossings"),
+        ]
+
+
+@dataclass(frozen=True)
 class PictureDifference:
     """The difference between visray's picture and Mitsuba's picture with a Blinn-Phong BSDF.
 
@@ -182,6 +208,7 @@ class Report:
     examples: a line of text for each of the first mismatches
     pixels, random: differences of the rays through the pixels' centres, and of random rays
     shadows, tints, penumbras: differences of shadow rays, of coloured shadows, and of shadows of area lights
+    media: differences of media, from a witness that knows the scene file only
     picture: difference of the pictures
     difference: image with the layers RGB (visray minus Mitsuba), visray, mitsuba, and compared (1 or 0)
     """
@@ -198,6 +225,7 @@ class Report:
     shadows: ShadowDifferences
     tints: ColouredShadowDifferences
     penumbras: AreaLightDifferences
+    media: MediaDifferences
     picture: PictureDifference
     difference: Image = field(repr=False)
 
@@ -207,6 +235,7 @@ class Report:
         # Kinds of shadows that the scene does not have are not listed.
         tolerances += self.tints.tolerances() if self.tints.rays else []
         tolerances += self.penumbras.tolerances() if self.penumbras.rays else []
+        tolerances += self.media.tolerances() if self.media.rays else []
         return tolerances + self.random.tolerances("random rays") + self.picture.tolerances()
 
     @property
@@ -264,6 +293,10 @@ class Report:
                 f"the visible fraction of a light differs by {a.difference:.2g} on average, over {a.compared} pixels"
             )
             lines.append(("  penumbra", penumbra))
+        if (m := self.media).rays:
+            unordered = f"; {m.unordered} in solids of similar volumes" if m.unordered else ""
+            text = f"{m.rays} rays, {m.crossings} crossings of transparent surfaces; {m.compared} compared{unordered}"
+            lines.append(("media", text))
         size = f"{self.width} x {self.height} pixels"
         lines.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
         lines += [(f"left out: {name}", reason) for name, reason in self.left_out.items()]

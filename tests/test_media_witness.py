@@ -46,7 +46,7 @@ def test_every_solid_has_a_test() -> None:
     assert set(TESTS) == solids
 
 
-@pytest.mark.parametrize("moved", [False, True])
+@pytest.mark.parametrize("moved", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*CLOSED, "Mesh"])
 def test_points_are_inside_for_the_witness_as_for_the_kernel(name: str, moved: bool) -> None:
     """But for points at the surface; and volumes by random points are those of the kernel's order."""
@@ -78,6 +78,7 @@ def by_bounding_ball(scene: vr.Scene, batches: Any, a: Any) -> list[Any]:
     return [a.put(a.U, part) for part in np.split(rank, np.cumsum([len(b) for b in batches])[:-1])]
 
 
+@pytest.mark.slow
 def test_the_check_fails_if_bounding_balls_decide(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thin rod through a ball of water that is a little shorter."""
     scene = scene_of(rod(2.1))
@@ -129,6 +130,7 @@ def test_solids_in_each_other_have_the_media_of_the_witness(name: str) -> None:
         assert found.mismatches == 0 and found.compared > 0.5 * found.crossings > 500
 
 
+@pytest.mark.slow
 def test_what_touches_and_what_coincides() -> None:
     """Boxes with a common face, and two balls in one place, whose order the witness does not know."""
     box = vr.Box(min=(-0.8, -0.7, -0.6), max=(0.9, 0.1, 0.5), material="crown")

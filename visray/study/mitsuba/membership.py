@@ -1,7 +1,7 @@
 """Which points are inside a solid, and how large it is, in NumPy and from the numbers of the scene alone.
 
 Nothing here uses code or formulas of the kernels: a solid is described by distances from its axis, its centre or its
-faces, where the object is, and volumes are measured by random points. Only the volume of a mesh is a sum over its faces.
+faces, where the object is, and volumes are measured by random points. Only that of a mesh is a sum over its faces.
 """
 
 from collections.abc import Callable

@@ -23,7 +23,7 @@ from test_gradients import parts
 import visray as vr
 from visray import camera as cameras
 from visray import modes
-from visray.geometry import Frame
+from visray.geometry import UPRIGHT, Frame, tangents
 from visray.number_table import NumberTable
 from visray.primitives.primitive import Primitive, scalars
 from visray.quantities import Arrays, quantities
@@ -256,6 +256,23 @@ def test_no_attenuation_is_no_limit_of_attenuations() -> None:
         refused(scene, f"lights.key.{field}", "at a = b = c = 0, which means no attenuation")
         assert abs(differences(scene, f"lights.key.{field}")) > 1e3
     check(vr.replaced(scene, "lights.key.a", 1.0), [f"lights.key.{x}" for x in "abc"])
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_by_a_normal_that_is_nearly_upright(precision: str) -> None:
+    """As for one that is quite upright: what u and v turn by does not matter, and its rounding must not."""
+    a = Arrays.of("llvm", precision)
+    away = a.V(0.3, -0.4, 0.7)
+    for slope in (0.0, 1e-300, 1e-30, 6e-17, 1e-9, 1e-5, 1e-3):
+        n = a.V(slope, 1.0, 0.0)
+        dr.enable_grad(n)
+        s, t = tangents(dr.normalize(n))
+        dr.backward(dr.dot(dr.cross(s, t), away))
+        # The derivative of n / |n| by n, times `away`.
+        unit_n = np.array([slope, 1.0, 0.0]) / np.hypot(slope, 1.0)
+        expected = (np.array(away)[:, 0] - unit_n * (unit_n @ np.array(away)[:, 0])) / np.hypot(slope, 1.0)
+        bound = 4 * UPRIGHT[precision]
+        assert np.abs(np.array(dr.grad(n))[:, 0] - expected).max() <= bound, slope
 
 
 # Cameras

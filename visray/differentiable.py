@@ -109,7 +109,7 @@ def _upright_flaw(scene: Scene, head: str, name: str, field: str) -> str | None:
         return None
     textured = any(scene.materials[m].texture for n in names if (m := scene.objects[n].material) in scene.materials)
     z = np.array(scalars(shape).frame().z, float)
-    upright = max(abs(z[0]), abs(z[2])) < UPRIGHT * np.linalg.norm(z)
+    upright = max(abs(z[0]), abs(z[2])) < UPRIGHT["double"] * np.linalg.norm(z)
     if upright and (textured or scene.settings.shading == "uv"):
         return "where the axis is upright, as the directions of u and v jump there; tilt it a little"
     return None

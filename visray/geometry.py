@@ -14,7 +14,7 @@ UNIT_ROUNDOFF = {"single": 2.0**-24, "double": 2.0**-53}
 
 # A unit vector n is upright if |n.x| and |n.z| are below this bound. Derivatives of `tangents` grow as 1 / |n.x|, and
 # rounding moves them by u / |n.x|, for the unit roundoff u. For smaller |n.x| that is more than |n.x| itself.
-UPRIGHT = UNIT_ROUNDOFF["double"] ** 0.5
+UPRIGHT = {precision: u**0.5 for precision, u in UNIT_ROUNDOFF.items()}
 
 
 def gamma(n: int, precision: str = "double") -> float:
@@ -76,7 +76,8 @@ def tangents(n: Any) -> tuple[Any, Any]:
     scale = dr.select(horizontal, 1, slope)
     s = dr.normalize(triple(n, dr.select(horizontal, 1, n.z / scale), 0, dr.select(horizontal, 0, -n.x / scale)))
     if dr.grad_enabled(n):
-        s = dr.select(slope < UPRIGHT, _transported(dr.detach(s), n), s)
+        upright = slope < UPRIGHT["double" if dr.type_v(n) == dr.VarType.Float64 else "single"]
+        s = dr.select(upright, _transported(dr.detach(s), n), s)
     return s, dr.cross(n, s)
 
 

@@ -15,7 +15,7 @@ from visray.polynomials.catalogue import SURFACES
 from visray.primitives import Polynomial
 from visray.primitives.clips import Ball, Block
 from visray.primitives.instance import Instance
-from visray.renderer import render
+from visray.renderer import explain, render
 from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 
@@ -149,6 +149,7 @@ def test_pictures_warn() -> None:
     scene = Scene(objects={"h": Polynomial(expression=BALL_OF_6)}, film=Film(width=4, height=4))
     with pytest.warns(ClipWarning, match="objects.h: no point of the surface is in its clip"):
         render(scene, spp=1, layers=("RGB",), progress=False)
+    assert explain(scene).notes == tuple(clip_notes(scene))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         whole = replace(scene.objects["h"], clip=Ball(radius=7))

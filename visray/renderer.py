@@ -21,6 +21,7 @@ from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
+from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
 from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
@@ -224,11 +225,12 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
 @checked_arguments
 def explain(scene: Scene) -> Features:
     """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
-    about meshes; which transparent solids count where they overlap; and what is odd about materials."""
+    about meshes; which transparent solids count where they overlap; and what is odd about materials
+    and clips."""
     scene = checked(scene)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    notes = (*sheet_notes(scene, on), *energy_notes(scene), *constant_notes(scene))
+    notes = (*sheet_notes(scene, on), *energy_notes(scene), *constant_notes(scene), *clip_notes(scene))
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from visray.dark.evidence import NEARLY_BLACK, is_lit, shows_only_background, surely_lit
+from visray.dark.evidence import NEARLY_BLACK, is_lit, may_be_unlit, shows_only_background
 from visray.dark.lighting import unlit_notes
 from visray.dark.view import PictureRays, empty_notes
 from visray.modes import BY_NAME
@@ -50,7 +50,7 @@ def dark_notes(
     # Nothing shines on any surface; or the colours of the picture leave it open whether a light does.
     unlit = lit_mode and not (lights_shine or on["ambient"] or on["scatter"])
     open_question = lit_mode and lights_shine and not black and may_look and not prepared.looked
-    open_question = open_question and not surely_lit(prepared, rgb)
+    open_question = open_question and may_be_unlit(prepared, rgb)
     only_background = shows_only_background(prepared, rgb, coverage)
     if not (black or unlit or open_question or only_background):
         return []

@@ -48,27 +48,31 @@ def shows_only_background(prepared: Prepared, rgb: np.ndarray, coverage: np.ndar
     return True
 
 
-def surely_lit(prepared: Prepared, rgb: np.ndarray) -> bool:
-    """Whether the colours prove that light of a light reaches something.
+def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
+    """Whether the colours leave it open that no light of a light is seen.
 
-    Without such light, and without mirrors and glass, a pixel is a mixture of the background, black, and the materials'
-    ambient light. So it is never beyond all of these, along any of some directions in the space of colours.
+    Without such light, matte surfaces show at most their ambient light. So a picture with few pixels that are so dark
+    is not unlit. Without mirrors, glass and textures, a pixel is then a mixture of the background, black, and the
+    materials' ambient light. So no colour, and no difference of two colours, is larger than in all of these.
     """
     scene, on = prepared.scene, prepared.features
     rgb = rgb[:, :: max(1, rgb.shape[1] // (64 * FIRST_PIXELS))]
     ambient = np.array(scene.ambient) + sum((l.intensity * np.array(l.Ia) for l in scene.lights.values()), np.zeros(3))
     colours = [ambient * m.ka for m in used_materials(scene).values()]
-    # Matte surfaces show at most their ambient light then. If few pixels are so dark, there is no need to look further.
     brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)
     if (rgb.max(0) <= brightest).mean() < DARK_SHARE:
-        return True
-    if on["paths"] or on["textures"]:
         return False
+    if on["paths"] or on["textures"]:
+        return True
     corners = np.stack([np.zeros(3), *_sky(scene), *colours], 1)
-    e = np.eye(3)
-    directions = np.stack([*e, *(x - y for x in e for y in e if x is not y)])
-    farthest = (directions @ corners).max(1)
-    return bool(((directions @ rgb).max(1) > farthest + max(4 * ROUNDING * corners.max(), NEARLY_BLACK)).any())
+    farthest = _largest(corners) + max(4 * ROUNDING * corners.max(), NEARLY_BLACK)
+    return not (_largest(rgb) > farthest).any()
+
+
+def _largest(rgb: np.ndarray) -> np.ndarray:
+    """The largest red, green and blue, and the largest differences of two of them. Shapes: rgb (3, N); result (9)."""
+    differences = [(x - y).max() for x in rgb for y in rgb if x is not y]
+    return np.array([*rgb.max(1), *differences])
 
 
 def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:

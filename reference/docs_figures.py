@@ -318,7 +318,7 @@ def small_bright() -> list[str]:
     percent = lambda x: f"{100 * x:.2g} %" if x < 1 else f"{100 * x:,.0f} %"  # noqa: E731 - a share as text
     rows = [
         [r["scene"], percent(r["asked"]), r["with"]["within"], percent(r["with"]["worst"]), f"{r['with']['spp']:,.0f}",
-         r["without"]["within"], percent(r["without"]["worst"])]
+         *((r["without"]["within"], percent(r["without"]["worst"])) if "without" in r else ("", ""))]
         for r in scenes
     ]  # fmt: skip
     heads = ["scene", "asked", f"of {seeds} within", "largest true error", "spp"]

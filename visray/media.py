@@ -10,7 +10,7 @@ from visray.accel.culling import touches
 from visray.batches import Batch
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene
-from visray.pytree import leaves, rows
+from visray.pytree import detached, leaves, rows
 from visray.ray import NO_ROW
 
 
@@ -43,22 +43,22 @@ def local_weight(s: KernelScene, si: Interaction, interface: Interface | None) -
 class Medium:
     """The medium on one side of a surface. A solid fills this side, or air.
 
-    ior: index of refraction
+    solid: index of refraction. If derivatives are asked for, the row of the solid instead, NO_ROW for air: a loop over
+        solids does not carry derivatives, and `_ior` reads the index after it
     rank: place of the solid in the order of solids (nesting.py); NO_ROW for air
     """
 
-    ior: Any
+    solid: Any
     rank: Any
 
-    def with_solid(self, where: Any, ior: Any, rank: Any) -> "Medium":
-        """The medium after one more solid is considered. If solids overlap, the index of refraction is that of the
-        solid with the lowest rank.
+    def with_solid(self, where: Any, solid: Any, rank: Any) -> "Medium":
+        """The medium after one more solid is considered. If solids overlap, the solid with the lowest rank counts.
 
         where: mask of the lanes in which the solid fills this side
-        ior, rank: those of the solid
+        solid, rank: those of the solid
         """
         replaces = where & (rank < self.rank)
-        return Medium(dr.select(replaces, ior, self.ior), dr.select(replaces, rank, self.rank))
+        return Medium(dr.select(replaces, solid, self.solid), dr.select(replaces, rank, self.rank))
 
 
 def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
@@ -82,12 +82,26 @@ def interface_at(s: KernelScene, si: Interaction) -> Interface | None:
     for batch in closed_batches:
         own = batch.has(si.hit.row)
         rank = dr.select(own, dr.gather(a.U, batch.rank, dr.select(own, si.hit.row - batch.first_row, 0)), rank)
+    if s.attached:
+        near, far = (dr.select(closed & side, si.hit.row, NO_ROW) for side in (si.from_inside, ~si.from_inside))
     near_side = Medium(near, dr.select(si.from_inside, rank, NO_ROW))
     far_side = Medium(far, dr.select(si.from_inside, NO_ROW, rank))
     for batch in closed_batches:
         near_side, far_side = _nested_media(s, si, batch, near_side, far_side)
     hidden = closed & (near_side.rank == far_side.rank) & (max_component(si.material.kt) > 0)
-    return Interface(near_side.ior / far_side.ior, hidden)
+    return Interface(_ior(s, near_side) / _ior(s, far_side), hidden)
+
+
+def _ior(s: KernelScene, medium: Medium) -> Any:
+    """The index of refraction of a medium."""
+    if not s.attached:
+        return medium.solid
+    ior = s.a.D(1)
+    for batch in (b for b in s.batches if b.kind.closed):
+        own = batch.has(medium.solid)
+        index = dr.select(own, medium.solid - batch.first_row, 0)
+        ior = dr.select(own, s.a.D(rows(batch.material.ior, batch.object_at(index))), ior)
+    return ior
 
 
 def _nested_media(
@@ -99,6 +113,7 @@ def _nested_media(
     leaves the solid there, the other side if the ray enters it.
     """
     size = len(batch)
+    batch = detached(batch) if s.attached else batch
 
     def step(i: Any, *state: Any) -> tuple:
         near_side, far_side = Medium(*state[:2]), Medium(*state[2:])
@@ -106,14 +121,17 @@ def _nested_media(
         p, row = dr.detach(si.surface.p), i + batch.first_row
         f, g = batch.kind.surface_at(row_batch.placed, p)
         other_solid = (max_component(material.kt) > 0) & (si.hit.row != row)
-        flush, leaves_solid = touches(row_batch, f, g, p, si.surface.error), dr.dot(g, s.a.W(dr.detach(si.d))) > 0
-        inside, solid = batch.kind.inside(row_batch.placed, p), (material.ior, row_batch.rank)
+        flush, leaves_solid = (
+            touches(row_batch, f, g, p, dr.detach(si.surface.error)),
+            dr.dot(g, s.a.W(dr.detach(si.d))) > 0,
+        )
+        inside, solid = batch.kind.inside(row_batch.placed, p), (row if s.attached else material.ior, row_batch.rank)
         near_side = near_side.with_solid(other_solid & dr.select(flush, leaves_solid, inside), *solid)
         far_side = far_side.with_solid(other_solid & dr.select(flush, ~leaves_solid, inside), *solid)
         return (*leaves(near_side), *leaves(far_side))
 
     state = (*leaves(near_side), *leaves(far_side))
-    if not s.attached and (size > policy.MAX_INLINED or (size > 1 and batch.kind.walks)):
+    if size > policy.MAX_INLINED or (size > 1 and (batch.kind.walks or s.attached)):
         state = s.loop(dr.opaque(s.a.U, size), si.hit.valid, state, step)
     else:
         for i in range(size):

@@ -40,7 +40,7 @@ from visray.provenance import provenance
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
-from visray.setup import Prepared
+from visray.setup import Prepared, refuse_within_kernel
 from visray.setup import prepare as prepare_checked
 
 ANYWHERE = Files()
@@ -90,6 +90,7 @@ def render(
     say how the picture was made.
     """
     now = clock.now()
+    refuse_within_kernel()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
     _check_arguments(goal, layers, files)
     scene = load(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene

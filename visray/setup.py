@@ -61,6 +61,7 @@ class Prepared:
 
         assignments: dict from address to new value
         """
+        refuse_within_kernel()
         if not isinstance(assignments, Mapping) or not all(isinstance(a, str) and a for a in assignments):
             raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
         if _identities(self.scene) != self.identities:
@@ -106,6 +107,7 @@ def prepare(
     without: names of effects that are left out
     """
     a = arrays(backend, scene.settings.precision)
+    refuse_within_kernel()
     width, height = scene.film.width, scene.film.height
     films.check_memory(width, height)
     warn_of_meshes(scene)
@@ -116,6 +118,14 @@ def prepare(
         attach(packed)
     kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)
     return Prepared(scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene))
+
+
+def refuse_within_kernel() -> None:
+    """Raises UserError while Dr.Jit records a loop, a branch or a call of a caller's kernel: what visray evaluates then
+    would end the process."""
+    if dr.flag(dr.JitFlag.SymbolicScope):
+        problem = "visray was called while Dr.Jit records a loop, a branch or a function as part of a kernel"
+        raise UserError(f"{problem}; call it outside, or use a loop of Python or dr.while_loop with mode='evaluated'")
 
 
 def _atlas(scene: Scene, packed: Packed, a: Arrays) -> images.Atlas | None:

@@ -45,7 +45,7 @@ class Sweeps:
             for at, colours in arrivals:
                 lanes = np.array(at.wave.lane)[: at.count]
                 for k, colour in enumerate(colours):
-                    light[3 * k : 3 * k + 3, lanes] += np.array(colour)[:, : at.count]
+                    light[3 * k : 3 * k + 3, lanes] += _numpy(colour)[:, : at.count]
                 kept.append(at)
             # In the order of lanes, so that the sum does not depend on how paths are divided into chunks.
             np.add.at(pictures, chunk.pixel[: chunk.count], light[:, : chunk.count].T)
@@ -124,7 +124,7 @@ class Sweeps:
         if below is not None:
             later, of_carried = below
             for x, y in zip(adjoints[1:], of_carried):
-                x[:, later.before] = np.array(y)[:, : later.count]
+                x[:, later.before] = _numpy(y)[:, : later.count]
         kinds = (self.a.V, *map(type, at.carried))
         put = [self.a.put(kind, x) for kind, x in zip(kinds, adjoints)]
         return at, self.launches.reverse(self.waves.surface(at), at.carried, put, n)
@@ -135,6 +135,12 @@ class Sweeps:
             raise KeyboardInterrupt
         self.done = done
         self.bar.update(done)
+
+
+def _numpy(v: Any) -> np.ndarray:
+    """A triple as a NumPy array, component by component, because for a whole matrix Dr.Jit writes its width into a
+    kernel as a literal. Shapes: (3, N)."""
+    return np.stack([np.array(c) for c in v])
 
 
 class SampleLoop:

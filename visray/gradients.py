@@ -121,7 +121,7 @@ def gradient(
     """
     scene = adjusted(scene, precision=precision, spp=spp)
     wrt = [wrt] if isinstance(wrt, str) else list(wrt)
-    with Interrupts() as interrupts, Bar("differentiating", 1, progress) as bar:
+    with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
         d = _Derivatives(scene, wrt, backend, forward=False)
         traced, order, a = d.traced(interrupts, bar), d.prepared.order, d.prepared.a
         mean, _ = traced.picture()
@@ -170,7 +170,7 @@ def derivative(
     progress: whether a progress bar is shown, after two seconds
     """
     scene = adjusted(scene, precision=precision, spp=spp)
-    with Interrupts() as interrupts, Bar("differentiating", 1, progress) as bar:
+    with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
         d = _Derivatives(scene, [address], backend, forward=True)
         _, tangent = d.traced(interrupts, bar).picture()
     picture = np.empty_like(tangent.T)

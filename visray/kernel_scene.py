@@ -112,10 +112,13 @@ class LightSteps:
                 n = columns.samples[row] if columns.kind.has_area else 1
                 counts += [n] * n
                 steps += [(k, row, j, row if loops else 0, first if loops else index) for j in range(n)]
+        count = dr.opaque(a.U, len(steps))
+        if len(steps) == 1:  # a table of one entry is another kernel
+            steps, counts = 2 * steps, 2 * counts
         batch, row, j, salt, number = (a.put(a.U, x) for x in np.array(steps, np.uint32).T)
         share = a.put(a.F, 1 / np.array(counts, float))
         points = SampleSet.table(a, counts)
-        return LightSteps(tuple(batches), dr.opaque(a.U, len(steps)), batch, row, j, salt, number, points, share)
+        return LightSteps(tuple(batches), count, batch, row, j, salt, number, points, share)
 
 
 @dataclass(frozen=True)

@@ -111,11 +111,14 @@ class Waves:
 
     @property
     def chunk_size(self) -> int:
-        """Number of paths in a chunk, such that a launch has at most about RAYS rays."""
+        """Number of paths in a chunk, such that a launch has at most about RAYS rays, or fewer rays that take longer. It
+        does not depend on the clock, because sums over lanes depend on it."""
         s, occlusion = self.s, self.s.settings.occlusion
         rays = 1 + sum(dr.width(steps.batch) for steps in s.light_steps)
         rays += occlusion.sky * s.features["sky occlusion"] + occlusion.near * s.features["near occlusion"]
         rays *= 2 if s.features["coloured shadows"] else 1
+        rays *= 8 if s.geometry.plan("nothing").tree else 1
+        rays *= 64 if any(b.kind.finds_roots for b in s.batches) else 1
         return max(RAYS // rays // MULTIPLE, 1) * MULTIPLE
 
     def chunks(self) -> list[Chunk]:

@@ -111,7 +111,7 @@ class Waves:
 
     @property
     def chunk_size(self) -> int:
-        """Number of paths in a chunk, such that a launch has at most about RAYS rays, or fewer rays that take longer. It
+        """Number of paths in a chunk, such that a launch has at most about RAYS rays, or fewer if they take longer. It
         does not depend on the clock, because sums over lanes depend on it."""
         s, occlusion = self.s, self.s.settings.occlusion
         rays = 1 + sum(dr.width(steps.batch) for steps in s.light_steps)

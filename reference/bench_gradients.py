@@ -3,9 +3,10 @@
     python reference/bench_gradients.py -o reference/bench_gradients.json
     python reference/bench_gradients.py --before PATH --limit 600
 
-`cpu` is the time of the processor, which is more reliable on a busy machine. Each figure comes from a process of its own, whose cache of kernels is empty. `operations` is the number of operations
-of the largest kernel, `compiled` the number of kernels that were compiled. With `--before`, an older checkout is
-measured as well; `null` means that it had no derivative after the limit.
+Each figure comes from a process of its own, whose cache of kernels is empty. `cpu` is the time of the processor, which
+is more reliable on a busy machine. `operations` is the number of operations of the largest kernel, `compiled` the
+number of kernels that were compiled. With `--before`, an older checkout is measured as well; `null` means that it had
+no derivative after the limit.
 
 Cases: a red, a mirrored and a glass ball under an area light of 16 samples; and two scenes of this repository.
 """

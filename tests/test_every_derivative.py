@@ -386,7 +386,7 @@ def test_a_matte_material_that_scatters_has_no_derivative_by_its_share(address: 
 
 @pytest.mark.slow
 def test_by_kt_of_an_opaque_mesh() -> None:
-    """It becomes a body as soon as it is transparent, and light is refracted into it."""
+    """It becomes a body as soon as it is transparent. As single triangles, these were too many for coloured shadows."""
     shape = trimesh.creation.icosphere(subdivisions=1)
     scene = material_scene(vr.Material())
     mesh = vr.Mesh(vertices=shape.vertices, faces=shape.faces, normals="face", material="paint")

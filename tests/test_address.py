@@ -1,5 +1,9 @@
 """Addresses of values in a scene."""
 
+import random
+from dataclasses import asdict
+from pathlib import Path
+
 import pytest
 
 from visray.camera import Camera
@@ -8,10 +12,12 @@ from visray.lights import DirectionalLight, DiskLight, PointLight, RectangleLigh
 from visray.materials import Material
 from visray.primitives import Disk, Sphere
 from visray.scene.address import changed, numeric_addresses, parse_assignment, replaced, value
+from visray.scene.load import load
 from visray.scene.scene import Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Rotate, Scale, Translate
 
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SCENE = Scene(
     camera=Camera(origin=(0.0, 0.0, 5.0)),
     materials={"red": Material(kd=(1.0, 0.0, 0.0))},
@@ -343,3 +349,28 @@ def test_a_plain_background_is_one_address() -> None:
     found = numeric_addresses(Scene(background=(0.1, 0.2, 0.3)))
     assert [a for a in found if a.startswith("background")] == ["background"]
     assert found["background"].size == 3
+
+
+def test_odd_assignments_are_made_or_refused_in_one_line() -> None:
+    """Values of the wrong kind, at any address and at addresses that do not exist."""
+    scene, rng = load(SCENES / "everything.json"), random.Random(1)
+    words = [
+        "0", "-1", "2.5", "1e400", "NaN", "true", "null", "x", "[]", "{}", "[1,2,3]", "[0,0,0]", "[null]", "1,2", "1%",
+        '{"type":"sphere"}', '{"type":["x"]}', '{"type":null}', '{"type":"mesh"}', '{"a":{"a":1}}', '{"":1}', "\ud800",
+        r'"\ud800"', '[{"scale":0}]', "[{}]", "[" * 200 + "]" * 200, "0x1", "1_0", '"', "{", '"x^^"', "1e-400", "\0",
+    ]  # fmt: skip
+
+    def addresses(node: object, prefix: str) -> list[str]:
+        items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, (list, tuple)) else ()
+        return [prefix, *(a for key, part in items for a in addresses(part, f"{prefix}.{key}"))]
+
+    places = [a for name, part in asdict(scene).items() for a in addresses(part, name)]
+    made = 0
+    for _ in range(400):
+        address = rng.choice(places) + rng.choice([""] * 8 + [".", ".0", ".x", ".type", " "])
+        try:
+            changed(scene, dict([parse_assignment(f"{address}={rng.choice(words)}")]))
+            made += 1
+        except UserError as error:
+            assert error.lines and all(line.isprintable() for line in error.lines)
+    assert 0 < made < 200

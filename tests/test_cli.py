@@ -251,3 +251,23 @@ def test_a_wrong_scene_is_refused_before_drjit_is_loaded(text, tmp_path):
 
 def test_backends_of_the_option_are_those_of_the_arrays():
     assert get_args(get_args(rendering.render_command.__annotations__["backend"])[0]) == tuple(BACKENDS)
+
+
+def test_one_surface_and_a_similar_name(capsys):
+    code, out, _ = said(capsys, "surfaces", "heart")
+    assert code == 0 and "heart" in out and "x^2" in out and "barth" not in out
+    assert list(json.loads(said(capsys, "surfaces", "heart", "--json")[1])) == ["heart"]
+    code, _, err = said(capsys, "surfaces", "togliati")
+    assert code == 2 and 'did you mean "togliatti"?' in err
+
+
+def test_several_assignments_in_one_are_refused(capsys):
+    code, _, err = said(capsys, "explain", SPHERE, "--set", "objects.large.radius=1,objects.large.center.0=2")
+    assert code == 2 and "holds several assignments; write each of them in a --set of its own" in err
+
+
+def test_an_error_may_be_a_percentage(capsys, tmp_path):
+    out = str(tmp_path / "a.exr")
+    code, text, _ = said(capsys, "render", SPHERE, *SMALL[:2], "-o", out, "--error", "20%", "--json")
+    assert code == 0 and json.loads(text)["error_asked"] == 0.2
+    assert said(capsys, "render", SPHERE, "--error", "1 percent")[0] == 2

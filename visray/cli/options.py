@@ -33,6 +33,12 @@ def parse_integer(_: type, tokens: Sequence[Token]) -> int:
     return int(tokens[0].value)
 
 
+def parse_share(_: type, tokens: Sequence[Token]) -> float:
+    """The number in the first token, which may be a percentage: 1% is 0.01."""
+    text = tokens[0].value.strip()
+    return float(text[:-1]) / 100 if text.endswith("%") else float(text)
+
+
 def flag(help: str, **more: Any) -> Any:
     """The type of an option without a value, such as --quiet. Its help does not say that the default is False.
 
@@ -42,6 +48,7 @@ def flag(help: str, **more: Any) -> Any:
 
 
 Integer = Annotated[int, Parameter(converter=parse_integer)]
+Share = Annotated[float, Parameter(converter=parse_share)]
 SceneFile = Annotated[Path, Parameter(help="A scene file (.json).")]
 Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the format of the original VisRayTrace.")]
 Compat = flag("With a scene of the original VisRayTrace: use its rules for light, occlusion and weights.")

@@ -22,6 +22,7 @@ from visray.cli.options import (
     SceneFile,
     Settings,
     Setup,
+    Share,
     Threads,
     app,
     flag,
@@ -129,8 +130,8 @@ def render_command(
     output: Outputs = [],  # noqa: B006 - only read
     spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")] = None,
     error: Annotated[
-        float | None,
-        Parameter(help="Take samples until the error is no larger: 0.01 is 1 % of the mean luminance."),
+        Share | None,
+        Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")] = None,

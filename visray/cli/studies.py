@@ -15,6 +15,7 @@ from visray.cli.options import (
     SceneFile,
     Settings,
     Setup,
+    Share,
     Threads,
     app,
     flag,
@@ -245,7 +246,7 @@ def tune(
     compat: Compat = False,
     allow_outside: Outside = False,
     set: Settings = [],  # noqa: B006
-    error: Annotated[float | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
+    error: Annotated[Share | None, Parameter(help="The error to reach, as a share of the mean luminance.")] = None,
     time: Annotated[float | None, Parameter(help="The seconds that a render may take, compilation apart.")] = None,
     full: Annotated[bool, Parameter(help="Measure more values of each knob, on larger pictures.")] = False,
     threads: Threads = None,
@@ -324,7 +325,9 @@ def stability(
 
 
 @app.command
-def surfaces(*, json: Json = False) -> int:
+def surfaces(
+    name: Annotated[str | None, Parameter(help="The name of a surface. Default: all.")] = None, /, *, json: Json = False
+) -> int:
     """List the known polynomial surfaces: names, parameters, and the radius of the clip.
 
     A scene uses one by its name: {"type": "polynomial", "surface": "heart"}. With --json also the expression of each,
@@ -333,14 +336,21 @@ def surfaces(*, json: Json = False) -> int:
     from visray.polynomials.catalogue import SURFACES
     from visray.tables import Table, show
 
+    if name is not None and name not in SURFACES:
+        from visray.scene.messages import hint
+
+        raise UserError(f"surfaces: there is no surface {name!r}; {hint(name, SURFACES)}")
+    chosen = {n: c for n, c in SURFACES.items() if name in (None, n)}
     if json:
-        write_json({name: asdict(c) for name, c in SURFACES.items()})
+        write_json({n: asdict(c) for n, c in chosen.items()})
         return 0
     table = Table("surface", "", "parameters", "clip")
-    for name, c in SURFACES.items():
+    for n, c in chosen.items():
         parameters = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
-        table.add_row(name, c.title, parameters, f"{c.radius:g}")
+        table.add_row(n, c.title, parameters, f"{c.radius:g}")
     show(table)
+    if name is not None:
+        write_line(chosen[name].expression)
     return 0
 
 

@@ -4,6 +4,7 @@ Python's own parser makes a syntax tree of the text, and reader.py converts the 
 """
 
 import ast
+import keyword
 import re
 from itertools import pairwise
 
@@ -21,6 +22,8 @@ from visray.polynomials.literals import (
 from visray.polynomials.reader import Reader, too_deep
 
 MAX_LENGTH = 20_000
+# Length of a mended text up to which a message shows all of it.
+LONGEST_MENDED = 1000
 EXAMPLE = "write for example x^2 + y^2 + z^2 - 1"
 _STRANGE = re.compile(r"[^A-Za-z0-9_+\-*/^(). \t\r\n]")
 _TOKEN = re.compile(rf"[A-Za-z_][A-Za-z0-9_]*|(?P<number>{LITERAL.pattern})|\S", re.IGNORECASE)
@@ -55,7 +58,7 @@ def parse(text: str, parameters: dict[str, float]) -> Expression:
         hint = _HINTS.get(c, "only numbers, names and + - * / ^ ( ) have a meaning")
         raise PolynomialError(f"unexpected {c!r} at column {strange.start() + 1}; {hint}")
     tokens = list(_TOKEN.finditer(text))
-    _check_missing_signs(tokens)
+    _check_missing_signs(text, tokens)
     _check_brackets(tokens)
     text = re.sub(r"\s", " ", text)
     lead = len(text) - len(text.lstrip())
@@ -82,20 +85,32 @@ def _near(text: str, at: int) -> str:
     return repr(text[max(0, at - 5) : at + 6].strip())
 
 
-def _check_missing_signs(tokens: list[re.Match]):
-    """Raises PolynomialError for a missing multiplication sign after a number, as in 2x or 2(x + 1).
+def _check_missing_signs(text: str, tokens: list[re.Match]):
+    """Raises PolynomialError for missing multiplication signs, as in 2x, x^2 y or (x + 1)(x - 1). The message has the
+    whole text with all signs.
 
     Python's parser would not explain this error, or would read another number, such as the hexadecimal 0x1.
     """
+    missing = []
     for token, after in pairwise(tokens):
-        if not token["number"] or not re.match(r"[A-Za-z_(]", after[0]):
-            continue
         number, name = token[0], after[0]
+        follows = re.match(r"[A-Za-z_(]", name) or after["number"]
+        # A name before a bracket may be a function.
+        ends = token["number"] or number == ")" or (re.match(r"[A-Za-z_]", number) and (name != "(" or number in "xyz"))
+        if not (follows and ends) or (number in "xyz" and after["number"] and token.end() == after.start()):
+            continue
+        if keyword.iskeyword(number) or keyword.iskeyword(name):
+            continue
         known = name == "(" or name in (*RESERVED, EULER)
-        if token.end() < after.start() or known or not re.match(r"[exbo_]", name, re.IGNORECASE):
-            wanted = f"{number}*{name}" + ("...)" if name == "(" else "")
-            raise PolynomialError(f"a sign is missing at column {after.start() + 1}; write {shortened(wanted)}")
+        if not (token["number"] and token.end() == after.start() and not known and name[0] in "exboEXBO_"):
+            missing.append(after.start())
+            continue
         raise PolynomialError(f"{shortened(number + name)} is no number; write numbers as in 1000.5 or 1e3")
+    if missing:
+        parts = [text[a:b].rstrip() for a, b in pairwise([0, *missing, len(text)])]
+        whole = " ".join("*".join(parts).split())
+        whole = whole if len(whole) <= LONGEST_MENDED else f"{whole[:LONGEST_MENDED]}..."
+        raise PolynomialError(f"a sign is missing at column {missing[0] + 1}; write {whole}")
 
 
 def _check_brackets(tokens: list[re.Match]):

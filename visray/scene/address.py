@@ -4,6 +4,7 @@ the command line and Python use the same addresses.
 A node is an instance, a dict or a tuple on the way from the scene to a value.
 """
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any, get_args
@@ -62,6 +63,8 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not (address and equals and written):
         raise UserError(f"{text!r}: is not an assignment; write ADDRESS=VALUE, as in objects.ball.radius=2")
     if written[0] not in '{["':
+        if re.search(r",[^,=]*\.[^,=]*=", written):
+            raise UserError(f"{text!r}: holds several assignments; write each of them in a --set of its own")
         return address, _word(written)
     source = parse(written, address)
     if source.repeated:

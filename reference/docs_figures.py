@@ -326,7 +326,8 @@ def small_bright() -> list[str]:
         *prose(
             f"{len(scenes)} scenes of small and bright things, on films of 16 x 16 pixels, were made with {seeds} "
             f"seeds each: {_of_all(new['within'], new['pictures'])} true errors lie in their 95 % intervals, and "
-            f"{_of_all(new['met'], new['pictures']).lower()} are no larger than asked. *Before*: without samples for small "
+            f"{_of_all(new['met'], new['pictures']).lower()} are no larger than asked. *Before*: without samples for "
+            "small "
             f"objects and without hidden light in the interval, {_of_all(old['within'], old['pictures'])} did "
             "(an empty field was not measured)."
         ),

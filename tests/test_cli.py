@@ -195,7 +195,8 @@ sys.exit(main(sys.argv[1:]))
 
 
 @pytest.mark.slow
-def test_ctrl_c_keeps_the_partial_picture(tmp_path):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_and_sigterm_keep_the_partial_picture(tmp_path, number, code):
     """A long render is interrupted as a terminal does it; the file holds the passes that were done."""
     out = tmp_path / "partial.exr"
     tokens = ["render", str(SCENES / "showcase.json"), "-o", str(out), "--spp", "100000"]
@@ -203,13 +204,21 @@ def test_ctrl_c_keeps_the_partial_picture(tmp_path):
         [sys.executable, "-c", TELLING, *tokens], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout.readline() == "a pass\n"
-    os.kill(process.pid, signal.SIGINT)
+    os.kill(process.pid, number)
     text, err = process.communicate(timeout=120)
-    assert process.returncode == 130, err
+    assert process.returncode == code, err
+    assert os.listdir(tmp_path) == ["partial.exr"]
     assert "stopped" in text
     image = vr.Image.read(out)
     assert 0 < image.metadata["spp"] < image.metadata["spp_asked"] == 100000
     assert np.isfinite(image["RGB"]).all() and image["RGB"].mean() > 0.1
+
+
+def test_a_word_of_the_command_line_is_no_json(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("[a].exr", '["b"].exr', "{c}.exr"):
+        assert main(["render", str(SCENES / "sphere.json"), "-o", name, "--size", "4x3", "--spp", "1", "--quiet"]) == 0
+    assert sorted(os.listdir()) == sorted(["[a].exr", '["b"].exr', "{c}.exr"])
 
 
 # The command line, which then says what was imported.

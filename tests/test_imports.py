@@ -39,7 +39,8 @@ primitives.algebraic primitives.polynomial primitives.polynomial_solid primitive
 scene.scene
 scene
 mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable
-output.files output.curves output.layers output.exr_header output.exr output.rounding output.png output.image output
+output.files output.curves output.layers output.exr_header output.silence output.exr output.rounding output.png
+output.image output
 images
 pack address_index repack nesting overlap_report batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
@@ -60,7 +61,7 @@ certificate provenance renderer
 edges
 gradients
 study
-cli.stuck cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
+cli.stuck cli.keeping cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

@@ -1,13 +1,17 @@
 """Pictures on disk: exact values, names, metadata, and that nothing is ever lost or half-written."""
 
+import contextlib
 import errno
+import fcntl
 import io
 import os
 import re
 import stat
 import subprocess
 import sys
+import tempfile
 import warnings
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -16,8 +20,10 @@ import OpenEXR
 import pytest
 from PIL import Image as Pillow
 
+from visray.cli.keeping import kept
 from visray.errors import RangeWarning, UserError
 from visray.output import files
+from visray.output.files import check_writable
 from visray.output.image import Image, check_destination
 from visray.output.layers import LAYERS, Layer
 from visray.output.rounding import rounding
@@ -523,15 +529,16 @@ def test_a_device_that_is_really_full(suffix: str, tmp_path, monkeypatch) -> Non
         pytest.skip("no /dev/full")
     path = tmp_path / f"a{suffix}"
     path.write_bytes(b"old")
-    reserve = files._reserve
+    reserved = files._reserved
 
-    def reserve_full(target: Path) -> Path:
-        temporary = reserve(target)
-        temporary.unlink()
-        temporary.symlink_to("/dev/full")
-        return temporary
+    @contextlib.contextmanager
+    def reserved_full(target: Path) -> Iterator[Path]:
+        with reserved(target) as temporary:
+            temporary.unlink()
+            temporary.symlink_to("/dev/full")
+            yield temporary
 
-    monkeypatch.setattr(files, "_reserve", reserve_full)
+    monkeypatch.setattr(files, "_reserved", reserved_full)
     picture = Image({"RGB": np.random.default_rng(1).random((300, 400, 3), np.float32)})
     with pytest.raises(UserError, match="the disk is full"):
         picture.write(path)
@@ -607,3 +614,60 @@ def test_float_colours_are_rounded_less() -> None:
     rgb = np.random.default_rng(0).uniform(0.5, 2, (9, 9, 3))
     assert rounding(rgb, "a.exr", float32=True) < 2.0**-24
     assert 2.0**-14 < rounding(rgb, "a.exr") < 2.0**-11
+
+
+@pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
+def test_files_of_processes_that_were_killed_are_removed(tmp_path) -> None:
+    """And no others: not those of living processes, not those that are locked, and nothing of another name."""
+    code = "from visray.output.files import replacing\nimport sys, time\n"
+    code += f"with replacing({str(tmp_path / 'a.exr')!r}):\n    print('in', flush=True)\n    time.sleep(60)"
+    writer = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert writer.stdout.readline() == "in\n"
+    (temporary,) = tmp_path.iterdir()
+    others = [f".visray-{'0' * 16}.exr", ".visray-99.exr", f"visray-999999999-{'0' * 16}.exr", ".visray"]
+    for name in others:
+        (tmp_path / name).touch()
+    check_writable(tmp_path / "b.exr")
+    assert temporary.exists()
+    writer.kill()
+    writer.wait()
+    assert temporary.exists()
+    locked = temporary.with_name(temporary.name.replace(".exr", ".png"))
+    with open(locked, "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        check_writable(tmp_path / "b.exr")
+        assert not temporary.exists() and locked.exists()
+    check_writable(tmp_path / "b.exr")
+    assert sorted(x.name for x in tmp_path.iterdir()) == sorted(others)
+
+
+def test_openexr_prints_nothing_itself(tmp_path, capfd) -> None:
+    full_picture().write(tmp_path / "a.exr")
+    whole = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "b.exr").write_bytes(whole[:-9] + bytes(9))
+    (tmp_path / "c.exr").write_bytes(whole[: len(whole) - 5])
+    for name in ("b.exr", "c.exr"):
+        with contextlib.suppress(UserError):
+            Image.read(tmp_path / name)
+    os.system("echo shown")
+    assert capfd.readouterr() == ("shown\n", "")
+
+
+def test_what_cannot_be_written_is_kept_elsewhere(tmp_path, monkeypatch) -> None:
+    """A full disk at the end of a long study or render: the file is in the folder for temporary files, or is told to
+    be nowhere."""
+    full, spare = tmp_path / "full", tmp_path / "spare"
+    spare.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(spare))
+
+    def write(path: Path, broken: tuple[Path, ...]) -> None:
+        if path.parent in broken:
+            raise UserError(f"{path}: cannot be written, the disk is full")
+        path.write_text("study")
+
+    written, problems = kept(full / "a.html", lambda path: write(path, (full,)))
+    assert written.parent == spare and written.suffix == ".html" and written.read_text() == "study"
+    assert problems == [f"{full / 'a.html'}: cannot be written, the disk is full; it is kept as {written}"]
+    written, problems = kept(full / "a.html", lambda path: write(path, (full, spare)))
+    assert written is None and [line.split(": ")[1] for line in problems] == ["cannot be written, the disk is full"] * 2
+    assert kept(spare / "b.html", lambda path: write(path, ())) == (spare / "b.html", [])

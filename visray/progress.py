@@ -4,7 +4,7 @@ at a safe point."""
 import signal
 import threading
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from visray import clock
 
@@ -82,36 +82,43 @@ def _rich_bar() -> "Progress":
 
 class Interrupts:
     """Turns Ctrl-C into a request: `requested` becomes true, and the work stops at a safe point. A second Ctrl-C
-    interrupts at once.
+    interrupts at once. Where the program handles SIGTERM, as the command line does, SIGTERM is the same request. In
+    other programs, SIGTERM ends the process, as they expect.
 
     An interrupt in the middle of Dr.Jit's tracing would leave an incomplete kernel behind.
 
+    last: number of the last signal that was a request, in any instance; None if there was none.
     requested: whether Ctrl-C was pressed.
     has_results: whether there is something to keep. Until then, a process that Ctrl-C cannot reach may be ended.
     """
 
+    last: ClassVar[int | None] = None
+
     def __init__(self, has_results: bool = True) -> None:
         self.requested, self.has_results = False, has_results
-        self.previous_handler: object = None
+        self.previous_handlers: dict[int, object] = {}
 
     def __enter__(self) -> "Interrupts":
         if threading.current_thread() is threading.main_thread():
-            self.previous_handler = signal.signal(signal.SIGINT, self._request)
+            numbers = [signal.SIGINT, signal.SIGTERM] if callable(signal.getsignal(signal.SIGTERM)) else [signal.SIGINT]
+            self.previous_handlers = {number: signal.signal(number, self._request) for number in numbers}
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.previous_handler is not None:
-            signal.signal(signal.SIGINT, self.previous_handler)
+        for number, handler in self.previous_handlers.items():
+            if handler is not None:
+                signal.signal(number, handler)
 
     def loses_nothing(self) -> bool:
         """Whether nothing would be lost if the process ended now."""
         return not self.has_results
 
     def _request(self, number: int, frame: FrameType | None) -> None:
-        """Handler of SIGINT: the first signal is recorded, the second goes to the previous handler."""
+        """Handler of the signals: the first one is recorded, the second goes to the previous handler."""
+        Interrupts.last = number
         if not self.requested:
             self.requested = True
-        elif callable(self.previous_handler):
-            self.previous_handler(number, frame)
+        elif callable(previous_handler := self.previous_handlers.get(number)):
+            previous_handler(number, frame)
         else:
             raise KeyboardInterrupt

@@ -24,7 +24,8 @@ app = App(
     help="A ray tracer that shows what accuracy costs, stays stable in hard cases, and simulates only what is needed.",
     version=__version__,
     suppress_keyboard_interrupt=False,
-    default_parameter=Parameter(negative=()),
+    # A word is a value as it is written: a file may be called [a].exr.
+    default_parameter=Parameter(negative=(), json_list=False, json_dict=False),
 )
 
 

@@ -22,7 +22,9 @@ from visray.cli.stuck import watched
 from visray.errors import UserError
 
 # Exit codes. A command itself returns 0 (done), 1 (a check failed) or INTERRUPTED.
-BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, TERMINATED = 2, 70, 130, 143
+# Signals that ask the program to stop: Ctrl-C, and what systems send before they end a process.
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # If this environment variable is set, an internal error shows its traceback too.
 TRACEBACK = "VISRAY_TRACEBACK"
 
@@ -33,6 +35,8 @@ def main(tokens: list[str] | None = None) -> int:
     tokens: the words of the command; None means those of the command line.
     """
     terminal.open_streams()
+    if "visray.progress" in sys.modules:
+        sys.modules["visray.progress"].Interrupts.last = None
     with _Stop.caught() as stop, watched(INTERRUPTED):
         try:
             code = _run(tokens)
@@ -41,8 +45,8 @@ def main(tokens: list[str] | None = None) -> int:
             code = _ended(error, stop)
         if tokens is None and stop.catches:
             # The process ends now. From here on, Ctrl-C ends it without a word.
-            stop.previous_handler = signal.SIG_DFL
-    return code
+            stop.previous_handlers = dict.fromkeys(SIGNALS, signal.SIG_DFL)
+    return TERMINATED if code == INTERRUPTED and stop.last_signal() == signal.SIGTERM else code
 
 
 def _run(tokens: list[str] | None) -> int:
@@ -67,17 +71,19 @@ def _run(tokens: list[str] | None) -> int:
 
 
 class _Stop:
-    """The request to stop by Ctrl-C. The first one raises KeyboardInterrupt. While the program ends, a second one is
-    ignored, and a third one ends it at once.
+    """The request to stop by Ctrl-C or SIGTERM. The first one raises KeyboardInterrupt. While the program ends, a
+    second one is ignored, and a third one ends it at once.
 
-    count: how often Ctrl-C was pressed.
+    count: how often it was asked for.
+    number: number of the last signal that asked for it; None if there was none.
     catches: whether Ctrl-C is caught here; only the main thread can do so.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.catches = threading.current_thread() is threading.main_thread()
-        self.previous_handler: Any = None
+        self.number: int | None = None
+        self.previous_handlers: dict[int, Any] = {}
 
     @staticmethod
     @contextmanager
@@ -87,22 +93,28 @@ class _Stop:
         if not stop.catches:
             yield stop
             return
-        stop.previous_handler = signal.signal(signal.SIGINT, stop.request)
+        stop.previous_handlers = {number: signal.signal(number, stop.request) for number in SIGNALS}
         previous_hook, sys.unraisablehook = sys.unraisablehook, stop.repeat
         try:
             yield stop
         finally:
             sys.unraisablehook = previous_hook
-            signal.signal(signal.SIGINT, stop.previous_handler)
+            for number, handler in stop.previous_handlers.items():
+                signal.signal(number, handler)
 
     def request(self, number: int, frame: FrameType | None) -> None:
-        """Handler of SIGINT."""
-        self.count += 1
+        """Handler of the signals."""
+        self.count, self.number = self.count + 1, number
         if self.count == 1:
             raise KeyboardInterrupt
         if self.count > 2:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
+
+    def last_signal(self) -> int | None:
+        """Number of the last signal that asked the program to stop, here or in long work (progress.Interrupts)."""
+        progress = sys.modules.get("visray.progress")
+        return self.number or (progress.Interrupts.last if progress else None)
 
     def loses_nothing(self) -> bool:
         """Whether nothing would be lost if the process ended now: the main thread has not answered Ctrl-C yet."""

@@ -5,6 +5,7 @@ Facts are the metadata of a rendered Image: how it was made, and how large its e
 
 import warnings
 from collections.abc import Iterable
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from visray import clock
+from visray.cli.keeping import kept
 from visray.cli.options import (
     INTERRUPTED,
     Compat,
@@ -185,8 +187,10 @@ def render_command(
         )
         # While the files are written, Ctrl-C does not stop the program.
         with Interrupts():
-            for path in outputs:
-                image.write(path, gamma=curve, exposure=exposure, float32=float32)
+            write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
+            results = [kept(path, write) for path in outputs]
+    if problems := [line for _, lines in results for line in lines]:
+        raise UserError(*problems)
     facts = image.metadata
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)

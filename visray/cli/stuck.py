@@ -42,7 +42,7 @@ def watched(code: int) -> Iterator[None]:
 
 def _watch(reading: int, code: int) -> None:
     """Waits for signals, until the pipe `reading` is closed at its other end."""
-    presses, deadline = 0, None
+    presses, deadline, last = 0, None, signal.SIGINT
     while True:
         left = None if deadline is None else max(deadline - time.monotonic(), 0)
         if select.select([reading], [], [], left)[0]:
@@ -50,14 +50,15 @@ def _watch(reading: int, code: int) -> None:
             if not numbers:
                 os.close(reading)
                 return
-            presses += sum(n in SIGNALS for n in numbers)
+            stops = [n for n in numbers if n in SIGNALS]
+            presses, last = presses + len(stops), stops[-1] if stops else last
             deadline = time.monotonic() + PATIENCE if presses else None
             continue
         deadline = None
         if _loses_nothing() or presses > 1:
             terminal.restore()
             terminal.say("stopped before anything could be kept" if presses == 1 else "stopped; nothing is kept")
-            os._exit(code)
+            os._exit(code if last == signal.SIGINT else 128 + last)
         terminal.say("stopping: what is done so far is kept as soon as possible; Ctrl-C again ends at once")
 
 

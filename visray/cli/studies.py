@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from visray.cli.keeping import kept
 from visray.cli.options import (
     INTERRUPTED,
     Compat,
@@ -220,15 +221,17 @@ def cost(
     report = replace(report, scene=scene.stem)
     # Ctrl-C must not lose a report that took minutes while it is written.
     with Interrupts():
-        if output is not None:
-            report.write(output)
-        if json:
+        written, problems = kept(output, report.write) if output is not None else (None, [])
+        # A study that is in no file is printed whole.
+        if json or (problems and written is None and not csv):
             write_json(report.as_json())
         elif csv:
             write_or_print(report.as_csv(), None)
         else:
             show(table(report))
-            _say_written(output)
+            _say_written(written)
+    if problems:
+        raise UserError(*problems)
     return INTERRUPTED if report.stopped else 0
 
 

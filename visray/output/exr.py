@@ -17,6 +17,7 @@ from visray.errors import RangeWarning, UserError
 from visray.output.exr_header import check_header
 from visray.output.files import replacing
 from visray.output.layers import BY_NAME, LAYERS
+from visray.output.silence import silenced
 
 PREFIX = "visray/"
 # Attributes whose names have a meaning in OpenEXR or other renderers. They are written without the prefix.
@@ -73,7 +74,8 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
         raise UserError(f"{path}: {error}") from None
     try:
         # By default OpenEXR joins R, G and B into one array, but not the channels of other layers.
-        file = OpenEXR.File(path, separate_channels=True)
+        with silenced():
+            file = OpenEXR.File(path, separate_channels=True)
     except (RuntimeError, ValueError) as error:
         raise UserError(f"{path}: the EXR file cannot be read ({error}); write it anew") from error
     if len(file.parts) != 1:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterator
@@ -9,6 +10,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from visray.errors import UserError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
+# Names of temporary files, with the number of the process.
+_TEMPORARY = re.compile(r"\.visray-([1-9][0-9]{0,9})-[0-9a-f]{16}(\.\w+)?")
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space or write to another disk",
@@ -25,10 +34,10 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     """Raises a UserError if a file cannot be written at `path`. Call this before a long render."""
     try:
         _check(Path(path))
-        trial = _reserve(_target(path))
+        with _reserved(_target(path)):
+            pass
     except OSError as error:
         raise _explain(path, error) from error
-    trial.unlink()
 
 
 @contextmanager
@@ -39,22 +48,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     An OSError, for example because the disk is full, becomes a UserError. If `path` is a link, the file that the link
     points to is replaced.
     """
-    temporary = None
     try:
         _check(Path(path))
         target = _target(path)
-        temporary = _reserve(target)
-        yield temporary
-        _flush(temporary)
-        if target.exists():
-            os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
-        os.replace(temporary, target)
+        with _reserved(target) as temporary:
+            yield temporary
+            _flush(temporary)
+            if target.exists():
+                os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
+            os.replace(temporary, target)
     except OSError as error:
         raise _explain(path, error) from error
-    finally:
-        # Also after Ctrl-C. If the replacement has succeeded, the temporary file no longer exists.
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
 
 
 def _check(path: Path) -> None:
@@ -82,11 +86,72 @@ def _target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _reserve(target: Path) -> Path:
-    """Creates an empty file in the folder of `target`, with its suffix and the default permissions of new files."""
-    path = target.with_name(f".visray-{secrets.token_hex(8)}{target.suffix}")
-    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    return path
+@contextmanager
+def _reserved(target: Path) -> Iterator[Path]:
+    """Yields the path of an empty file in the folder of `target`, with its suffix and the default permissions of new
+    files. At the end of the `with` block, also after Ctrl-C, the file is removed if it still has this name.
+
+    The file is locked while its process lives, so that others can tell a file that was left behind (_tidy).
+    """
+    _tidy(target.parent)
+    path = target.with_name(f".visray-{os.getpid()}-{secrets.token_hex(8)}{target.suffix}")
+    number = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+    try:
+        if fcntl is None:
+            os.close(number)  # Windows renames no file that is open
+        else:
+            _lock(number)
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+        if fcntl is not None:
+            os.close(number)
+
+
+def _lock(number: int) -> bool:
+    """Locks an open file. Returns False if another process has locked it, or if the file system has no locks."""
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _tidy(folder: Path) -> None:
+    """Removes temporary files that a process has left behind in a folder because it was killed.
+
+    A file is removed only if its name is one that visray gives, its process no longer exists, and nobody locks it: a
+    process on another machine may have the same number.
+    """
+    if fcntl is None:
+        return
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            name = _TEMPORARY.fullmatch(entry.name)
+            if name and entry.is_file(follow_symlinks=False) and not _is_alive(int(name[1])):
+                with suppress(OSError):
+                    _remove_unlocked(entry.path)
+
+
+def _is_alive(number: int) -> bool:
+    """Whether there is a process with this number on this machine."""
+    try:
+        os.kill(number, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _remove_unlocked(path: str) -> None:
+    """Removes a file unless a process has locked it."""
+    number = os.open(path, os.O_WRONLY | os.O_NOFOLLOW)
+    try:
+        if _lock(number):
+            os.unlink(path)
+    finally:
+        os.close(number)
 
 
 def _flush(path: Path) -> None:

@@ -260,6 +260,10 @@ def test_several_changes_are_checked_together() -> None:
         ("settings.shadows=false", ("settings.shadows", False)),
         ('objects.a.transform=[{"scale": 2}]', ("objects.a.transform", [{"scale": 2}])),
         ("objects.a b.material=x=y", ("objects.a b.material", "x=y")),
+        ("camera.origin=0,1.5,-5e-1", ("camera.origin", [0, 1.5, -0.5])),
+        ("camera.origin=(0, 1, 5)", ("camera.origin", [0, 1, 5])),
+        ("objects.a.material=1, red", ("objects.a.material", "1, red")),
+        ('textures.t.file="a,film.width=5"', ("textures.t.file", "a,film.width=5")),
     ],
 )
 def test_parse_assignment(text: str, expected: tuple) -> None:
@@ -270,6 +274,21 @@ def test_parse_assignment(text: str, expected: tuple) -> None:
 def test_text_without_address_or_value_is_no_assignment(text: str) -> None:
     with pytest.raises(UserError, match="write ADDRESS=VALUE"):
         parse_assignment(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "rest"),
+    [
+        ("camera.fov=40,film.width=5", "camera.fov=40", "film.width=5"),
+        ("camera.fov=40 film.width=5", "camera.fov=40", "film.width=5"),
+        ("camera.origin=[1, 2, 3]; objects.a b.radius = 2", "camera.origin=[1, 2, 3]", "objects.a b.radius = 2"),
+        ("ambient=0,1,5,background=[0,0,0]", "ambient=0,1,5", "background=[0,0,0]"),
+    ],
+)
+def test_two_assignments_in_one_text_are_refused(text: str, first: str, rest: str) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_assignment(text)
+    assert caught.value.lines == (f"{text!r}: is more than one assignment; write --set {first!r} --set {rest!r}",)
 
 
 def test_broken_json_in_an_assignment() -> None:

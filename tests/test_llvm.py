@@ -167,6 +167,21 @@ def test_the_highest_usable_version_is_taken_and_the_environment_comes_first(mon
     assert llvm.search().llvm == llvm.LLVM(str(tmp_path / "libLLVM-18.so.1"), (18,), "Python environment")
 
 
+@pytest.mark.parametrize("name", ["drjit.detail", "drjit.interop", "drjit.scalar", "drjit"])
+def test_import_that_is_put_off_loads_each_module_once(name: str) -> None:
+    # The command line puts the import of Dr.Jit off. A module in it may be the first that is asked for.
+    code = f"""
+from visray import drjit_import
+drjit_import.watch()
+drjit_import.put_off()
+import importlib, sys
+module = importlib.import_module("{name}")
+import drjit
+print(sys.modules["{name}"] is module, eval("{name}") is module, drjit.detail.llvm_version()[0] > 0)
+"""
+    assert run(code, None) == (0, ["True True True"])
+
+
 @pytest.mark.parametrize(
     ("name", "version"),
     [

@@ -2,7 +2,7 @@
 
 import sys
 from importlib import import_module
-from importlib.machinery import PathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import module_from_spec
 from types import ModuleType
 from typing import Any
@@ -48,4 +48,23 @@ class _Later(ModuleType):
         self.__class__ = ModuleType
         self.__path__ = self.__spec__.submodule_search_locations
         self.__loader__.exec_module(self)
+        if name == "__path__":
+            sys.meta_path.insert(0, _Once())
         return getattr(self, name)
+
+
+class _Once:
+    """Finder for the submodule whose import has just loaded Dr.Jit. Dr.Jit imports its submodules itself; this finder
+    gives that module, where the import would otherwise run the submodule's file a second time."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """The module as it is if it is loaded, otherwise None. Asked only once."""
+        sys.meta_path.remove(self)
+        return ModuleSpec(name, self) if name in sys.modules else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """The module that is loaded."""
+        return sys.modules[spec.name]
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Nothing is left to do."""

@@ -53,7 +53,7 @@ def check_png_rows(path: str) -> None:
         except zlib.error:
             pass
     if present < needed:
-        share = f"{100 * present / needed:.2g} %"
+        share = f"{min(100 * present / needed, 99):.2g} %"
         raise UserError(f"is damaged: it lacks rows, only {share} of its pixels are there; save it anew")
 
 

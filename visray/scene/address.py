@@ -21,6 +21,12 @@ from visray.scene.source import parse
 from visray.scene.validated import plain
 from visray.terminal import printable
 
+# In the value of an assignment: a further assignment, after a comma, a semicolon or a space.
+SECOND = re.compile(rf"[,;\s]\s*((?:{'|'.join(f.name for f in fields(Scene))})(?:\.[^=]+)?\s*=.*)", re.DOTALL)
+# Numbers with commas between them, in parentheses or not.
+_NUMBER = r"\s*-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?\s*"
+NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})+|\({_NUMBER}(?:,{_NUMBER})+\)")
+
 
 @checked_arguments
 def value(scene: Scene, address: str) -> Any:
@@ -58,10 +64,16 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON; a word without quotes is a string."""
+    """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON; a word without quotes is a string, and numbers
+    with commas between them, such as 0,1,5 or (0, 1, 5), are a list."""
     address, equals, written = (part.strip() for part in text.partition("="))
     if not (address and equals and written):
         raise UserError(f"{text!r}: is not an assignment; write ADDRESS=VALUE, as in objects.ball.radius=2")
+    if written[0] != '"' and (second := SECOND.search(written)):
+        first, rest = (repr(part.strip()) for part in (f"{address}={written[: second.start()]}", second[1]))
+        raise UserError(printable(f"{text!r}: is more than one assignment; write --set {first} --set {rest}"))
+    if NUMBERS.fullmatch(written):
+        written = f"[{written.strip('()')}]"
     if written[0] not in '{["':
         if re.search(r",[^,=]*\.[^,=]*=", written):
             raise UserError(f"{text!r}: holds several assignments; write each of them in a --set of its own")

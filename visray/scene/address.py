@@ -64,7 +64,7 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON; a word without quotes is a string, and numbers
+    """The address and the value in a text `ADDRESS=VALUE`. VALUE is JSON. A word without quotes is a string, numbers
     with commas between them, such as 0,1,5 or (0, 1, 5), are a list."""
     address, equals, written = (part.strip() for part in text.partition("="))
     if not (address and equals and written):

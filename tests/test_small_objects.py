@@ -23,7 +23,8 @@ from visray.camera import Camera, OrthographicCamera
 from visray.errors import GoalWarning
 from visray.lights import PointLight
 from visray.materials import Material
-from visray.primitives import Cylinder, Mesh, Plane, Rectangle, Sphere
+from visray.primitives import Cylinder, Mesh, Plane, Polynomial, Rectangle, Sphere
+from visray.primitives.clips import Ball, Block
 from visray.renderer import render
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import Prepared, prepare
@@ -178,6 +179,19 @@ def test_footprints_contain_what_is_seen_and_know_its_area(name: str, camera: An
             assert inside.any(1).all() and np.array_equal(np.unique(row), np.arange(len(boxes.ball)))
         # The rows of a mesh are on both of its sides.
         assert 0.1 * seen.sum() < to_film.areas(boxes).sum() < (2.5 if batch.kind.many_rows else 1.7) * seen.sum()
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.1, 3.0])
+@pytest.mark.parametrize("steps", [(), (Scale(scale=0.5),), (Scale(scale=(0.5, 0.8, 1.0)), Rotate(rotate=20.0))])
+@pytest.mark.parametrize("round", [True, False])
+def test_footprints_of_polynomials_have_the_size_of_their_clip(radius: float, steps: tuple, round: bool) -> None:
+    """Also where it is far from 1: a small clip shows a small surface."""
+    clip = Ball(radius=radius) if round else Block(min=(-radius,) * 3, max=(radius,) * 3)
+    ball = Polynomial(expression="x^2+y^2+z^2-r^2", parameters={"r": 0.8 * radius}, clip=clip)
+    camera, size = OrthographicCamera(origin=(2 * radius, 3 * radius, 9 * radius), height=4 * radius), 96
+    seen, made = shown(replace(ball, transform=steps), camera, size)
+    (batch,) = made.kernel.batches
+    assert 0.1 * seen.sum() < FilmMap(made.kernel, size, size).areas(blocks(batch)).sum() < 1.7 * seen.sum()
 
 
 @pytest.mark.parametrize("focus", [3.0, 6.0, 12.0])

@@ -15,6 +15,7 @@ from visray.batches import Batch
 from visray.camera import ParallelView
 from visray.geometry import Frame, SimilarityInverse, gamma
 from visray.kernel_scene import KernelScene
+from visray.primitives.polynomial import Polynomial
 from visray.pytree import rows
 
 # Share of the outline of a row's box that the row itself covers, at least: a ball seen along the diagonal of its box,
@@ -67,10 +68,11 @@ def blocks(batch: Batch) -> Blocks:
     if kind.triangular:
         return triangles(batch, np.arange(n))
     centre, radius = _points(batch.centre, n), np.broadcast_to(np.array(batch.radius, float), n)
+    share = np.full(n, UNKNOWN if issubclass(kind, Polynomial) else SOLID)
     inverse = getattr(batch.placed, "inverse", None)
     if isinstance(inverse, SimilarityInverse):
-        axes = np.eye(3) / np.broadcast_to(np.array(inverse.scale, float), n)[:, None, None]
-        return Blocks(centre, axes, radius, np.full(n, SOLID))
+        half = 0.5 * (_points(batch.high, n) - _points(batch.low, n))
+        return Blocks(centre, np.eye(3) * half[:, None], radius, share)
     try:
         # Scalars, unless the kind has parameters, because they compile no kernel.
         vector = type(inverse.o) if batch.placed.shape else Array3f64
@@ -84,7 +86,7 @@ def blocks(batch: Batch) -> Blocks:
         return Blocks(0.5 * (low + high), axes, np.full(n, np.inf), np.full(n, UNKNOWN))
     axes = np.swapaxes(frames, 1, 2) * half[:, :, None]
     longest = np.argsort(-np.square(axes).sum(2), axis=1)
-    return Blocks(_points(inverse.o, n), np.take_along_axis(axes, longest[:, :, None], 1), radius, np.full(n, SOLID))
+    return Blocks(_points(inverse.o, n), np.take_along_axis(axes, longest[:, :, None], 1), radius, share)
 
 
 def _points(v: Any, n: int) -> np.ndarray:

@@ -71,6 +71,11 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> vr.Scene:
     return all_effects(tmp_path_factory.mktemp("all"))
 
 
+def folder(scene: vr.Scene) -> Path:
+    """Where the image lies that the scene shows; a scene file reads only below its own folder."""
+    return Path(scene.textures["image"].file).parent
+
+
 def picture(scene: vr.Scene, **more: Any) -> np.ndarray:
     """Colours by rows; render itself refuses what is not a number."""
     found = vr.render(scene, progress=False, layers=("RGB",), **more)["RGB"]
@@ -211,9 +216,9 @@ def test_crowds(crowd: Callable[[vr.Scene], vr.Scene], full: vr.Scene) -> None:
     assert np.ptp(picture(scene)) > 0.01
 
 
-def test_the_file_and_the_command_line_take_a_scene_of_all_effects(full: vr.Scene, tmp_path: Path, capsys: Any) -> None:
-    path, out = tmp_path / "all.json", tmp_path / "all.exr"
-    path.write_text(vr.dump(full, tmp_path))
+def test_the_file_and_the_command_line_take_a_scene_of_all_effects(full: vr.Scene, capsys: Any) -> None:
+    path, out = folder(full) / "all.json", folder(full) / "all.exr"
+    path.write_text(vr.dump(full, path.parent))
     assert main(["render", str(path), "-o", str(out), "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
     direct = vr.render(full, progress=False)
@@ -332,9 +337,9 @@ def test_what_is_wrong_gets_a_line_that_names_it(
     address: str, full: vr.Scene, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     """In Python, in a file and on the command line: the address, and never a traceback."""
-    path = tmp_path / "wrong.json"
+    path = folder(full) / "wrong.json"
     for value in WRONG[address]:
-        raw = json.loads(vr.dump(full, tmp_path))
+        raw = json.loads(vr.dump(full, path.parent))
         in_place(raw, address, value)
         path.write_text(json.dumps(raw))
         with pytest.raises(vr.UserError) as caught:
@@ -349,12 +354,12 @@ def test_what_is_wrong_gets_a_line_that_names_it(
     assert not (tmp_path / "out.png").exists()
 
 
-def test_several_wrong_things_get_a_line_each(full: vr.Scene, tmp_path: Path) -> None:
+def test_several_wrong_things_get_a_line_each(full: vr.Scene) -> None:
     raw = asdict(full)
     wrong = {"materials.glass.ior": 0.0, "lights.pane.samples": 0, "settings.depth": -1, "camera.aperture": -1.0}
     for address, value in wrong.items():
         in_place(raw, address, value)
-    path = tmp_path / "wrong.json"
+    path = folder(full) / "wrong.json"
     path.write_text(json.dumps(raw))
     with pytest.raises(vr.UserError) as caught:
         vr.load(path)

@@ -47,6 +47,8 @@ accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprin
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal
 accel.intersect accel
+prepared_lights
+ray_families
 kernel_scene
 interaction
 direct light_loop occlusion

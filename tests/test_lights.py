@@ -12,7 +12,7 @@ from samples import SAMPLES, inverse, outer, real, unit
 from test_sampling import SIGMA
 from test_shading import BLACK, DARK, PRECISIONS, seen
 
-from visray import kernel_scene
+from visray import prepared_lights
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.lights import KINDS, DirectionalLight, DiskLight, PointLight, RectangleLight, SphereLight, SpotLight
@@ -451,7 +451,7 @@ def both_ways(scene: Scene, o: Any, d: Any, monkeypatch: pytest.MonkeyPatch) -> 
     """Colours with the lights written out, and looped over."""
     found = []
     for limit in (10**9, 0):
-        monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", limit)
+        monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", limit)
         found.append(seen(scene, o, d).astype(float))
     return found[0], found[1]
 
@@ -492,7 +492,7 @@ def test_wide_lights_looped_over_have_the_means_of_those_written_out(
 @pytest.mark.parametrize("looped", [False, True], ids=["written out", "looped over"])
 def test_each_light_draws_samples_of_its_own(looped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of four lights that are alike, the variance of the sum is four times that of one, not sixteen times."""
-    monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
+    monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
     light = DiskLight(position=(-0.4, 1.5, 0.7), radius=0.8, samples=3)
     four, one = (
         at(scene_of({f"l{i}": light for i in range(n)}, shadows=False), (0, 0, 0), LANES).var() for n in (4, 1)
@@ -506,7 +506,7 @@ def test_lights_are_looped_over_from_where_it_is_said(monkeypatch: pytest.Monkey
     lights = {f"l{i}": PointLight(position=(float(i), 5.0, 0.0)) for i in range(5)}
     lights["one"] = small(SpotLight, (0.0, 4.0, 0.0))
     for limit, looped in ((6 * 3, 0), (6 * 3 - 1, 1)):
-        monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", limit)
+        monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", limit)
         kernel = prepare(scene_of(lights, {"floor": Plane(), "ball": Sphere()})).kernel
         assert (len(kernel.looped_lights), len(kernel.lights)) == (looped, 1 if looped else 6)
 
@@ -518,7 +518,7 @@ def test_lights_are_looped_over_from_where_it_is_said(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.__name__)
 def test_ambient_light_of_each_kind_gets_everywhere(kind: type, looped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sum of intensity Ia, neither weakened nor shadowed, in a closed box that no light gets into otherwise."""
-    monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
+    monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
     lights = some_lights(np.random.default_rng(9), kind, 1.0)
     objects = {"floor": Plane(), "box": Box(min=(-0.5, -0.5, -0.5), max=(0.5, 0.5, 0.5))}
     d = np.random.default_rng(10).normal(size=(100, 3))
@@ -587,7 +587,7 @@ def test_lights_flush_with_ceilings_light_the_room_as_if_they_hung_free(
 ) -> None:
     """Six ceilings of all kinds in one plane, and lights in it: the picture of the floor is that without a ceiling.
     At no pixel does rounding put one of them before a light."""
-    monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
+    monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
     rng = np.random.default_rng(12)
     goal = np.c_[rng.uniform(-3, 3, (4000, 1)), np.zeros((4000, 1)), rng.uniform(-3, 3, (4000, 1))]
     o, m = np.array([0.5, 1.0, 2.5]), replace(WHITE, kt=(kt, kt, kt))
@@ -638,7 +638,7 @@ def test_a_light_on_an_edge_lights_all_that_the_thing_does_not_hide(
 ) -> None:
     """Point lights on an edge, a corner or a rim, where a surface has two normals: a ball all around is dark where the
     way from the light runs through the thing, by its twin, and lit elsewhere."""
-    monkeypatch.setattr(kernel_scene, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
+    monkeypatch.setattr(prepared_lights, "MAX_UNROLLED_PAIRS", 0 if looped else 10**9)
     rng = np.random.default_rng(16)
     for thing, place in EDGES.values():
         thing = replace(thing, transform=turn)

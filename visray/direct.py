@@ -11,8 +11,9 @@ from visray.accel.intersect import Target, occluded, transmittance
 from visray.accel.origin import RayOrigin
 from visray.geometry import gamma, l1_norm
 from visray.interaction import Interaction
-from visray.kernel_scene import KernelScene, LightBatch, PreparedLight
+from visray.kernel_scene import KernelScene
 from visray.lights.light import Light
+from visray.prepared_lights import LightBatch, PreparedLight
 from visray.pytree import rows
 from visray.ray import Ray, inverse_length
 

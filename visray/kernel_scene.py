@@ -5,10 +5,8 @@ does not contain them, so that new numbers compile no new kernel. Lights and row
 code for each of them, and looped if the same code runs for one after the other.
 """
 
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -18,107 +16,28 @@ from visray import nesting
 from visray.accel import policy
 from visray.accel.lists import camera_sheet
 from visray.accel.origin import Geometry, RayOrigin
-from visray.accel.parallel_lists import ParallelLists, far_light, parallel_lists
+from visray.accel.parallel_lists import ParallelLists
 from visray.batches import Batch, place
-from visray.camera import OrthographicCamera, ParallelView, View
-from visray.features import Features, RayFamily
+from visray.camera import ParallelView, View
+from visray.features import Features
 from visray.images import Atlas
-from visray.lights.light import Light
 from visray.materials import Material
-from visray.pack import BatchKeys, LightColumns, Packed
-from visray.pytree import Packets, detached, evaluated, leaves, mapped, rows
+from visray.pack import Packed
+from visray.prepared_lights import (
+    LightBatch,
+    LightSteps,
+    PreparedLight,
+    ambient_of_lights,
+    light_steps,
+    loops_lights,
+    parallel_lists_of,
+    prepared_lights,
+)
+from visray.pytree import Packets, evaluated, leaves, mapped, rows
 from visray.quantities import Arrays, quantities
+from visray.ray_families import shared_by
 from visray.sampling import SampleSet
 from visray.scene.scene import Scene, Settings, SkyGradient
-
-# Lights are unrolled if there are at most this many pairs of a light and a row; otherwise they are looped over. Shadow
-# rays of unrolled lights are faster, but each pair takes 10 ms to compile.
-MAX_UNROLLED_PAIRS = 96
-
-
-@dataclass(frozen=True)
-class PreparedLight:
-    """One light as kernels read it.
-
-    kind: class of the light
-    light: numbers of the light: one row of the kind's table
-    points: set of its sample points; None for lights without an area
-    samples: number of its sample points, as a Python integer; 0 for looped lights
-    number: number of the light in the scene; for looped lights, of the first light of their batch
-    origin: its position as the origin of its shadow rays; None if its shadow rays start at the points that it lights
-    lists: lists of rows for its shadow rays, if these are parallel or nearly so; else None
-    """
-
-    kind: type[Light]
-    light: Any
-    points: SampleSet | None
-    samples: int
-    number: int
-    origin: RayOrigin | None
-    lists: ParallelLists | None = None
-
-
-@dataclass(frozen=True)
-class LightBatch:
-    """Lights of one kind that the kernel loops over.
-
-    kind: class of the lights
-    table: numbers of the lights
-    points: sets of sample points of area lights; None for other lights
-    count: number of lights, as opaque data
-    number: number of the first light in the scene
-    """
-
-    kind: type[Light]
-    table: Any
-    points: SampleSet | None
-    count: Any
-    number: int
-
-
-@dataclass(frozen=True)
-class LightSteps:
-    """All samples of some lights, one after the other, as a kernel with derivatives visits them (light_loop.py). Lights
-    without an area have one sample.
-
-    batches: the lights, kind by kind
-    count: number of steps, as opaque data
-    batch, row, j: for each step: number of the batch, row in its table, and number of the sample
-    salt, number: for each step: what determines the random numbers of the light (direct.area_light)
-    points: for each step, the set of sample points
-    share: for each step, 1 / number of samples
-    """
-
-    batches: tuple[LightBatch, ...]
-    count: Any
-    batch: Any
-    row: Any
-    j: Any
-    salt: Any
-    number: Any
-    points: SampleSet
-    share: Any
-
-    @staticmethod
-    def of(a: Arrays, lights: list[LightColumns], looped: bool) -> "LightSteps":
-        """The samples of `lights`. looped: whether lights of a kind are looped over in a kernel without derivatives,
-        which then have other random numbers"""
-        batches, steps, counts = [], [], []
-        for k, columns in enumerate(lights):
-            loops = looped and len(columns.samples) > 1
-            first = columns.scene_index[0]
-            batches.append(LightBatch(columns.kind, columns.numbers, None, None, first))
-            for row, index in enumerate(columns.scene_index):
-                n = columns.samples[row] if columns.kind.has_area else 1
-                counts += [n] * n
-                steps += [(k, row, j, row if loops else 0, first if loops else index) for j in range(n)]
-        count = dr.opaque(a.U, len(steps))
-        if len(steps) == 1:  # a table of one entry is another kernel
-            steps, counts = 2 * steps, 2 * counts
-        batch, row, j, salt, number = (a.put(a.U, x) for x in np.array(steps, np.uint32).T)
-        share = a.put(a.F, 1 / np.array(counts, float))
-        points = SampleSet.table(a, counts)
-        return LightSteps(tuple(batches), count, batch, row, j, salt, number, points, share)
 
 
 @dataclass(frozen=True)
@@ -227,13 +146,13 @@ def kernel_scene(
     looks = (_with_needed(b, features, a, rank) for b, rank in zip(geometry.batches, ranks))
     geometry = geometry.with_looks(tuple(looks))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
-    lights_ambient = _lights_ambient(packed.lights, a)
+    lights_ambient = ambient_of_lights(packed.lights, a)
     evaluated((view, lights_ambient))
     light_tables = tuple(columns.numbers for columns in packed.lights)
     inputs = geometry.batches, light_tables, view, packed.background, packed.ambient, lights_ambient, packed.occlusion
     attached = dr.grad_enabled(leaves(inputs, shared=True))
     in_waves = attached and _needs_waves(packed, geometry, features)
-    lights, looped = _lights(packed, geometry, features, a)
+    lights, looped = prepared_lights(packed, geometry, features, a)
     parallel = isinstance(view, ParallelView)
     families = shared_by(features, [type(light) for light in scene.lights.values()], bool(looped), parallel)
     if any(geometry.plan(shared).tree for shared in families.values()):
@@ -241,7 +160,7 @@ def kernel_scene(
     camera_origin = camera_lists = None
     if parallel:
         forward = np.array(view.forward, float)[:, 0]
-        camera_lists = _parallel(geometry, forward, against=False)
+        camera_lists = parallel_lists_of(geometry, forward, against=False)
     else:
         sheet = camera_sheet(packed.camera, scene.film.width, scene.film.height)
         camera_origin = RayOrigin(geometry, view.o, views=(sheet,))
@@ -256,7 +175,7 @@ def kernel_scene(
         camera_lists=camera_lists,
         lights=lights,
         looped_lights=looped,
-        light_steps=_light_steps(packed, geometry, a) if in_waves else (),
+        light_steps=light_steps(packed, geometry, a) if in_waves else (),
         most_rows=dr.opaque(a.U, max(map(len, geometry.batches), default=0)),
         sky=packed.background,
         ambient=packed.ambient,
@@ -338,115 +257,7 @@ def _with_needed(batch: Batch, features: Features, a: Arrays, rank: Any) -> Batc
     return replace(batch, material=material, packets=packets, rank=rank)
 
 
-def _lights_ambient(lights: tuple[LightColumns, ...], a: Arrays) -> Any:
-    """Sum of the ambient light of all lights, a colour."""
-    total = a.V(0)
-    for table in (l.numbers for l in lights):
-        colours = table.intensity * table.Ia
-        total = total + a.V(*(dr.sum(c) for c in colours))
-    return total
-
-
-def _too_many_lights(lights: int, sizes: Iterable[int]) -> bool:
-    """Whether there are too many lights to unroll them.
-
-    lights: number of lights
-    sizes: number of rows in each batch. Of a large batch only the guards are unrolled, which takes a quarter of the
-        compile time
-    """
-    sizes = [n for n in sizes if n <= policy.MAX_UNROLLED_SHARED]
-    unrolled_rows = sum(n if n <= policy.MAX_UNROLLED else n // 4 for n in sizes)
-    return lights > 2 and lights * (1 + unrolled_rows) > MAX_UNROLLED_PAIRS
-
-
-def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
-    """How each family of rays in a scene, such as camera rays, finds what it hits, and why: a RayFamily for each."""
-    kinds = [type(light) for light in scene.lights.values()]
-    batch_sizes: Counter = Counter()
-    batch_key = BatchKeys(scene)
-    for obj in scene.objects.values():
-        key = batch_key(obj)
-        batch_sizes[key] += obj.row_count() if key[0].many_rows else 1
-    sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
-    looped = _too_many_lights(len(kinds), (size.rows for size in sizes))
-    shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))
-    plans = {name: policy.plan(sizes, scene.settings.accelerator, by) for name, by in shared.items()}
-    return tuple(RayFamily(name, plan.name, plan.reason) for name, plan in plans.items())
-
-
-def shared_by(features: Features, kinds: list[type[Light]], looped: bool, parallel: bool) -> dict[str, policy.SharedBy]:
-    """What the rays of each family share: a dict from the names of all families of a scene.
-
-    kinds: kinds of the scene's lights
-    looped: whether lights are looped over, if there are several of a kind
-    parallel: whether the camera is orthographic
-    """
-    # A single light of its kind is never looped over.
-    point_like = [k for k in kinds if k.has_position and not k.has_area and not (looped and kinds.count(k) > 1)]
-    families: dict[str, policy.SharedBy] = {"camera, parallel": "direction"}
-    if not parallel:
-        families = {"camera": "nothing" if features["defocus"] else "origin"}
-    if features["shadows"] and point_like:
-        families["shadow rays of point and spot lights"] = "origin"
-    sunny = [k for k in kinds if not k.has_position and not (looped and kinds.count(k) > 1)]
-    if features["shadows"] and sunny:
-        families["shadow rays of directional lights"] = "direction"
-    other_rays = {
-        "shadow rays of other lights": features["shadows"] and len(point_like) + len(sunny) < len(kinds),
-        "occlusion rays": features["sky occlusion"] or features["near occlusion"],
-        "reflected, refracted and scattered rays": features["paths"],
-    }
-    return families | {name: "nothing" for name, present in other_rays.items() if present}
-
-
-def _parallel(
-    geometry: Geometry, direction: np.ndarray, against: bool, distance: float | None = None
-) -> ParallelLists | None:
-    """The lists for parallel rays. direction, against, distance: as in parallel_lists."""
-    listed = geometry.plan("direction").lists
-    build = partial(parallel_lists, geometry.a, detached(geometry.batches), listed, direction, against, distance)
-    return geometry.lists.get(build, "direction", direction, against, distance or 0.0)
-
-
-def _loops_lights(packed: Packed, geometry: Geometry) -> bool:
-    """Whether lights of one kind are looped over, if there are several."""
-    return _too_many_lights(sum(len(l.names) for l in packed.lights), map(len, geometry.batches))
-
-
 def _needs_waves(packed: Packed, geometry: Geometry, features: Features) -> bool:
     """Whether a kernel with derivatives would need loops inside its loop over the samples of a pixel."""
     effects = "paths", "area lights", "coloured shadows", "sky occlusion", "near occlusion"
-    return any(features[effect] for effect in effects) or _loops_lights(packed, geometry)
-
-
-def _light_steps(packed: Packed, geometry: Geometry, a: Arrays) -> tuple[LightSteps, ...]:
-    """The samples of all lights with a position, and those of all others, if there are any."""
-    looped = _loops_lights(packed, geometry)
-    groups = ([l for l in packed.lights if l.kind.has_position is wanted] for wanted in (True, False))
-    return tuple(LightSteps.of(a, group, looped) for group in groups if group)
-
-
-def _lights(packed: Packed, geometry: Geometry, features: Features, a: Arrays) -> tuple:
-    """Two tuples: the lights that are unrolled, and the batches of lights that are looped over."""
-    loops = _loops_lights(packed, geometry)
-    unrolled, looped = {}, []
-    for columns in packed.lights:
-        kind, table, samples = columns.kind, columns.numbers, columns.samples
-        if loops and len(samples) > 1:
-            points = SampleSet.table(a, list(samples)) if kind.has_area else None
-            looped.append(LightBatch(kind, table, points, dr.opaque(a.U, len(samples)), columns.scene_index[0]))
-            continue
-        for i, number in enumerate(columns.scene_index):
-            light = rows(table, a.U(i))
-            has_shared_origin = kind.has_position and not kind.has_area
-            points = SampleSet.of(a, samples[i]) if kind.has_area else None
-            origin = lists = None
-            if has_shared_origin and features["shadows"]:
-                listed = geometry.plan("direction").lists
-                far = far_light(detached(geometry.batches), listed, dr.detach(light.position))
-                origin = RayOrigin(geometry, light.position, far=far is not None)
-                lists = far and _parallel(geometry, far[0], against=True, distance=far[1])
-            elif not kind.has_position and features["shadows"]:
-                lists = _parallel(geometry, np.array(light.direction, float)[:, 0], against=True)
-            unrolled[number] = PreparedLight(kind, light, points, samples[i], number, origin, lists)
-    return tuple(unrolled[number] for number in sorted(unrolled)), tuple(looped)
+    return any(features[effect] for effect in effects) or loops_lights(packed, geometry)

@@ -17,7 +17,8 @@ import drjit as dr
 from visray.accel.intersect import Target, TintProduct, occluded, tint_of_row, tint_product
 from visray.direct import DIMENSION, LightSample, rounding_of_point, to_area, to_far, to_point
 from visray.interaction import Interaction
-from visray.kernel_scene import KernelScene, LightSteps
+from visray.kernel_scene import KernelScene
+from visray.prepared_lights import LightSteps
 from visray.pytree import leaves, rebuilt, rows
 from visray.sampling import SampleSet
 

@@ -18,8 +18,9 @@ from visray.direct import LightSample, area_sampler, attenuation, light_sample
 from visray.features import Features
 from visray.integrator import camera_ray, object_of
 from visray.interaction import Interaction, interact
-from visray.kernel_scene import KernelScene, PreparedLight
+from visray.kernel_scene import KernelScene
 from visray.lights.light import Light
+from visray.prepared_lights import PreparedLight
 from visray.pytree import evaluated, rows
 from visray.ray import NO_ROW, Hit, Ray
 from visray.sampling import SamplePlan, SampleState, first_stratum, pixel_key

@@ -26,7 +26,6 @@ from visray.constant_report import constant_notes
 from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
-from visray.kernel_scene import ray_families
 from visray.material_report import energy_notes, sheet_notes
 from visray.mesh_report import mesh_facts
 from visray.output.curves import LUMINANCE
@@ -37,6 +36,7 @@ from visray.pass_timer import LONGEST_PASS, PassTimer
 from visray.passes import expose
 from visray.progress import Interrupts
 from visray.provenance import provenance
+from visray.ray_families import ray_families
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene

@@ -17,8 +17,8 @@ from visray.accel.origin import RayOrigin
 from visray.batches import Batch
 from visray.direct import LightSample, area_light, light_sample
 from visray.interaction import Interaction, interact
-from visray.kernel_scene import PreparedLight
 from visray.lights.light import AreaLight, Light
+from visray.prepared_lights import PreparedLight
 from visray.quantities import stacked
 from visray.ray import NO_ROW, Ray
 from visray.sampling import SampleSet

@@ -82,3 +82,25 @@ except MemoryError:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "as expected\n", done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the address space")
+def test_too_little_address_space_for_drjit_is_refused() -> None:
+    """Dr.Jit is not loaded: it would end the process."""
+    code = """
+import os, resource, sys
+from visray import errors, llvm, memory
+needed = llvm.LIBRARIES + llvm.THREAD * os.cpu_count()
+size = next(int(x.split()[1]) * 1024 for x in open("/proc/self/status") if x.startswith("VmSize"))
+for share in (0.9, 1.5):
+    resource.setrlimit(resource.RLIMIT_AS, (size + int(share * needed), -1))
+    try:
+        import drjit
+        print(drjit.__name__)
+    except errors.UserError as error:
+        print(*error.lines)
+"""
+    done = subprocess.run([sys.executable, "-c", "import visray\n" + code], capture_output=True, text=True)
+    refused, loaded = done.stdout.splitlines()
+    assert "GiB are left of `ulimit -v`, and Dr.Jit takes up to" in refused, done.stderr
+    assert loaded == "drjit"

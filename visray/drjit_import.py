@@ -17,8 +17,8 @@ class _Watch:
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> None:
         """Chooses a libLLVM if `name` is Dr.Jit or a module in it."""
         if name.partition(".")[0] == "drjit":
-            sys.meta_path.remove(self)
             import_module("visray.llvm").prepare()
+            sys.meta_path.remove(self)
 
 
 def watch() -> None:

@@ -43,6 +43,11 @@ def free() -> Free | None:
     return min(_limits(), default=None)
 
 
+def address_space() -> Free | None:
+    """What is left of the limit of this process's address space (`ulimit -v`); None if it has no limit."""
+    return next((left for left in _ulimits() if left.why.endswith("-v`")), None)
+
+
 def _limits() -> Iterator[Free]:
     """Yields what the machine has free, and what each limit leaves."""
     if (machine := _machine()) is not None:

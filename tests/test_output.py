@@ -599,6 +599,8 @@ def test_clamped_colours_are_noted_and_float_keeps_them(tmp_path) -> None:
         "the largest is 784588; write float colours: --float, or write(..., float32=True)"
     )
     assert note.filename == __file__
+    with pytest.warns(RangeWarning, match="784588; the error that is stated leaves this out; write float colours"):
+        Image(picture.layers, {"error": 0.01}).write(tmp_path / "stated.exr")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         picture.write(tmp_path / "float.exr", float32=True)

@@ -50,7 +50,7 @@ def write_exr(
     for name, values in layers.items():
         dtype = BY_NAME[name].dtype if name in BY_NAME else None
         if dtype == "float16" and not float32:
-            _warn_of_clamping(path, name, values)
+            _warn_of_clamping(path, name, values, "error" in facts)
         channels |= _channels(name, values, "float32" if dtype == "float16" and float32 else dtype)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | COLOR | _attributes(facts)
     # OpenEXR gets an open file, not a name, because then a full disk raises an OSError with an error number.
@@ -87,15 +87,19 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
     return _layers(pixels), _metadata(file.header())
 
 
-def _warn_of_clamping(path: str | os.PathLike[str], name: str, values: np.ndarray) -> None:
-    """Warns if numbers of a layer are beyond the range of half. Shapes: values (H, W) or (H, W, n)."""
+def _warn_of_clamping(path: str | os.PathLike[str], name: str, values: np.ndarray, error_stated: bool) -> None:
+    """Warns if numbers of a layer are beyond the range of half. Shapes: values (H, W) or (H, W, n).
+
+    error_stated: whether the error of the picture is in the file; it does not count what is clamped
+    """
     sizes = np.abs(values).reshape(*values.shape[:2], -1).max(2)
     count = int((sizes > LARGEST_HALF).sum())
     if count:
         pixels = f"{count} pixel{'s' * (count > 1)} of {name} {'are' if count > 1 else 'is'}"
         problem = f"{pixels} beyond {LARGEST_HALF:g}, the largest half float, and clamped to it; the largest is"
         advice = "write float colours: --float, or write(..., float32=True)"
-        text = f"{os.fspath(path)}: {problem} {float(sizes.max()):.6g}; {advice}"
+        beside = "; the error that is stated leaves this out" if error_stated else ""
+        text = f"{os.fspath(path)}: {problem} {float(sizes.max()):.6g}{beside}; {advice}"
         warnings.warn(text, RangeWarning, stacklevel=5)
 
 

@@ -60,10 +60,8 @@ def test_outside_files_are_refused_alike_whether_they_exist_or_not(place: Path, 
             load(path)
         said = f"{path}: {section}.x.file = {json.dumps(file)}: is outside of the scene's folder; "
         if "\0" not in file:
-            assert (
-                str(caught.value)
-                == said + "put the file below it, or allow that: --allow-outside, or load(..., allow_outside=True)"
-            )
+            advice = "put the file below it, or allow that: --allow-outside, or load(..., allow_outside=True)"
+            assert str(caught.value) == said + advice
     for file in outside:
         load(scene(place, section, file), allow_outside=True)
     for file in (name, f"deep/{name}", f"deep/../{name}", f"inner/{name}", str(place / name)):

@@ -15,7 +15,10 @@ WITH_FILES: dict[str, dict] = {
     "geometries": {"type": "sphere"},
     "objects": {"type": "sphere"},
 }
-OUTSIDE = "is outside of the scene's folder; put the file below it, or allow that: --allow-outside, or load(..., allow_outside=True)"
+OUTSIDE = (
+    "is outside of the scene's folder; put the file below it, or allow that: --allow-outside, or "
+    "load(..., allow_outside=True)"
+)
 
 
 class OutsideWarning(UserWarning):

@@ -26,6 +26,8 @@ SECOND = re.compile(rf"[,;\s]\s*((?:{'|'.join(f.name for f in fields(Scene))})(?
 # Numbers with commas between them, in parentheses or not.
 _NUMBER = r"\s*-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?\s*"
 NUMBERS = re.compile(rf"{_NUMBER}(?:,{_NUMBER})+|\({_NUMBER}(?:,{_NUMBER})+\)")
+# Decimals that JSON writes in another way.
+DECIMAL = re.compile(r"\+?\d+\.\d*|[-+]?\.\d+|-\d+\.")
 
 
 @checked_arguments
@@ -91,7 +93,10 @@ def numeric_addresses(scene: Scene) -> dict[str, Quantity]:
 
 
 def _word(written: str) -> Any:
-    """The value of a word on the command line: a number, true, false or null; any other word is a string."""
+    """The value of a word on the command line: a number (also .5, 2. or +1), true, false or null; any other word is a
+    string."""
+    if DECIMAL.fullmatch(written):
+        return float(written)
     try:
         return parse(written, "").raw
     except UserError:

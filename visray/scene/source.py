@@ -109,6 +109,14 @@ def _loaded(text: str, name: str, to_object: Callable[[list], dict]) -> Any:
     return raw
 
 
+# Beginnings of values that other languages have, and what JSON has instead.
+VALUES = {
+    "True": "write true", "False": "write false", "None": "write null", "'": 'a text has double quotes: "..."',
+    "\u201c": 'a text has straight quotes: "..."', "\u201d": 'a text has straight quotes: "..."',
+    ".": "a number begins with a digit, as in 0.5", "+": "a number has no plus sign; leave it out",
+}  # fmt: skip
+
+
 def _reason(text: str, error: json.JSONDecodeError) -> tuple[int, str]:
     """Position of the fault in a text that is no JSON, and what is wrong there.
 
@@ -123,6 +131,8 @@ def _reason(text: str, error: json.JSONDecodeError) -> tuple[int, str]:
         return error.pos, "JSON has no comments; leave it out"
     if not rest:
         return len(before), "the file ends too early"
+    if error.msg == "Expecting value" and (said := next((t for key, t in VALUES.items() if rest.startswith(key)), "")):
+        return error.pos, said
     if error.msg.startswith("Expecting ','") and "\n" in text[len(before) : error.pos]:
         return len(before), "a comma is missing here, or a bracket"
     return error.pos, error.msg[0].lower() + error.msg[1:]

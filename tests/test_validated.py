@@ -127,7 +127,7 @@ def test_the_command_line_validates_once(watched: Watched, tmp_path: Path) -> No
     path = tmp_path / "scene.json"
     path.write_text(dump(small()))
     watched.since()
-    scene = load_scene(path, None, False, ["objects.ball.radius=3", "settings.spp=2"], size=(4, 4))
+    scene = load_scene(path, None, False, ["objects.ball.radius=3", "settings.spp=2"], size=(4, 4), allow_outside=False)
     rendered(scene)
     assert watched.since() == ALL | {"objects.ball": 2}
 
@@ -153,8 +153,7 @@ WRONG = {
                  'did you mean "red"? (one of red, default)'),
     "texture": ("materials", "red", vr.Material(texture="x"), 'materials.red.texture = "x": unknown texture; '
                 "there is none"),
-    "number": ("objects", 7, vr.Plane(), "objects: 7 is not a valid name; a name is not empty, has no dot, and has no "
-               "space at either end"),
+    "number": ("objects", 7, vr.Plane(), "objects.7: is no text; a key is a text"),
     "dot": ("objects", "a.b", vr.Plane(), 'objects: "a.b" is not a valid name; a name is not empty, has no dot, and '
             "has no space at either end"),
     "transform": ("objects", "late", vr.Plane(transform=(Scale(scale=1e-6),) * 3), None),

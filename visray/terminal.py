@@ -97,7 +97,8 @@ def note(message: Warning | str, *_: object, **__: object) -> None:
 def restore() -> None:
     """Shows the cursor again, which a progress bar hides, before a process is ended without clearing up."""
     if sys.stderr.isatty():
-        print("\x1b[?25h", end="", file=sys.stderr, flush=True)
+        sys.stderr.write("\x1b[?25h")
+        sys.stderr.flush()
 
 
 @contextmanager

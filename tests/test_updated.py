@@ -248,7 +248,7 @@ def test_so_many_rows_at_once_are_moved_by_one_kernel() -> None:
 
 @pytest.mark.parametrize("given", [None, "objects.ball.radius=1", [("objects.ball.radius", 1.0)], {3: 1.0}, {"": 1.0}])
 def test_what_is_no_assignment_is_refused(given: Any) -> None:
-    with pytest.raises(vr.UserError, match="must be a dict|takes a dict from addresses to values"):
+    with pytest.raises(vr.UserError, match=r"must be a dict|takes a dict from addresses to values"):
         vr.prepare(SCENE).updated(given)
 
 

@@ -66,7 +66,7 @@ def moved(record: Any, rng: np.random.Generator) -> Any:
     changes = {}
     for name, quantity in quantities(type(record)).items():
         value = np.array(getattr(record, name), float)
-        low = np.where((value == 0) & (quantity.precision == "shading"), 0, -1)
+        low = -np.clip(9 * value, 0, 1) if quantity.precision == "shading" else -1
         new = value + 0.1 * rng.uniform(low, 1, value.shape)
         changes[name] = float(new) if new.ndim == 0 else tuple(new.tolist())
     if isinstance(record, vr.Polynomial):

@@ -101,7 +101,9 @@ def test_the_report_of_a_scene_with_one_effect(effect: str) -> None:
     scene = small(STEPS[effect][1](MATTE))
     report = cost(scene, spp=2, runs=FEWEST_RUNS)
     assert list(report.costs) == features(scene).names()
-    assert report.costs[effect].operations == operations(scene) - operations(small(STEPS[effect][0](MATTE)))
+    # The mark that keeps a kernel out of the cache takes a few operations, and fewer where nothing is shaded.
+    difference = operations(scene) - operations(small(STEPS[effect][0](MATTE)))
+    assert 0 <= report.costs[effect].operations - difference < 8
     assert report.total.seconds.low > 0 and report.total.compile_seconds.low > 0
     assert report.total.operations > report.costs[effect].operations
 

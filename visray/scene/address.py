@@ -77,8 +77,6 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if NUMBERS.fullmatch(written):
         written = f"[{written.strip('()')}]"
     if written[0] not in '{["':
-        if re.search(r",[^,=]*\.[^,=]*=", written):
-            raise UserError(f"{text!r}: holds several assignments; write each of them in a --set of its own")
         return address, _word(written)
     source = parse(written, address)
     if source.repeated:

@@ -24,6 +24,7 @@ from visray.polynomials.expression import (
     Sum,
     fold,
     operands,
+    outermost,
 )
 
 # Irrational constants are approximated by rationals with this many correct bits (77 decimal digits).
@@ -193,18 +194,8 @@ def _has_parameter(node: Expression, names: Collection[str]) -> bool:
 
 def inexact(constants: Iterable[Expression]) -> tuple[str, ...]:
     """Texts of the functions in the constants, each once: they have no form in numbers and square roots."""
-    found: dict[str, None] = {}
-
-    def search(node: Expression) -> None:
-        if isinstance(node, Function):
-            found[node.written] = None
-            return
-        for part in operands(node):
-            search(part)
-
-    for constant in constants:
-        search(constant)
-    return tuple(found)
+    functions = outermost(constants, lambda node: isinstance(node, Function))
+    return tuple(dict.fromkeys(function.written for function in functions))
 
 
 def is_zero(node: Expression) -> bool:

@@ -4,7 +4,7 @@ A constant is an expression without x, y and z. It may contain parameters, pi, p
 functions such as sin and exp.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -151,6 +151,15 @@ ONE = Product(())  # the coefficient of a monomial that is written without a coe
 def operands(node: Expression) -> tuple[Expression, ...]:
     """The operands of a node."""
     return node.parts if isinstance(node, _Nary) else (node.of,) if isinstance(node, _Unary) else ()
+
+
+def outermost(nodes: Iterable[Expression], wanted: Callable[[Expression], bool]) -> Iterator[Expression]:
+    """Yields the nodes in some expressions for which `wanted` is true. They are not searched for others inside them."""
+    for node in nodes:
+        if wanted(node):
+            yield node
+        else:
+            yield from outermost(operands(node), wanted)
 
 
 def fold(node: Expression, number: Callable[[Fraction], Any], leaf: Callable[[Expression], Any]) -> Any:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from visray.polynomials.constants import BITS
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.expansion import Terms, TooLong
-from visray.polynomials.expression import Expression, Function, NamedConstant, operands
+from visray.polynomials.expression import Expression, Function, NamedConstant, outermost
 from visray.polynomials.symbolic import MOST_TERMS, from_terms, symbolic_terms
 from visray.polynomials.sympy_constants import to_sympy
 
@@ -104,18 +104,8 @@ def multiplicity_parts(expression: Expression, parameters: dict[str, Fraction]) 
 
 def _transcendental(atoms: list[Expression]) -> list[Expression]:
     """pi and the functions in the atoms, each once. Functions are not searched for others inside them."""
-    found: dict[Expression, None] = {}
-
-    def search(node: Expression):
-        if node == NamedConstant("pi") or isinstance(node, Function):
-            found[node] = None
-            return
-        for part in operands(node):
-            search(part)
-
-    for atom in atoms:
-        search(atom)
-    return list(found)
+    parts = outermost(atoms, lambda node: node == NamedConstant("pi") or isinstance(node, Function))
+    return list(dict.fromkeys(parts))
 
 
 def _number(c) -> Fraction:

@@ -130,15 +130,15 @@ def _most_attenuation(prepared: Prepared, light: Light) -> float:
 
 def _distances(prepared: Prepared, light: Light) -> np.ndarray:
     """Distances from a light to the boxes of objects, and to planes, except those that it is in."""
-    p, found = np.array(light.position, float)[:, None], []
+    p, distances = np.array(light.position, float)[:, None], []
     for batch in prepared.kernel.batches:
         if batch.kind.bounded:
             low, high = np.array(batch.low, float), np.array(batch.high, float)
-            found.append(np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0), axis=0))
+            distances.append(np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0), axis=0))
     for x in prepared.scene.objects.values():
         if x.type == "plane" and not x.transform:
             n = np.array(x.normal) / np.linalg.norm(x.normal)
             d = abs(float(n @ (p[:, 0] - np.array(x.point))))
-            found.append(np.array([d if d > gamma(8) * np.abs(p).sum() else 0.0]))
-    distances = np.concatenate([np.zeros(0), *found])
-    return distances[distances > 0]
+            distances.append(np.array([d if d > gamma(8) * np.abs(p).sum() else 0.0]))
+    every = np.concatenate([np.zeros(0), *distances])
+    return every[every > 0]

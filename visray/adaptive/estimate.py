@@ -128,8 +128,10 @@ def _factors(squares: float, fourths: float, fourths_of_cells: float) -> tuple[f
     if not fourths_of_cells:
         factor = ratio_quantile(max(2 * squares**2 / fourths - 1, 1.0))
         return factor, factor
-    true, told = (max(2 * squares**2 / (fourths + share * fourths_of_cells) - 1, 1.0) for share in (3.0, 3.0 / FREEDOM))
-    return ratio_quantile(told, true), ratio_quantile(true, told)
+    true, stated = (
+        max(2 * squares**2 / (fourths + share * fourths_of_cells) - 1, 1.0) for share in (3.0, 3.0 / FREEDOM)
+    )
+    return ratio_quantile(stated, true), ratio_quantile(true, stated)
 
 
 def ratio_quantile(d: float, below: float | None = None) -> float:

@@ -1,0 +1,1 @@
+"""Data scenes: rows of a table as shapes on a map or on a globe."""

@@ -36,7 +36,7 @@ primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
-data.base data.fit
+data.base data.fit data.legend
 scene.scene
 scene
 mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 FLOORS = """
 clock errors memory drjit_import terminal arguments version pass_timer
 llvm
-quantities pytree
+quantities pytree output.curves
 ray geometry transforms
 accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
 accel.bvh_step accel.bvh_walk
@@ -36,11 +36,12 @@ primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
+data.column data.color_value data.palette data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fit data.legend
 scene.scene
 scene
 mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable
-output.files output.curves output.layers output.exr_header output.silence output.exr output.rounding output.png
+output.files output.layers output.exr_header output.silence output.exr output.rounding output.png
 output.image output
 images
 pack address_index repack nesting overlap_report batches sampling moments film

@@ -26,3 +26,8 @@ def linear(shown: np.ndarray, gamma: Gamma = "srgb") -> np.ndarray:
     if gamma == "srgb":
         return np.where(shown <= 0.04045, shown / 12.92, ((np.maximum(shown, 0) + 0.055) / 1.055) ** 2.4)
     return shown ** float(gamma)
+
+
+def linear_slope(shown: np.ndarray) -> np.ndarray:
+    """Derivative of `linear(shown)` for sRGB; where two pieces of the curve meet, that of the lower piece."""
+    return np.where(shown <= 0.04045, 1 / 12.92, 2.4 / 1.055 * ((np.maximum(shown, 0) + 0.055) / 1.055) ** 1.4)

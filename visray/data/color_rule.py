@@ -1,0 +1,199 @@
+"""Colour rules: how the values of a column become colours."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from visray.data.color_value import ColorValue, color_flaw, color_numbers
+from visray.data.column import Column, rows_text
+from visray.data.norm import LogNorm, Norm, PowerNorm, QuantileNorm
+from visray.data.palette import Encoding, PaletteSpec, palette_flaw, palette_of
+from visray.data.resolved_colors import Colours, ResolvedColors
+from visray.quantities import Real
+
+NormName = Literal["linear", "log", "symmetric", "power", "quantile", "banded"]
+_Flag = Annotated[bool, Field(strict=True)]
+_Whole = Annotated[int, Field(strict=True)]
+MOST_BANDS = 256
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorRule:
+    """The colour of a datum is the colour that `palette` has at the place t of its value in the `domain`.
+
+    `column` holds the values. `norm` says what t is, for a domain from lo to hi:
+    linear: (v - lo) / (hi - lo). log: log(v / lo) / log(hi / lo). power: the linear t to the power `exponent`.
+    symmetric: linear, with `center` in the middle. quantile: the share of the data that are smaller.
+    banded: linear, with one colour for each of the `bands`.
+
+    `domain` is (lo, hi); by default it is the range of the data, and for symmetric the smallest range about `center`
+    that contains them. `bands` is a number of bands, or their edges; a number also goes with the other norms. Values
+    beyond the domain have the colours `under` and `over`, by default those of the palette's ends. Missing values have
+    the colour `missing`. `lookup`: `smooth` blends colours, `table` takes one of 256, as the original VisRayTrace does.
+    `encoding` says whether the palette's numbers are sRGB or linear light.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+
+    column: Column
+    palette: PaletteSpec = "viridis"
+    reversed: _Flag = False
+    norm: NormName = "linear"
+    domain: tuple[Real, Real] | None = None
+    center: Real = 0.0
+    exponent: Real = 0.5
+    bands: _Whole | tuple[Real, ...] | None = None
+    under: ColorValue | None = None
+    over: ColorValue | None = None
+    missing: ColorValue = "#808080"
+    lookup: Literal["smooth", "table"] = "smooth"
+    encoding: Encoding = "srgb"
+
+    def colours(self, values: np.ndarray) -> Colours:
+        """Colours of values, NaN for missing ones. Domain: no flaws. Shape: (N)."""
+        return self.resolved(values).colours(values)
+
+    def resolved(self, values: np.ndarray) -> ResolvedColors:
+        """The rule with the domain, bands and colours that the values give it. Domain: no flaws. Shape: (N)."""
+        norm = self._norm(np.asarray(values, float))
+        palette = palette_of(self.palette, self.reversed, self.encoding, self.lookup == "table")
+        ends = palette.srgb(np.array([0.0, 1.0]))
+        under, over = (end if c is None else color_numbers(c) for end, c in zip(ends, (self.under, self.over)))
+        return ResolvedColors(norm, palette, self._edges(norm), under, over, color_numbers(self.missing))
+
+    def _norm(self, values: np.ndarray) -> Norm:
+        """The norm, with its domain. Values that are missing or infinite say nothing about it. Shape: (N)."""
+        finite = values[np.isfinite(values)]
+        if np.iterable(self.bands):
+            return Norm(self.bands[0], self.bands[-1])
+        if self.norm == "log":
+            finite = finite[finite > 0]
+        if self.norm == "quantile":
+            lo, hi = self.domain or (-np.inf, np.inf)
+            finite = finite[(finite >= lo) & (finite <= hi)]
+        if self.domain is not None:
+            lo, hi = self.domain
+        elif not len(finite):
+            lo = hi = self.center if self.norm == "symmetric" else 0.0
+        elif self.norm == "symmetric":
+            half = np.abs(finite - self.center).max()
+            lo, hi = self.center - half, self.center + half
+        else:
+            lo, hi = finite.min(), finite.max()
+        lo, hi = float(lo), float(hi)
+        if self.norm == "quantile" and len(finite):
+            return QuantileNorm.of(finite)
+        if self.norm == "power":
+            return PowerNorm(lo, hi, self.exponent)
+        return LogNorm(lo, hi) if self.norm == "log" else Norm(lo, hi)
+
+    def _edges(self, norm: Norm) -> np.ndarray | None:
+        """Edges of the bands; None without bands, and if the domain is one point. Shape: (B + 1)."""
+        if np.iterable(self.bands):
+            return np.array(self.bands, float)
+        if self.bands is None or norm.constant:
+            return None
+        return norm.value(np.arange(self.bands + 1) / self.bands)
+
+    def flaws(self, values: np.ndarray | None = None, rows: np.ndarray | None = None) -> list[tuple[str, str]]:
+        """A list of errors (field, message); empty if there is none.
+
+        values: the values of the column; None: only the fields are checked.
+        rows: numbers of the rows; None: they are counted from 0.
+
+        Shapes: (N) each.
+        """
+        found = self._palette_flaws() + self._domain_flaws() + self._band_flaws() + self._unused()
+        return found + ([] if values is None else self._value_flaws(np.asarray(values, float), rows))
+
+    def _palette_flaws(self) -> list[tuple[str, str]]:
+        """A list of errors in the palette and in other colours."""
+        flaw = palette_flaw(self.palette)
+        found = [(f"palette.{flaw[0]}".rstrip("."), flaw[1])] if flaw else []
+        given = {name: getattr(self, name) for name in ("under", "over", "missing")}
+        return found + [(name, text) for name, c in given.items() if c is not None and (text := color_flaw(c))]
+
+    def _domain_flaws(self) -> list[tuple[str, str]]:
+        """A list with the error of the domain or of the exponent, if there is one."""
+        if not self.exponent > 0:
+            return [("exponent", "must be greater than 0")]
+        if self.domain is None:
+            return []
+        lo, hi = self.domain
+        if np.iterable(self.bands):
+            return [("domain", "the edges of the bands are the domain already; leave one of the two out")]
+        if not lo < hi:
+            backwards = '; to turn the palette around, write "reversed": true' if hi < lo else ""
+            return [("domain", f"the first number must be less than the second{backwards}")]
+        if self.norm == "log" and lo <= 0:
+            return [("domain", "both numbers must be above 0 for the norm log")]
+        half = max(hi - self.center, self.center - lo)
+        # Numbers of a file are rounded to double: a sum of three of them is exact to a few roundings.
+        rounding = 4 * np.finfo(float).eps * max(abs(lo), abs(hi))
+        if self.norm == "symmetric" and abs(lo / 2 + hi / 2 - self.center) > rounding:
+            right = f"[{self.center - half:g}, {self.center + half:g}]"
+            return [("domain", f"must have the center {self.center:g} in its middle, as {right} has")]
+        return []
+
+    def _band_flaws(self) -> list[tuple[str, str]]:
+        """A list with the error of the bands, if there is one."""
+        bands = self.bands
+        if bands is None:
+            wanted = "is missing for the norm banded; write a number of bands, such as 5, or edges, such as [0, 10, 50]"
+            return [("bands", wanted)] if self.norm == "banded" else []
+        if isinstance(bands, int):
+            return [] if 1 <= bands <= MOST_BANDS else [("bands", f"must be from 1 to {MOST_BANDS}")]
+        if self.norm not in ("linear", "banded"):
+            return [("bands", f'edges say it all; the norm is then "banded", and not "{self.norm}"')]
+        if not 2 <= len(bands) <= MOST_BANDS + 1:
+            return [("bands", f"must have from 2 to {MOST_BANDS + 1} edges")]
+        if not (np.diff(bands) > 0).all():
+            return [("bands", "the edges must rise")]
+        return []
+
+    def _unused(self) -> list[tuple[str, str]]:
+        """A list of errors about fields that are given, but that the norm does not read."""
+        readers = {"center": ("symmetric", 0.0), "exponent": ("power", 0.5)}
+        return [
+            (name, f'is for the norm "{norm}"; write "norm": "{norm}", or leave it out')
+            for name, (norm, default) in readers.items()
+            if self.norm != norm and getattr(self, name) != default
+        ]
+
+    def _value_flaws(self, values: np.ndarray, rows: np.ndarray | None) -> list[tuple[str, str]]:
+        """A list of errors about values. Shapes: (N) each."""
+        found = []
+        if (endless := np.isinf(values)).any():
+            found.append(
+                ("column", f"has infinite values: {rows_text(endless, values, rows)}; leave these cells empty")
+            )
+        low = (values <= 0) & ~np.isinf(values)
+        if self.norm == "log" and low.any():
+            text = f"values must be above 0 for log, unlike {rows_text(low, values, rows)}"
+            found.append(("norm", f'{text}; take "power" or "symmetric", or leave these cells empty'))
+        return found
+
+    def notes(self, values: np.ndarray) -> list[str]:
+        """A list of sentences about what is odd in the colours of values. Domain: no flaws. Shape: (N)."""
+        resolved, colours = self.resolved(values), self.colours(values)
+        found = [resolved.palette.note] if resolved.palette.note else []
+        if colours.missing == len(values):
+            found.append(f'The column "{self.column}" has no values; all colours are those of missing values.')
+        elif resolved.norm.constant:
+            found.append(f'The column "{self.column}" is constant ({resolved.lo:g}); it has the middle of the palette.')
+        for count, side, end in ((colours.under, "below", resolved.lo), (colours.over, "above", resolved.hi)):
+            if count:
+                found.append(f'{count} of {len(values)} values of "{self.column}" are {side} the domain ({end:g}).')
+        return found
+
+
+Constant = tuple[Real, Real, Real]
+# What a layer may have as its colour: a rule, the name of a column, one colour for all (sRGB), or none.
+ColorSpec = ColorRule | Column | Constant | None
+
+
+def color_rule_of(spec: Any) -> ColorRule | tuple[float, float, float] | None:
+    """The colour rule of a layer: a text is the name of a column. A constant colour and None stay as they are."""
+    return ColorRule(column=spec) if isinstance(spec, str) else spec

@@ -9,6 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
 clock errors memory drjit_import terminal arguments version pass_timer
+hints scene.garbage scene.source
 llvm
 quantities pytree output.curves
 ray geometry transforms
@@ -38,6 +39,8 @@ primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 data.column data.color_value data.palette data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fit data.legend
+data.numerals data.table data.encoding data.dialect data.cells data.csv_file data.values data.labelled
+data.reading data.positions data.describe
 scene.scene
 scene
 mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable

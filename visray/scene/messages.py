@@ -7,13 +7,13 @@ keys.
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, is_dataclass
-from difflib import get_close_matches
 from itertools import islice
 from types import NoneType
 from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
+from visray.hints import hint
 from visray.primitives.instance import Instance
 from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
 from visray.scene.scene import Scene
@@ -21,8 +21,6 @@ from visray.transforms import STEPS
 
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
 LONGEST_VALUE = 60
-# Largest number of choices that a hint lists, and of those in which it looks for a similar one.
-LISTED, COMPARED = 60, 200
 # Largest number of errors of one scene that are reported.
 MOST = 50
 
@@ -32,28 +30,6 @@ def line(address: str, value: Any, text: str) -> str:
     shown = json.dumps(value, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= LONGEST_VALUE or address.endswith(".file") else shown[: LONGEST_VALUE - 3] + "..."
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
-
-
-def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
-    """Hint at what may replace a wrong word, such as `did you mean "sphere"? (one of box, sphere)`. If no choice is
-    similar to the word, the hint only lists the choices.
-
-    quote: quotation mark around the suggested word.
-    """
-    choices = list(choices)
-    more = f", and {len(choices) - LISTED} more" if len(choices) > LISTED else ""
-    listed = f"one of {', '.join(choices[:LISTED])}{more}" if choices else "there is none"
-    similar = _similar(word, choices) if isinstance(word, str) else []
-    return f"did you mean {quote}{similar[0]}{quote}? ({listed})" if similar else listed
-
-
-def _similar(word: str, choices: list[str]) -> list[str]:
-    """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`."""
-    if same := [c for c in choices if c.casefold() == word.casefold()]:
-        return same
-    if len(choices) > COMPARED:
-        choices = [c for c in choices if c[:1].casefold() == word[:1].casefold()][:COMPARED]
-    return get_close_matches(word, choices, 1)
 
 
 def limited(texts: Iterable[str]) -> list[str]:

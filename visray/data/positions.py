@@ -1,0 +1,102 @@
+"""Longitudes and latitudes of a table: which columns hold them, and whether they can be right."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from visray.data.table import Table, shown
+from visray.errors import UserError
+from visray.hints import hint
+from visray.terminal import printable
+
+# Usual names of the columns, in lower case, without spaces and punctuation: the more certain ones first.
+LONGITUDES = (
+    ("longitude", "longitud", "lon", "lng", "long", "länge", "laenge", "längengrad", "longitudine", "longitudinal"),
+    (
+        "decimallongitude",
+        "longitudedecimal",
+        "longitudedeg",
+        "londeg",
+        "loneast",
+        "longdd",
+        "londd",
+        "longwgs84",
+        "lonwgs84",
+    ),
+    ("geolon", "geolng", "geolongitude", "pointx", "xcoord", "coordx", "coordenadax"),
+    ("x",),
+)
+LATITUDES = (
+    ("latitude", "latitud", "lat", "breite", "breitengrad", "latitudine", "latitudinal"),
+    ("decimallatitude", "latitudedecimal", "latitudedeg", "latdeg", "latnorth", "latdd", "latwgs84"),
+    ("geolat", "geolatitude", "pointy", "ycoord", "coordy", "coordenaday"),
+    ("y",),
+)
+# Longitudes up to 360 degrees are accepted: some grids begin at Greenwich.
+WEST, EAST, NORTH = -180.0, 360.0, 90.0
+
+
+def position_columns(table: Table) -> tuple[str, str]:
+    """Names of the columns with longitudes and latitudes, found by usual names. Raises a UserError that lists the
+    columns if there is none, or more than one."""
+    return _found(table, LONGITUDES, "longitude"), _found(table, LATITUDES, "latitude")
+
+
+def _found(table: Table, groups: Sequence[Sequence[str]], what: str) -> str:
+    """The column whose name is in the first group of names that has any."""
+    bare = {name: "".join(c for c in name.casefold() if c.isalnum()) for name in table.names}
+    for group in groups:
+        fitting = [name for name in table.names if bare[name] in group]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            several = " and ".join(map(shown, fitting))
+            raise UserError(printable(f"{table.path}: the columns {several} may hold the {what}; say which one"))
+    raise UserError(
+        printable(f"{table.path}: no column is named like a {what}; say which one ({hint(what, table.names)})")
+    )
+
+
+def swapped(lon: np.ndarray, lat: np.ndarray) -> str:
+    """A sentence if longitudes and latitudes look swapped: some latitude is beyond a pole, and none would be if they
+    were swapped. Else "".
+
+    Shapes: lon and lat (N,), in degrees.
+    """
+    beyond = np.flatnonzero(np.abs(lat) > NORTH)
+    if not len(beyond) or (np.abs(lon) > NORTH).any() or (lat[beyond] < WEST).any() or (lat[beyond] > EAST).any():
+        return ""
+    return (
+        f"longitudes and latitudes look swapped: {len(beyond):,} latitudes are beyond 90 degrees, and no longitude is"
+    )
+
+
+def out_of_range(table: Table, lon: np.ndarray, lat: np.ndarray) -> list[str]:
+    """Sentences about coordinates that no place on earth has: for longitudes and for latitudes, the first rows and how
+    many there are.
+
+    Shapes: lon and lat (N,), in degrees.
+    """
+    return [
+        text
+        for values, low, high, what in ((lon, WEST, EAST, "longitude"), (lat, -NORTH, NORTH, "latitude"))
+        if (text := _outside(table, values, low, high, what))
+    ]
+
+
+def _outside(table: Table, values: np.ndarray, low: float, high: float, what: str) -> str:
+    """A sentence about the values that are not between two bounds; "" if there are none."""
+    rows = np.flatnonzero((values < low) | (values > high))
+    if not len(rows):
+        return ""
+    listed = ", ".join(f"{table.place(row)} has {values[row]:g}" for row in rows[:5].tolist())
+    more = f", and {len(rows) - 5:,} more" if len(rows) > 5 else ""
+    many = f"1 {what} is" if len(rows) == 1 else f"{len(rows):,} {what}s are"
+    hint = "; they look projected, in metres; write degrees" if np.nanmax(np.abs(values)) > 1000 else "; write degrees"
+    return f"{many} not between {low:g} and {high:g}: {listed}{more}{hint}"
+
+
+def wrapped(lon: np.ndarray) -> np.ndarray:
+    """Longitudes from -180 to 180 degrees, for longitudes from -180 to 360. Those up to 180 stay as they are, to the
+    bit. Shape: (N,)"""
+    return np.where(lon > 180, lon - 360, lon)

@@ -193,7 +193,7 @@ class _FlatBase(_Base):
         west, east, south, north = self.extent
         if self.depth is not None:
             return self.depth
-        low, high = self._northing(np.array([south, north]))[0]
+        low, high = self.northing(np.array([south, north]))[0]
         # At latitude b, a degree of longitude is cos(b) times as long as a degree of latitude.
         squeeze = 1 if self.projection == "mercator" else np.cos(0.5 * (south + north) * DEGREE)
         return float(self.width * (high - low) / ((east - west) * squeeze))
@@ -210,8 +210,8 @@ class _FlatBase(_Base):
         finite longitudes, latitudes from -90 to 90."""
         west, east, south, north = self.extent
         lon, lat = self._wrapped(lon), np.asarray(lat, float)
-        low, high = self._northing(np.array([south, north]))[0]
-        northing, slope = self._northing(lat)
+        low, high = self.northing(np.array([south, north]))[0]
+        northing, slope = self.northing(lat)
         x_step, z_step = self.width / (east - west), -self.true_depth / (high - low)
         x, y, z = self.center
         point = _columns(x + x_step * (lon - 0.5 * (west + east)), y, z + z_step * (northing - 0.5 * (low + high)))
@@ -220,7 +220,7 @@ class _FlatBase(_Base):
         up, right = (np.broadcast_to(np.array(v, float), point.shape) for v in ((0, 1, 0), (1, 0, 0)))
         return self.moved([point, *steps], [up, nothing, nothing], [right, nothing, nothing])
 
-    def _northing(self, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def northing(self, lat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How far north latitudes lie in the projection, in degrees of longitude at the equator, and the derivative by
         latitude.
 

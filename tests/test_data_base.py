@@ -164,6 +164,16 @@ def test_the_pacific_map_crosses_the_date_line() -> None:
     np.testing.assert_allclose(x[:7], [-8, -0.1, 0.1, 0.1, 8, -8.1, 8.1], atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", FLAT)
+def test_places_beyond_the_map_can_be_shown(kind) -> None:
+    base = kind(extent=EXTENTS["europe"], width=6.0, depth=4.0, outside="shown")
+    lon, lat = np.array([20.0, -60.0, 90.0, 20.0, np.nan]), np.array([50.0, 90.0, -90.0, 91.0, 50.0])
+    assert base.inside(lon, lat).tolist() == [True, True, True, False, False]
+    west, east, south, north = base.extent
+    expected = np.stack([6 * (lon - 15) / (east - west), 0 * lon, -4 * (lat - 52.5) / (north - south)], axis=1)
+    np.testing.assert_allclose(base.place(lon[:3], lat[:3]).point, expected[:3], atol=1e-12)
+
+
 @pytest.mark.parametrize("base", [GlobeBase(), MapBase(), MapBase(extent=EXTENTS["pacific"]), PlaneBase()], ids=repr)
 def test_what_is_no_place_is_not_inside(base) -> None:
     lon = np.array([np.nan, 0.0, np.inf, 0.0, 0.0, 1e4, 180.0])

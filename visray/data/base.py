@@ -158,6 +158,7 @@ class _FlatBase(_Base):
     width: size from west to east, in world units.
     depth: size from south to north; None for that with which shapes in the middle of the map are not distorted.
     projection: `equirectangular`: equal steps of latitude are equally far apart. `mercator`: angles are true.
+    outside: whether data beyond the extent are `left out`, or `shown` beyond the edges of the map.
 
     Textures fill the map: u is 0 at its west edge and 1 at its east edge, v is 0 in the south and 1 in the north.
     """
@@ -167,6 +168,7 @@ class _FlatBase(_Base):
     width: Length = 10.0
     depth: Length | None = None
     projection: Literal["equirectangular", "mercator"] = "equirectangular"
+    outside: Literal["left out", "shown"] = "left out"
 
     def flaws(self) -> list[tuple[str, str]]:
         west, east, south, north = self.extent
@@ -199,8 +201,10 @@ class _FlatBase(_Base):
         return float(self.width * (high - low) / ((east - west) * squeeze))
 
     def inside(self, lon: Any, lat: Any) -> np.ndarray:
-        """Whether places lie on the map. Longitudes may differ from those of the extent by 360. Shapes: (N), (N) ->
-        (N)."""
+        """Whether places are shown: those on the map, or all on earth (`outside`). Longitudes may differ from those of
+        the extent by 360. Shapes: (N), (N) -> (N)."""
+        if self.outside == "shown":
+            return on_earth(lon, lat)
         west, east, south, north = self.extent
         lat, wrapped = np.asarray(lat, float), self._wrapped(lon)
         return on_earth(lon, lat) & (wrapped >= west) & (wrapped <= east) & (lat >= south) & (lat <= north)

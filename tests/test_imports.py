@@ -40,6 +40,7 @@ primitives.algebraic primitives.polynomial primitives.polynomial_solid primitive
 data.column data.color_value data.palette data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.csv_file data.values data.labelled
+data.interchange data.geojson data.frames
 data.reading data.positions data.describe
 scene.scene
 scene

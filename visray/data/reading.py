@@ -5,11 +5,37 @@ import stat
 from pathlib import Path
 
 from visray.data.csv_file import read_csv
-from visray.data.table import Table
+from visray.data.frames import table_of
+from visray.data.geojson import is_geojson
+from visray.data.table import LISTED, Table, shown
 from visray.errors import UserError
 from visray.scene.source import neighbour
+from visray.scene.source import read as read_source
+from visray.terminal import printable
+
+
+def read_json(path: Path) -> Table:
+    """The table of a JSON file: GeoJSON, a list of records, or a dict of columns. Raises a UserError that names the
+    file, and the address in it."""
+    source = read_source(path)
+    if source.repeated:
+        more = f", and {len(source.repeated) - LISTED} more" if len(source.repeated) > LISTED else ""
+        listed = ", ".join(source.repeated[:LISTED])
+        raise UserError(printable(f"{path}: keys are written twice: {listed}{more}; keep one of each"))
+    raw = source.raw
+    kind = raw.get("type") if isinstance(raw, dict) else None
+    if kind == "Topology":
+        raise UserError(f"{path}: is TopoJSON, not GeoJSON; convert it: topo2geo LAYER=NEW.geojson < OLD.json")
+    if isinstance(raw, dict) and ("typeScene" in raw or isinstance(raw.get("camera"), dict)):
+        raise UserError(f"{path}: is a scene, not a table; render it as it is")
+    if path.suffix.lower() == ".geojson" and not is_geojson(raw):
+        what = "type is missing" if kind is None else f"type = {shown(str(kind))}"
+        raise UserError(printable(f"{path}: {what}: must be FeatureCollection, Feature, or the type of a geometry"))
+    return table_of(raw, str(path))
+
 
 READERS = {".csv": read_csv, ".tsv": read_csv, ".tab": read_csv, ".txt": read_csv}
+READERS |= {".geojson": read_json, ".json": read_json}
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

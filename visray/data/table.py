@@ -89,6 +89,7 @@ class Table:
     decimal: the decimal mark that the file's numbers show, "." or ","; "" if they show none, or both
     separator: the character between the cells of the file; "" if it has none
     lines: outlines, for lines and polygons: index of the row, and longitudes and latitudes in degrees. Shape: (n, 2)
+    bare_rows: number of rows of a table without columns
     """
 
     names: list[str]
@@ -100,10 +101,11 @@ class Table:
     decimal: str = ""
     separator: str = ""
     lines: list[tuple[int, np.ndarray]] = field(default_factory=list)
+    bare_rows: int = 0
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(self.columns[self.names[0]]) if self.names else 0
+        return len(self.columns[self.names[0]]) if self.names else self.bare_rows
 
     def column(self, name: str) -> np.ndarray:
         """Values of a column. Raises a UserError with near names if there is no such column."""

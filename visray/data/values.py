@@ -1,7 +1,7 @@
 """Columns of Python values, and of NumPy arrays of any type, as numbers or texts."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -60,11 +60,20 @@ def column_of_array(array: Any) -> tuple[np.ndarray, list[str]]:
     if array.dtype.kind == "b":
         return array.astype(np.float64), ["true is read as 1, and false as 0"]
     if array.dtype.kind in "mM":
-        texts = array.astype(str)
+        texts = _coarse(array).astype(str)
         return as_texts("" if t == "NaT" else t for t in texts.tolist()), []
     if array.dtype.kind in "OUST":
         return column_of_values(array.tolist())
     raise ValueError(f"has the type {array.dtype}; give numbers or texts")
+
+
+def _coarse(dates: np.ndarray) -> np.ndarray:
+    """Dates as days or seconds if nothing is lost. Shape: (N,)"""
+    for unit in "Ds" if dates.dtype.kind == "M" else "":
+        coarse = dates.astype(f"M8[{unit}]")
+        if ((coarse == dates) | np.isnat(dates)).all():
+            return coarse
+    return dates
 
 
 def _is_missing(value: Any) -> bool:
@@ -86,6 +95,6 @@ def _text(value: Any) -> str:
         return value
     if isinstance(value, bytes):
         return value.decode("utf-8", "backslashreplace")
-    if isinstance(value, (bool, dict, list)):
+    if isinstance(value, (bool, Mapping, list)):
         return json.dumps(value, ensure_ascii=False, default=str)
-    return str(value)
+    return value.isoformat() if hasattr(value, "isoformat") else str(value)

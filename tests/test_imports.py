@@ -37,7 +37,8 @@ primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
-data.column data.color_value data.palette data.norm data.resolved_colors data.color_rule data.size_rule
+data.column data.color_value data.vision data.palette_note data.palette
+data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.csv_file data.values data.labelled
 data.interchange data.geojson data.frames

@@ -15,13 +15,14 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_number, is_triple
+from visray.data.palette_note import palette_note
 from visray.output.curves import curve, linear, linear_slope
 from visray.quantities import Real
 
 Encoding = Literal["srgb", "linear"]
-# matplotlib's maps have 256 entries. Eight intervals between two of them follow also the fastest map (flag, a sine with
-# 32 periods) to within 1/1000, and keep those 256 positions as knots.
-_FINE = 255 * 8 + 1
+# Knots of a map that matplotlib computes by a formula. It shows 256 colours; with 32 intervals between two of them, the
+# fastest map (flag, 32 waves that are cut off at 0 and 1) is followed to within 1/255, and those 256 places are knots.
+_FINE = 255 * 32 + 1
 # A list of fewer colours than this is shown in steps: matplotlib's own continuous lists have at least as many.
 _CONTINUOUS = 256
 # Number of entries of the original program's tables.
@@ -107,8 +108,8 @@ class Palette:
 
     @cached_property
     def note(self) -> str | None:
-        """A sentence for readers of the picture, or None."""
-        return None
+        """A sentence about what readers find hard in the palette (palette_note), or None."""
+        return palette_note(self.name, self.linear, self.steps)
 
     def _blended(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(numbers at t, their derivative by t). Shapes: t (N), results (N, 3)."""
@@ -120,7 +121,8 @@ class Palette:
         low, high = self.numbers[i], self.numbers[i + 1]
         w = (t - self.knots[i])[:, None] / width
         slope = 0 * (high - low) if self.table else (high - low) / width
-        return low * (1 - w) + high * w, slope
+        # Seen from the nearer knot: exact at both, and where both have one colour.
+        return np.where(w < 0.5, low + w * (high - low), high - (1 - w) * (high - low)), slope
 
 
 def palette_of(spec: Any, reversed: bool = False, encoding: Encoding = "srgb", table: bool = False) -> Palette:
@@ -200,8 +202,9 @@ def _name_flaw(text: str) -> str:
         return f"a custom palette needs its colours; write them in place of the name: {_EXAMPLES}"
     if not text.strip() or color_flaw(text) is None:
         return f"is no palette; write a name such as viridis, or at least two colours: {_EXAMPLES}"
-    known = {name.casefold(): name for name in _registered()}
-    near = get_close_matches(text.casefold().removeprefix(_PREFIX), known, 3)
+    word = text.casefold().removeprefix(_PREFIX)
+    known = {name.casefold(): name for name in _registered() if name.endswith("_r") == word.endswith("_r")}
+    near = get_close_matches(word, known, 3)
     hint = " or ".join(f'"{known[n]}"' for n in near)
     return (
         f"unknown palette; {f'did you mean {hint}?' if hint else 'take one such as viridis, cividis, RdBu or parula'}"

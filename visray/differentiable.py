@@ -79,8 +79,7 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
         return "at 0, which means the distance of the target; write that distance" if not scene.camera.focus else None
     if head == "materials" and name in scene.materials and field in ("kr", "kt"):
         material, scatter = scene.materials[name], scene.settings.scatter
-        matte = not any((*material.kr, *material.kt)) and (any(material.kd) or material.texture is not None)
-        if matte and scatter.rays and scatter.depth:
+        if material.scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):
         return _upright_flaw(scene, head, name, field)

@@ -23,6 +23,7 @@ from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
+from visray.shading import receiving
 
 # Fields of lights and materials whose change moves shadow edges, or edges seen through refraction.
 EDGE_MOVING_FIELDS = {"position", "direction", "angle", "width", "height", "normal", "radius", "ior"}
@@ -150,13 +151,14 @@ class EdgesInView:
         ray = integrator.camera_ray(s, s.a.F(self.x) + 0.5, s.a.F(self.y) + 0.5)
         hit = closest(integrator.camera_origin(s, ray), ray)
         si = interact(s, ray, hit, integrator.single_sample_state(s, dr.width(self.x)))
+        receiver = receiving(si) if s.features["unlit"] else si
         part = 0 * hit.row if hit.part is None else hit.part
         faces, lit = (integrator.object_of(s, hit), hit.row, part), {}
         for light in s.lights:
             if not light.kind.has_area:
-                sample = light_sample(s, si, light)
-                turned_to = hit.valid & (sample.cosine > 0)
-                lit[names[light.number]] = dr.detach(_fully_lit(sample) & hit.valid), dr.detach(turned_to)
+                sample, valid = light_sample(s, receiver, light), receiver.hit.valid
+                turned_to = valid & (sample.cosine > 0)
+                lit[names[light.number]] = dr.detach(_fully_lit(sample) & valid), dr.detach(turned_to)
         uv = dr.detach((si.u, si.v))
         dr.eval(faces, uv, lit)
         masks = {name: tuple(np.array(mask) for mask in pair) for name, pair in lit.items()}

@@ -39,7 +39,7 @@ class Rule:
 # Effects that bring light, and effects that only change or pass on the light that others bring. If none of the effects
 # that bring light is simulated, those of the second kind contribute nothing.
 REFLECTED = ("diffuse", "specular")
-SOURCES = ("ambient", *REFLECTED, "background")
+SOURCES = ("ambient", *REFLECTED, "unlit", "background")
 CHANGING_REFLECTED = ("attenuation", "shadows", "coloured shadows", "area lights")
 PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
 
@@ -55,6 +55,16 @@ def _materials(scene: Scene, test: Callable[[Material], object]) -> list[str]:
     return [f"materials.{n}" for n, m in scene.materials.items() if test(m)]
 
 
+def _lit(scene: Scene, test: Callable[[Material], object]) -> list[str]:
+    """List of the addresses of the materials that pass a test and show light that falls on them."""
+    return _materials(scene, lambda m: not m.unlit and test(m))
+
+
+def _some_lit(scene: Scene) -> bool:
+    """Whether any material shows light that falls on it. A scene without objects counts as if it had one."""
+    return not scene.materials or any(not m.unlit for m in scene.materials.values())
+
+
 def _lights(scene: Scene, test: Callable) -> list[str]:
     """List of the addresses of the lights that pass a test."""
     return [f"lights.{n}" for n, l in scene.lights.items() if test(l)]
@@ -66,19 +76,19 @@ def _ambient(scene: Scene) -> list[str]:
     """Addresses of the materials with ka; empty if there is no ambient light: no `ambient` of the scene, and no light
     with Ia."""
     has_ambient = any(scene.ambient) or _lights(scene, lambda l: l.intensity and any(l.Ia))
-    return _materials(scene, lambda m: any(m.ka)) if has_ambient else []
+    return _lit(scene, lambda m: any(m.ka)) if has_ambient else []
 
 
 def _diffuse(scene: Scene) -> list[str]:
     """Addresses of the materials with kd or a texture; empty if no light has Id."""
     lit = _lights(scene, lambda l: l.intensity and any(l.Id))
-    return _materials(scene, lambda m: any(m.kd) or m.texture) if lit else []
+    return _lit(scene, lambda m: any(m.kd) or m.texture) if lit else []
 
 
 def _specular(scene: Scene) -> list[str]:
     """Addresses of the materials with ks; empty if no light has Is."""
     lit = _lights(scene, lambda l: l.intensity and any(l.Is))
-    return _materials(scene, lambda m: any(m.ks)) if lit else []
+    return _lit(scene, lambda m: any(m.ks)) if lit else []
 
 
 def _background(scene: Scene) -> list[str]:
@@ -119,26 +129,21 @@ def _nested(scene: Scene) -> list[str]:
 def _scatter(scene: Scene) -> list[str]:
     """Addresses of the matte materials; empty if settings.scatter has no rays or a depth of 0."""
     scatter = scene.settings.scatter
-    return _materials(scene, _matte) if scatter.rays and scatter.depth else []
-
-
-def _matte(m: Material) -> bool:
-    """Whether a material has kd or a texture, and has neither kr nor kt."""
-    return not any((*m.kr, *m.kt)) and (any(m.kd) or m.texture is not None)
+    return _materials(scene, lambda m: m.scatters) if scatter.rays and scatter.depth else []
 
 
 def _sky(scene: Scene) -> list[str]:
     """The address of the number of sky rays, in a list; empty if there are no such rays, if the scene's `ambient` is
     black, or if no material has ka."""
     occludes = any(scene.ambient) and scene.settings.occlusion.sky
-    return ["settings.occlusion.sky"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
+    return ["settings.occlusion.sky"] if occludes and _lit(scene, lambda m: any(m.ka)) else []
 
 
 def _near(scene: Scene) -> list[str]:
     """The address of the number of near rays, in a list; empty if there are no such rays, if no light has Ia, or if no
     material has ka."""
     occludes = scene.settings.occlusion.near and _lights(scene, lambda l: l.intensity and any(l.Ia))
-    return ["settings.occlusion.near"] if occludes and _materials(scene, lambda m: any(m.ka)) else []
+    return ["settings.occlusion.near"] if occludes and _lit(scene, lambda m: any(m.ka)) else []
 
 
 def _bilinear(scene: Scene) -> list[str]:
@@ -159,11 +164,12 @@ def _if_lit(calls: Callable[[Scene], list[str]]) -> Callable[[Scene], list[str]]
 
 RULES = (
     Rule("ambient", _if_lit(_ambient), "no ambient light falls on a material with ka",
-         ("ambient", "ka", "Ia", "intensity")),
-    Rule("diffuse", _if_lit(_diffuse), "no light with Id falls on a material with kd", ("kd", "Id", "intensity")),
+         ("ambient", "ka", "Ia", "intensity"), _some_lit),
+    Rule("diffuse", _if_lit(_diffuse), "no light with Id falls on a material with kd", ("kd", "Id", "intensity"),
+         _some_lit),
     Rule("specular", _if_lit(_specular), "no light with Is falls on a material with ks",
-         ("ks", "Is", "intensity", "shininess")),
-    Rule("fractional shininess", _if_lit(lambda s: _materials(s, lambda m: any(m.ks) and m.shininess % 1)),
+         ("ks", "Is", "intensity", "shininess"), _some_lit),
+    Rule("fractional shininess", _if_lit(lambda s: _lit(s, lambda m: any(m.ks) and m.shininess % 1)),
          "every shininess is a whole number", ("ks", "shininess"), needs="specular"),
     Rule("attenuation", _if_lit(lambda s: _lights(s, lambda l: l.a or l.b or l.c)), "no light has a, b or c",
          ("a", "b", "c")),
@@ -181,7 +187,8 @@ RULES = (
     Rule("nested media", _if_lit(_nested), "no transparent solid is beside another transparent object", ("kt",),
          needs="refraction"),
     Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
-         lambda s: s.settings.scatter.rays and s.settings.scatter.depth),
+         lambda s: s.settings.scatter.rays and s.settings.scatter.depth and _some_lit(s)),
+    Rule("unlit", _if_lit(lambda s: _materials(s, lambda m: m.unlit)), "no material is unlit", ()),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
     Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",

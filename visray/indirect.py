@@ -100,6 +100,7 @@ def bounce(
     shiny, matte = kr + kt > 0, None
     if effects["scatter"]:
         matte = (max_component(m.kr) + max_component(m.kt) == 0) & (_strength(m.kd, "kd" in asked) > 0)
+        matte = matte & (m.shading == 0) if effects["unlit"] else matte
     n, face = _normal(si, ray)
     cosine = -dr.dot(n, ray.d)
     d, weight, through = ray.d + (2 * cosine) * n, dr.zeros(a.V, 1), a.B(False)

@@ -232,6 +232,7 @@ FIELD_READERS = {
     "kt": ("refraction", "coloured shadows", "scatter"),
     "ior": ("refraction",),
     "dmax": ("coloured shadows",),
+    "shading": ("unlit",),
 }
 
 

@@ -63,6 +63,8 @@ def _surplus(scene: Scene, m: Material) -> str | None:
     passes_on, weighted = scene.settings.depth > 0, scene.settings.local == "weighted"
     kr, kt = (np.array(x if passes_on else (0, 0, 0), float) for x in (m.kr, m.kt))
     kd, ks, weight = _diffuse(scene, m), np.array(m.ks, float), 1 - kt if weighted else 1
+    if m.unlit:  # what it shows is no light that it gets
+        kd, ks = 0 * kd, 0 * ks
     total = kr + kt + weight * (kd + ks)
     # The sum has at most six roundings.
     if (total <= 1 + gamma(6)).all():

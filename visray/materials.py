@@ -22,6 +22,9 @@ class Material:
     is the length of its way inside the solid. Where transparent solids overlap, the one with the higher `priority`
     counts; of equal priorities, the one with the smaller volume. `texture` names a texture. Its colour replaces kd and
     multiplies ka, so that it shows in shadow too; with `textured` = "kd", ka is kept.
+
+    With `shading` = "unlit", the surface's own colour is kd or that of its texture, whatever light falls on it. kr and
+    kt add to it as in other materials.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -38,8 +41,20 @@ class Material:
     priority: Real = 0.0
     texture: Name | None = None
     textured: Literal["ka and kd", "kd"] = "ka and kd"
+    shading: Literal["lit", "unlit"] = "lit"
 
     @property
     def keeps_ka(self) -> bool:
         """Whether the material has a texture that leaves ka as it is."""
         return self.texture is not None and self.textured == "kd"
+
+    @property
+    def unlit(self) -> bool:
+        """Whether the surface shows kd as it is, whatever light falls on it."""
+        return self.shading == "unlit"
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the material is matte, so that it scatters light of other surfaces: it is lit, has kd or a texture,
+        and has neither kr nor kt."""
+        return not self.unlit and not any((*self.kr, *self.kt)) and (any(self.kd) or self.texture is not None)

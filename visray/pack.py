@@ -6,7 +6,7 @@ object, as an entry of these arrays. References by name become numbers. `Packed`
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -168,7 +168,7 @@ def pack(scene: Scene, a: Arrays) -> Packed:
         Packed(
             batches=tuple(object_columns(scene, a, kind, members) for (kind, _), members in objects.items()),
             lights=tuple(_light_columns(scene, a, kind, members) for kind, members in lights.items()),
-            materials=stacked(a, Material, list(materials.values())),
+            materials=_material_table(a, list(materials.values())),
             camera=stacked(a, type(scene.camera), [scene.camera]),
             background=stacked(a, SkyGradient, [sky]),
             ambient=a.put(a.V, np.array(scene.ambient, float)[:, None]),
@@ -180,6 +180,12 @@ def pack(scene: Scene, a: Arrays) -> Packed:
 def materials_of(scene: Scene) -> dict[str, Material]:
     """The materials by name; the default material is the first."""
     return {"default": Material()} | scene.materials
+
+
+def _material_table(a: Arrays, materials: list[Material]) -> Material:
+    """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others."""
+    unlit = a.put(a.F, np.array([m.unlit for m in materials], float))
+    return replace(stacked(a, Material, materials), shading=unlit)
 
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:

@@ -8,9 +8,11 @@ Ig is the scene's ambient light. Ia, Id and Is are the light's ambient, diffuse 
 those of the material. sky and near are the shares of ambient light that occlusion leaves (occlusion.py). S is the share
 of light that passes all objects on its way. att is attenuation by distance times the light's falloff.
 
-Other modes replace the diffuse term and the highlight, or show a property of the surface (modes.py).
+An unlit material shows kd instead, in all modes that show light. Other modes replace the diffuse term and the
+highlight, or show a property of the surface (modes.py).
 """
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -19,6 +21,7 @@ from visray import light_loop, modes, occlusion
 from visray.direct import LightSample, direct
 from visray.interaction import Interaction
 from visray.kernel_scene import KernelScene
+from visray.ray import NO_ROW
 
 
 def power(x: Any, exponent: Any, bits: int, fraction: bool, real: Any) -> Any:
@@ -54,11 +57,21 @@ def shade(s: KernelScene, si: Interaction) -> Any:
 
 def lit(s: KernelScene, si: Interaction) -> Any:
     """Light that leaves the surface towards the ray's origin, a colour: reflected ambient light plus reflected light of
-    all lights."""
-    colour, on = ambient(s, si), s.features
+    all lights; of an unlit surface, kd."""
+    on = s.features
+    receiver = receiving(si) if on["unlit"] else si
+    colour = ambient(s, receiver)
     # Without both terms all lights are black, and Dr.Jit cannot trace a loop whose sum stays a literal zero.
-    lights = light_loop.direct if s.light_steps else direct
-    return colour + lights(s, si, reflected) if on["diffuse"] or on["specular"] else colour
+    if on["diffuse"] or on["specular"]:
+        lights = light_loop.direct if s.light_steps else direct
+        colour = colour + lights(s, receiver, reflected)
+    return dr.select(si.material.shading > 0, si.material.kd, colour) if on["unlit"] else colour
+
+
+def receiving(si: Interaction) -> Interaction:
+    """The interaction as lights see it: without a hit in the lanes whose surface is unlit. No shadow rays and no
+    occlusion rays start there. Domain: scenes with unlit materials."""
+    return replace(si, hit=replace(si.hit, row=dr.select(si.material.shading > 0, NO_ROW, si.hit.row)))
 
 
 def ambient(s: KernelScene, si: Interaction) -> Any:

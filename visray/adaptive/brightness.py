@@ -55,11 +55,14 @@ class Brightness:
             (name, key): rms(_reflected(light, m, colours[key]) * weight)
             for name, (light, weight) in lights.items()
             for key, m in materials.items()
+            if not m.unlit
         }
         ambient = np.array(scene.ambient) + sum(np.array(x.Ia) * x.intensity for x in scene.lights.values())
-        local = {key: max([lit[name, key] for name in lights] + [0.0]) for key in materials}
+        local = {key: max([lit.get((name, key), 0.0) for name in lights] + [0.0]) for key in materials}
         shown = {
-            key: local[key] + rms(ambient * np.array(m.ka) * np.maximum(1, colours[key] if m.texture else 1))
+            key: rms(colours[key])
+            if m.unlit
+            else local[key] + rms(ambient * np.array(m.ka) * np.maximum(1, colours[key] if m.texture else 1))
             for key, m in materials.items()
         }
         sky = scene.background
@@ -68,6 +71,7 @@ class Brightness:
         passed_on = {key: _passed_on(prepared, m) for key, m in materials.items()}
         objects = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
         causes = {f"light of lights.{name} on materials.{key}": x for (name, key), x in lit.items()} | {"": 0.0}
+        causes |= {f"the texture of materials.{n}": shown[n] for n, m in materials.items() if m.unlit and m.texture}
         causes[f"materials.{brightest} in mirrors, glass or scattered light"] = (
             max(passed_on.values()) * shown[brightest]
         )
@@ -88,7 +92,7 @@ def _reflected(light: Light, material: Material, kd: np.ndarray) -> np.ndarray:
 def _passed_on(prepared: Prepared, m: Material) -> float:
     """The largest share of light from other surfaces that a material reflects, refracts or scatters."""
     effects = prepared.features
-    shares = [("reflection", m.kr), ("refraction", m.kt), ("scatter", m.kd)]
+    shares = [("reflection", m.kr), ("refraction", m.kt), ("scatter", (0.0, 0.0, 0.0) if m.unlit else m.kd)]
     return max([max(colour) for effect, colour in shares if effects[effect]] + [0.0])
 
 

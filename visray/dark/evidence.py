@@ -5,10 +5,13 @@ from dataclasses import replace
 import drjit as dr
 import numpy as np
 
+from visray.batches import Batch
 from visray.feature_rules import used_materials
 from visray.geometry import gamma
+from visray.pack import NO_TEXTURE
 from visray.passes import expose, subset
 from visray.progress import Interrupts
+from visray.pytree import Packets, evaluated
 from visray.scene.scene import Scene, SkyGradient
 from visray.setup import Prepared
 
@@ -53,12 +56,16 @@ def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
 
     Without such light, matte surfaces show at most their ambient light. So a picture with few pixels that are so dark
     is not unlit. Without mirrors, glass and textures, a pixel is then a mixture of the background, black, and the
-    materials' ambient light. So no colour, and no difference of two colours, is larger than in all of these.
+    materials' ambient light. So no colour, and no difference of two colours, is larger than in all of these. An unlit
+    material shows kd in place of its ambient light.
     """
     scene, on = prepared.scene, prepared.features
     rgb = rgb[:, :: max(1, rgb.shape[1] // (64 * FIRST_PIXELS))]
     ambient = np.array(scene.ambient) + sum((l.intensity * np.array(l.Ia) for l in scene.lights.values()), np.zeros(3))
-    colours = [ambient * m.ka for m in used_materials(scene).values()]
+    materials = used_materials(scene).values()
+    if any(m.unlit and m.texture for m in materials):
+        return True
+    colours = [np.array(m.kd) if m.unlit else ambient * m.ka for m in materials]
     brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)
     if (rgb.max(0) <= brightest).mean() < DARK_SHARE:
         return False
@@ -76,7 +83,8 @@ def _largest(rgb: np.ndarray) -> np.ndarray:
 
 
 def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
-    """Whether light of a light is seen anywhere, by samples of the same kernel without ambient light and background.
+    """Whether light of a light is seen anywhere, by samples of the same kernel without ambient light and background,
+    and with black unlit surfaces.
 
     A few pixels are looked at first, and then all, or MOST_PIXELS of them. After Ctrl-C, the answer is that there is
     some.
@@ -86,6 +94,8 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
     black = lambda colour: dr.opaque(type(colour), 0, dr.width(colour))  # noqa: E731 - a colour of the same kind
     sky = replace(s.sky, top=black(s.sky.top), bottom=black(s.sky.bottom))
     dark = replace(s, ambient=black(s.ambient), lights_ambient=black(s.lights_ambient), sky=sky)
+    if prepared.features["unlit"]:
+        dark = replace(dark, geometry=s.geometry.with_looks(tuple(_without_unlit(batch) for batch in s.batches)))
     n = len(prepared.order)
     for step in sorted({max(1, n // FIRST_PIXELS), max(1, n // MOST_PIXELS)}, reverse=True):
         pixels = subset(prepared, np.arange(0, n, step))
@@ -94,3 +104,13 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
         if interrupts.requested or np.array(film.mean).max() > NEARLY_BLACK:
             return True
     return False
+
+
+def _without_unlit(batch: Batch) -> Batch:
+    """The batch with black materials in place of unlit ones."""
+    m = batch.material
+    unlit = m.shading > 0
+    material = replace(m, kd=dr.select(unlit, 0, m.kd))
+    texture = dr.select(unlit, NO_TEXTURE, batch.texture)
+    packets = batch.packets and Packets.of(batch.packets.four, material)
+    return evaluated(replace(batch, material=material, texture=texture, packets=packets))

@@ -9,6 +9,7 @@ import numpy as np
 from visray.accel.intersect import closest
 from visray.dark.evidence import NEARLY_BLACK
 from visray.dark.view import PictureRays, listed
+from visray.feature_rules import used_materials
 from visray.integrator import camera_origin, object_of
 from visray.light_probe import LightProbe, centre_sample, interaction_of, numbers, prepared_lights, probed
 from visray.lights.light import Light
@@ -42,8 +43,8 @@ class SeenPoints:
 
     @staticmethod
     def of(prepared: Prepared, rays: PictureRays) -> "SeenPoints":
-        """Some points, evenly spread over the pixels whose rays hit an object."""
-        lanes = np.flatnonzero(rays.hit)
+        """Some points, evenly spread over the pixels whose rays hit an object that light falls on."""
+        lanes = np.flatnonzero(rays.receives)
         lanes = lanes[np.linspace(0, len(lanes) - 1, min(MOST_POINTS, len(lanes))).astype(int)]
         # At least two lanes, because single numbers make other kernels.
         lanes = np.repeat(lanes, 2) if len(lanes) == 1 else lanes
@@ -64,11 +65,13 @@ class SeenPoints:
 def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]:
     """List of sentences that say why a picture shows no light of a light.
 
-    black: whether the picture is black; else it shows ambient light or the background
+    black: whether the picture is black; else it shows ambient light, unlit surfaces or the background
     """
+    what = "the picture is black" if black else "no light shines on what is seen"
+    if not rays.receives.any():
+        return [f"{what}: all that is seen is unlit, and its kd is black"] if black else []
     scene, seen = prepared.scene, SeenPoints.of(prepared, rays)
     names = list(scene.objects)
-    what = "the picture is black" if black else "no light shines on what is seen"
     if len(set(seen.objects)) == 1 and seen.from_inside.all() and rays.hit.all():
         where = f"camera.origin lies inside or behind objects.{names[seen.objects[0]]}"
         return [f"{what}: {where}, and no light reaches its inner side; move the camera or a light"]
@@ -99,7 +102,7 @@ def _without_probes(scene: Scene) -> list[str]:
     if len(dim) == len(scene.lights):
         return [f"lights.{name} has {'intensity 0' if not scene.lights[name].intensity else 'neither Id nor Is'}"
                 for name in dim]  # fmt: skip
-    used = {o.material for o in scene.objects.values()}
+    used = [name for name, m in used_materials(scene).items() if not m.unlit]
     return [f"materials.{name} has neither kd nor ks" for name in sorted(used)]
 
 

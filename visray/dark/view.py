@@ -10,9 +10,11 @@ import numpy as np
 from visray.accel.intersect import closest
 from visray.camera import OrthographicCamera, ParallelView
 from visray.integrator import camera_origin, camera_ray
+from visray.interaction import interact
 from visray.primitives.primitive import bounding_box
 from visray.scene.scene import Scene
 from visray.setup import Prepared
+from visray.shading import receiving
 
 # The largest number of objects that are looked at one by one.
 MOST_OBJECTS = 2000
@@ -25,17 +27,23 @@ def listed(values: Any) -> str:
 
 @dataclass(frozen=True)
 class PictureRays:
-    """What the rays through the centres of all pixels meet. hit: for each lane, whether its ray hits an object."""
+    """What the rays through the centres of all pixels meet.
+
+    hit: for each lane, whether its ray hits an object
+    receives: for each lane, whether its ray hits an object that light falls on: one whose material is not unlit
+    """
 
     hit: np.ndarray
+    receives: np.ndarray
 
     @staticmethod
     def of(prepared: Prepared) -> "PictureRays":
         s, a, n = prepared.kernel, prepared.a, len(prepared.order)
         ray = camera_ray(s, a.F(prepared.x) + 0.5, a.F(prepared.y) + 0.5)
-        valid = closest(camera_origin(s, ray), ray, s.brute_force).valid
-        dr.eval(valid)
-        return PictureRays(np.broadcast_to(np.array(valid), n))
+        hit = closest(camera_origin(s, ray), ray, s.brute_force)
+        receives = receiving(interact(s, ray.exact(), hit)).hit.valid if s.features["unlit"] else hit.valid
+        dr.eval(hit.valid, receives)
+        return PictureRays(*(np.broadcast_to(np.array(mask), n) for mask in (hit.valid, receives)))
 
 
 @dataclass(frozen=True)

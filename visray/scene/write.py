@@ -81,6 +81,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "smaller solid",
         "texture": "the name of one of the scene's textures, or null",
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
+        "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
     },
     Texture: {
         "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",

@@ -154,7 +154,7 @@ class MitsubaScene:
             reflected = self._reflected(light, si, to_light.l, kd)
             arrives = hits.hit & ~(self.is_mesh[hits.index] & _behind_triangle(si, to_light.l))
             colour += np.where(arrives[:, None], reflected * (share * falloff[:, None]), 0)
-        return colour
+        return np.where(self.surface_colours.unlit[hits.index][:, None], kd, colour)
 
     def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
         """Reflected light of one light: Id times the diffuse part plus Is times the highlight. Shapes: (N, 3).

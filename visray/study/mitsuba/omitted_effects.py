@@ -71,8 +71,8 @@ def without_omitted_effects(scene: Scene) -> tuple[Scene, list[str]]:
     if len(transparent) > MOST_TRANSPARENT and present["coloured shadows"]:
         notes.append(f"not compared: coloured shadows ({len(transparent)} transparent objects count as opaque)")
         scene = opaque(scene)
-    if not any(light.intensity for light in scene.lights.values()):
-        # visray traces no shadow rays if all lights are dark.
+    if not features(scene)["shadows"]:
+        # visray traces no shadow rays if all lights are dark, or if all surfaces are unlit.
         scene = _with_settings(shadows=False)(scene)
     return scene, notes
 

@@ -16,7 +16,10 @@ from visray.textures import CheckerTexture, ImageTexture, Texture
 
 
 class SurfaceColours:
-    """The diffuse colours kd and ambient colours ka of a scene's objects. Index i stands for the object names[i]."""
+    """The diffuse colours kd and ambient colours ka of a scene's objects. Index i stands for the object names[i].
+
+    unlit: whether each object shows kd as it is; the last entry is False, for index -1
+    """
 
     def __init__(self, scene: Scene, names: tuple[str, ...]):
         materials = {"default": Material()} | scene.materials
@@ -24,6 +27,7 @@ class SurfaceColours:
         self.kd, self.ka = (
             np.array([getattr(m, field) for m in materials_of_objects] + [(0, 0, 0)], float) for field in ("kd", "ka")
         )
+        self.unlit = np.array([*(m.unlit for m in materials_of_objects), False])
         self.scales_ka = [m.textured == "ka and kd" for m in materials_of_objects]
         self.v_ends = [scene.shape_of(scene.objects[name]).kind.v_ends for name in names]
         self.textures = [m.texture and scene.textures[m.texture] for m in materials_of_objects]

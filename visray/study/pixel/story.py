@@ -75,6 +75,7 @@ class SurfaceStory:
     object: address of the object; None if nothing is met.
     distance, point, normal, uv, inside: the hit; `inside` is whether the surface is seen from its inside.
     material: address of the material; its numbers at this point, after the texture.
+    unlit: whether the surface shows kd as it is. It then has neither `ambient` nor `lights`.
     ambient: reflected ambient light.
     lights: what becomes of each light.
     own: the surface's own colour: ambient light and all lights; or the background.
@@ -97,6 +98,7 @@ class SurfaceStory:
     uv: tuple[float, float] | None = None
     inside: bool = False
     material: dict[str, Any] | None = None
+    unlit: bool = False
     ambient: Colour | None = None
     lights: tuple[LightStory, ...] = ()
     scattered: int = 0
@@ -117,6 +119,8 @@ class SurfaceStory:
         )
         texture = f" with {self.material['texture']}" if self.material["texture"] else ""
         yield f"   {self.material['address']}{texture}: " + ", ".join(self._numbers())
+        if self.unlit:
+            yield "   unlit: it shows kd as it is, whatever light falls on it"
         if self.ambient is not None:
             yield f"   ambient light: {shown(self.ambient)}"
         for light in self.lights[:MOST_LIGHTS]:

@@ -119,18 +119,19 @@ class _Walk:
             own = self.first(sky)
             return SurfaceStory(way, factor, None, _product(factor, own), own)
         name = self.objects[int(self.first(object_of(s, si.hit)))]
-        lit = BY_NAME[s.settings.shading].lit
+        material = self.material(name, si)
+        lit_mode, unlit = BY_NAME[s.settings.shading].lit, material["shading"] == "unlit"
+        lit = lit_mode and not unlit
         lights = self.lights(si) if lit else ()
         reflected = self.first(ambient(s, si)) if lit else None
         own = self.first(shade(s, si)) if not lit else _sum(reflected, *(_sum(l.diffuse, l.specular) for l in lights))
         kept = local_weight(s, si, media) if s.features["paths"] else None
         share = WHITE if kept is None else self.first(kept)
-        material = self.material(name, si)
         return SurfaceStory(
             way, factor, f"objects.{name}", _product(factor, share, own), own, share,
             distance=self.first(si.hit.t), point=self.first(si.surface.p), normal=self.first(si.n),
             uv=(self.first(si.u), self.first(si.v)), inside=self.first(si.from_inside), material=material,
-            ambient=reflected, lights=lights, notes=_notes(material, s.settings.local),
+            unlit=lit_mode and unlit, ambient=reflected, lights=lights, notes=_notes(material, s.settings.local),
         )  # fmt: skip
 
     def material(self, name: str, si: Interaction) -> dict[str, Any]:
@@ -141,7 +142,7 @@ class _Walk:
         values = {field: getattr(material, field) for field in quantities(Material)}
         values |= {field: self.first(getattr(si.material, field)) for field in ("ka", "kd")}
         texture = None if material.texture is None else f"textures.{material.texture}"
-        return {"address": f"materials.{given}", "texture": texture} | values
+        return {"address": f"materials.{given}", "texture": texture, "shading": material.shading} | values
 
     def lights(self, si: Interaction) -> tuple[LightStory, ...]:
         """What becomes of each light at a surface point."""
@@ -201,6 +202,7 @@ def _notes(material: dict[str, Any], local: str) -> tuple[str, ...]:
     """Sentences about a material that sends on more light than it gets."""
     kt, kr = (np.array(material[k]) for k in ("kt", "kr"))
     own = 1 if local == "full" else 1 - kt
+    own = 0 if material["shading"] == "unlit" else own  # what it shows is no light that it gets
     total = kr + kt + own * (np.array(material["kd"]) + material["ks"])
     if total.max() <= 1:
         return ()

@@ -144,14 +144,29 @@ class ColorRule:
             wanted = "is missing for the norm banded; write a number of bands, such as 5, or edges, such as [0, 10, 50]"
             return [("bands", wanted)] if self.norm == "banded" else []
         if isinstance(bands, int):
-            return [] if 1 <= bands <= MOST_BANDS else [("bands", f"must be from 1 to {MOST_BANDS}")]
+            return (
+                self._few_colors(bands) if 1 <= bands <= MOST_BANDS else [("bands", f"must be from 1 to {MOST_BANDS}")]
+            )
         if self.norm not in ("linear", "banded"):
             return [("bands", f'edges say it all; the norm is then "banded", and not "{self.norm}"')]
         if not 2 <= len(bands) <= MOST_BANDS + 1:
             return [("bands", f"must have from 2 to {MOST_BANDS + 1} edges")]
         if not (np.diff(bands) > 0).all():
             return [("bands", "the edges must rise")]
-        return []
+        return self._few_colors(len(bands) - 1)
+
+    def _few_colors(self, bands: int) -> list[tuple[str, str]]:
+        """A list with an error if the palette is qualitative and has fewer colours than there are bands."""
+        if palette_flaw(self.palette):
+            return []
+        palette = palette_of(self.palette)
+        if not 0 < palette.steps < bands:
+            return []
+        most = palette.steps
+        text = (
+            f"the palette {palette.name} has only {most} colours; write at most {most} bands, or take another palette"
+        )
+        return [("bands", text)]
 
     def _unused(self) -> list[tuple[str, str]]:
         """A list of errors about fields that are given, but that the norm does not read."""

@@ -33,7 +33,9 @@ class Norm:
         if self.constant:
             return 0 * v
         inside = ~((v < self.lo) | (v > self.hi))
-        return np.where(inside, self.inner_slope(np.clip(v, self.lo, self.hi)), 0.0)
+        # Near the largest numbers of double precision, the slope underflows to 0.
+        with np.errstate(over="ignore", divide="ignore"):
+            return np.where(inside, self.inner_slope(np.clip(v, self.lo, self.hi)), 0.0)
 
     def value(self, t: Any) -> np.ndarray:
         """The value that has the share t: the inverse of `share`. Domain: t from 0 to 1. Shape: (N)."""
@@ -84,8 +86,7 @@ class PowerNorm(Norm):
         return super().inner(v) ** self.exponent
 
     def inner_slope(self, v: np.ndarray) -> np.ndarray:
-        with np.errstate(divide="ignore"):
-            return self.exponent * super().inner(v) ** (self.exponent - 1) * super().inner_slope(v)
+        return self.exponent * super().inner(v) ** (self.exponent - 1) * super().inner_slope(v)
 
     def inverse(self, t: np.ndarray) -> np.ndarray:
         return super().inverse(t ** (1 / self.exponent))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 DATA = Path(__file__).resolve().parents[1] / "scenes" / "data"
 TABLES = sorted(DATA.glob("*.csv"))
@@ -92,3 +93,98 @@ def test_outlines_are_rings_of_the_countries_in_the_table():
     spain = next(s for s in shapes if s["properties"]["name"] == "Spain")["geometry"]["coordinates"]
     # Spain without its islands has 493,500 km2; a square degree at its middle, 40 degrees north, has 9,470 km2.
     assert max(abs(area(part[0])) for part in spain) == pytest.approx(493_500 / 9_470, rel=0.05)
+
+
+MAPS = DATA.parent / "textures"
+WORLD, EUROPE, BARCELONA = (-180, 180, -90, 90), (-25, 45, 32, 72), (2.03, 2.27, 41.29, 41.47)
+# The colour of a city's dot, that of land and that of the sea.
+LIGHT, DARK = ("#6b5b4b", "#f5f1e6", "#c3d6e3"), ("#ffd27a", "#29354a", "#0e1722")
+SHEETS = {
+    "world-light": (WORLD, LIGHT, "cities"),
+    "world-dark": (WORLD, DARK, "cities"),
+    "europe": (EUROPE, LIGHT, "ports"),
+}
+
+
+def rgb(colour: str) -> np.ndarray:
+    return np.array(list(bytes.fromhex(colour[1:])), float)
+
+
+def sheet(name: str) -> np.ndarray:
+    """The pixels of a map, the first row in the north. Shape: (height, width, 3)."""
+    with Image.open(MAPS / f"{name}.png") as image:
+        assert image.mode == "P"
+        return np.asarray(image.convert("RGB"), float)
+
+
+def pixel(extent: tuple, shape: tuple, lon, lat) -> tuple:
+    """The column and row of a place, counted from the map's corner; the middle of the first pixel is at 0.5, 0.5."""
+    west, east, south, north = extent
+    return (lon - west) / (east - west) * shape[1], (north - lat) / (north - south) * shape[0]
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_dots_on_maps_lie_where_the_coordinates_of_their_cities_say(name):
+    """The colour of each city's pixel, and the middle of each dot without neighbours to a quarter of a pixel."""
+    extent, (city, *_), rows = SHEETS[name]
+    image = sheet(name)
+    lon, lat = np.array([[float(row["lon"]), float(row["lat"])] for row in table(DATA / f"{rows}.csv")]).T
+    x, y = pixel(extent, image.shape, lon, lat)
+    at = image[np.floor(y).astype(int), np.floor(x).astype(int)]
+    assert (at == rgb(city)).all()
+    # A dot is told from land, sea and lines by one channel: it is darker in blue, or lighter in red, than a limit.
+    channel, limit = (0, 90) if name == "world-dark" else (2, 165)
+    radius, seen = 6, 0
+    for i in range(len(x)):
+        near = np.hypot(x - x[i], y - y[i]) < 2.5 * radius
+        column, row = int(x[i]), int(y[i])
+        window = image[row - radius : row + radius + 1, column - radius : column + radius + 1, channel]
+        weight = np.clip((window - limit) / (rgb(city)[channel] - limit), 0, 1)
+        if near.sum() == 1 and weight[0].sum() + weight[-1].sum() == 0:
+            place = np.arange(2 * radius + 1) + 0.5 - radius
+            assert weight.sum(0) @ place / weight.sum() + column == pytest.approx(x[i], abs=0.25)
+            assert weight.sum(1) @ place / weight.sum() + row == pytest.approx(y[i], abs=0.25)
+            seen += 1
+    assert seen > 20
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_land_and_sea_lie_where_they_are(name):
+    """Of each pair the first is land and the second is sea, on either side of a coast."""
+    extent, (_, land, sea), _ = SHEETS[name]
+    image = sheet(name)
+    pairs = [
+        ((-5.5, 36.5), (-7, 36.3)), ((2.5, 42), (4, 41)), ((-4.5, 50.6), (-5, 49)), ((14.2, 37.5), (15.8, 36)),
+        ((13.5, 57), (11.3, 57)), ((-8.4, 39.5), (-11, 39.5)), ((30, 59.5), (21, 59)), ((9.1, 40.1), (11.5, 40)),
+    ]  # fmt: skip
+    if extent == WORLD:
+        pairs += [
+            ((146.5, -42), (146, -40)),
+            ((-69, -54.2), (-62, -54)),
+            ((-82, 28), (-85, 28)),
+            ((140, 36.5), (143, 36.5)),
+        ]
+    for (lon, lat), colour in ((place, colour) for pair in pairs for place, colour in zip(pair, (land, sea))):
+        x, y = pixel(extent, image.shape, lon, lat)
+        assert (image[int(y), int(x)] == rgb(colour)).all(), (lon, lat)
+
+
+def test_barcelona_has_its_quarters_on_land_and_the_sea_beside_them():
+    image = sheet("barcelona")
+    sea = rgb("#bcd3e2")
+    for row in table(DATA / "barcelona-quarters.csv") + table(DATA / "barcelona-districts.csv"):
+        x, y = pixel(BARCELONA, image.shape, float(row["lon"]), float(row["lat"]))
+        window = image[int(y) - 2 : int(y) + 3, int(x) - 2 : int(x) + 3]
+        assert (window != sea).any(axis=2).all(), row["name"]
+    for lon, lat in ((2.196, 41.374), (2.21, 41.39), (2.23, 41.405), (2.24, 41.415), (2.18, 41.35), (2.16, 41.3)):
+        x, y = pixel(BARCELONA, image.shape, lon, lat)
+        assert (image[int(y), int(x)] == sea).all()
+    x, y = pixel(BARCELONA, image.shape, 2.17, 41.387)
+    dark = (image == rgb("#4a4038")).all(axis=2)
+    rows, columns = np.nonzero(dark[int(y) - 6 : int(y) + 7, int(x) - 6 : int(x) + 7])
+    assert columns.mean() + int(x) - 5.5 == pytest.approx(x, abs=0.5)
+    assert rows.mean() + int(y) - 5.5 == pytest.approx(y, abs=0.5)
+
+
+def test_maps_are_small():
+    assert all((MAPS / f"{name}.png").stat().st_size < 300_000 for name in (*SHEETS, "barcelona"))

@@ -396,6 +396,9 @@ def test_sizes_without_flaws_are_usable(values, scale, domain, negative, range):
 def test_a_column_stands_for_a_rule():
     assert size_rule_of("rain") == SizeRule(column="rain") and size_rule_of(1.5) == 1.5
     assert color_rule_of("rain") == ColorRule(column="rain")
+    assert color_rule_of("#ff8000") == (1, 128 / 255, 0) and color_rule_of("#08f") == (0, 136 / 255, 1)
+    for name in ("tomato", "#1", "# of people", "#12345"):
+        assert color_rule_of(name) == ColorRule(column=name)
     assert color_rule_of(None) is None and color_rule_of((0.1, 0.2, 0.3)) == (0.1, 0.2, 0.3)
 
 
@@ -433,6 +436,7 @@ def test_specs_are_read_written_and_described(spec, raw):
         (ColorSpec, ""),
         (ColorSpec, 1),
         (ColorSpec, [0.1, 0.2]),
+        (ColorSpec, [0, 0, 255]),
         (ColorSpec, {}),
         (ColorSpec, {"column": "rain", "palete": "jet"}),
         (ColorSpec, {"column": "rain", "norm": "lin"}),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from visray.data.color_value import ColorValue, color_flaw, color_numbers
+from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_hex
 from visray.data.column import Column, rows_text
 from visray.data.norm import LogNorm, Norm, PowerNorm, QuantileNorm
 from visray.data.palette import Encoding, PaletteSpec, palette_flaw, palette_of
@@ -204,11 +204,14 @@ class ColorRule:
         return found
 
 
-Constant = tuple[Real, Real, Real]
+_Part = Annotated[Real, Field(ge=0, le=1)]
 # What a layer may have as its colour: a rule, the name of a column, one colour for all (sRGB), or none.
-ColorSpec = ColorRule | Column | Constant | None
+ColorSpec = ColorRule | Column | tuple[_Part, _Part, _Part] | None
 
 
 def color_rule_of(spec: Any) -> ColorRule | tuple[float, float, float] | None:
-    """The colour rule of a layer: a text is the name of a column. A constant colour and None stay as they are."""
-    return ColorRule(column=spec) if isinstance(spec, str) else spec
+    """The colour rule of a layer, or its one colour in sRGB, or None. A text is the name of a column, unless it is a
+    colour such as "#ff6347"; the name of a colour could be that of a column too."""
+    if not isinstance(spec, str):
+        return spec
+    return tuple(color_numbers(spec).tolist()) if is_hex(spec) else ColorRule(column=spec)

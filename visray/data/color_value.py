@@ -42,6 +42,11 @@ def color_flaw(color: Any) -> str | None:
     return None
 
 
+def is_hex(text: str) -> bool:
+    """Whether a text is a colour such as "#ff6347" or "#f64"."""
+    return _HEX.fullmatch(text) is not None
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a real number: no text, and neither true nor false."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
@@ -54,7 +59,7 @@ def is_triple(value: Any) -> bool:
 
 def _text_numbers(text: str) -> tuple[float, float, float]:
     """The numbers of a colour that is written as text."""
-    if _HEX.fullmatch(text):
+    if is_hex(text):
         digits = text[1:] if len(text) == 7 else "".join(2 * d for d in text[1:])
         return tuple(int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
     if text.startswith("#"):

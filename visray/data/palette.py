@@ -204,7 +204,7 @@ def _name_flaw(text: str) -> str:
         return f"is no palette; write a name such as viridis, or at least two colours: {_EXAMPLES}"
     word = text.casefold().removeprefix(_PREFIX)
     known = {name.casefold(): name for name in _registered() if name.endswith("_r") == word.endswith("_r")}
-    near = get_close_matches(word, known, 3)
+    near = get_close_matches(word, known, 3, 0.7)
     hint = " or ".join(f'"{known[n]}"' for n in near)
     return (
         f"unknown palette; {f'did you mean {hint}?' if hint else 'take one such as viridis, cividis, RdBu or parula'}"

@@ -120,7 +120,7 @@ class SizeRule:
         if (wrong := np.isinf(v)).any():
             return [("column", f"has infinite values: {rows_text(wrong, v, rows)}; leave these cells empty")]
         if self.scale == "log" and (wrong := v == 0).any():
-            text = f"has values of 0, of which there is no logarithm: {rows_text(wrong, v, rows)}"
+            text = f"the column has values of 0, of which there is no logarithm: {rows_text(wrong, v, rows)}"
             return [("scale", f'{text}; take "linear" or "sqrt", or leave these cells empty')]
         if self.negative == "refuse" and not self._signed and (wrong := v < 0).any():
             text = f"negative values are refused: {rows_text(wrong, v, rows)}"

@@ -28,9 +28,10 @@ import numpy as np
 from machine import machine
 from report import report_parser, write_report
 
+from visray.columns import NO_TEXTURE, Columns, Names
 from visray.features import features
 from visray.kernel_scene import kernel_scene
-from visray.pack import NO_TEXTURE, Columns, Names, pack
+from visray.pack import pack
 from visray.passes import expose
 from visray.quantities import Arrays
 from visray.setup import Prepared, lanes
@@ -99,7 +100,7 @@ def many_spheres(a: Arrays, n: int, columns: Columns) -> Columns:
     object.__setattr__(numbers, "radius", a.put(a.D, radii))
     material, thing = (int(np.array(x)[0]) for x in (columns.material, columns.object))
     material, texture, thing = (a.put(a.U, np.full(n, x, np.uint32)) for x in (material, NO_TEXTURE, thing))
-    names = Names(prefix="sphere ", count=n)
+    names = Names(prefix="sphere ", numbers=np.arange(n))
     return replace(columns, names=names, numbers=numbers, material=material, texture=texture, object=thing)
 
 

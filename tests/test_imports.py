@@ -43,13 +43,16 @@ data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.csv_file data.values data.labelled
 data.interchange data.geojson data.frames
 data.reading data.positions data.describe
+data.number_column data.source data.gizmos data.layer data.layer_table data.outlines data.rows data.resolve
+data.data_scene data.all_objects
 scene.scene
 scene
-mesh_report clip_report constant_report feature_rules features material_report tables progress differentiable
+data_report mesh_report clip_report constant_report
+feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.png
 output.image output
 images
-pack address_index repack nesting overlap_report batches sampling moments film
+data.row_table columns data_columns pack address_index repack nesting overlap_report batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal

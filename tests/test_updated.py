@@ -9,8 +9,8 @@ import trimesh
 from samples import NAMES, SAMPLES
 
 import visray as vr
+from visray.columns import Names
 from visray.number_table import NumberTable
-from visray.pack import Names
 from visray.pytree import Shared, detached, evaluated, leaves, mapped, rebuilt, rows
 from visray.quantities import Arrays
 from visray.scene.address import numeric_addresses, value
@@ -173,10 +173,11 @@ def test_a_prepared_scene_takes_the_settings_of_a_render() -> None:
 
 
 def test_names_are_listed_or_numbered() -> None:
-    listed, numbered = Names(("a", "b.c")), Names(prefix="rain.", count=3)
+    listed, numbered = Names(("a", "b.c")), Names(prefix="rain.", numbers=np.array([0, 2, 5]))
     assert list(listed) == ["a", "b.c"] and [listed.row(n) for n in ("a", "b.c", "d")] == [0, 1, None]
-    assert list(numbered) == ["rain.0", "rain.1", "rain.2"] and len(numbered) == 3
-    assert [numbered.row(n) for n in ("rain.2", "rain.3", "rain.02", "rain.", "snow.1", "rain.-1")] == [2, *5 * [None]]
+    assert list(numbered) == ["rain.0", "rain.2", "rain.5"] and len(numbered) == 3
+    wrong = ("rain.3", "rain.6", "rain.02", "rain.", "snow.2", "rain.-1")
+    assert [numbered.row(n) for n in ("rain.5", *wrong)] == [2, *6 * [None]]
 
 
 def test_names_of_several_rows_each() -> None:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from visray.columns import Columns, materials_of
 from visray.errors import UserError
-from visray.pack import Columns, LightColumns, Packed, materials_of
+from visray.pack import LightColumns, Packed
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
@@ -120,8 +121,10 @@ class AddressIndex:
         elif head == "objects":
             return self._of_shapes(self.scene.objects[name], address, [name], parts[2:])
         elif head == "geometries":
-            instances = [n for n, obj in self.scene.objects.items() if getattr(obj, "geometry", None) == name]
+            instances = [n for n, obj in self.scene.written_objects.items() if getattr(obj, "geometry", None) == name]
             return self._of_shapes(self.scene.geometries[name], address, instances, parts[2:])
+        elif head == "data":
+            return self._of_row(address, parts)
         elif head == "lights":
             number, row = self.row_of(packed.lights, name)
             table, rest = packed.lights[number].numbers, parts[3:]
@@ -132,6 +135,25 @@ class AddressIndex:
         if field not in quantities(type(table)):
             raise UserError(f"{address}: has no derivative; those of {head} are {', '.join(quantities(type(table)))}")
         return Slot.at((getattr(table, field),), row, int(rest[0]) if rest else None)
+
+    def _of_row(self, address: str, parts: list[str]) -> Slot:
+        """The place of a number of a row of a data layer. Raises UserError if the address is another one.
+
+        parts: the address, split at the dots
+        """
+        known = "a row's lon, lat, height, radius and color, where the layer takes them from columns"
+        if len(parts) != 4 or parts[1] not in self.scene.data.layers:
+            raise UserError(f"{address}: has no derivative; those of data are {known}")
+        try:
+            number, row = self.row_of(self.packed.batches, ".".join(parts[:3]))
+        except KeyError:
+            raise UserError(f"{address}: has no derivative, as the row has no gizmo") from None
+        batch = self.packed.batches[number]
+        values = batch.color if parts[3] == "color" else getattr(batch.numbers, "values", None)
+        array = getattr(values, "value" if parts[3] == "color" else parts[3], None)
+        if array is None:
+            raise UserError(f"{address}: has no derivative; those of data are {known}, and are no geometries")
+        return Slot.at((array,), row, None)
 
     def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot | TableSlot:
         """The place of one value of an object, or of a geometry. Raises UserError if the value has no derivative.

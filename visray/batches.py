@@ -16,9 +16,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.columns import Columns, Names
 from visray.geometry import SimilarityInverse, gamma, l1_norm
 from visray.materials import Material
-from visray.pack import Columns, Names
 from visray.primitives.primitive import Primitive
 from visray.pytree import Packets, detached, evaluated, rows
 
@@ -112,6 +112,8 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
     else:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     material = rows(materials, columns.material)
+    if columns.color is not None:
+        material = columns.color.applied(material)
     return evaluated(
         Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
               columns.object_of, material, columns.texture, columns.object)

@@ -16,6 +16,7 @@ import numpy as np
 
 from visray import integrator, modes
 from visray.accel.intersect import closest
+from visray.data.all_objects import address_of
 from visray.direct import LightSample, light_sample
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
@@ -87,14 +88,14 @@ class EdgesInView:
         """The kinds of edges, each with the addresses of the objects or lights that have them. It is empty if there are
         none; a derivative is then complete, except for edges smaller than a pixel."""
         edges = {
-            "silhouettes": [f"objects.{n}" for n in self.moving if self.visible_count > 1 or self._hides_itself(n)],
-            "creases": [f"objects.{n}" for n in self.moving if self._is_creased(n)],
+            "silhouettes": [address_of(n) for n in self.moving if self.visible_count > 1 or self._hides_itself(n)],
+            "creases": [address_of(n) for n in self.moving if self._is_creased(n)],
             "shadow edges": [f"lights.{n}" for n in self._lights_with_shadow_edges()],
             "ends of highlights": [f"lights.{n}" for n in self._lights_with_ends()],
-            "texture edges": [f"objects.{n}" for n in self.moving if self._has_steps(n)],
+            "texture edges": [address_of(n) for n in self.moving if self._has_steps(n)],
         }
         if self.scene.settings.shading == "uv":
-            edges["jumps of u and v"] = [f"objects.{n}" for n in self.moving if self._jumps(n)]
+            edges["jumps of u and v"] = [address_of(n) for n in self.moving if self._jumps(n)]
         found = {kind: where for kind, where in edges.items() if where}
         if _stepped(self.scene.settings):
             found["steps of a cartoon"] = []
@@ -108,7 +109,8 @@ class EdgesInView:
         effects, scene = self.s.features, self.scene
 
         def objects_with(field: str) -> list[str]:
-            return [f"objects.{n}" for n, x in scene.objects.items() if any(getattr(self._material(x), field, ()))]
+            having = {n for n, m in scene.materials.items() if any(getattr(m, field))}
+            return [address_of(n) for n in scene.objects_of(having)]
 
         kinds = {
             "penumbras": ("area lights", [f"lights.{n}" for n, light in scene.lights.items() if light.has_area]),
@@ -128,11 +130,11 @@ class EdgesInView:
     @cached_property
     def moved_shapes(self) -> set[str]:
         """Names of the objects that move in the scene."""
-        heads = {".".join(w.split(".")[:2]) for w in self.movers}
+        heads = {".".join(w.split(".")[: 3 if w.startswith("data.") else 2]) for w in self.movers}
         return {
             name
-            for name, x in self.scene.objects.items()
-            if f"objects.{name}" in heads or (isinstance(x, Instance) and f"geometries.{x.geometry}" in heads)
+            for name, x in self.scene.all_objects.items()
+            if address_of(name) in heads or (isinstance(x, Instance) and f"geometries.{x.geometry}" in heads)
         }
 
     @cached_property
@@ -167,7 +169,7 @@ class EdgesInView:
     @cached_property
     def _visible(self) -> dict[str, int]:
         """For each visible object the number of its faces in view: its triangles or its parts."""
-        shown, names = self._shown[0], list(self.scene.objects)
+        shown, names = self._shown[0], list(self.scene.all_objects)
         faces = np.unique(shown[:, shown[0] != NO_ROW], axis=1)
         return {names[i]: int(n) for i, n in zip(*np.unique(faces[0], return_counts=True))}
 
@@ -203,12 +205,12 @@ class EdgesInView:
     def _jumps(self, name: str) -> bool:
         """Whether u or v of a visible object jumps in view: between whole numbers, or at a seam."""
         faces, uv, _ = self._shown
-        own = uv[:, faces[0] == list(self.scene.objects).index(name)]
+        own = uv[:, faces[0] == list(self.scene.all_objects).index(name)]
         return any(len(np.unique(np.floor(x))) > 1 or np.ptp(x) > 0.5 for x in own)
 
     def _has_steps(self, name: str) -> bool:
         """Whether the colour of an object's texture jumps, between the squares of a checker or between pixels."""
-        material = self._material(self.scene.objects[name])
+        material = self._material(self.scene.all_objects[name])
         if material is None or material.texture is None or not self.s.features["textures"]:
             return False
         return getattr(self.scene.textures[material.texture], "filter", "nearest") == "nearest"

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from visray import modes
+from visray.data.all_objects import address_of
 from visray.materials import Material
 from visray.primitives.flat import Flat
 from visray.scene.scene import Scene, SkyGradient
@@ -46,7 +47,7 @@ PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
 
 def used_materials(scene: Scene) -> dict[str, Material]:
     """Materials that at least one object has, as a dict by name."""
-    used = {o.material for o in scene.objects.values()}
+    used = {o.material for o in scene.representatives.values()}
     return {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
 
 
@@ -105,8 +106,9 @@ def _shadows(scene: Scene) -> list[str]:
 
 def _can_occlude(scene: Scene) -> bool:
     """Whether any object can hide a light from a point of a surface. A flat object that is the only object cannot."""
-    single_flat = len(scene.objects) == 1 and isinstance(scene.shape_of(next(iter(scene.objects.values()))), Flat)
-    return bool(scene.objects) and not single_flat
+    objects = scene.all_objects
+    single_flat = len(objects) == 1 and isinstance(scene.shape_of(next(iter(objects.values()))), Flat)
+    return bool(objects) and not single_flat
 
 
 def _coloured(scene: Scene) -> list[str]:
@@ -121,9 +123,9 @@ def _nested(scene: Scene) -> list[str]:
     """Addresses of the transparent objects; empty if there are fewer than two, or if none of them is closed (the
     surface of a solid)."""
     transparent = {n for n, m in scene.materials.items() if any(m.kt)}
-    objects = {n: o for n, o in scene.objects.items() if o.material in transparent} if transparent else {}
+    objects = scene.objects_of(transparent)
     can_nest = len(objects) > 1 and any(scene.shape_of(o).closed for o in objects.values())
-    return [f"objects.{n}" for n in objects] if can_nest else []
+    return [address_of(n) for n in objects] if can_nest else []
 
 
 def _scatter(scene: Scene) -> list[str]:

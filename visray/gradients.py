@@ -20,6 +20,7 @@ from visray.accel.policy import MAX_UNROLLED
 from visray.address_index import AddressIndex, Slot, TableSlot
 from visray.arguments import checked_arguments, shown
 from visray.attached_picture import SampleLoop, Sweeps
+from visray.data.all_objects import address_of
 from visray.edges import moves_edges, warn_of_edges
 from visray.errors import UserError
 from visray.jacobian import Launches
@@ -91,11 +92,13 @@ def _check_coloured_shadows(scene: Scene, s: KernelScene, wrt: Sequence[str]) ->
         name for b in s.batches if (b.kind.finds_roots or b.kind.walks) and b.kind.closed for name in b.names
     ]
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
-    transmissive_solids = [name for name in searched_solids if scene.objects[name].material in transmissive]
+    transmissive_solids = [name for name in searched_solids if scene.all_objects[name].material in transmissive]
     if transmissive_solids and any(moves_edges(scene, w) for w in wrt):
         name = transmissive_solids[0]
         problem = "no derivative with respect to motion passes through its coloured shadow"
-        raise UserError(f"objects.{name}: {problem}; give this {scene.objects[name].type} a material without kt")
+        raise UserError(
+            f"{address_of(name)}: {problem}; give this {scene.all_objects[name].type} a material without kt"
+        )
 
 
 @checked_arguments

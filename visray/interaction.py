@@ -12,11 +12,11 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
+from visray.columns import NO_TEXTURE
 from visray.geometry import face_forward, gamma, l1_norm
 from visray.images import lookup as texturing
 from visray.kernel_scene import KernelScene
 from visray.materials import Material
-from visray.pack import NO_TEXTURE
 from visray.pytree import leaves, mapped, rebuilt, rows
 from visray.ray import Hit, Ray, Surface
 from visray.sampling import SampleState

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 
 from visray import modes
+from visray.data.all_objects import address_of
 from visray.feature_rules import used_materials
 from visray.features import Features
 from visray.geometry import gamma
@@ -30,7 +31,7 @@ def sheet_notes(scene: Scene, effects: Features) -> list[str]:
         return []
     bending = {name for name, m in used_materials(scene).items() if any(m.kt) and m.ior != 1}
     sheets: dict[tuple, list[str]] = {}
-    for name, obj in scene.objects.items() if bending else ():
+    for name, obj in scene.representatives.items() if bending else ():
         if obj.material in bending and not (shape := scene.shape_of(obj)).closed:
             sheets.setdefault((obj.material, shape.type, shape.advice_for_glass()), []).append(name)
     return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
@@ -41,8 +42,8 @@ def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     ior = used_materials(scene)[material].ior
     return (
-        f"objects.{names[0]}{more}: a {kind} that is open bends no light, although materials.{material} has kt and the "
-        f"ior {ior:g}; {advice}, or write the ior 1 if light shall go straight through"
+        f"{address_of(names[0])}{more}: a {kind} that is open bends no light, although materials.{material} has kt and "
+        f"the ior {ior:g}; {advice}, or write the ior 1 if light shall go straight through"
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.pack import Columns, materials_of
+from visray.columns import Columns, materials_of
 from visray.pytree import detached
 from visray.quantities import Arrays
 from visray.scene.scene import Scene

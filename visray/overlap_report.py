@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from visray.data.all_objects import address_of
 from visray.feature_rules import used_materials
 from visray.features import Overlap
 from visray.geometry import gamma
@@ -45,10 +46,10 @@ class _Bounds:
 def overlaps(scene: Scene) -> tuple[tuple[Overlap, ...], int]:
     """The pairs of transparent solids of a scene that may overlap: the first DESCRIBED of them, and their number."""
     clear = {name for name, m in used_materials(scene).items() if any(m.kt)}
-    solids = {n: o for n, o in scene.objects.items() if o.material in clear and scene.shape_of(o).closed}
+    solids = {n: o for n, o in scene.objects_of(clear).items() if scene.shape_of(o).closed}
     if len(solids) < 2:
         return (), 0
-    scene = replace(scene, objects=solids)
+    scene = replace(scene, objects=solids, data=None)
     batches, names = pack(scene, Arrays.of()).batches, list(solids)
     parts = Solids.joined([solids_of(scene, columns) for columns in batches])
     bounds = [columns.numbers.bounds(columns.outer) for columns in batches]
@@ -63,7 +64,7 @@ def overlaps(scene: Scene) -> tuple[tuple[Overlap, ...], int]:
     listed = []
     for pair in pairs[:DESCRIBED]:
         counts, hidden = sorted(pair, key=rank.__getitem__)
-        listed.append(Overlap(f"objects.{names[counts]}", f"objects.{names[hidden]}", _reason(parts, counts, hidden)))
+        listed.append(Overlap(address_of(names[counts]), address_of(names[hidden]), _reason(parts, counts, hidden)))
     return tuple(listed), len(pairs)
 
 

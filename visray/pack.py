@@ -7,12 +7,13 @@ object, as an entry of these arrays. References by name become numbers. `Packed`
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from visray.camera import Camera, OrthographicCamera
+from visray.columns import Columns, Names, materials_of, texture_rows
+from visray.data_columns import data_columns
 from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import Material
@@ -23,79 +24,7 @@ from visray.primitives.primitive import Primitive
 from visray.pytree import evaluated
 from visray.quantities import Arrays, stacked
 from visray.scene.scene import Occlusion, Scene, SkyGradient
-from visray.textures import row_number
 from visray.transforms import composed
-
-NO_TEXTURE = 0xFFFFFFFF
-
-
-class Names:
-    """Names of a batch's rows: either listed, or made of a prefix and the row's number, such as t0, t1, t2.
-
-    If `counts` is given, each listed name belongs to so many rows in a row, such as the triangles of a mesh.
-    """
-
-    def __init__(
-        self,
-        listed: tuple[str, ...] = (),
-        prefix: str = "",
-        count: int | None = None,
-        counts: tuple[int, ...] | None = None,
-    ):
-        self.listed, self.prefix = listed, prefix
-        self.ends = None if counts is None else np.cumsum(counts)
-        self.count = (len(listed) if count is None else count) if counts is None else int(self.ends[-1])
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, row: int) -> str:
-        if not 0 <= row < self.count:
-            raise IndexError(row)
-        if self.ends is not None:
-            return self.listed[np.searchsorted(self.ends, row, side="right")]
-        return self.listed[row] if self.listed else f"{self.prefix}{row}"
-
-    @cached_property
-    def _rows(self) -> dict[str, int]:
-        first = range(len(self.listed)) if self.ends is None else [0, *self.ends[:-1].tolist()]
-        return dict(zip(self.listed, first))
-
-    def row(self, name: str) -> int | None:
-        """The row with this name, the first one if there are several; None if there is none."""
-        if self.listed:
-            return self._rows.get(name)
-        number = name.removeprefix(self.prefix)
-        fits = name.startswith(self.prefix) and number.isdecimal() and str(int(number)) == number
-        return int(number) if fits and int(number) < self.count else None
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Objects that share their code, as arrays with one entry for each row. They come from a scene, or from any other
-    source of columns.
-
-    kind: class of the objects; objects with a transform and objects without one form two batches
-    names: names of the rows
-    numbers: the kind's fields, as arrays
-    outer: transforms of the rows; None for a batch without transforms
-    object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
-        triangles of meshes; None if each row is an object
-    material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
-    object: number of each object, in the order of the scene
-    """
-
-    kind: type[Primitive]
-    names: Names
-    numbers: Any
-    outer: Frame | None
-    object_of: Any
-    material: Any
-    texture: Any
-    object: Any
-
-    def __len__(self) -> int:
-        return len(self.names)
 
 
 @dataclass(frozen=True)
@@ -153,11 +82,11 @@ class BatchKeys:
 
 
 def pack(scene: Scene, a: Arrays) -> Packed:
-    """The scene's numbers as arrays. Batches are in the order of their first objects."""
+    """The scene's numbers as arrays. Batches are in the order of their first objects; those of data layers follow."""
     materials = materials_of(scene)
     objects: dict[tuple, list[tuple[int, str]]] = {}
     batch_key = BatchKeys(scene)
-    for number, (name, obj) in enumerate(scene.objects.items()):
+    for number, (name, obj) in enumerate(scene.written_objects.items()):
         objects.setdefault(batch_key(obj), []).append((number, name))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
@@ -166,7 +95,10 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     sky = sky if isinstance(sky, SkyGradient) else SkyGradient(top=sky, bottom=sky)
     return evaluated(
         Packed(
-            batches=tuple(object_columns(scene, a, kind, members) for (kind, _), members in objects.items()),
+            batches=(
+                *(object_columns(scene, a, kind, members) for (kind, _), members in objects.items()),
+                *data_columns(scene, a),
+            ),
             lights=tuple(_light_columns(scene, a, kind, members) for kind, members in lights.items()),
             materials=_material_table(a, list(materials.values())),
             camera=stacked(a, type(scene.camera), [scene.camera]),
@@ -177,11 +109,6 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     )
 
 
-def materials_of(scene: Scene) -> dict[str, Material]:
-    """The materials by name; the default material is the first."""
-    return {"default": Material()} | scene.materials
-
-
 def _material_table(a: Arrays, materials: list[Material]) -> Material:
     """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others."""
     unlit = a.put(a.F, np.array([m.unlit for m in materials], float))
@@ -190,7 +117,7 @@ def _material_table(a: Arrays, materials: list[Material]) -> Material:
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:
     """Objects that are bodies, with their meshes and transforms."""
-    objects = [scene.objects[name] for name in names]
+    objects = [scene.written_objects[name] for name in names]
     return [Body(scene.shape_of(x), x.transform if isinstance(x, Instance) else ()) for x in objects]
 
 
@@ -206,15 +133,12 @@ def object_columns(
     if kind.walks:
         objects: list = bodies_of(scene, names)
     else:
-        objects = [scene.placed_shape(scene.objects[name]) for name in names]
+        objects = [scene.placed_shape(scene.written_objects[name]) for name in names]
     materials = materials_of(scene)
     index = {name: i for i, name in enumerate(materials)}
-    number = {name: i for i, name in enumerate(scene.textures)}
-    texture_of = {
-        name: row_number(number[m.texture], len(number), kind.v_ends, m.keeps_ka) if m.texture else NO_TEXTURE
-        for name, m in materials.items()
-    }
-    named = [scene.objects[name].material for name in names]
+    texture_of = texture_rows(scene, kind.v_ends)
+    written = scene.written_objects
+    named = [written[name].material for name in names]
     outer = object_of = counts = None
     if kind.many_rows:
         counts = tuple(x.row_count() for x in objects)

@@ -3,6 +3,12 @@
 # ruff: noqa: F403 - lights and primitives list their own public names
 from visray import lights, primitives
 from visray.camera import Camera, OrthographicCamera
+from visray.data.base import GlobeBase, MapBase, PlaneBase
+from visray.data.color_rule import ColorRule
+from visray.data.data_scene import Data
+from visray.data.layer import DataLayer, RowEdit
+from visray.data.legend import Legend
+from visray.data.size_rule import SizeRule
 from visray.edges import EdgeWarning
 from visray.errors import UserError
 from visray.gradients import derivative, difference, gradient
@@ -32,7 +38,16 @@ __all__ = [
     "Block",
     "Camera",
     "CheckerTexture",
+    "ColorRule",
+    "Data",
+    "DataLayer",
     "EdgeWarning",
+    "GlobeBase",
+    "Legend",
+    "MapBase",
+    "PlaneBase",
+    "RowEdit",
+    "SizeRule",
     "Film",
     "Image",
     "ImageTexture",

@@ -4,6 +4,7 @@ from collections import Counter
 
 from visray.accel import policy
 from visray.camera import OrthographicCamera
+from visray.data_columns import layer_sizes
 from visray.features import Features, RayFamily
 from visray.lights.light import Light
 from visray.pack import BatchKeys
@@ -16,10 +17,11 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     kinds = [type(light) for light in scene.lights.values()]
     batch_sizes: Counter = Counter()
     batch_key = BatchKeys(scene)
-    for obj in scene.objects.values():
+    for obj in scene.written_objects.values():
         key = batch_key(obj)
         batch_sizes[key] += obj.row_count() if key[0].many_rows else 1
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]
+    sizes += [policy.BatchSize(n, kind.bounded) for kind, n in layer_sizes(scene)]
     looped = too_many_lights(len(kinds), (size.rows for size in sizes))
     shared = shared_by(features, kinds, looped, isinstance(scene.camera, OrthographicCamera))
     plans = {name: policy.plan(sizes, scene.settings.accelerator, by) for name, by in shared.items()}

@@ -24,6 +24,8 @@ from visray.certificate import certificate_facts, warn_of_roots
 from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
 from visray.dark import dark_notes, warn_of_dark
+from visray.data.all_objects import address_of
+from visray.data_report import data_notes
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.features import Features, features
 from visray.material_report import energy_notes, sheet_notes
@@ -231,7 +233,8 @@ def explain(scene: Scene) -> Features:
     scene = checked(scene)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    notes = (*sheet_notes(scene, on), *energy_notes(scene), *constant_notes(scene), *clip_notes(scene))
+    of_scene = (*constant_notes(scene), *clip_notes(scene), *data_notes(scene))
+    notes = (*sheet_notes(scene, on), *energy_notes(scene), *of_scene)
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)
 
@@ -253,10 +256,10 @@ def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
     bad = np.flatnonzero(~np.isfinite(mean).all(0))
     if not bad.size:
         return
-    names = {i + 1: name for i, name in enumerate(prepared.scene.objects)}
+    names = {i + 1: name for i, name in enumerate(prepared.scene.all_objects)}
     number = np.broadcast_to(np.array(_first_hit(prepared)["id"]), len(prepared.order))[bad[0]]
     y, x = divmod(int(prepared.order[bad[0]]), prepared.scene.film.width)
-    what = f"objects.{names[int(number)]}" if number else "nothing"
+    what = address_of(names[int(number)]) if number else "nothing"
     more = f", and {bad.size - 1} pixels more" if bad.size > 1 else ""
     raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
 

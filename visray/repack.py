@@ -8,7 +8,10 @@ import drjit as dr
 import numpy as np
 
 from visray.address_index import AddressIndex
-from visray.pack import BatchKeys, Columns, Packed, bodies_of, materials_of, object_columns, pack
+from visray.columns import Columns, materials_of
+from visray.data.all_objects import BASE
+from visray.data_columns import data_columns
+from visray.pack import BatchKeys, Packed, bodies_of, object_columns, pack
 from visray.primitives.mesh import Mesh
 from visray.primitives.mesh_buffers import frames
 from visray.pytree import leaves, mapped
@@ -30,10 +33,12 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
         return None
     changes: dict[str, Any] = {}
     batches = _updated_batches(packed, old, new, _objects_of(new, paths), a)
+    if batches is not None and new.data is not None:
+        batches = _updated_layers(batches, old, new, paths, a)
     if batches is None:
         return None
-    if sections - {"objects", "geometries"}:
-        without_objects = pack(replace(new, objects={}), a)
+    if sections - {"objects", "geometries", "data"}:
+        without_objects = pack(replace(new, objects={}, data=None), a)
         fields = {"settings": "occlusion"} | {name: name for name in sections & set(Packed.__dataclass_fields__)}
         changes = {fields[s]: getattr(without_objects, fields[s]) for s in sections if s in fields}
     return replace(packed, batches=batches, **changes)
@@ -43,8 +48,9 @@ def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
     """Names of the objects that change with the values at some addresses: objects, and instances of geometries."""
     changed = {section: {rest[0] for s, *rest in paths if s == section} for section in ("objects", "geometries")}
     geometries = changed["geometries"]
-    instances = {name for name, obj in scene.objects.items() if getattr(obj, "geometry", None) in geometries}
-    return changed["objects"] | (instances if geometries else set())
+    instances = {name for name, obj in scene.written_objects.items() if getattr(obj, "geometry", None) in geometries}
+    base = {BASE} if any(section == "data" for section, *_ in paths) and scene.data is not None else set()
+    return changed["objects"] | (instances if geometries else set()) | base
 
 
 def _structure(scene: Scene) -> tuple:
@@ -57,6 +63,7 @@ def _structure(scene: Scene) -> tuple:
         [(name, m.texture, m.textured) for name, m in materials_of(scene).items()],
         BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.objects.values()) else None,
         isinstance(scene.background, SkyGradient),
+        scene.data is None,
         type(scene.camera),
     )
 
@@ -69,7 +76,7 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     old_key, new_key = BatchKeys(old), BatchKeys(new)
     for name in names:
-        before, after = old.objects[name], new.objects[name]
+        before, after = old.written_objects[name], new.written_objects[name]
         if old_key(before) != new_key(after):
             return None
         number, row = index.row_of(packed.batches, name)
@@ -90,15 +97,35 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     return tuple(batches)
 
 
+def _updated_layers(
+    batches: tuple[Columns, ...], old: Scene, new: Scene, paths: list[list[str]], a: Arrays
+) -> tuple[Columns, ...] | None:
+    """The batches with those of the data layers made again if they change; None if their rows or kinds are others.
+
+    paths: addresses of the values that change, split at the dots
+    """
+    changed = {rest[0] for section, *rest in paths if section == "geometries"}
+    if not any(section == "data" for section, *_ in paths):
+        return None if changed & {rows.geometry for rows in new.data.rows.values()} else batches
+    layers = data_columns(new, a)
+    first = len(batches) - sum(1 for rows in old.data.rows.values() if len(rows))
+    before = batches[first:]
+    same = len(layers) == len(before) and all(
+        x.kind is y.kind and len(x) == len(y) and _same_sizes(x, y) and (x.color is None) == (y.color is None)
+        for x, y in zip(layers, before)
+    )
+    return (*batches[:first], *layers) if same else None
+
+
 def _same_meshes(old: Scene, new: Scene, names: Iterable[str]) -> bool:
     """Whether the objects with these names have the same meshes in both scenes, apart from their transforms."""
-    pairs = ((old.shape_of(old.objects[name]), new.shape_of(new.objects[name])) for name in names)
+    pairs = ((old.shape_of(old.written_objects[name]), new.shape_of(new.written_objects[name])) for name in names)
     return all(x is y or x.shape_of_file() is y.shape_of_file() for x, y in pairs)
 
 
 def _anew(columns: Columns, scene: Scene, a: Arrays) -> Columns:
     """The columns of the same objects, packed again."""
-    order = list(scene.objects)
+    order = list(scene.written_objects)
     return object_columns(scene, a, columns.kind, [(order.index(name), name) for name in columns.names.listed])
 
 

@@ -14,10 +14,10 @@ import numpy as np
 from visray import modes
 from visray.adaptive.small_objects import SMALL
 from visray.camera import ParallelView
+from visray.columns import materials_of
 from visray.geometry import gamma
 from visray.lights.light import Light
 from visray.materials import Material
-from visray.pack import materials_of
 from visray.scene.scene import SkyGradient
 from visray.setup import Prepared
 from visray.textures import CheckerTexture
@@ -44,7 +44,7 @@ class Brightness:
         that is inside the box of an object shines on it as from the nearest other object.
         """
         scene = prepared.scene
-        used = {x.material for x in scene.objects.values()}
+        used = {x.material for x in scene.representatives.values()}
         materials = {name: m for name, m in materials_of(scene).items() if name in used}
         if not modes.BY_NAME[scene.settings.shading].lit or not materials:
             return Brightness(dict.fromkeys(materials, 1.0), 0.0, "")
@@ -139,7 +139,7 @@ def _distances(prepared: Prepared, light: Light) -> np.ndarray:
         if batch.kind.bounded:
             low, high = np.array(batch.low, float), np.array(batch.high, float)
             distances.append(np.linalg.norm(np.maximum(np.maximum(low - p, p - high), 0), axis=0))
-    for x in prepared.scene.objects.values():
+    for x in prepared.scene.representatives.values():
         if x.type == "plane" and not x.transform:
             n = np.array(x.normal) / np.linalg.norm(x.normal)
             d = abs(float(n @ (p[:, 0] - np.array(x.point))))

@@ -35,6 +35,7 @@ from visray.adaptive.error_floor import Files, Floor, checked_floor, file_roundi
 from visray.adaptive.estimate import Estimate
 from visray.adaptive.small_objects import small_objects
 from visray.adaptive.stopping import Goal
+from visray.data.all_objects import address_of
 from visray.errors import GoalWarning
 from visray.passes import first_pass_samples
 from visray.progress import Bar, Interrupts
@@ -196,10 +197,10 @@ class AdaptiveRun:
         buffer, prepared = self.buffer, self.buffer.prepared
         cells, brightness = small_objects(prepared), Brightness.of(prepared)
         self.hidden = brightness.hidden, brightness.cause
-        names = list(prepared.scene.objects)
+        names, materials = list(prepared.scene.all_objects), prepared.scene.materials_of_objects()
 
         def bright(number: int) -> float:
-            return brightness.objects[prepared.scene.objects[names[number]].material]
+            return brightness.objects[materials[number]]
 
         missed = list(cells.missed)
         if len(cells.pixels):
@@ -212,7 +213,7 @@ class AdaptiveRun:
         if missed:
             brightest = max(missed, key=bright)
             if bright(brightest) > self.hidden[0]:
-                self.hidden = bright(brightest), f"objects.{names[brightest]}, smaller than a pixel"
+                self.hidden = bright(brightest), f"{address_of(names[brightest])}, smaller than a pixel"
 
     def _needs_cells(self) -> bool:
         """Whether the error of the pixels that are cut into cells is too large a part of the picture's error."""

@@ -107,7 +107,7 @@ def _without_textures(prepared: Prepared, found: list) -> list:
     objects, index = np.unique(np.concatenate([x[1] for x in found]), return_inverse=True)
     areas = np.zeros(len(objects))
     areas[index] = np.concatenate([x[2] for x in found])
-    names = [x.material for x in prepared.scene.objects.values()]
+    names = prepared.scene.materials_of_objects()
     _, material = np.unique([names[k] for k in objects], return_inverse=True)
     count, total = np.bincount(material), np.bincount(material, areas)
     as_texture = objects[((count >= MANY) & (total >= MANY * SMALL))[material]]

@@ -6,9 +6,9 @@ import drjit as dr
 import numpy as np
 
 from visray.batches import Batch
+from visray.columns import NO_TEXTURE
 from visray.feature_rules import used_materials
 from visray.geometry import gamma
-from visray.pack import NO_TEXTURE
 from visray.passes import expose, subset
 from visray.progress import Interrupts
 from visray.pytree import Packets, evaluated

@@ -9,6 +9,7 @@ import numpy as np
 from visray.accel.intersect import closest
 from visray.dark.evidence import NEARLY_BLACK
 from visray.dark.view import PictureRays, listed
+from visray.data.all_objects import address_of
 from visray.feature_rules import used_materials
 from visray.integrator import camera_origin, object_of
 from visray.light_probe import LightProbe, centre_sample, interaction_of, numbers, prepared_lights, probed
@@ -71,9 +72,9 @@ def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]
     if not rays.receives.any():
         return [f"{what}: all that is seen is unlit, and its kd is black"] if black else []
     scene, seen = prepared.scene, SeenPoints.of(prepared, rays)
-    names = list(scene.objects)
+    names = list(scene.all_objects)
     if len(set(seen.objects)) == 1 and seen.from_inside.all() and rays.hit.all():
-        where = f"camera.origin lies inside or behind objects.{names[seen.objects[0]]}"
+        where = f"camera.origin lies inside or behind {address_of(names[seen.objects[0]])}"
         return [f"{what}: {where}, and no light reaches its inner side; move the camera or a light"]
     if not black and all(any(m.kr + m.kt) for m in _materials(scene, seen)):
         return []  # mirrors and glass show the background
@@ -90,8 +91,8 @@ def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]
 
 def _materials(scene: Scene, seen: SeenPoints) -> list[Material]:
     """The materials of the objects that are seen."""
-    objects = list(scene.objects.values())
-    return [scene.materials.get(objects[k].material, Material()) for k in set(seen.objects)]
+    names = scene.materials_of_objects()
+    return [scene.materials.get(names[k], Material()) for k in set(seen.objects)]
 
 
 def _without_probes(scene: Scene) -> list[str]:
@@ -108,12 +109,12 @@ def _without_probes(scene: Scene) -> list[str]:
 
 def _cause(scene: Scene, name: str, light: Light, seen: SeenPoints, number: int, prepared: Prepared) -> str | None:
     """Why the light of one light is not seen; None if it is seen well."""
-    address, probe, names = f"lights.{name}", seen.probes[number], list(scene.objects)
+    address, probe, names = f"lights.{name}", seen.probes[number], list(scene.all_objects)
     if not light.intensity or not any(light.Id + light.Is):
         return f"{address} has {'intensity 0' if not light.intensity else 'neither Id nor Is'}"
     for k in _around(prepared, light):
-        if not any(scene.materials.get(scene.objects[names[k]].material, Material()).kt):
-            return f"{address} lies inside objects.{names[k]}, which lets no light out; move it"
+        if not any(scene.materials.get(scene.all_objects[names[k]].material, Material()).kt):
+            return f"{address} lies inside {address_of(names[k])}, which lets no light out; move it"
     outside = probe.falloff == 0
     if outside.all():
         direction = listed(np.median(seen.p, 0) - np.array(light.position))
@@ -126,7 +127,7 @@ def _cause(scene: Scene, name: str, light: Light, seen: SeenPoints, number: int,
         if light.intensity * max(light.Id + light.Is) < FAINT:
             return f"{address} has intensity {light.intensity:g}; raise it"
         if not (probe.diffuse + probe.specular).any():
-            dull = {f"materials.{scene.objects[names[k]].material}" for k in seen.objects[passes]}
+            dull = {f"materials.{scene.all_objects[names[k]].material}" for k in seen.objects[passes]}
             return f"{address} arrives, but {', '.join(sorted(dull))} reflects none of it"
         return None
     return f"{address} {_hidden(probe, seen, names)}; move it"
@@ -154,8 +155,8 @@ def _hidden(probe: LightProbe, seen: SeenPoints, names: list[str]) -> str:
         return "does not reach what is seen"
     most = both.most_common(1)[0][0]
     if not in_way:
-        return f"is behind all surfaces that are seen, such as objects.{most}"
+        return f"is behind all surfaces that are seen, such as {address_of(most)}"
     if in_way[most] and behind[most]:
-        return f"is behind objects.{most}, which is in its way to all else"
+        return f"is behind {address_of(most)}, which is in its way to all else"
     blocker = in_way.most_common(1)[0][0]
-    return f"is hidden by objects.{blocker}" + (", or behind the surfaces that are seen" if behind else "")
+    return f"is hidden by {address_of(blocker)}" + (", or behind the surfaces that are seen" if behind else "")

@@ -1,6 +1,7 @@
 """Why a picture shows nothing: where the objects are, as seen from the camera."""
 
 from dataclasses import dataclass
+from itertools import islice
 from math import degrees, hypot
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from visray.accel.intersect import closest
 from visray.camera import OrthographicCamera, ParallelView
+from visray.data.all_objects import address_of
 from visray.integrator import camera_origin, camera_ray
 from visray.interaction import interact
 from visray.primitives.primitive import bounding_box
@@ -73,7 +75,7 @@ def boxes(prepared: Prepared) -> list[Box]:
     )
     parallel = isinstance(view, ParallelView)
     found = []
-    for name, obj in list(scene.objects.items())[:MOST_OBJECTS]:
+    for name, obj in islice(scene.all_objects.items(), MOST_OBJECTS):
         if (corners := _corners(scene, obj)) is None:
             continue
         p = corners - o
@@ -87,7 +89,7 @@ def boxes(prepared: Prepared) -> list[Box]:
         across = np.linalg.norm(middle - (middle @ forward) * forward)
         angle = degrees(np.arctan2(across, middle @ forward))
         pixels = hypot(np.ptp(x), np.ptp(y)) if seen.all() else np.inf
-        found.append(Box(f"objects.{name}", corners.mean(0), not seen.any(), any(beyond), angle, pixels))
+        found.append(Box(address_of(name), corners.mean(0), not seen.any(), any(beyond), angle, pixels))
     return found
 
 
@@ -103,12 +105,12 @@ def _corners(scene: Scene, obj: Any) -> np.ndarray | None:
 def empty_notes(prepared: Prepared) -> list[str]:
     """List of one sentence that says why no ray of the camera meets an object."""
     scene = prepared.scene
-    if not scene.objects:
+    if not scene.all_objects:
         return ["the scene has no objects: the picture shows only the background"]
     found = boxes(prepared)
-    if not found or len(found) < min(len(scene.objects), MOST_OBJECTS):
-        name = next(n for n, o in scene.objects.items() if _corners(scene, o) is None)
-        return [f"nothing is seen: the camera looks past objects.{name}; turn camera.target to it"]
+    if not found or len(found) < min(len(scene.all_objects), MOST_OBJECTS):
+        name = next(n for n, o in scene.representatives.items() if _corners(scene, o) is None)
+        return [f"nothing is seen: the camera looks past {address_of(name)}; turn camera.target to it"]
     in_front = [box for box in found if not box.behind]
     middle = listed(np.mean([box.middle for box in (in_front or found)], 0))
     if not in_front:

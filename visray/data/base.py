@@ -54,7 +54,7 @@ def on_earth(lon: Any, lat: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Base:
+class AnyBase:
     """`material` is the name of the base's material, and `transform` the steps of its transform, in this order."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -98,7 +98,7 @@ def _columns(*parts: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GlobeBase(_Base):
+class GlobeBase(AnyBase):
     """A globe: a sphere of `radius` about `center`. North is +y; longitude 0 is at +x, and 90 degrees east at -z.
 
     Textures have longitude 0 in their middle: u = 0.5 + longitude / 360, v = 0.5 + latitude / 180.
@@ -150,7 +150,7 @@ Longitude = Annotated[Real, Field(ge=-360, le=360)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _FlatBase(_Base):
+class FlatBase(AnyBase):
     """A map in the plane y = `center`.y, with its middle at `center`. East is +x, and north is -z.
 
     extent: longitude of the west edge, longitude of the east edge, latitude of the south edge, latitude of the north
@@ -244,7 +244,7 @@ class _FlatBase(_Base):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapBase(_FlatBase):
+class MapBase(FlatBase):
     """A rectangle with a map."""
 
     type: Literal["map"] = "map"
@@ -256,7 +256,7 @@ class MapBase(_FlatBase):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaneBase(_FlatBase):
+class PlaneBase(FlatBase):
     """An infinite plane. The map is a part of it, and its texture goes on beyond the map's edges as its `wrap` says."""
 
     type: Literal["plane"] = "plane"

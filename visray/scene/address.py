@@ -14,7 +14,7 @@ from visray.arguments import checked_arguments, python_number
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
-from visray.scene.check import examined, parts
+from visray.scene.check import checked, examined, parts
 from visray.scene.messages import hint
 from visray.scene.scene import Scene
 from visray.scene.source import parse
@@ -33,7 +33,8 @@ DECIMAL = re.compile(r"\+?\d+\.\d*|[-+]?\.\d+|-\d+\.")
 @checked_arguments
 def value(scene: Scene, address: str) -> Any:
     """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
-    return _value_at(scene, address)
+    row = _row_edit(scene, address)
+    return checked(scene).data.value(*row) if row else _value_at(scene, address)
 
 
 @checked_arguments
@@ -54,6 +55,9 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     """
     raw = parts(scene)
     for address, new in assignments.items():
+        if row := _row_edit(scene, address):
+            raw = raw | {"data": _with_row(raw["data"], *row, python_number(new))}
+            continue
         _value_at(raw, address)
         if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
             raw = raw | {"camera": cameras.retyped(raw["camera"], new)}
@@ -63,6 +67,34 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     if flaws:
         raise UserError(*flaws)
     return result
+
+
+def _row_edit(scene: Scene, address: str) -> tuple[str, str, str] | None:
+    """Layer, number and property of an address of a row of data, such as `data.rain.12.height`; None for other
+    addresses. Raises UserError if there is no such number."""
+    head, *rest = address.split(".")
+    if head != "data" or scene.data is None or not rest or rest[0] not in scene.data.layers:
+        return None
+    layer, *rest = rest
+    rows = checked(scene).data.rows[layer]
+    if not rest:
+        raise UserError(f"{address}: write a row and a property, as in {address}.0.lon, or data.layers.{layer}")
+    if not rest[0].isdecimal():
+        raise UserError(printable(f"{address}: the fields of a layer are below data.layers.{layer}; a row is a number"))
+    if rows.index(int(rest[0])) is None:
+        raise UserError(printable(f"{address}: data.{layer} shows no row {rest[0]}; {rows.numbers_text()}"))
+    if len(rest) != 2 or rest[1] not in rows.values:
+        wrong = ".".join(rest[1:])
+        raise UserError(printable(f"{address}: a row of data.{layer} has no {wrong!r}; {hint(wrong, rows.values)}"))
+    return layer, rest[0], rest[1]
+
+
+def _with_row(data: Any, layer: str, number: str, name: str, new: Any) -> dict:
+    """Copy of the raw data in which one number of a row has another value."""
+    data = plain(data)
+    own = data["layers"][layer]
+    edits = own["rows"] | {number: own["rows"].get(number, {}) | {name: new}}
+    return data | {"layers": data["layers"] | {layer: own | {"rows": edits}}}
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

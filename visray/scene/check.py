@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from visray import lights, primitives, textures
 from visray.camera import Camera
+from visray.data.data_scene import Data
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
@@ -119,7 +120,7 @@ def _accepted(raw: dict) -> Scene | None:
         return None
     joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
     scene = replace(new, **joined)
-    if _has_own_flaws(new) or _has_wrong_reference(scene) or _has_mesh_flaws(scene):
+    if _has_own_flaws(new) or _has_wrong_reference(scene) or _has_mesh_flaws(scene) or data_flaws(scene):
         return None
     for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
@@ -167,7 +168,7 @@ def _has_wrong_reference(scene: Scene) -> bool:
     return (
         not textures_named <= {None, *scene.textures}
         or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
-        or {x.geometry for x in instances} != set(scene.geometries)
+        or {x.geometry for x in instances} | _geometries_of_data(scene) != set(scene.geometries)
         or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
         or any(_placement_flaw(scene, x) for x in instances)
     )
@@ -233,6 +234,7 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
         yield from _geometry_flaws(scene, name, shape)
     for name, shape in scene.objects.items():
         yield from _object_flaws(scene, f"objects.{name}", shape)
+    yield from data_flaws(scene)
 
 
 def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:
@@ -275,6 +277,49 @@ def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
     return texts + _transform_lines(address, shape, flaw)
 
 
+def _geometries_of_data(scene: Scene) -> set[str]:
+    """Names of the geometries that data layers show."""
+    layers = scene.data.layers.values() if scene.data is not None else ()
+    return {layer.geometry for layer in layers if layer.geometry is not None}
+
+
+def data_flaws(scene: Scene) -> list[str]:
+    """List of the errors of the scene's data, one line each."""
+    if scene.data is None:
+        return []
+    data, base = scene.data, scene.data.base
+    named = {"data.base.material": base.material}
+    named |= {f"data.layers.{name}.material": layer.material for name, layer in data.layers.items()}
+    texts = [
+        line(address, material, f"unknown material; {hint(material, [*scene.materials, DEFAULT_MATERIAL])}")
+        for address, material in named.items()
+        if material not in (DEFAULT_MATERIAL, *scene.materials)
+    ]
+    for name, layer in data.layers.items():
+        if layer.geometry is not None and layer.geometry not in scene.geometries:
+            text = f"unknown geometry; {hint(layer.geometry, scene.geometries)}"
+            texts.append(line(f"data.layers.{name}.geometry", layer.geometry, text))
+    if flaw := _transform_flaw(base.transform):
+        return [*texts, *_transform_lines("data.base", base, flaw)]
+    found = data.flaws()
+    texts += [_data_line(data, part, text) for part, text in found]
+    if texts:
+        return texts
+    for name, rows in data.rows.items():
+        if len(rows) and (text := _uv_flaw(scene, rows.object(0))):
+            texts.append(line(f"data.layers.{name}.material", rows.material, text))
+    return texts
+
+
+def _data_line(data: Data, part: str, text: str) -> str:
+    """The message about a part of the data. part: its address below `data`"""
+    value: Any = data
+    for key in part.split("."):
+        value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+    shown = isinstance(value, (str, int, float)) or (isinstance(value, tuple) and value)
+    return line(f"data.{part}", value, text) if shown else f"data.{part}: {text}"
+
+
 def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
     """List of the errors of a geometry: a material, its own flaws, a transform without an inverse, and no instance."""
     address, texts = f"geometries.{name}", []
@@ -282,8 +327,11 @@ def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
         text = "a geometry has no material; give one to each of its instances"
         texts.append(line(f"{address}.material", shape.material, text))
     texts += _own_flaws(address, shape) + _transform_lines(address, shape, _transform_flaw(shape.transform))
-    if not any(getattr(obj, "geometry", None) == name for obj in scene.objects.values()):
-        texts.append(f"{address}: no object is an instance of it; add one, or leave the geometry out")
+    shown = any(getattr(obj, "geometry", None) == name for obj in scene.objects.values())
+    if not shown and name not in _geometries_of_data(scene):
+        texts.append(
+            f"{address}: no object is an instance of it, and no data layer shows it; add one, or leave the geometry out"
+        )
     return texts
 
 

@@ -56,5 +56,19 @@ def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]
             return WITH_FILES[section]
         return entry | {"file": path}
 
+    def moved_source(name: str, layer: Any) -> Any:
+        source = layer.get("source") if isinstance(layer, dict) else None
+        if not (source and isinstance(source, str)):
+            return layer
+        path = str(folder / source)
+        if not (allow_outside or is_below(path, folder)):
+            flaws.append(printable(line(f"data.layers.{name}.source", source, OUTSIDE)))
+            return layer | {"source": {"lon": [0.0], "lat": [0.0]}}
+        return layer | {"source": path}
+
+    data = raw.get("data")
+    if isinstance(data, dict) and isinstance(data.get("layers"), dict):
+        layers = {name: moved_source(name, layer) for name, layer in data["layers"].items()}
+        raw = raw | {"data": data | {"layers": layers}}
     sections = {section: raw[section] for section in WITH_FILES if isinstance(raw.get(section), dict)}
     return raw | {s: {key: moved(s, key, entry) for key, entry in part.items()} for s, part in sections.items()}, flaws

@@ -1,13 +1,17 @@
 """The scene as frozen dataclasses of plain numbers. A scene file has the same fields."""
 
 import hashlib
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
 from visray import camera as cameras
 from visray import lights, modes, primitives, textures
+from visray.data.all_objects import AllObjects
+from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
 from visray.primitives.instance import Instance
@@ -143,7 +147,33 @@ class Scene:
     lights: dict[Name, Light] = field(default_factory=dict)
     geometries: dict[Name, Geometry] = field(default_factory=dict)
     objects: dict[Name, Object] = field(default_factory=dict)
+    data: Data | None = None
     settings: Settings = field(default_factory=Settings)
+
+    @cached_property
+    def all_objects(self) -> Mapping[str, Object]:
+        """All objects that are rendered, by name, in order: `objects`, then those of `data` (data/all_objects.py)."""
+        return self.objects if self.data is None else AllObjects(self.objects, self.data)
+
+    @property
+    def written_objects(self) -> Mapping[str, Object]:
+        """The objects that have an instance of their own: `objects`, and the base of `data`."""
+        return self.objects if self.data is None else self.all_objects.written
+
+    @property
+    def representatives(self) -> Mapping[str, Object]:
+        """Objects of all kinds and materials that the scene has: of the rows of a layer, only the first."""
+        return self.objects if self.data is None else self.all_objects.representatives
+
+    def materials_of_objects(self) -> list[str]:
+        """Name of the material of each object, in the order of all_objects."""
+        return [x.material for x in self.objects.values()] if self.data is None else self.all_objects.materials()
+
+    def objects_of(self, materials: Collection[str]) -> dict[str, Object]:
+        """The objects with one of these materials, by name, in the order of all_objects."""
+        if self.data is not None:
+            return self.all_objects.of_materials(materials)
+        return {name: x for name, x in self.objects.items() if x.material in materials}
 
     def shape_of(self, obj: Object) -> Primitive:
         """The geometry of an instance, without the instance's own transform; any other object itself."""

@@ -12,120 +12,46 @@ from typing import Any
 from visray import lights, primitives, textures
 from visray.arguments import checked_arguments
 from visray.camera import Camera, OrthographicCamera
-from visray.lights.light import AreaLight
+from visray.data import base as bases
+from visray.data.color_rule import ColorRule
+from visray.data.data_scene import Data
+from visray.data.layer import DataLayer, RowEdit
+from visray.data.legend import Legend
+from visray.data.number_column import NumberColumn
+from visray.data.size_rule import SizeRule
+from visray.data.source import TableValue
 from visray.materials import Material
-from visray.modes import MODES
 from visray.number_table import NumberTable
-from visray.polynomials.catalogue import SURFACES
 from visray.primitives.clips import Ball, Block
-from visray.primitives.instance import Instance
-from visray.primitives.mesh import FitBox, Mesh
-from visray.primitives.polynomial import Polynomial
-from visray.primitives.primitive import Primitive
+from visray.primitives.mesh import FitBox
 from visray.quantities import quantities
 from visray.scene.check import checked
 from visray.scene.files import WITH_FILES, OutsideWarning, is_below
+from visray.scene.meanings import MEANINGS
 from visray.scene.scene import ADAPTER, Film, Occlusion, Scatter, Scene, Settings, SkyGradient
 from visray.scene.source import read
-from visray.textures import ImageTexture, Texture
-from visray.transforms import STEPS, Matrix, Rotate, Scale
+from visray.transforms import STEPS
 
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.OBJECTS, Ball, Block)
-KINDS = (Scene, Camera, Film, SkyGradient, Settings, Occlusion, Scatter, Material, *TYPED, FitBox, *STEPS.values())
+TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.OBJECTS, Ball, Block, *bases.KINDS)
+DATA = (Data, DataLayer, RowEdit, Legend, SizeRule, ColorRule)
+KINDS = (
+    Scene,
+    Camera,
+    Film,
+    SkyGradient,
+    Settings,
+    Occlusion,
+    Scatter,
+    Material,
+    *TYPED,
+    FitBox,
+    *DATA,
+    *STEPS.values(),
+)
 # Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform")
-
-# Meanings of the fields whose values are no numbers of a kernel. A number of a kernel has its unit instead
-# (quantities.Quantity).
-MEANINGS: dict[type, dict[str, str]] = {
-    Scene: {
-        "camera": "where you look from, and where to; perspective if it has no type",
-        "background": "colour of rays that hit nothing: a colour, or a gradient",
-        "textures": "textures by name",
-        "materials": "materials by name",
-        "lights": "lights by name",
-        "geometries": "shapes by name that objects of the type instance show, each many times; they have no material",
-        "objects": "objects by name",
-    },
-    Film: {
-        "width": "pixels, > 0",
-        "height": "pixels, > 0",
-        "transparent": "whether the background is left out; layer A is then the coverage",
-    },
-    Settings: {
-        "spp": "samples per pixel, > 0",
-        "seed": "a whole number from 0 to 4294967295; another seed gives other noise",
-        "precision": "precision of shading; geometry is always double",
-        "sampler": "how the samples of a pixel are placed",
-        "shading": "; ".join(f"{mode.name}: {mode.meaning}" for mode in MODES),
-        "shadows": "whether objects cast shadows",
-        "depth": "largest number of reflections and refractions in a row, from 0 (none at all) to 1000",
-        "misses": "colour of a reflected, refracted or scattered ray that hits nothing",
-        "local": "weight of a transparent surface's own colour: 1 - kt (weighted) or 1 (full)",
-        "area": "where the light of an area light comes from: its samples, or its centre",
-        "accelerator": "how rays find objects; the picture is bit for bit the same with each",
-    },
-    Occlusion: {
-        "sky": "number of rays per point that measure how much of the sky is visible, from 0 to 65536",
-        "near": "number of rays per point that measure how near other surfaces are, from 0 to 65536",
-        "hemisphere": "distribution of the rays: cosine, or box as in the original VisRayTrace",
-    },
-    Scatter: {
-        "rays": "number of rays from each point that the camera sees, from 0 to 65536",
-        "depth": "largest number of bounces, from 0 to 1000",
-    },
-    Material: {
-        "priority": "where transparent solids overlap, the one with the higher priority counts; of equal ones, the "
-        "smaller solid",
-        "texture": "the name of one of the scene's textures, or null",
-        "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
-        "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
-    },
-    Texture: {
-        "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
-        "offset": "added to u and v after they are multiplied by scale; each from -1e6 to 1e6",
-    },
-    ImageTexture: {
-        "file": "path of the image, relative to the scene file",
-        "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
-        "wrap": "how the image continues beyond its edges; a pair is for u and for v",
-        "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR",
-    },
-    AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
-    Primitive: {
-        "material": "the name of one of the scene's materials, or default",
-        "transform": "transformation steps; the first one is applied first",
-    },
-    Polynomial: {
-        "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, parameters, sqrt(number), pi and '
-        "phi (the golden ratio)",
-        "monomis": 'the terms of f, as in ["0.9x2", "-3y2", "-1"]',
-        "surface": f"the name of a known surface: {', '.join(SURFACES)}",
-        "parameters": "values of the parameters by name: those in the expression, or those of the known surface",
-        "clip": "ball or box that bounds the surface; default: that of the known surface, or a ball of radius 5",
-        "ends": "open: the surface has an edge at the clip; capped: the surface is that of a solid, the points of the "
-        "clip with f < 0",
-        "tolerance": "largest error of a crossing, from 0 to 1, as a share of half the length of the ray in the clip",
-    },
-    Mesh: {
-        "file": "path of the mesh file (OBJ, PLY, STL, glTF, GLB or OFF), relative to the scene file",
-        "part": "the name of a part of the file; default: all parts",
-        "vertices": "the vertices, if there is no file: x, y and z of each, in world units",
-        "faces": "the triangles, if there is no file: three numbers of vertices each, counted from 0",
-        "normals": "face: flat triangles; smooth: averaged over edges that bend by at most `crease` degrees; file: "
-        "those of the file",
-        "crease": "degrees, from 0 to 180",
-        "fit": "longest side of the bounding box, which is then centred at the origin, or a box to fit into",
-        "solid": "auto: a mesh without open edges is a solid; true: open edges are an error; false: never a solid",
-    },
-    FitBox: {},
-    Instance: {"geometry": "the name of one of the scene's geometries"},
-    Scale: {"scale": "one factor, or one for each axis; not 0"},
-    Rotate: {"rotate": "degrees"},
-    Matrix: {"matrix": "the upper three rows of a 4 x 4 matrix"},
-}
 
 
 @checked_arguments
@@ -163,7 +89,7 @@ def _warn_of_files_outside(scene: Scene, folder: str | Path) -> None:
 
 
 def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
-    """The scene with other paths of texture and mesh files.
+    """The scene with other paths of texture, mesh and data files.
 
     renamed: function that returns the new path for each path.
     """
@@ -173,7 +99,12 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
             name: replace(x, file=renamed(x.file)) if getattr(x, "file", None) else x for name, x in entries.items()
         }
 
-    return replace(scene, **{name: moved(getattr(scene, name)) for name in WITH_FILES})
+    data = scene.data
+    if data is not None:
+        sources = {name: layer.source for name, layer in data.layers.items() if isinstance(layer.source, str)}
+        layers = {name: replace(data.layers[name], source=renamed(source)) for name, source in sources.items()}
+        data = replace(data, layers=data.layers | layers) if layers else data
+    return replace(scene, data=data, **{name: moved(getattr(scene, name)) for name in WITH_FILES})
 
 
 def _relative_path(folder: str | Path, file: str) -> str:
@@ -195,6 +126,9 @@ def _json_tree(value: Any, like: Any = None) -> Any:
         written = [f for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]
         written.sort(key=lambda f: (f.name != "type", f.name in LAST))
         value = {f.name: getattr(value, f.name) for f in written}
+    if isinstance(value, (TableValue, NumberColumn)):
+        value = value.listed()
+        value = tuple(value) if isinstance(value, list) else value
     if isinstance(value, dict):
         names = sorted(value, key=lambda k: list(previous).index(k) if k in previous else len(previous))
         return {k: _json_tree(value[k], previous.get(k)) for k in names}

@@ -79,7 +79,7 @@ def _view(prepared: Prepared, ray: Ray) -> View:
     index = np.array(integrator.object_of(s, si.hit)).astype(np.int32)
     # All rays may share one normal.
     n = np.broadcast_to(to_numpy(si.surface.n), (len(index), 3))
-    return View(s, si, tuple(prepared.scene.objects), index, np.array(si.hit.t), n)
+    return View(s, si, tuple(prepared.scene.all_objects), index, np.array(si.hit.t), n)
 
 
 def _angles(n: np.ndarray, m: np.ndarray) -> np.ndarray:

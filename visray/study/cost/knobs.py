@@ -82,7 +82,7 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     """Knobs of a scene; the samplers first."""
     on, settings = explain(scene), scene.settings
     turned = [_samples(scene, sampler) for sampler in SAMPLERS]
-    if on["area lights"] and scene.objects:
+    if on["area lights"] and scene.all_objects:
         turned.append(_light_samples(scene))
     for effect, name, address in (
         ("sky occlusion", "sky rays", SKY),
@@ -97,7 +97,7 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     shapes = {"objects": scene.objects, "geometries": scene.geometries}
     if curved := [f"{section}.{n}.tolerance" for section in shapes for n, o in shapes[section].items() if _searched(o)]:
         turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
-    if scene.objects:
+    if scene.all_objects:
         ways = "auto", "none", "lists", "tree"
         turned.append(_of_values("accelerator", "step", scene, ["settings.accelerator"], ways))
     if on["textures"] and (images := _images(scene)):

@@ -14,6 +14,7 @@ import numpy as np
 from visray import indirect as paths
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.integrator import camera_origin, object_of
 from visray.interaction import Interaction
@@ -66,7 +67,7 @@ class _Walk:
 
     def __post_init__(self):
         scene, self.s = self.prepared.scene, self.prepared.kernel
-        self.objects, self.light_names = list(scene.objects), list(scene.lights)
+        self.objects, self.light_names = list(scene.all_objects), list(scene.lights)
         samples = [getattr(light, "samples", 1) for light in scene.lights.values()]
         # At least two lanes, because single numbers make other kernels.
         self.n = max(2, *samples, scene.settings.scatter.rays, 1)
@@ -128,7 +129,7 @@ class _Walk:
         kept = local_weight(s, si, media) if s.features["paths"] else None
         share = WHITE if kept is None else self.first(kept)
         return SurfaceStory(
-            way, factor, f"objects.{name}", _product(factor, share, own), own, share,
+            way, factor, address_of(name), _product(factor, share, own), own, share,
             distance=self.first(si.hit.t), point=self.first(si.surface.p), normal=self.first(si.n),
             uv=(self.first(si.u), self.first(si.v)), inside=self.first(si.from_inside), material=material,
             unlit=lit_mode and unlit, ambient=reflected, lights=lights, notes=_notes(material, s.settings.local),
@@ -137,7 +138,7 @@ class _Walk:
     def material(self, name: str, si: Interaction) -> dict[str, Any]:
         """The material of an object at a surface point: its address, its texture and its numbers."""
         scene = self.prepared.scene
-        given = scene.objects[name].material
+        given = scene.all_objects[name].material
         material = scene.materials.get(given, Material())
         values = {field: getattr(material, field) for field in quantities(Material)}
         values |= {field: self.first(getattr(si.material, field)) for field in ("ka", "kd")}
@@ -159,7 +160,7 @@ class _Walk:
     def light(self, name: str, light: Light, probe: LightProbe) -> LightStory:
         """The story of one light."""
         n = getattr(light, "samples", 1)
-        in_way = [f"objects.{self.objects[k]}" for lane in probe.in_way[:n] for k in lane]
+        in_way = [address_of(self.objects[k]) for lane in probe.in_way[:n] for k in lane]
         mean = {field: np.asarray(getattr(probe, field)[:n], float).mean(0) for field in (
             "distance", "cosine", "attenuation", "falloff", "transmittance", "diffuse", "specular"
         )}  # fmt: skip
@@ -191,7 +192,7 @@ class _Walk:
         b = paths.scattered(s, si, self.j)
         hit = closest(RayOrigin(s.geometry, b.ray.o, shared=False), b.ray, s.brute_force, b.alive)
         met = numbers(object_of(s, Hit(hit.t, dr.select(b.alive, hit.row, NO_ROW), hit.part)), self.n)[:rays]
-        names = ["nothing" if k == NO_ROW else f"objects.{self.objects[int(k)]}" for k in met]
+        names = ["nothing" if k == NO_ROW else address_of(self.objects[int(k)]) for k in met]
         return replace(
             surface, scattered=rays, scattered_light=light,
             scattered_to={name: names.count(name) / rays for name in dict.fromkeys(names)},

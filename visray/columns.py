@@ -1,0 +1,106 @@
+"""Columns: objects that share their code, as arrays with one entry for each row. Batches are made of them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from visray.geometry import Frame
+from visray.materials import Material
+from visray.primitives.primitive import Primitive
+from visray.scene.scene import Scene
+from visray.textures import row_number
+
+NO_TEXTURE = 0xFFFFFFFF
+
+
+class Names:
+    """Names of a batch's rows: either listed, or made of a prefix and numbers in increasing order, such as t0, t2, t3.
+
+    If `counts` is given, each listed name belongs to so many rows in a row, such as the triangles of a mesh.
+    """
+
+    def __init__(
+        self,
+        listed: tuple[str, ...] = (),
+        prefix: str = "",
+        numbers: np.ndarray | None = None,
+        counts: tuple[int, ...] | None = None,
+    ):
+        self.listed, self.prefix, self.numbers = listed, prefix, numbers
+        self.ends = None if counts is None else np.cumsum(counts)
+        rows = len(listed if numbers is None else numbers)
+        self.count = rows if counts is None else int(self.ends[-1])
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, row: int) -> str:
+        if not 0 <= row < self.count:
+            raise IndexError(row)
+        if self.ends is not None:
+            return self.listed[np.searchsorted(self.ends, row, side="right")]
+        return self.listed[row] if self.numbers is None else f"{self.prefix}{self.numbers[row]}"
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        first = range(len(self.listed)) if self.ends is None else [0, *self.ends[:-1].tolist()]
+        return dict(zip(self.listed, first))
+
+    def row(self, name: str) -> int | None:
+        """The row with this name, the first one if there are several; None if there is none."""
+        if self.numbers is None:
+            return self._rows.get(name)
+        number = name.removeprefix(self.prefix)
+        if not (name.startswith(self.prefix) and number.isdecimal() and str(int(number)) == number):
+            return None
+        row = int(np.searchsorted(self.numbers, int(number)))
+        return row if row < self.count and self.numbers[row] == int(number) else None
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Objects that share their code, as arrays with one entry for each row. They come from a scene, or from any other
+    source of columns.
+
+    kind: class of the objects; objects with a transform and objects without one form two batches
+    names: names of the rows
+    numbers: the kind's fields, as arrays
+    outer: transforms of the rows; None for a batch without transforms
+    object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
+        triangles of meshes; None if each row is an object
+    material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
+    object: number of each object, in the order of Scene.all_objects
+    color: colour of each row, in linear light; None if rows have the colours of their materials
+    """
+
+    kind: type[Primitive]
+    names: Names
+    numbers: Any
+    outer: Frame | None
+    object_of: Any
+    material: Any
+    texture: Any
+    object: Any
+    color: Any = None
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def materials_of(scene: Scene) -> dict[str, Material]:
+    """The materials by name; the default material is the first."""
+    return {"default": Material()} | scene.materials
+
+
+def texture_rows(scene: Scene, v_ends: bool) -> dict[str, int]:
+    """Number of the atlas row of each material's texture, or NO_TEXTURE, as a dict by the name of the material.
+
+    v_ends: whether it is for kinds whose v ends at poles (Primitive.v_ends)
+    """
+    number = {name: i for i, name in enumerate(scene.textures)}
+    return {
+        name: row_number(number[m.texture], len(number), v_ends, m.keeps_ka) if m.texture else NO_TEXTURE
+        for name, m in materials_of(scene).items()
+    }

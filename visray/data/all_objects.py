@@ -1,0 +1,109 @@
+"""All objects of a scene under their names: those that are written, and those that its data make.
+
+The base of the data is named `data.base`, and row 12 of the layer `rain` is named `data.rain.12`. Names of written
+objects have no dot, so each name is one object. Objects of rows are made when they are asked for.
+"""
+
+from collections.abc import Collection, ItemsView, Iterator, Mapping, ValuesView
+
+import numpy as np
+
+from visray.data.data_scene import Data
+from visray.data.rows import Rows
+from visray.primitives.primitive import Primitive
+
+BASE = "data.base"
+
+
+def address_of(name: str) -> str:
+    """Address of the object with a name: that of a written object is below `objects`."""
+    return name if "." in name else f"objects.{name}"
+
+
+class AllObjects(Mapping[str, Primitive]):
+    """The objects of a scene by name, numbered in order: the written ones, the base, then the rows of each layer."""
+
+    def __init__(self, written: Mapping[str, Primitive], data: Data):
+        self.written = {**written, BASE: data.base.object()}
+        self.layers = data.rows
+        sizes = [len(self.written), *map(len, self.layers.values())]
+        # Number of the first row of each layer, among all objects.
+        self.starts = dict(zip(self.layers, np.cumsum(sizes)[:-1].tolist()))
+        self.count = sum(sizes)
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.written
+        for layer, rows in self.layers.items():
+            yield from (f"data.{layer}.{number}" for number in rows.number.tolist())
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name in self.written or self._row(name) is not None)
+
+    def __getitem__(self, name: str) -> Primitive:
+        if name in self.written:
+            return self.written[name]
+        found = self._row(name)
+        if found is None:
+            raise KeyError(name)
+        return found[0].object(found[1])
+
+    def _row(self, name: str) -> tuple[Rows, int] | None:
+        """The layer of a row, and the row's index in it; None if there is no such row."""
+        head, _, rest = name.partition(".")
+        layer, _, number = rest.partition(".")
+        if head != "data" or layer not in self.layers or not (number.isdecimal() and str(int(number)) == number):
+            return None
+        rows = self.layers[layer]
+        i = rows.index(int(number))
+        return None if i is None else (rows, i)
+
+    def items(self) -> ItemsView[str, Primitive]:
+        return _Items(self)
+
+    def values(self) -> ValuesView[Primitive]:
+        return _Values(self)
+
+    @property
+    def representatives(self) -> dict[str, Primitive]:
+        """The written objects, the base, and the first row of each layer. All rows of a layer have its kind and its
+        material, so these say which kinds and materials a scene has."""
+        first = {f"data.{name}.{rows.number[0]}": rows.object(0) for name, rows in self.layers.items() if len(rows)}
+        return self.written | first
+
+    def of_materials(self, materials: Collection[str]) -> dict[str, Primitive]:
+        """The objects with one of these materials, by name, in order."""
+        found = {name: x for name, x in self.written.items() if x.material in materials}
+        for name, rows in self.layers.items():
+            if rows.material in materials:
+                found.update(_objects(name, rows))
+        return found
+
+    def materials(self) -> list[str]:
+        """Name of the material of each object, in order."""
+        own = [x.material for x in self.written.values()]
+        return own + [m for rows in self.layers.values() for m in [rows.material] * len(rows)]
+
+
+def _objects(layer: str, rows: Rows) -> Iterator[tuple[str, Primitive]]:
+    """Yields the name and the object of each row of a layer."""
+    for i, number in enumerate(rows.number.tolist()):
+        yield f"data.{layer}.{number}", rows.object(i)
+
+
+class _Items(ItemsView):
+    """The items of AllObjects. They are made one after another, without a search for each name."""
+
+    def __iter__(self) -> Iterator[tuple[str, Primitive]]:
+        yield from self._mapping.written.items()
+        for layer, rows in self._mapping.layers.items():
+            yield from _objects(layer, rows)
+
+
+class _Values(ValuesView):
+    """As _Items."""
+
+    def __iter__(self) -> Iterator[Primitive]:
+        return (x for _, x in self._mapping.items())

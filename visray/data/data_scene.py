@@ -1,0 +1,64 @@
+"""The data of a scene: a base, the layers on it, and the legend."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from pydantic import ConfigDict
+
+from visray.data.base import Base, GlobeBase
+from visray.data.layer import DataLayer
+from visray.data.legend import Legend
+from visray.data.resolve import resolved
+from visray.data.rows import Rows
+from visray.quantities import Name
+
+# Names that no layer can have, because they are the names of other parts of the data.
+RESERVED = ("base", "layers", "legend")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """Real data as a part of a scene.
+
+    base: the map, the plane or the globe on which the data stand.
+    layers: layers of data, by name.
+    legend: what is written over the picture; null: nothing.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+
+    base: Base = field(default_factory=GlobeBase)
+    layers: dict[Name, DataLayer] = field(default_factory=dict)
+    legend: Legend | None = None
+
+    @cached_property
+    def rows(self) -> dict[str, Rows]:
+        """The rows of each layer, by its name. Domain: no flaws."""
+        return {name: resolved(layer, self.base).rows for name, layer in self.layers.items()}
+
+    def value(self, layer: str, number: str, name: str) -> float:
+        """A number of a row, in units of the data. Domain: the row is shown, and has the number."""
+        rows = self.rows[layer]
+        return float(rows.values[name][rows.index(int(number))])
+
+    def flaws(self) -> list[tuple[str, str]]:
+        """A list of errors (address below the data, message)."""
+        found = [(f"base.{name}", text) for name, text in self.base.flaws()]
+        if found:
+            return found
+        for name, layer in self.layers.items():
+            if name in RESERVED:
+                found.append((f"layers.{name}", "this name is taken by a part of the data; take another name"))
+            found += [(f"layers.{name}.{part}", text) for part, text in resolved(layer, self.base).flaws]
+        return found
+
+    def notes(self) -> list[str]:
+        """List of sentences about the data, each of which begins with an address."""
+        notes = []
+        for name, rows in self.rows.items():
+            address = f"data.layers.{name}"
+            notes += [f"{address}: {text}" for text in rows.notes]
+            left_out = [f"{n:,} {reason}" for reason, n in rows.counts.items() if reason != "outside of the map"]
+            if left_out:
+                notes.append(f"{address}: {len(rows):,} rows are shown, and not: {', '.join(left_out)}")
+        return notes

@@ -1,0 +1,205 @@
+"""The numbers of a layer's rows, as they are before any rule: from its source, its own columns, and its edits."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from visray.data.base import on_earth
+from visray.data.color_rule import ColorRule, color_rule_of
+from visray.data.gizmos import GIZMOS
+from visray.data.layer import DataLayer
+from visray.data.number_column import NumberColumn
+from visray.data.positions import position_columns, swapped
+from visray.data.size_rule import SizeRule, size_rule_of
+from visray.data.source import table_from
+from visray.data.table import LISTED, Table
+from visray.errors import UserError
+
+# Names of columns that hold the names of rows, if the layer names none.
+NAME_COLUMNS = ("name", "city", "place", "station", "country", "label", "title")
+
+
+@dataclass(eq=False)
+class LayerTable:
+    """The numbers of a layer's rows. Shapes: (N) each.
+
+    layer: the layer
+    table: the table of its source; None if all columns are written in the layer
+    values: numbers by property ("lon", "lat", "height", "radius", "color"), NaN where one is missing; None for a
+        property that is not there
+    rules: rules and constants by property ("height", "radius", "color")
+    flaws: errors (field, message)
+    notes: sentences about the data
+    """
+
+    layer: DataLayer
+    table: Table | None = None
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    rules: dict[str, Any] = field(default_factory=dict)
+    flaws: list[tuple[str, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @staticmethod
+    def of(layer: DataLayer) -> "LayerTable":
+        """The numbers of a layer. If there are flaws, only these are of use."""
+        t = LayerTable(layer)
+        try:
+            t.table = table_from(layer.source)
+        except UserError as error:
+            t.flaws += [("source", text) for text in error.lines]
+            return t
+        t.notes += t.table.notes if t.table is not None else []
+        t._check_fields()
+        if not t.flaws and not t.is_lines:
+            t._read_positions()
+        if not t.flaws:
+            t._read_properties()
+        if not t.flaws:
+            t._check_lengths()
+        if not t.flaws:
+            t._edit()
+        if not t.flaws and not t.is_lines:
+            t._check_positions()
+        return t
+
+    @property
+    def is_lines(self) -> bool:
+        """Whether the gizmos are lines."""
+        return self.layer.gizmo == "line"
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.values["lon"]) if "lon" in self.values else len(self.table)
+
+    def place(self, row: int) -> str:
+        """Where a row stands, for messages: `line 12` of a file, or `row 12`."""
+        return f"row {row}" if self.table is None or row >= len(self.table) else self.table.place(row)
+
+    def rows_text(self, wrong: np.ndarray, *values: np.ndarray) -> str:
+        """The first wrong rows with their values, and how many more there are. wrong: mask of the rows."""
+        found = np.flatnonzero(wrong)
+        shown = [f"{self.place(i)} ({', '.join(f'{v[i]:g}' for v in values)})" for i in found[:LISTED]]
+        return ", ".join(shown) + (f", and {len(found) - LISTED:,} more" if len(found) > LISTED else "")
+
+    def texts(self) -> np.ndarray | None:
+        """Names of the rows; None if there is no column with names."""
+        if self.table is None:
+            return None
+        if self.layer.name is not None:
+            return self.table.texts(self.layer.name)
+        usual = {name.casefold(): name for name in reversed(self.table.names)}
+        found = next((usual[name] for name in NAME_COLUMNS if name in usual), None)
+        return None if found is None else self.table.texts(found)
+
+    def _check_fields(self) -> None:
+        """Finds flaws of fields that do not go together."""
+        layer, gizmo = self.layer, GIZMOS[self.layer.gizmo]
+        if self.table is None and not (isinstance(layer.lon, NumberColumn) and isinstance(layer.lat, NumberColumn)):
+            self.flaws.append(("source", "is missing; write the path of a file, or columns, or lists for lon and lat"))
+        if (layer.gizmo == "geometry") != (layer.geometry is not None):
+            text = "names one of the scene's geometries, and goes with the gizmo geometry; write both or none"
+            self.flaws.append(("geometry", text))
+        if "height" not in gizmo.sizes and layer.height is not None:
+            self.flaws.append(("height", f"a {layer.gizmo} has no height; write a radius"))
+        lines = self.table.lines if self.table is not None else []
+        if self.is_lines and not lines:
+            self.flaws.append(
+                ("gizmo", "a line needs a source with lines or areas, a GeoJSON file; take another gizmo")
+            )
+        if not self.is_lines and lines and layer.lon is None:
+            text = f"the source has {len(lines):,} lines and outlines, and no points; take the gizmo line"
+            self.flaws.append(("gizmo", text))
+        if self.is_lines and layer.rows:
+            self.flaws.append(("rows", "cannot replace numbers of lines; change the source"))
+
+    def _read_positions(self) -> None:
+        """Reads longitudes and latitudes."""
+        names = {"lon": self.layer.lon, "lat": self.layer.lat}
+        if None in names.values():
+            try:
+                found = position_columns(self.table)
+            except UserError as error:
+                self.flaws += [("source", text) for text in error.lines]
+                return
+            names = {key: found[i] if names[key] is None else names[key] for i, key in enumerate(names)}
+        for key, name in names.items():
+            self._read(key, key, name)
+
+    def _read_properties(self) -> None:
+        """Reads the numbers for sizes and colours."""
+        layer, gizmo = self.layer, GIZMOS[self.layer.gizmo]
+        specs = {"height": layer.height, "radius": layer.radius, "color": layer.color}
+        if layer.value is not None:
+            tall = "height" in gizmo.sizes
+            for key in ("height" if tall else "radius", "color"):
+                specs[key] = "value" if specs[key] is None else specs[key]
+        for key in ("height", "radius", "color"):
+            rule = (color_rule_of if key == "color" else size_rule_of)(specs[key])
+            self.rules[key] = rule
+            if isinstance(rule, (SizeRule, ColorRule)):
+                own = rule.column == "value" and layer.value is not None
+                where = "value" if own else key if isinstance(specs[key], str) else f"{key}.column"
+                self._read(key, where, layer.value if own else rule.column)
+
+    def _read(self, key: str, address: str, column: str | NumberColumn) -> None:
+        """Reads the numbers of one property. address: of the field that names the column."""
+        if isinstance(column, NumberColumn):
+            self.values[key] = column.values
+            return
+        if self.table is None:
+            self.flaws.append((address, f'there is no column "{column}", as the layer has no source; write a list'))
+            return
+        try:
+            self.values[key], problems = self.table.numbers(column)
+        except UserError as error:
+            self.flaws += [(address, text) for text in error.lines]
+            return
+        if problems:
+            self.flaws.append((address, str(problems)))
+        endless = np.isinf(self.values[key])
+        if endless.any():
+            text = f"has infinite numbers: {self.rows_text(endless, self.values[key])}; leave these cells empty"
+            self.flaws.append((address, text))
+
+    def _check_lengths(self) -> None:
+        """Finds lists of other lengths than that of the longitudes."""
+        sizes = {key: len(x) for key, x in self.values.items()}
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{key} has {n}" for key, n in sizes.items())
+            self.flaws.append(("source", f"all columns need the same number of rows: {listed}"))
+        elif not len(self):
+            self.flaws.append(("source", "has no rows; a layer needs one at least"))
+
+    def _edit(self) -> None:
+        """Replaces the numbers that the layer's `rows` give."""
+        for number, edit in self.layer.rows.items():
+            if int(number) >= len(self):
+                self.flaws.append((f"rows.{number}", f"there is no such row; the last one is {len(self) - 1}"))
+                continue
+            for key, x in vars(edit).items():
+                if x is None:
+                    continue
+                if key not in self.values:
+                    text = f"has no number of its own, as the layer takes {key} from no column"
+                    self.flaws.append((f"rows.{number}.{key}", f"{text}; change {key} of the layer"))
+                    continue
+                if not self.values[key].flags.writeable or self.values[key] is self._stored(key):
+                    self.values[key] = self.values[key].copy()
+                self.values[key][int(number)] = x
+
+    def _stored(self, key: str) -> np.ndarray | None:
+        """The array of the source that holds the numbers of a property; it must not be changed."""
+        stored = list(self.table.columns.values()) if self.table is not None else []
+        return next((x for x in stored if x is self.values[key]), None)
+
+    def _check_positions(self) -> None:
+        """Finds positions that are not on earth."""
+        lon, lat = self.values["lon"], self.values["lat"]
+        if hint := swapped(lon, lat):
+            self.flaws.append(("lon", hint))
+            return
+        wrong = ~(np.isnan(lon) | np.isnan(lat) | on_earth(lon, lat))
+        if wrong.any():
+            text = f"longitude and latitude are out of range: {self.rows_text(wrong, lon, lat)}"
+            self.flaws.append(("lon", f"{text}; they are degrees, from -180 to 360 and from -90 to 90"))

@@ -1,0 +1,50 @@
+"""A column of numbers as a value of a scene, and tables of columns as sources of data layers."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
+
+from visray.number_table import DIGESTS, NumberTable
+
+
+class NumberColumn(NumberTable):
+    """A read-only column of numbers; NaN where a number is missing. Shape: (N)."""
+
+    def listed(self) -> list[float | None]:
+        """The numbers as a list; None for missing ones."""
+        return [None if x != x else x for x in self.values.tolist()]
+
+
+class ColumnRule:
+    """The rule for a field that is a column, as an annotation that pydantic reads. A column is given as a list or an
+    array; null stands for a missing number."""
+
+    @staticmethod
+    def column(given: Any) -> NumberColumn:
+        """The column of a value. Raises ValueError if it is none."""
+        if isinstance(given, NumberColumn):
+            return given
+        try:
+            if isinstance(given, str) or np.ndim(given) != 1:
+                raise ValueError
+            listed = [np.nan if x is None else x for x in given] if isinstance(given, (list, tuple)) else given
+            values = np.asarray(np.ma.filled(np.ma.asarray(listed, float), np.nan), float)
+        except (TypeError, ValueError):
+            raise ValueError("must be the name of a column, or a list of numbers") from None
+        return NumberColumn(values)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        def written(column: Any, info: Any) -> Any:
+            if not isinstance(column, NumberColumn):
+                return column
+            if (info.context or {}).get(DIGESTS):
+                return column.digest
+            return column.listed()
+
+        serializer = core_schema.plain_serializer_function_ser_schema(written, info_arg=True)
+        return core_schema.no_info_plain_validator_function(self.column, serialization=serializer)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict:
+        return {"type": "array", "items": {"anyOf": [{"type": "number"}, {"type": "null"}]}}

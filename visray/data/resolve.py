@@ -1,0 +1,246 @@
+"""From a layer and a base to gizmos: rules become sizes and colours, coordinates become points."""
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from visray import memory
+from visray.data.base import Base
+from visray.data.color_rule import ColorRule
+from visray.data.gizmos import GIZMOS, Stand
+from visray.data.layer import DataLayer
+from visray.data.layer_table import LayerTable
+from visray.data.outlines import Segments
+from visray.data.rows import Rows
+from visray.data.size_rule import SizeRule
+from visray.data.source import stamp_of
+from visray.output.curves import linear
+from visray.quantities import FARTHEST
+
+# Bytes of memory for each row while a picture is made.
+BYTES_PER_ROW = 3000
+# Sizes of gizmos that a layer does not give, as shares of the size of the base: ranges of rules, and constants.
+RANGES = {"height": (0.0, 0.2), "radius": (0.0, 0.025)}
+CONSTANTS = {"height": 0.05, "radius": 0.005}
+LINE_RADIUS = 0.001
+DISK_LIFT = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Resolved:
+    """A layer on a base: its rows, or its flaws.
+
+    rows: the gizmos; None if there are flaws
+    flaws: errors (field, message)
+    """
+
+    rows: Rows | None
+    flaws: tuple[tuple[str, str], ...] = ()
+
+
+def resolved(layer: DataLayer, base: Base) -> Resolved:
+    """A layer on a base. What was resolved lately, and has not changed, is not resolved again."""
+    return _cached(_Key(layer, base))
+
+
+class _Key:
+    """A layer and a base as a key of a cache: equal keys have equal rows."""
+
+    def __init__(self, layer: DataLayer, base: Base):
+        self.layer, self.base = layer, base
+        own = tuple(getattr(layer, f.name) for f in fields(layer) if f.name not in ("rows", "source"))
+        self.parts = (own, tuple(sorted(layer.rows.items())), stamp_of(layer.source), base)
+        self.hash = hash(self.parts)
+
+    def __hash__(self) -> int:
+        return self.hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.parts == other.parts
+
+
+@lru_cache(maxsize=16)
+def _cached(key: _Key) -> Resolved:
+    return _Resolver(key.layer, key.base).run()
+
+
+class _Resolver:
+    """Resolves one layer.
+
+    t: the numbers of its rows
+    kept: mask of the rows that are shown so far
+    counts: numbers of other rows, by reason
+    flaws, notes: errors (field, message), and sentences
+    """
+
+    def __init__(self, layer: DataLayer, base: Base):
+        self.layer, self.base, self.gizmo = layer, base, GIZMOS[layer.gizmo]
+        self.t = LayerTable.of(layer)
+        self.flaws, self.notes = list(self.t.flaws), list(self.t.notes)
+        self.counts: dict[str, int] = {}
+        self.sizes: dict[str, np.ndarray] = {}
+        self.slopes: dict[str, np.ndarray] = {}
+        self.rules: dict[str, Any] = {}
+
+    def run(self) -> Resolved:
+        """The layer's rows, or its flaws."""
+        if not self.flaws:
+            self._check_memory()
+        if self.flaws:
+            return Resolved(None, tuple(self.flaws))
+        self.kept = np.ones(len(self.t), bool)
+        self._drop_missing()
+        self._drop_outside()
+        self._size_all()
+        color = None if self.flaws else self._color()
+        if self.flaws:
+            return Resolved(None, tuple(self.flaws))
+        return Resolved(self._lines(color) if self.t.is_lines else self._points(color))
+
+    def _check_memory(self) -> None:
+        """Finds more rows than fit into memory."""
+        needed, free = len(self.t) * BYTES_PER_ROW, memory.free()
+        if free is not None and needed > free.size:
+            text = f"has {len(self.t):,} rows, which need about {needed / 2**30:.1f} GiB, {free}; take fewer rows"
+            self.flaws.append(("source", text))
+
+    def _drop(self, dropped: np.ndarray, reason: str) -> None:
+        """Leaves out rows, and counts them. dropped: mask of the rows"""
+        dropped = dropped & self.kept
+        if dropped.any():
+            self.counts[reason] = int(dropped.sum())
+            self.kept &= ~dropped
+
+    def _drop_missing(self) -> None:
+        """Leaves out rows without a position or a size. A row without a colour has that of missing values."""
+        values = self.t.values
+        if not self.t.is_lines:
+            self._drop(np.isnan(values["lon"]) | np.isnan(values["lat"]), "without a position")
+        for key in ("height", "radius"):
+            if key in values:
+                self._drop(np.isnan(values[key]), f"without a {key}")
+
+    def _drop_outside(self) -> None:
+        """Leaves out rows that do not lie on the base."""
+        if self.t.is_lines:
+            return
+        lon, lat = self.t.values["lon"], self.t.values["lat"]
+        inside = self.base.inside(lon, lat)
+        outside = self.kept & ~inside
+        if outside.any():
+            turned = self.base.inside(lat, lon)[self.kept].all()
+            more = "; longitude and latitude seem to be swapped" if turned and not inside[self.kept].any() else ""
+            rows = self.t.rows_text(outside, lon, lat)
+            self.notes.append(f"{int(outside.sum())} rows lie outside of the map and are not shown: {rows}{more}")
+            self._drop(outside, "outside of the map")
+
+    def _size_all(self) -> None:
+        """Computes heights and radii, signed, for all rows; those that are not shown have NaN."""
+        for key in self.gizmo.sizes:
+            rule = self.t.rules[key]
+            share = (LINE_RADIUS if self.t.is_lines else CONSTANTS[key]) * self.base.size
+            if isinstance(rule, SizeRule):
+                self._size(key, rule)
+            else:
+                self.sizes[key] = np.full(len(self.t), share if rule is None else rule, float)
+        if self.flaws:
+            return
+        if "height" in self.gizmo.sizes and (self.sizes["radius"][self.kept] < 0).any():
+            wrong = self.kept & (self.sizes["radius"] < 0)
+            text = f"must not be negative: {self.t.rows_text(wrong, self.t.values['radius'])}"
+            self.flaws.append(("radius", f"{text}; take another column, or leave these cells empty"))
+        for key, size in self.sizes.items():
+            with np.errstate(invalid="ignore"):
+                self._drop(np.abs(size) < 1 / FARTHEST, f"of {key} 0")
+
+    def _size(self, key: str, rule: SizeRule) -> None:
+        """Computes the sizes that a rule gives."""
+        values = np.where(self.kept, self.t.values[key], np.nan)
+        default = tuple(x * self.base.size for x in RANGES[key])
+        found = rule.flaws(values, default)
+        self.flaws += [(f"{key}.{name}", text) for name, text in found]
+        if found:
+            return
+        self.notes += rule.notes(values)
+        sizes = rule.sizes(values, default)
+        self.sizes[key], self.slopes[key] = sizes.size, sizes.slope
+        self.rules[key] = replace(rule, range=rule.range or default)
+        if rule.domain is None and sizes.lo < sizes.hi:
+            self.rules[key] = replace(self.rules[key], domain=(sizes.lo, sizes.hi))
+
+    def _color(self) -> np.ndarray | None:
+        """Colours of the rows that are shown, in linear light; None for that of the material. Shape: (N, 3)."""
+        rule, shown = self.t.rules["color"], int(self.kept.sum())
+        if rule is None:
+            return None
+        if not isinstance(rule, ColorRule):
+            return np.tile(linear(np.array(rule, float)), (shown, 1))
+        values = self.t.values["color"][self.kept]
+        found = rule.flaws(values, np.flatnonzero(self.kept))
+        self.flaws += [(f"color.{name}", text) for name, text in found]
+        if found:
+            return None
+        self.notes += rule.notes(values)
+        colours = rule.colours(values)
+        self.slopes["color"] = colours.slope
+        self.rules["color"] = rule.resolved(values)
+        if colours.missing:
+            self.counts["in the colour of missing values"] = colours.missing
+        return colours.linear
+
+    def _kept(self, x: np.ndarray) -> np.ndarray:
+        """Entries of the rows that are shown."""
+        return x[self.kept]
+
+    def _points(self, color: np.ndarray | None) -> Rows:
+        """The rows of points."""
+        kept = np.flatnonzero(self.kept)
+        values = {key: self._kept(x) for key, x in self.t.values.items()}
+        ground = self.base.place(values["lon"], values["lat"])
+        sizes = {key: self._kept(x) for key, x in self.sizes.items()}
+        signed = sizes.get("height", sizes["radius"])
+        sign = np.where(signed < 0, -1.0, 1.0)
+        slopes = {key: self._kept(x) * sign for key, x in self.slopes.items() if key != "color"}
+        lift = self.layer.lift
+        if lift is None:
+            lift = DISK_LIFT * self.base.size if self.gizmo.flat else 0.0
+        up, east = ground.up.T, ground.east.T
+        stand = Stand(ground.point.T + up * lift, up, east, np.cross(ground.up, ground.east).T,
+                      np.abs(sizes.get("height", sizes["radius"])), sign, np.abs(sizes["radius"]),
+                      self.layer.sunk)  # fmt: skip
+        return self._rows(kept, values, ground, stand, slopes, self.gizmo.fields(stand), color, lift)
+
+    def _lines(self, color: np.ndarray | None) -> Rows:
+        """The rows of lines: one for each segment."""
+        radius = self.sizes["radius"]
+        lift = self.layer.lift or 0.0
+        found = Segments.of(self.t.table.lines, self.base, lift, self.kept)
+        row = found.row
+        values = {key: x[row] for key, x in self.t.values.items()}
+        slopes = {key: x[row] for key, x in self.slopes.items() if key != "color"}
+        place = np.cumsum(self.kept) - 1
+        if "color" in self.slopes:
+            self.slopes["color"] = self.slopes["color"][place[row]]
+        one = np.ones(len(row))
+        nowhere = np.zeros((3, len(row)))
+        stand = Stand(nowhere, nowhere, nowhere, nowhere, one, one, radius[row], 0.0)
+        self.counts |= found.counts
+        shape = {"a": found.a.T, "b": found.b.T, "radius": radius[row]}
+        color = None if color is None else color[place[row]]
+        return self._rows(row, values, found.ground, stand, slopes, shape, color, lift, np.arange(len(row)))
+
+    def _rows(
+        self, row: np.ndarray, values: dict, ground: Any, stand: Stand, slopes: dict, shape: dict,
+        color: np.ndarray | None, lift: float, number: np.ndarray | None = None,
+    ) -> Rows:  # fmt: skip
+        """The rows. row: number of each gizmo's row in the source. number: their numbers; None: those in the source"""
+        texts = self.t.texts()
+        if "color" in self.slopes:
+            slopes["color"] = self.slopes["color"].T
+        return Rows(
+            self.gizmo, self.layer.geometry, self.layer.material, row if number is None else number, values, ground,
+            stand, slopes, shape, None if color is None else color.T,
+            None if texts is None else tuple(texts[row].tolist()), lift, self.rules, self.counts, tuple(self.notes),
+        )  # fmt: skip

@@ -1,0 +1,142 @@
+"""The rows of a data layer as tables of Dr.Jit arrays, with one entry for each row."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.data.gizmos import CONSTANT, Fields
+from visray.data.rows import Rows
+from visray.geometry import Frame
+from visray.primitives.primitive import Bounds
+from visray.pytree import leaves
+from visray.quantities import Arrays, quantities
+
+
+@dataclass(frozen=True)
+class RowValues:
+    """Numbers of the rows, in units of the data; None for what the layer does not take from a column."""
+
+    lon: Any = None
+    lat: Any = None
+    height: Any = None
+    radius: Any = None
+
+    def attached(self) -> dict[str, Any]:
+        """The numbers by which derivatives are asked for, by name."""
+        return {name: x for name, x in vars(self).items() if x is not None and dr.grad_enabled(x)}
+
+
+@dataclass(frozen=True)
+class RowTable:
+    """Rows of a layer whose gizmos are objects of one kind.
+
+    table: the fields of the kind
+    outer: frames of the gizmos, for kinds that have none of their own; else None
+    values: the numbers of the rows that the fields come from
+    fields: function from attached values to attached fields
+    """
+
+    table: Any
+    outer: Frame | None
+    values: RowValues
+    fields: Callable[[dict[str, Any]], Fields]
+
+    @staticmethod
+    def of(a: Arrays, rows: Rows) -> "RowTable":
+        """The table of the rows of a layer. Domain: its gizmos are no geometries."""
+
+        def put(x: np.ndarray) -> Any:
+            return a.put(a.D if x.ndim == 1 else a.W, x)
+
+        kind, constant = rows.gizmo.kind, CONSTANT.get(rows.gizmo.name, {})
+        table = object.__new__(kind)
+        for name in kind.__dataclass_fields__:
+            object.__setattr__(table, name, None)
+        for name in quantities(kind):
+            x = rows.fields[name] if name in rows.fields else np.tile(np.array(constant[name])[:, None], len(rows))
+            object.__setattr__(table, name, put(x))
+        outer = Frame(*map(put, rows.fields["frame"])) if "frame" in rows.fields else None
+        values = {name: put(x) for name, x in rows.values.items() if name in RowValues.__dataclass_fields__}
+        return RowTable(table, outer, RowValues(**values), lambda attached: rows.attached_fields(attached, put))
+
+    def placed(self, outer: Frame | None) -> Any:
+        """As Primitive.placed. outer: not used, as the frames are in the table."""
+        table, frame = self._now()
+        return table.placed(frame)
+
+    def bounds(self, outer: Frame | None) -> Bounds:
+        """As Primitive.bounds. outer: not used, as the frames are in the table."""
+        table, frame = self._now()
+        return table.bounds(frame)
+
+    def shape(self) -> tuple:
+        """As Primitive.shape."""
+        return self.table.shape()
+
+    def frame(self) -> Any:
+        """As Primitive.frame."""
+        return self.table.frame().then(self.outer)
+
+    def _now(self) -> tuple[Any, Frame | None]:
+        """The table and the frames, with derivatives if values are attached. The numbers are the same bit for bit."""
+        attached = self.values.attached()
+        if not attached:
+            return self.table, self.outer
+        fields = self.fields(attached)
+        outer = self.outer
+        if outer is not None:
+            outer = Frame(*map(dr.replace_grad, leaves(outer), fields.pop("frame")))
+        new = {name: dr.replace_grad(getattr(self.table, name), x) for name, x in fields.items()}
+        return _with(self.table, new), outer
+
+
+def _with(table: Any, new: Fields) -> Any:
+    """A copy of a table with other arrays in some fields. No field is checked, as dataclasses.replace would."""
+    copy = object.__new__(type(table))
+    for name in table.__dataclass_fields__:
+        object.__setattr__(copy, name, new.get(name, getattr(table, name)))
+    return copy
+
+
+@dataclass(frozen=True)
+class RowColors:
+    """Colours of the rows of a layer, in linear light.
+
+    color: the colours
+    value: the numbers of the rows that they come from, in units of the data; None if all have one colour
+    slope: function that returns the derivatives of the colours by the values
+    fields: names of the fields of the material that the colours change
+    """
+
+    color: Any
+    value: Any
+    slope: Callable[[], Any]
+    fields: tuple[str, ...]
+
+    @staticmethod
+    def of(a: Arrays, rows: Rows, fields: tuple[str, ...]) -> "RowColors | None":
+        """The colours of the rows of a layer; None if they have that of the material."""
+        if rows.color is None:
+            return None
+        value = rows.values.get("color")
+        value = None if value is None else a.put(a.D, value)
+        return RowColors(a.put(a.V, rows.color), value, lambda: a.put(a.V, rows.slopes["color"]), fields)
+
+    def now(self) -> Any:
+        """The colours, with derivatives if the values are attached. The numbers are the same bit for bit."""
+        if self.value is None or not dr.grad_enabled(self.value):
+            return self.color
+        shift = type(self.color.x)(self.value - dr.detach(self.value))
+        return dr.replace_grad(self.color, self.color + self.slope() * shift)
+
+    def applied(self, material: Any) -> Any:
+        """The materials of the rows with the colours: kd is replaced, the other fields are multiplied.
+
+        material: table of materials with one entry for each row
+        """
+        color = self.now()
+        new = {name: color if name == "kd" else getattr(material, name) * color for name in self.fields}
+        return _with(material, new)

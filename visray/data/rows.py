@@ -1,0 +1,115 @@
+"""The rows of a data layer as numbers: where each gizmo stands, how large it is, and its colour.
+
+All of it is NumPy, and runs once for each scene. Arrays have one entry for each gizmo. Rows of the source without a
+gizmo, because a number is missing or a size is zero, have no entry.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from visray.data.base import Ground
+from visray.data.gizmos import CONSTANT, GIZMOS, Fields, Gizmo, Stand
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
+from visray.transforms import Matrix
+
+# The properties of a row that have numbers of their own, if the layer takes them from columns.
+PROPERTIES = ("lon", "lat", "height", "radius", "color")
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The gizmos of a layer.
+
+    gizmo: kind of the gizmos
+    geometry: name of the geometry, for gizmos that are one
+    material: name of their material
+    number: number of each gizmo's row in the source, in increasing order
+    values: number of each row, by property, in units of the data; a property without a column is left out
+    ground: points of the base, with their derivatives
+    stand: where the gizmos stand, and their sizes
+    slopes: derivative of "height" and "radius" by the value, and of "color", of shape (3, N)
+    fields: fields of the objects, of shape (N) or (3, N)
+    color: colour of each gizmo in linear light, of shape (3, N); None if they have those of the material
+    texts: label of each row; None if the layer has no column of names
+    lift: height of the feet above the base
+    rules: rules with the domain and range that the data give them, by property: a SizeRule, or ResolvedColors
+    counts: number of rows of the source that are not shown, by reason
+    notes: sentences about the data
+    """
+
+    gizmo: Gizmo
+    geometry: str | None
+    material: str
+    number: np.ndarray
+    values: dict[str, np.ndarray]
+    ground: Ground
+    stand: Stand
+    slopes: dict[str, np.ndarray]
+    fields: Fields
+    color: np.ndarray | None
+    texts: tuple[str, ...] | None
+    lift: float
+    rules: dict[str, Any] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    def index(self, number: int) -> int | None:
+        """Index of the gizmo of a row of the source; None if the row has none."""
+        i = int(np.searchsorted(self.number, number))
+        return i if i < len(self) and self.number[i] == number else None
+
+    def numbers_text(self) -> str:
+        """Which rows are shown, as words."""
+        if not len(self):
+            return "it shows none"
+        return f"it shows {len(self):,} rows, from {self.number[0]} to {self.number[-1]}"
+
+    def object(self, i: int) -> Primitive:
+        """Gizmo i as an object of a scene, in the layer's material. Its colour is not in it."""
+        frame = self.fields.get("frame")
+        transform = ()
+        if frame is not None:
+            columns = np.stack([v[:, i] for v in frame], axis=1)
+            transform = (Matrix(matrix=tuple(tuple(map(float, row)) for row in columns)),)
+        if self.geometry is not None:
+            return Instance(geometry=self.geometry, material=self.material, transform=transform)
+        own = {name: _plain(x, i) for name, x in self.fields.items() if name != "frame"}
+        return self.gizmo.kind(**own, **CONSTANT.get(self.gizmo.name, {}), material=self.material, transform=transform)
+
+    def attached_fields(self, values: dict[str, Any], put: Any) -> Fields:
+        """The fields of the objects as functions of attached arrays.
+
+        values: attached numbers of the rows, by property
+        put: function that copies an array of NumPy to Dr.Jit
+        """
+        shift = {name: x - put(self.values[name]) for name, x in values.items()}
+        place = {"point": put(self.ground.point), "up": put(self.ground.up), "east": put(self.ground.east)}
+        for axis in ("lon", "lat"):
+            if axis in shift:
+                for name in place:
+                    place[name] = place[name] + put(getattr(self.ground, f"{name}_{axis}")) * shift[axis]
+        size = {
+            name: put(getattr(self.stand, name)) + put(self.slopes[name]) * shift[name]
+            if name in shift
+            else put(getattr(self.stand, name))
+            for name in ("height", "radius")
+        }
+        up, east = place["up"], place["east"]
+        north = type(up)(up.y * east.z - up.z * east.y, up.z * east.x - up.x * east.z, up.x * east.y - up.y * east.x)
+        stand = Stand(place["point"] + up * self.lift, up, east, north, size["height"], put(self.stand.sign),
+                      size["radius"], self.stand.sunk)  # fmt: skip
+        return self.gizmo.fields(stand)
+
+
+def _plain(x: np.ndarray, i: int) -> Any:
+    """Entry i of a field as plain numbers."""
+    return float(x[i]) if x.ndim == 1 else tuple(map(float, x[:, i]))
+
+
+__all__ = ["GIZMOS", "PROPERTIES", "Rows"]

@@ -1,0 +1,128 @@
+"""The source of a data layer: a file, or a table that is written in the scene or given in Python."""
+
+import hashlib
+import os
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
+
+from visray.data.reading import read_table
+from visray.data.table import Table
+from visray.data.values import column_of_values
+from visray.errors import UserError
+from visray.number_table import DIGESTS
+
+
+class TableValue:
+    """A table as a value of a scene. Tables with equal content are equal."""
+
+    def __init__(self, table: Table):
+        self.table = table
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content."""
+        content = hashlib.sha256()
+        for name in self.table.names:
+            column = self.table.columns[name]
+            cells = column.tobytes() if column.dtype != object else "\0".join(column.tolist()).encode()
+            content.update(f"{name}\0{column.dtype.str}{len(column)}\0".encode() + cells)
+        for row, line in self.table.lines:
+            content.update(f"{row}\0".encode() + np.ascontiguousarray(line).tobytes())
+        return content.hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TableValue) and (self is other or self.digest == other.digest)
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"table of {len(self.table)} rows: {', '.join(self.table.names)}"
+
+    def listed(self) -> dict[str, list]:
+        """The columns as lists; None for missing numbers."""
+        return {name: _listed(self.table.columns[name]) for name in self.table.names}
+
+
+def _listed(column: np.ndarray) -> list:
+    """A column as a list; None for missing numbers."""
+    return [None if x != x else x for x in column.tolist()]
+
+
+class SourceRule:
+    """The rule for the source of a layer, as an annotation that pydantic reads: a path, or a table."""
+
+    @staticmethod
+    def source(given: Any) -> "str | TableValue":
+        """The source that a value stands for. Raises ValueError if it is none."""
+        if isinstance(given, TableValue) or (isinstance(given, str) and given):
+            return given
+        if isinstance(given, Table):
+            return TableValue(given)
+        if isinstance(given, (str, bool, int, float, type(None))):
+            raise ValueError('must be the path of a file, or columns such as {"lon": [2.2], "lat": [41.4]}')
+        try:
+            return TableValue(_table(given))
+        except UserError as error:
+            raise ValueError("; ".join(error.lines)) from None
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        def written(value: Any, info: Any) -> Any:
+            digests = (info.context or {}).get(DIGESTS)
+            if isinstance(value, TableValue):
+                return value.digest if digests else value.listed()
+            return file_digest(value) if digests else value
+
+        serializer = core_schema.plain_serializer_function_ser_schema(written, info_arg=True)
+        return core_schema.no_info_plain_validator_function(self.source, serialization=serializer)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict:
+        cell = {"anyOf": [{"type": "number"}, {"type": "string"}, {"type": "null"}]}
+        columns = {"type": "object", "additionalProperties": {"type": "array", "items": cell}}
+        return {"anyOf": [{"type": "string", "minLength": 1}, columns]}
+
+
+def _table(given: Any) -> Table:
+    """The table of a dict of columns. Raises UserError if it is none."""
+    if not isinstance(given, dict):
+        raise UserError("is no table; give a dict of columns")
+    columns = {str(name): column_of_values(list(x))[0] for name, x in given.items()}
+    return Table(list(columns), columns)
+
+
+def file_digest(path: str) -> str:
+    """SHA-256 of the content of a file; the path itself if it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return path
+
+
+def stamp_of(source: "str | TableValue | None") -> Any:
+    """A value that changes if the content of a source does."""
+    if not isinstance(source, str):
+        return source
+    try:
+        facts = os.stat(source)
+    except OSError:
+        return source
+    return source, facts.st_mtime_ns, facts.st_size, facts.st_ino
+
+
+def table_from(source: "str | TableValue | None") -> Table | None:
+    """The table of a source; None without a source. Raises UserError if a file cannot be read. A file that has not
+    changed is read once."""
+    if isinstance(source, TableValue):
+        return source.table
+    return None if source is None else _read(stamp_of(source))
+
+
+@lru_cache(maxsize=8)
+def _read(stamp: Any) -> Table:
+    """The table of a file. stamp: path of the file, with facts that change if its content does."""
+    return read_table(stamp if isinstance(stamp, str) else stamp[0])

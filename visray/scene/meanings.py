@@ -1,0 +1,182 @@
+"""Meanings of the fields of a scene, as the JSON Schema shows them."""
+
+from visray.data.base import AnyBase, FlatBase
+from visray.data.color_rule import ColorRule
+from visray.data.data_scene import Data
+from visray.data.layer import DataLayer, RowEdit
+from visray.data.legend import Legend
+from visray.data.size_rule import SizeRule
+from visray.lights.light import AreaLight
+from visray.materials import Material
+from visray.modes import MODES
+from visray.polynomials.catalogue import SURFACES
+from visray.primitives.instance import Instance
+from visray.primitives.mesh import FitBox, Mesh
+from visray.primitives.polynomial import Polynomial
+from visray.primitives.primitive import Primitive
+from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
+from visray.textures import ImageTexture, Texture
+from visray.transforms import Matrix, Rotate, Scale
+
+# Meanings of the fields whose values are no numbers of a kernel. A number of a kernel has its unit instead
+# (quantities.Quantity).
+MEANINGS: dict[type, dict[str, str]] = {
+    Scene: {
+        "camera": "where you look from, and where to; perspective if it has no type",
+        "background": "colour of rays that hit nothing: a colour, or a gradient",
+        "textures": "textures by name",
+        "materials": "materials by name",
+        "lights": "lights by name",
+        "geometries": "shapes by name that objects of the type instance show, each many times; they have no material",
+        "objects": "objects by name",
+        "data": "real data: a map or a globe, and layers of rows of tables, each row shown by a gizmo",
+    },
+    Film: {
+        "width": "pixels, > 0",
+        "height": "pixels, > 0",
+        "transparent": "whether the background is left out; layer A is then the coverage",
+    },
+    Settings: {
+        "spp": "samples per pixel, > 0",
+        "seed": "a whole number from 0 to 4294967295; another seed gives other noise",
+        "precision": "precision of shading; geometry is always double",
+        "sampler": "how the samples of a pixel are placed",
+        "shading": "; ".join(f"{mode.name}: {mode.meaning}" for mode in MODES),
+        "shadows": "whether objects cast shadows",
+        "depth": "largest number of reflections and refractions in a row, from 0 (none at all) to 1000",
+        "misses": "colour of a reflected, refracted or scattered ray that hits nothing",
+        "local": "weight of a transparent surface's own colour: 1 - kt (weighted) or 1 (full)",
+        "area": "where the light of an area light comes from: its samples, or its centre",
+        "accelerator": "how rays find objects; the picture is bit for bit the same with each",
+    },
+    Occlusion: {
+        "sky": "number of rays per point that measure how much of the sky is visible, from 0 to 65536",
+        "near": "number of rays per point that measure how near other surfaces are, from 0 to 65536",
+        "hemisphere": "distribution of the rays: cosine, or box as in the original VisRayTrace",
+    },
+    Scatter: {
+        "rays": "number of rays from each point that the camera sees, from 0 to 65536",
+        "depth": "largest number of bounces, from 0 to 1000",
+    },
+    Material: {
+        "priority": "where transparent solids overlap, the one with the higher priority counts; of equal ones, the "
+        "smaller solid",
+        "texture": "the name of one of the scene's textures, or null",
+        "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
+        "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
+    },
+    Texture: {
+        "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",
+        "offset": "added to u and v after they are multiplied by scale; each from -1e6 to 1e6",
+    },
+    ImageTexture: {
+        "file": "path of the image, relative to the scene file",
+        "filter": "nearest: the colour of one pixel; bilinear: a blend of four",
+        "wrap": "how the image continues beyond its edges; a pair is for u and for v",
+        "encoding": "encoding of the numbers in the file; auto means srgb for PNG and JPEG, and linear for EXR",
+    },
+    AreaLight: {"samples": "light samples per shaded point, from 1 to 65536"},
+    Primitive: {
+        "material": "the name of one of the scene's materials, or default",
+        "transform": "transformation steps; the first one is applied first",
+    },
+    Polynomial: {
+        "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, parameters, sqrt(number), pi and '
+        "phi (the golden ratio)",
+        "monomis": 'the terms of f, as in ["0.9x2", "-3y2", "-1"]',
+        "surface": f"the name of a known surface: {', '.join(SURFACES)}",
+        "parameters": "values of the parameters by name: those in the expression, or those of the known surface",
+        "clip": "ball or box that bounds the surface; default: that of the known surface, or a ball of radius 5",
+        "ends": "open: the surface has an edge at the clip; capped: the surface is that of a solid, the points of the "
+        "clip with f < 0",
+        "tolerance": "largest error of a crossing, from 0 to 1, as a share of half the length of the ray in the clip",
+    },
+    Mesh: {
+        "file": "path of the mesh file (OBJ, PLY, STL, glTF, GLB or OFF), relative to the scene file",
+        "part": "the name of a part of the file; default: all parts",
+        "vertices": "the vertices, if there is no file: x, y and z of each, in world units",
+        "faces": "the triangles, if there is no file: three numbers of vertices each, counted from 0",
+        "normals": "face: flat triangles; smooth: averaged over edges that bend by at most `crease` degrees; file: "
+        "those of the file",
+        "crease": "degrees, from 0 to 180",
+        "fit": "longest side of the bounding box, which is then centred at the origin, or a box to fit into",
+        "solid": "auto: a mesh without open edges is a solid; true: open edges are an error; false: never a solid",
+    },
+    FitBox: {},
+    Instance: {"geometry": "the name of one of the scene's geometries"},
+    Scale: {"scale": "one factor, or one for each axis; not 0"},
+    Rotate: {"rotate": "degrees"},
+    Matrix: {"matrix": "the upper three rows of a 4 x 4 matrix"},
+    Data: {
+        "base": "what the data stand on: a globe, a map, or a plane with a map",
+        "layers": "layers of data, by name",
+        "legend": "what is written over the picture, or null",
+    },
+    AnyBase: {"material": "the name of one of the scene's materials, or default", "transform": "transformation steps"},
+    FlatBase: {
+        "extent": "longitude of the west and the east edge, latitude of the south and the north edge, in degrees",
+        "depth": "size from south to north in world units; null: what distorts nothing in the middle of the map",
+        "outside": "whether places beyond the edges of the map are shown, or left out and counted",
+        "projection": "equirectangular: equal steps of latitude are equally far apart; mercator: angles are true",
+    },
+    DataLayer: {
+        "source": "path of a CSV or GeoJSON file, relative to the scene file, or columns by name",
+        "lon": "column with longitudes in degrees, or these; null: the column with a usual name",
+        "lat": "column with latitudes in degrees, or these; null: the column with a usual name",
+        "value": "column, or numbers, for sizes and colours where these are not given",
+        "name": "column with the names of the rows, for labels; null: the column with a usual name, if there is one",
+        "gizmo": "the shape that shows a row",
+        "geometry": "for the gizmo geometry: the name of one of the scene's geometries",
+        "height": "size along the base's normal: world units, a column, or a rule",
+        "radius": "half the width: world units, a column, or a rule",
+        "color": "a column, a rule, or one colour in sRGB; null: the material's own",
+        "material": "the name of one of the scene's materials, or default",
+        "sunk": "share of the gizmo's height that is below the base, from 0 to 1",
+        "lift": "height of the gizmo's foot above the base, in world units; null: 0, or a little for disks",
+        "rows": "numbers that replace those of the source, by the number of the row, counted from 0",
+    },
+    RowEdit: {
+        "lon": "longitude in degrees",
+        "lat": "latitude in degrees",
+        "height": "in units of the data",
+        "radius": "in units of the data",
+        "color": "in units of the data",
+    },
+    SizeRule: {
+        "column": "the column with the values",
+        "scale": "what is proportional to sizes: the value, its root, or its logarithm",
+        "domain": "values that have the sizes of the range; null: from 0 (log: the smallest one) to the largest",
+        "range": "sizes in world units; null: from the size of the base",
+        "negative": "down: negative values hang down; refuse: they are errors",
+    },
+    ColorRule: {
+        "column": "the column with the values",
+        "palette": "name of a palette, a list of colours, or a list of [position, colour]",
+        "reversed": "whether the palette is turned around",
+        "norm": "how values become places on the palette",
+        "domain": "values at the ends of the palette; null: the range of the data",
+        "center": "value in the middle of the palette, for the norm symmetric",
+        "exponent": "exponent of the norm power",
+        "bands": "number of steps of colour, or their edges",
+        "under": "colour of values below the domain; null: that of the palette's beginning",
+        "over": "colour of values above the domain; null: that of the palette's end",
+        "missing": "colour of missing values",
+        "lookup": "smooth: colours are blended; table: the nearest lower one of 256, as in the original VisRayTrace",
+        "encoding": "encoding of the palette's numbers",
+    },
+    Legend: {
+        "title": "text at the top",
+        "subtitle": "text below the title",
+        "source": "text at the bottom: where the data come from",
+        "places": "names of rows that are written in the picture: none, all, or a list",
+        "points": "further places that are named: longitude and latitude by name",
+        "bars": "whether colours have keys",
+        "sizes": "whether sizes have keys",
+        "labels": "texts in place of the names of columns",
+        "units": "units of columns",
+        "position": "side of the picture on which the keys are",
+        "theme": "that of the picture: text is dark on a light one; auto looks at the picture",
+        "size": "size of the text, relative to the usual one, from 0.5 to 4",
+        "font": "family of fonts, or null",
+    },
+}

@@ -242,6 +242,32 @@ def test_blindness_keeps_greys_and_darkens_red():
     assert seen(blind(np.array([[1.0, 0, 0]]), "protanopia"))[0, 0] < seen(np.array([[1.0, 0, 0]]))[0, 0] - 10
 
 
+def vienot() -> list[np.ndarray]:
+    """Another model of red-green blindness, for linear RGB. Source: Vienot, Brettel and Mollon 1999."""
+    cones = np.array([[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]])
+    without_red = np.array([[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]])
+    without_green = np.array([[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]])
+    return [np.linalg.inv(cones) @ m @ cones for m in (without_red, without_green)]
+
+
+def test_another_model_of_blindness_finds_the_same_palettes():
+    """No palette is confusing in the other model only; and none in ours only, unless it is uneven too."""
+    flagged = []
+    for name in (n for n in palette_names() if not palette_of(n).steps):
+        palette = palette_of(name)
+        light = palette.linear(np.arange(33) / 32)
+        first, second = np.triu_indices(33, 4)
+        clear, other = seen(light)[first] - seen(light)[second], False
+        for matrix in vienot():
+            shown = seen(np.clip(light @ matrix.T, 0, 1))
+            alike = np.linalg.norm(shown[first] - shown[second], axis=1) < VISIBLE
+            other |= bool((alike & (np.linalg.norm(clear, axis=1) > 5 * VISIBLE)).any())
+        ours = palette.note is not None and "red-green blind" in palette.note
+        assert other == ours or (ours and "not perceptually uniform" in palette.note), name
+        flagged += [name] if other else []
+    assert {"RdYlGn", "hsv", "cool"} <= set(flagged)
+
+
 @pytest.mark.parametrize("name", [*GOOD, "magma", "plasma", "inferno", "PuOr", "gray", "YlGnBu", "parula"])
 def test_good_palettes_have_no_note(name):
     assert palette_of(name).note is None and palette_of(name, reversed=True).note is None

@@ -13,8 +13,8 @@ VISIBLE = 2.0
 CLEAR = 5 * VISIBLE
 # Steps in which palettes are looked at. Finer ones can hardly be read from a colour bar.
 STEPS = 32
-# Largest ratio between two steps. The palettes of ColorBrewer, drawn with care for maps, reach 3.6 (but for Greys), and
-# the grey scale 2.5. Above 4 one sees edges that are not in the data.
+# Largest ratio between two steps. The palettes of ColorBrewer, drawn with care for maps, reach 3.6 (but Spectral 4.2,
+# Greys 5.9), the grey scale 2.5. Rainbows begin at 4.6 (turbo): there one sees edges that are not in the data.
 UNEVEN = 4.0
 # Two places at least this far apart count for the red-green blind: an eighth of the palette.
 APART = STEPS // 8

@@ -103,8 +103,8 @@ def test_the_middle_of_places_counts_across_the_date_line_and_with_weights() -> 
 def test_lights_shine_on_the_side_that_the_camera_sees(base) -> None:
     shown, axes = balls(base, np.zeros(1), np.zeros(1)), axes_over(base)
     lights = fitted_lights(shown, axes)
-    to_key = np.array(lights["key"].position) - shown.middle()
-    assert np.linalg.norm(to_key) - lights["key"].radius > shown.reach()
-    for toward in (to_key, -np.array(lights["fill"].direction)):
-        assert -axes[2] @ toward > 0.5 * np.linalg.norm(toward)
-    assert axes[0] @ to_key < 0 < axes[1] @ to_key
+    toward = {name: np.array(light.position) - shown.middle() for name, light in lights.items()}
+    for name, light in lights.items():
+        assert np.linalg.norm(toward[name]) - light.radius > shown.reach()
+        assert -axes[2] @ toward[name] > 0.5 * np.linalg.norm(toward[name])
+    assert axes[0] @ toward["key"] < 0 < axes[1] @ toward["key"] and axes[0] @ toward["fill"] > 0

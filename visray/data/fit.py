@@ -10,13 +10,14 @@ import numpy as np
 
 from visray.camera import Camera
 from visray.data.base import Base, GlobeBase
-from visray.lights import DirectionalLight, SphereLight
+from visray.lights import SphereLight
 from visray.lights.light import Light
 
 # Vertical angle of view, in degrees: narrow, so that bars near the edge of the picture hardly lean.
 FOV = 28.0
-# Elevation of the camera over a map, in degrees: so steep that bars hide little of what is behind them.
-ELEVATION = 52.0
+# Elevation of the camera over a map, in degrees: with bars so steep that they hide little of what is behind them, and
+# steeper without bars.
+ELEVATION, ELEVATION_FLAT = 52.0, 66.0
 # Angle from the camera over a globe northwards to the middle of the data, in degrees. Seen from straight above, bars
 # would look like dots.
 TILT = 28.0
@@ -32,10 +33,11 @@ KEY, FILL = np.array([-0.5, 0.3, 0.81]), np.array([0.7, -0.1, 0.7])
 # Diffuse light of both. Under them, a surface that faces upwards on a map has nearly its own colour, as in a legend, if
 # its ka is AMBIENT times its kd.
 KEY_LIGHT, FILL_LIGHT, AMBIENT = 0.75, 0.15, 0.3
-# Distance of the key light from the middle of the scene, and its radius, in radii of the scene: its shadows are soft.
-KEY_DISTANCE, KEY_RADIUS = 6.0, 0.8
-# Points of the key light that each sample of a pixel asks.
-KEY_SAMPLES = 4
+# Distance of the lights from the middle of the scene, and their radii, in radii of the scene. Shadows of the key light
+# are soft, and those of the fill light are so soft that they are hardly seen.
+DISTANCE, KEY_RADIUS, FILL_RADIUS = 6.0, 0.8, 4.0
+# Points of a light that each sample of a pixel asks.
+KEY_SAMPLES, FILL_SAMPLES = 4, 2
 # Linear colour of the background: nearly white, like paper.
 PAPER = (0.88, 0.9, 0.92)
 # Numbers of the scene are rounded to this share of its size, so that a file is easy to read.
@@ -60,6 +62,10 @@ class Balls:
     centre: np.ndarray
     radius: np.ndarray
 
+    def joined(self, other: "Balls") -> "Balls":
+        """These balls and others."""
+        return Balls(np.concatenate([self.centre, other.centre]), np.concatenate([self.radius, other.radius]))
+
     def middle(self) -> np.ndarray:
         """Middle of their bounding box. Shape: (3)."""
         low, high = ((self.centre + s * self.radius[:, None]) for s in (-1, 1))
@@ -81,12 +87,10 @@ def balls(base: Base, lon: Any, lat: Any, heights: Any = 0.0, radii: Any = 0.0) 
     ground = base.place(lon, lat)
     heights, radii = (np.broadcast_to(np.asarray(x, float), len(ground.point)) for x in (heights, radii))
     tops = ground.point + heights[:, None] * ground.up
-    outline = _outline(base)
-    centres = np.concatenate([outline.centre, ground.point, tops])
-    return Balls(centres, np.concatenate([outline.radius, radii, radii]))
+    return outline(base).joined(Balls(ground.point, radii)).joined(Balls(tops, radii))
 
 
-def _outline(base: Base) -> Balls:
+def outline(base: Base) -> Balls:
     """A globe as one ball, or the four corners of a map."""
     if isinstance(base, GlobeBase):
         ends = base.place(np.array([0.0, 180.0]), np.zeros(2)).point
@@ -113,17 +117,18 @@ def middle_of(lon: Any, lat: Any, weights: Any = 1.0) -> tuple[float, float]:
     return float(np.degrees(np.arctan2(-z, x))), float(np.degrees(np.arctan2(y, np.hypot(x, z))))
 
 
-def axes_over(base: Base, at: tuple[float, float] = POPULATED) -> np.ndarray:
+def axes_over(base: Base, at: tuple[float, float] = POPULATED, elevation: float = ELEVATION) -> np.ndarray:
     """Axes of a camera over a base: over a map at a slant from the south, over a globe from the south of a place.
 
     at: longitude and latitude of that place.
+    elevation: of the camera over a map, in degrees.
 
     Shape: (3, 3), an axis in each row.
     """
     globe = isinstance(base, GlobeBase)
     lon, lat = (at[0], float(np.clip(at[1] - TILT, *LATITUDES))) if globe else (0.0, 0.0)
     ground = base.place(np.array([lon]), np.array([lat]))
-    slant = 0.0 if globe else np.radians(90 - ELEVATION)
+    slant = 0.0 if globe else np.radians(90 - elevation)
     normal, north = ground.up[0], ground.point_lat[0] / np.linalg.norm(ground.point_lat[0])
     forward = np.sin(slant) * north - np.cos(slant) * normal
     forward = forward / np.linalg.norm(forward)
@@ -188,13 +193,14 @@ def _rounding(shown: Balls) -> Any:
 def fitted_lights(shown: Balls, axes: np.ndarray) -> dict[str, Light]:
     """A key light with soft shadows and a weak fill light, by their names."""
     backwards = axes * np.array([[1.0], [1.0], [-1.0]])
-    key, fill = ((v / np.linalg.norm(v)) @ backwards for v in (KEY, FILL))
     reach, rounded = shown.reach(), _rounding(shown)
-    key_light = SphereLight(
-        position=rounded(shown.middle() + KEY_DISTANCE * reach * key),
-        radius=rounded(KEY_RADIUS * reach * np.ones(1))[0],
-        samples=KEY_SAMPLES,
-        Id=(KEY_LIGHT,) * 3,
-    )
-    direction = tuple(np.round(-fill, 6).tolist())
-    return {"key": key_light, "fill": DirectionalLight(direction=direction, Id=(FILL_LIGHT,) * 3, Is=(0.0, 0.0, 0.0))}
+
+    def light(toward: np.ndarray, radius: float, brightness: float, samples: int, shine: float) -> SphereLight:
+        position = shown.middle() + DISTANCE * reach * (toward / np.linalg.norm(toward)) @ backwards
+        return SphereLight(
+            position=rounded(position), radius=rounded(radius * reach * np.ones(1))[0], samples=samples,
+            Id=(brightness,) * 3, Is=(shine,) * 3,
+        )  # fmt: skip
+
+    key = light(KEY, KEY_RADIUS, KEY_LIGHT, KEY_SAMPLES, 1.0)
+    return {"key": key, "fill": light(FILL, FILL_RADIUS, FILL_LIGHT, FILL_SAMPLES, 0.0)}

@@ -5,7 +5,7 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from visray import memory
 from visray.data.cells import Column, columns_of
 from visray.data.dialect import SEPARATORS, Dialect, dialect_of, reader
 from visray.data.encoding import Encoding, encoding_of
+from visray.data.numerals import is_number
 from visray.data.table import LISTED, Table, shown
 from visray.errors import UserError
 from visray.terminal import printable
@@ -40,6 +41,8 @@ def read_csv(path: Path) -> Table:
     if start.startswith(("<!doctype", "<html", "<?xml")):
         raise UserError(f"{path}: is a web page or XML, not a table; save the data as CSV")
     lines = list(io.StringIO(head, newline=""))
+    if spaced := _spaced(lines):
+        raise UserError(f"{path}: {spaced}")
     dialect = dialect_of(lines[:-1] if len(head) == SAMPLE and len(lines) > 1 else lines)
     return _Reading(path, encoding, dialect).table()
 
@@ -229,6 +232,18 @@ def _names(written: list[str] | None, width: int) -> tuple[list[str], list[str]]
             taken.add(names[i])
         notes.append(f"the column {shown(name)} is there {len(places)} times: {', '.join(names[i] for i in places)}")
     return names, notes
+
+
+def _spaced(lines: list[str]) -> str:
+    """What is wrong if cells are separated by spaces only; "" if they are not."""
+    header, row = next(([a.split(), b.split()] for a, b in pairwise(lines) if a.strip()), [[], []])
+    separated = any(
+        separator in "".join(header + row) or "\t" in line for separator in SEPARATORS for line in lines[:9]
+    )
+    is_table = not separated and len(header) == len(row) > 1 and not any(map(is_number, header))
+    if not is_table or sum(map(is_number, row)) < 2:
+        return ""
+    return "the cells are separated by spaces; save it with commas, semicolons, tabs or bars between them"
 
 
 def _named(separator: str) -> str:

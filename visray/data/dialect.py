@@ -3,10 +3,12 @@
 import csv
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 
 from visray.data.numerals import MISSING, is_number
+from visray.data.table import shown
 
 # Characters that may separate cells, and their names. The first wins where several fit as well.
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
@@ -49,60 +51,88 @@ def dialect_of(lines: list[str]) -> Dialect:
 
     lines: the first lines of its file, with their line breaks; the last one may be cut off.
     """
-    notes, skipped, separator = [], 0, None
-    if lines and (said := SEP.fullmatch(lines[0])):
-        skipped, separator = 1, said[1]
-    before = skipped
+    said = SEP.fullmatch(lines[0]) if lines else None
+    before = skipped = int(said is not None)
     while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].startswith("#")):
         skipped += 1
     comments = [i for i in range(before, skipped) if lines[i].startswith("#")]
-    separator = _separator(lines[skipped:]) if separator is None else separator
-    rows = _rows(lines[skipped:], separator)
+    separator = said[1] if said else _separator(lines[skipped:])
+    notes, rows = [], _rows(lines[skipped:], separator)
     header = bool(rows) and not _is_data(rows)
-    if comments and not header and len(rows) > 1:
-        # A header may begin with #, as in "#lon,lat,rain".
-        named = _rows([lines[comments[-1]].lstrip("# ")], separator)
-        if named and len(named[0]) == len(rows[0]) > 1 and not _is_data(named):
-            notes.append(f"line {comments[-1] + 1} is read as the header, although it begins with #")
-            skipped, comments = comments[-1], comments[:-1]
-            rows, header = [named[0], *rows], True
+    if comments and rows and not header and (named := _commented(lines[comments[-1]], separator, len(rows[0]))):
+        notes.append(f"line {comments[-1] + 1} is read as the header, although it begins with #")
+        skipped, comments = comments[-1], comments[:-1]
+        rows, header = [named, *rows], True
+    elif title := _title(rows):
+        # Empty lines are no rows, so the lines are counted anew.
+        titles, place = rows[:title], skipped
+        while title:
+            title -= lines[place].strip() != ""
+            place += 1
+        while not lines[place].strip():
+            place += 1
+        many = "1 line" if place == skipped + 1 else f"{place - skipped} lines"
+        notes.append(f"{many} before the header skipped, beginning with {shown(titles[0][0])}")
+        skipped, rows, header = place, rows[len(titles) :], True
     if comments:
         notes.append(f"{len(comments)} comment {'line' if len(comments) == 1 else 'lines'} before the header skipped")
     if rows and not header:
-        notes.append(
-            f"line {skipped + 1} holds numbers: there is no header, and the columns are column 1, column 2, ..."
-        )
+        what = "there is no header, and the columns are column 1, column 2, ..."
+        notes.append(f"line {skipped + 1} holds numbers: {what}")
     data = rows[1:] if header else rows
     numeric = [_fits(cell) for cell in data[0]] if data else []
-    size = sum(len(line) for line in lines[skipped:]) / max(len(lines) - skipped, 1)
+    size = sum(map(len, lines[skipped:])) / max(len(lines) - skipped, 1)
     return Dialect(separator, skipped, rows[0] if header else None, rows[0] if rows else [], numeric, size, notes)
+
+
+def _commented(line: str, separator: str, width: int) -> list[str]:
+    """The header in a line that begins with #, as in "#lon,lat,rain"; [] if it is none.
+
+    width: number of cells of the rows
+    """
+    rows = _rows([line.lstrip("# ")], separator)
+    is_header = rows and len(rows[0]) == width > 1 and not _is_data(rows) and not any(":" in cell for cell in rows[0])
+    return rows[0] if is_header else []
+
+
+def _title(rows: list[list[str]]) -> int:
+    """Number of rows before the header: titles and sources, with half of its cells at most. 0 if a row before the first
+    one of full width is longer, or if that row is no header."""
+    width = _usual(rows)
+    first = next((i for i, row in enumerate(rows) if len(row) == width), 0)
+    filled = [sum(cell.strip() != "" for cell in row) for row in rows[:first]]
+    is_title = first > 0 and 2 * max(filled) <= width and first < len(rows) - 1 and not _is_data(rows[first:])
+    return first if is_title else 0
+
+
+def _usual(rows: list[list[str]]) -> int:
+    """The number of cells that the most rows have."""
+    counts = [len(row) for row in rows]
+    return max(sorted(set(counts)), key=counts.count, default=0)
 
 
 def _rows(lines: list[str], separator: str) -> list[list[str]]:
     """The first rows of some lines, without empty ones."""
     rows = []
-    try:
-        for row in islice(reader(lines, separator), ROWS):
-            if row:
-                rows.append(row)
-    except csv.Error:
-        pass  # cut off, or damaged: the whole file is read with exact messages
+    # A row may be cut off, or damaged: the whole file is read with exact messages.
+    with suppress(csv.Error):
+        rows += (row for row in islice(reader(lines, separator), ROWS) if row)
     return rows
 
 
 def _separator(lines: list[str]) -> str:
-    """The character between the cells: the one that cuts the most rows into the same number of cells, of which the most
-    are numbers. "" if none occurs."""
+    """The character between the cells: the one that cuts the most rows, and the first one, into the same number of
+    cells, of which the most are numbers. "" if none occurs."""
     found = {}
     for order, separator in enumerate(SEPARATORS):
         rows = _rows(lines, separator)
-        counts = [len(row) for row in rows]
-        if not counts or max(counts) < 2:
+        if not rows or max(map(len, rows)) < 2:
             continue
-        same = sum(n == counts[0] for n in counts) / len(counts)
+        width = _usual(rows)
+        same = sum(len(row) == width for row in rows) / len(rows)
         cells = [cell for row in rows[1:] or rows for cell in row]
         clean = sum(map(_fits, cells)) / len(cells)
-        found[separator] = (counts[0] > 1, round(same, 1), round(clean, 1), len(SEPARATORS) - order)
+        found[separator] = (width > 1, len(rows[0]) == width, round(same, 1), round(clean, 1), -order)
     return max(found, key=found.get) if found else ""
 
 

@@ -11,7 +11,7 @@ none), it is left out: 12% is read as 12. Degrees may end in N, S, E or W; S and
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,22 +22,32 @@ MISSING = frozenset(("", "na", "n/a", "#n/a", "nan", "null", "none", "-", "\u201
 UNITS = "%\u2030\u00b0$\u20ac\u00a3\u00a5"
 # Marks between thousands that are never decimal: space, no-break, thin, narrow and figure space, apostrophes.
 NEUTRAL = " \u00a0\u2009\u202f\u2007'\u2019"
+# How missing values are often written. Where they are written otherwise, a column is read more slowly.
+OFTEN_MISSING = frozenset(("", "NA", "N/A", "#N/A", "NaN", "nan", "NULL", "null", "None", "-", ".."))
 _MINUS = str.maketrans("\u2212\uff0b", "-+")
 # Signs of degrees north, south, east and west.
 COMPASS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 # A number that means one thing if the comma separates thousands, and another if it is decimal.
 AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
-HAS_DIGIT = re.compile(r"[0-9]")
+# What may come before the first digit of a number.
+_NUMERIC = re.compile(rf"[-+.,{UNITS}{NEUTRAL}]*[0-9]")
+DECIMAL_COMMA = "the comma is decimal"
+# A note where the point may separate thousands in a file whose separator is that of countries with decimal commas.
+DECIMAL_POINT = "each point has three digits after it; it is read as decimal: 1.234 is not 1234"
+ELSEWHERE = (";", "\t")
 # Numbers whose text says more than their value: codes such as 007, and whole numbers too long for a double.
 CODE = re.compile(r"[+-]?0\d+|[+-]?\d{16,}", re.ASCII)
 
 
 def _pattern(decimal: str) -> re.Pattern:
-    """Pattern of a number with this decimal mark. Its first group is the mark between thousands."""
+    """Pattern of a number with this decimal mark. Its first group is the mark between thousands.
+
+    A number with such marks has no exponent: 1,234e5 is not 123 million.
+    """
     marks = "," if decimal == "." else r"\."
-    whole = rf"(?:[1-9]\d{{0,2}}([{marks}{NEUTRAL}])\d{{3}}(?:\1\d{{3}})*|\d+)"
     d = re.escape(decimal)
-    return re.compile(rf"[+-]?(?:{whole}(?:{d}\d*)?|{d}\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+    grouped = rf"[1-9]\d{{0,2}}([{marks}{NEUTRAL}])\d{{3}}(?:\1\d{{3}})*(?:{d}\d*)?"
+    return re.compile(rf"[+-]?(?:{grouped}|(?:\d+(?:{d}\d*)?|{d}\d+)(?:[eE][+-]?\d+)?)", re.ASCII)
 
 
 PATTERNS = {decimal: _pattern(decimal) for decimal in ".,"}
@@ -62,7 +72,7 @@ class Numbers:
 
 
 class _Bodies(NamedTuple):
-    """Cells of a column that have digits: their indices, their texts without unit, their signs, and the unit."""
+    """Cells of a column that begin like a number: indices, texts without unit, signs, and the unit."""
 
     index: list[int]
     text: list[str]
@@ -76,32 +86,43 @@ def read_column(cells: Sequence[str], decimal: str = "", separator: str = "") ->
     decimal: the decimal mark that other columns of the file show, or "".
     separator: the character between the cells of the file, or "".
     """
+    # Equal cells are read once: a column of names may have a few countries for many rows.
+    place = {cell: i for i, cell in enumerate(dict.fromkeys(cells))}
+    index = np.fromiter(map(place.__getitem__, cells), int, len(cells))
+    read = _read(list(place), decimal, separator)
+    is_bad = np.zeros(len(place), bool)
+    is_bad[read.bad] = True
+    return replace(read, values=read.values[index], bad=np.flatnonzero(is_bad[index]).tolist())
+
+
+def _read(cells: list[str], decimal: str, separator: str) -> Numbers:
+    """The numbers of texts that are all different."""
     texts = [cell.strip().translate(_MINUS) for cell in cells]
     bodies = _bodies(texts)
     point, comma = ([bool(PATTERNS[d].fullmatch(t)) for t in bodies.text] for d in ".,")
     unclear = [p and c and AMBIGUOUS.fullmatch(t) is not None for p, c, t in zip(point, comma, bodies.text)]
     points, commas = (sum(a and not b for a, b in zip(*pair)) for pair in ((point, comma), (comma, point)))
     notes = [f"the unit {bodies.unit} is left out"] if bodies.unit else []
-    mark = "." if points >= commas else ","
+    mark, readable = "." if points >= commas else ",", True
     shows = "" if bool(points) == bool(commas) else mark
-    readable = True
     if any(unclear):
         first = next(t for t, u in zip(bodies.text, unclear) if u)
         mark, readable = _settled(first, points, commas, decimal, separator)
-        if readable and not (points or commas) and (mark == "," or "," in first or decimal):
+        if mark == "." and "." in first and separator in ELSEWHERE and not (points or commas or decimal):
+            notes.append(DECIMAL_POINT)
+        elif readable and not (points or commas) and (mark == "," or "," in first):
             notes.append(f"{first} is read as {_number(first, mark):g}")
-    fits = point if mark == "." else comma
+    if shows == ",":
+        notes.append(DECIMAL_COMMA)
     values = np.full(len(cells), np.nan)
-    bad = [i for i, t in enumerate(texts) if not HAS_DIGIT.search(t) and t.casefold() not in MISSING]
-    for i, text, sign, fit, doubt in zip(bodies.index, bodies.text, bodies.sign, fits, unclear):
+    is_bad = np.array([t.casefold() not in MISSING for t in texts])
+    for i, text, sign, fit, doubt in zip(
+        bodies.index, bodies.text, bodies.sign, comma if mark == "," else point, unclear
+    ):
         number = sign * _number(text, mark) if fit and (readable or not doubt) else np.nan
         if np.isfinite(number):
-            values[i] = number
-        else:
-            bad.append(i)
-    if shows == ",":
-        notes.append("the comma is decimal")
-    return Numbers(values, sorted(bad), notes, shows, any(map(CODE.fullmatch, bodies.text)))
+            values[i], is_bad[i] = number, False
+    return Numbers(values, np.flatnonzero(is_bad).tolist(), notes, shows, any(map(CODE.fullmatch, bodies.text)))
 
 
 def _settled(first: str, points: int, commas: int, decimal: str, separator: str) -> tuple[str, bool]:
@@ -124,8 +145,8 @@ def _settled(first: str, points: int, commas: int, decimal: str, separator: str)
 
 
 def _bodies(texts: list[str]) -> _Bodies:
-    """The cells that have digits, without the unit that all numbers share."""
-    index = [i for i, t in enumerate(texts) if HAS_DIGIT.search(t)]
+    """The cells that begin like a number, without the unit that all numbers share."""
+    index = [i for i, t in enumerate(texts) if _NUMERIC.match(t)]
     held = [texts[i] for i in index]
     plain = _Bodies(index, held, [1.0] * len(held), "")
     signs = next((_unit(t) for t in held if _unit(t)), "")

@@ -44,6 +44,8 @@ def _reason(text: str) -> str:
     bare = text.strip()
     if bare.startswith(("=", "@")) or (bare[:1] in "+-" and bare[1:2].isalpha()):
         return " (a formula, not its result)"
+    if bare[:1].isdecimal() and any(c in bare for c in "°º\u2032") and any(c in bare for c in "'\u2032\u2019"):
+        return " (degrees and minutes; write decimal degrees)"
     if AMBIGUOUS.fullmatch(bare):
         return f" (it may mean {bare.replace(',', '').replace('.', '')} or {bare.replace(',', '.')})"
     if "_" in bare and bare.replace("_", "").isdecimal():

@@ -190,7 +190,7 @@ class _Reading:
     def _check_memory(self) -> None:
         """Raises a UserError if the table does not fit into the memory that is free, as far as its first rows tell."""
         size, row = self.path.stat().st_size, self.dialect.row_bytes
-        count = size / max(row, 1)
+        count = max(size / row - 1, 0) if row else 0
         numbers = sum(self.dialect.numeric)
         need = count * (8 * (numbers + 1) + TEXT_BYTES * (len(self.names) - numbers)) + CHUNK * (
             row + 70 * len(self.names)

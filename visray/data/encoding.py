@@ -61,7 +61,9 @@ def encoding_of(path: Path) -> Encoding:
         if kind := next((text for magic, text in OTHERS.items() if head.startswith(magic)), None):
             raise UserError(f"{path}: {kind}")
         codec = next((codec for mark, codec in MARKS.items() if head.startswith(mark)), "utf-8")
-        decoder, start, block, nul = codecs.getincrementaldecoder(codec)(), 0, head, codec.startswith("utf-8")
+        # The decoder that drops the mark would not count its bytes.
+        decoder = codecs.getincrementaldecoder(codec.removesuffix("-sig"))()
+        start, block, nul = 0, head, codec.startswith("utf-8")
         while True:
             if nul and b"\0" in block:
                 raise UserError(_nul(path, start + block.index(b"\0")))

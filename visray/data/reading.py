@@ -42,21 +42,28 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     """The table of a file. Raises a UserError of one line, which begins with the path."""
     path = Path(path)
     try:
-        status = os.stat(path)
-        read = READERS.get(path.suffix.lower())
-        if stat.S_ISDIR(status.st_mode):
-            raise UserError(f"{path}: is a folder; give a file in it")
-        # A pipe must not be opened: that would wait for a writer.
-        if not stat.S_ISREG(status.st_mode):
-            raise UserError(f"{path}: is not a regular file; give a table file")
-        if read is None:
-            raise UserError(f"{path}: is not known to be a table by its name; visray reads {', '.join(READERS)}")
-        return read(path)
+        return _read(path)
+    except UserError as error:
+        raise UserError(printable(" ".join(error.lines))) from None
     except FileNotFoundError:
-        raise UserError(f"{path}: there is no such file{neighbour(path, READERS) or '; check the path'}") from None
+        near = neighbour(path, READERS) or "; check the path"
+        raise UserError(printable(f"{path}: there is no such file{near}")) from None
     except MemoryError:
-        raise UserError(f"{path}: does not fit into memory; leave out columns or rows") from None
+        raise UserError(printable(f"{path}: does not fit into memory; leave out columns or rows")) from None
     except (OSError, ValueError) as error:
-        raise UserError(
-            f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); check the path"
-        ) from None
+        reason = getattr(error, "strerror", None) or error
+        raise UserError(printable(f"{path}: cannot be read ({reason}); check the path")) from None
+
+
+def _read(path: Path) -> Table:
+    """The table of a file."""
+    status = os.stat(path)
+    if stat.S_ISDIR(status.st_mode):
+        raise UserError(f"{path}: is a folder; give a file in it")
+    # A pipe must not be opened: that would wait for a writer.
+    if not stat.S_ISREG(status.st_mode):
+        raise UserError(f"{path}: is not a regular file; give a table file")
+    read = READERS.get(path.suffix.lower())
+    if read is None:
+        raise UserError(f"{path}: is not known to be a table by its name; visray reads {', '.join(READERS)}")
+    return read(path)

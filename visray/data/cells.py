@@ -18,7 +18,7 @@ _WORDS = OFTEN_MISSING - {""}
 # Between line feeds: a code such as 007, and a whole number too long for a double.
 _CODE = re.compile(r"\n[+-]?0\d+\n|\n[+-]?\d{16,}\n", re.ASCII)
 # A mark that is decimal for certain: the digits around it are no thousands.
-_CERTAIN = {m: re.compile(rf"{re.escape(m)}(?!\d{{3}}\n)|\n[+-]?(?:0\d*|\d{{4,}})?{re.escape(m)}", re.ASCII) for m in ".,"}
+_CERTAIN = {m: re.compile(rf"[{m}](?!\d{{3}}\n)|\n[+-]?(?:0\d*|\d{{4,}})?[{m}]", re.ASCII) for m in ".,"}
 
 
 @dataclass

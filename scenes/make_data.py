@@ -129,7 +129,7 @@ def variables(data: bytes) -> dict[str, np.ndarray]:
     Source: NetCDF Classic Format Specification, Unidata.
     """
     kinds = {1: ">i1", 2: "S1", 3: ">i2", 4: ">i4", 5: ">f4", 6: ">f8"}
-    at = 8
+    at = 4
 
     def number() -> int:
         nonlocal at
@@ -149,6 +149,7 @@ def variables(data: bytes) -> dict[str, np.ndarray]:
             skipped(count * np.dtype(kinds[kind]).itemsize)
 
     records = number()
+    number()
     sizes = [(skipped(number()), number())[1] for _ in range(number())]
     attributes()
     number()
@@ -209,7 +210,7 @@ def coastal_cities(sources: Sources) -> Iterator[dict]:
         if new and far <= NEAR_SEA:
             kept = np.vstack([kept, at])
             row = place(city) | {"population": city["population"], "rain": rain.at(*at)}
-            yield row | {name: float(value) for name, value in zip(MONTHS, means)}
+            yield row | {name: float(value) for name, value in zip(MONTHS, means, strict=True)}
 
 
 def ports(sources: Sources) -> Iterator[dict]:

@@ -3,6 +3,8 @@
 import csv
 import json
 import re
+import runpy
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +66,7 @@ def test_numbers_that_are_known():
         assert float(ports[name]["lon"]) == pytest.approx(lon, abs=0.06)
         assert float(ports[name]["lat"]) == pytest.approx(lat, abs=0.06)
     assert all(float(row["january"]) < float(row["july"]) for row in ports.values())
+    assert set(table(DATA / "coastal-cities.csv")[0]) > WARMTHS
     south = [row for row in table(DATA / "coastal-cities.csv") if float(row["lat"]) < -24]
     assert south and all(float(row["january"]) > float(row["july"]) for row in south)
     cities = {row["name"]: float(row["rain"]) for row in table(DATA / "cities.csv")}
@@ -188,3 +191,67 @@ def test_barcelona_has_its_quarters_on_land_and_the_sea_beside_them():
 
 def test_maps_are_small():
     assert all((MAPS / f"{name}.png").stat().st_size < 300_000 for name in (*SHEETS, "barcelona"))
+
+
+@pytest.fixture(scope="module")
+def made() -> dict:
+    """The names that the script of the tables defines."""
+    return runpy.run_path(str(DATA.parent / "make_data.py"))
+
+
+def test_great_circles(made):
+    """A quarter of the equator, and from Barcelona to its antipodes: half of the circumference."""
+    quarter = np.pi / 2 * 6371
+    others = np.array([[92.159, 0], [2.159, 41.389], [2.159 - 180, -41.389]])
+    assert made["distance"](2.159, 0, others[:1]) == pytest.approx([quarter])
+    assert made["distance"](2.159, 41.389, others[1:]) == pytest.approx([0, 2 * quarter], abs=1e-3)
+
+
+@pytest.mark.parametrize("most", [0.01, 0.1, 0.5])
+def test_thinned_lines_stay_near(made, most):
+    t = np.linspace(0, 2 * np.pi, 200)
+    line = np.stack([t, np.sin(3 * t)], axis=1)
+    short = made["thinned"](line, most)
+    assert len(short) < len(line) and (short[[0, -1]] == line[[0, -1]]).all()
+    a, b = short[:-1, None], short[1:, None]
+    share = np.clip(((line - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(2), 0, 1)[..., None]
+    assert np.linalg.norm(a + share * (b - a) - line, axis=2).min(axis=0).max() <= most * (1 + 1e-12)
+
+
+def test_middle_of_a_ring(made):
+    area, middle = made["area_and_middle"](np.array([[0, 0], [0, 3], [6, 0], [0, 0]], float))
+    assert area == 9 and middle == pytest.approx([2, 1])
+
+
+def netcdf(records: int) -> bytes:
+    """A netCDF file with the variables x (3) and, for each of the records, y (3) and z: the classic format, by hand."""
+
+    def text(word: str) -> bytes:
+        return struct.pack(">i", len(word)) + word.encode() + bytes(-len(word) % 4)
+
+    def variable(name: str, dimensions: list[int], kind: int, size: int, begin: int) -> bytes:
+        head = text(name) + struct.pack(f">{1 + len(dimensions)}i", len(dimensions), *dimensions)
+        attribute = struct.pack(">2i", 12, 1) + text("unit") + struct.pack(">2i", 2, 1) + b"K\0\0\0"
+        return head + attribute + struct.pack(">3i", kind, size, begin)
+
+    head = b"CDF\1" + struct.pack(">3i", records, 10, 2) + text("time") + struct.pack(">i", 0)
+    head += text("lon") + struct.pack(">i", 3) + struct.pack(">2i", 0, 0)
+
+    def whole(begin: int) -> bytes:
+        return (
+            head
+            + struct.pack(">2i", 11, 3)
+            + variable("x", [1], 4, 12, begin)
+            + (variable("y", [0, 1], 5, 12, begin + 12) + variable("z", [0], 6, 8, begin + 24))
+        )
+
+    parts = [struct.pack(">3i", 7, 8, 9)]
+    parts += [struct.pack(">3fd", r, r + 0.25, r + 0.5, 100.0 + r) for r in range(records)]
+    return whole(len(whole(0))) + b"".join(parts)
+
+
+def test_netcdf_files_are_read(made):
+    found = made["variables"](netcdf(4))
+    assert found["x"].tolist() == [7, 8, 9]
+    assert found["y"].tolist() == [[r, r + 0.25, r + 0.5] for r in range(4)]
+    assert found["z"].tolist() == [100, 101, 102, 103]

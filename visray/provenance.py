@@ -14,11 +14,13 @@ from visray.setup import Prepared
 from visray.version import __version__
 
 
-def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str, Any]:
+def provenance(prepared: Prepared, scene_hash: str, seconds: float, seen: np.ndarray | None = None) -> dict[str, Any]:
     """Dict of the facts about a picture, except those about its samples and its error.
 
     scene_hash: hash of the scene that was given by the caller. The prepared scene may have another sampler.
     seconds: duration of the render.
+    seen: layer id of the picture, or None. With it, rows of data that no pixel shows are not named, as there may be
+        very many.
     """
     s = prepared.scene.settings
     return {
@@ -29,7 +31,7 @@ def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str,
         "precision": s.precision,
         "backend": prepared.a.backend,
         "features": prepared.features.names(),
-        "objects": json.dumps({name: i + 1 for i, name in enumerate(prepared.scene.all_objects)}, ensure_ascii=False),
+        "objects": json.dumps(_numbers(prepared.scene, seen), ensure_ascii=False),
         "visray": __version__,
         "drjit": dr.__version__,
         "llvm": ".".join(map(str, dr.detail.llvm_version())) if prepared.a.backend == "llvm" else "",
@@ -37,6 +39,17 @@ def provenance(prepared: Prepared, scene_hash: str, seconds: float) -> dict[str,
         "threads": dr.thread_count(),
         "render_seconds": seconds,
         **camera_matrices(prepared.scene),
+    }
+
+
+def _numbers(scene: Scene, seen: np.ndarray | None) -> dict[str, int]:
+    """Numbers of objects in the layer id, by name. seen: as in provenance"""
+    shown = None if seen is None else set(np.unique(seen).tolist())
+    written = len(scene.written_objects)
+    return {
+        name: number
+        for number, name in enumerate(scene.all_objects, 1)
+        if number <= written or shown is None or number in shown
     }
 
 

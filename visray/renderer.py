@@ -119,7 +119,7 @@ def render(
     pictures = rasters(prepared, values, layers)
     certificate = certificate_facts(pictures)
     warn_of_roots(certificate, prepared)
-    facts = provenance(prepared, scene_hash, clock.now() - now) | facts | certificate
+    facts = provenance(prepared, scene_hash, clock.now() - now, pictures.get("id")) | facts | certificate
     if goal:
         del facts["spp_asked"]
     return Image(pictures, facts | {"interrupted": int(interrupts.requested)})

@@ -123,7 +123,12 @@ class RowColors:
             return None
         value = rows.values.get("color")
         value = None if value is None else a.put(a.D, value)
-        return RowColors(a.put(a.V, rows.color), value, lambda: a.put(a.V, rows.slopes["color"]), fields)
+        return RowColors(
+            a.put(a.V, rows.color),
+            value,
+            lambda: a.put(a.V, np.nan_to_num(rows.slopes["color"], posinf=0.0, neginf=0.0)),
+            fields,
+        )
 
     def now(self) -> Any:
         """The colours, with derivatives if the values are attached. The numbers are the same bit for bit."""

@@ -64,6 +64,11 @@ class Rows:
         i = int(np.searchsorted(self.number, number))
         return i if i < len(self) and self.number[i] == number else None
 
+    def has_slope(self, number: int, name: str) -> bool:
+        """Whether a size or a colour has a finite derivative by a number of a row of the source."""
+        slope = self.slopes.get(name)
+        return slope is None or bool(np.isfinite(slope[..., self.index(number)]).all())
+
     def numbers_text(self) -> str:
         """Which rows are shown, as words."""
         if not len(self):
@@ -89,13 +94,13 @@ class Rows:
         put: function that copies an array of NumPy to Dr.Jit
         """
         shift = {name: x - put(self.values[name]) for name, x in values.items()}
-        place = {"point": put(self.ground.point), "up": put(self.ground.up), "east": put(self.ground.east)}
+        place = {name: put(getattr(self.ground, name).T) for name in ("point", "up", "east")}
         for axis in ("lon", "lat"):
             if axis in shift:
                 for name in place:
-                    place[name] = place[name] + put(getattr(self.ground, f"{name}_{axis}")) * shift[axis]
+                    place[name] = place[name] + put(getattr(self.ground, f"{name}_{axis}").T) * shift[axis]
         size = {
-            name: put(getattr(self.stand, name)) + put(self.slopes[name]) * shift[name]
+            name: put(getattr(self.stand, name)) + put(_finite(self.slopes[name])) * shift[name]
             if name in shift
             else put(getattr(self.stand, name))
             for name in ("height", "radius")
@@ -105,6 +110,11 @@ class Rows:
         stand = Stand(place["point"] + up * self.lift, up, east, north, size["height"], put(self.stand.sign),
                       size["radius"], self.stand.sunk)  # fmt: skip
         return self.gizmo.fields(stand)
+
+
+def _finite(slope: np.ndarray) -> np.ndarray:
+    """Derivatives, 0 in place of infinite ones: no derivative is taken by the numbers of these rows."""
+    return np.where(np.isfinite(slope), slope, 0.0)
 
 
 def _plain(x: np.ndarray, i: int) -> Any:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.features import features
 from visray.geometry import gamma
@@ -21,6 +22,7 @@ from visray.study.mitsuba.ray_comparison import RayComparison
 from visray.study.mitsuba.report import ColouredShadowDifferences, PictureDifference, Report
 from visray.study.mitsuba.shadows import ShadowComparison
 from visray.study.mitsuba.visray_scene import VisrayScene
+from visray.written_out import written_out
 
 # A picture of this size shows every object that matters, and takes seconds. With many lights it is smaller, to limit
 # the number of shadow rays.
@@ -40,9 +42,11 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     """
     if rays < 1:
         raise UserError(f"rays = {rays}: must be at least 1")
+    # Written out, a scene with data has the same bits (tests/test_data_scene.py).
+    scene, other = written_out(scene), other and written_out(other)
     shapes, left_out = mitsuba_shapes(_without_instances(other or scene))
     if not shapes:
-        why = "; ".join(f"objects.{name}: {reason}" for name, reason in left_out.items()) or "it has no objects"
+        why = "; ".join(f"{address_of(name)}: {reason}" for name, reason in left_out.items()) or "it has no objects"
         raise UserError(f"nothing of the scene can be checked: {why}")
     whole, size_notes = _reduced(scene)
     full_scene = _only_objects(whole, shapes)

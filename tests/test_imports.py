@@ -52,7 +52,8 @@ feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.png
 output.image output
 images
-data.row_table columns data_columns written_out pack address_index repack nesting overlap_report batches sampling moments film
+data.row_table columns data_columns written_out
+pack address_index repack nesting overlap_report batches sampling moments film
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal

@@ -8,7 +8,7 @@ import drjit as dr
 import numpy as np
 
 from visray.data.gizmos import CONSTANT, Fields
-from visray.data.rows import Rows
+from visray.data.rows import Rows, finite
 from visray.geometry import Frame
 from visray.primitives.primitive import Bounds
 from visray.pytree import leaves
@@ -123,12 +123,7 @@ class RowColors:
             return None
         value = rows.values.get("color")
         value = None if value is None else a.put(a.D, value)
-        return RowColors(
-            a.put(a.V, rows.color),
-            value,
-            lambda: a.put(a.V, np.nan_to_num(rows.slopes["color"], posinf=0.0, neginf=0.0)),
-            fields,
-        )
+        return RowColors(a.put(a.V, rows.color), value, lambda: a.put(a.V, finite(rows.slopes["color"])), fields)
 
     def now(self) -> Any:
         """The colours, with derivatives if the values are attached. The numbers are the same bit for bit."""

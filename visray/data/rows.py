@@ -100,7 +100,7 @@ class Rows:
                 for name in place:
                     place[name] = place[name] + put(getattr(self.ground, f"{name}_{axis}").T) * shift[axis]
         size = {
-            name: put(getattr(self.stand, name)) + put(_finite(self.slopes[name])) * shift[name]
+            name: put(getattr(self.stand, name)) + put(finite(self.slopes[name])) * shift[name]
             if name in shift
             else put(getattr(self.stand, name))
             for name in ("height", "radius")
@@ -112,7 +112,7 @@ class Rows:
         return self.gizmo.fields(stand)
 
 
-def _finite(slope: np.ndarray) -> np.ndarray:
+def finite(slope: np.ndarray) -> np.ndarray:
     """Derivatives, 0 in place of infinite ones: no derivative is taken by the numbers of these rows."""
     return np.where(np.isfinite(slope), slope, 0.0)
 

@@ -189,7 +189,7 @@ def kernel_scene(
         transparent=scene.film.transparent,
         attached=attached,
         in_waves=in_waves,
-        asked=_asked(packed.materials, attached and features["bilinear"]),
+        asked=_asked(packed.materials, geometry.batches, attached and features["bilinear"]),
         brute_force=brute_force,
     )
 
@@ -224,7 +224,7 @@ def _ranks(
 
 
 # The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
-# other fields are always read.
+# other fields are always read. `colored` is read before there is a kernel (materials.colored).
 FIELD_READERS = {
     "ks": ("specular",),
     "shininess": ("specular",),
@@ -233,6 +233,7 @@ FIELD_READERS = {
     "ior": ("refraction",),
     "dmax": ("coloured shadows",),
     "shading": ("unlit",),
+    "colored": (),
 }
 
 
@@ -242,10 +243,11 @@ def _needed(material: Material, features: Features) -> Material:
     return replace(material, **dict.fromkeys(unused))
 
 
-def _asked(materials: Material, attached_textures: bool) -> frozenset[str]:
-    """Names of the fields of materials that carry derivatives: their own, or those of the colour of a texture that
-    changes from point to point."""
-    own = (name for name in quantities(Material) if dr.grad_enabled(getattr(materials, name)))
+def _asked(materials: Material, batches: tuple[Batch, ...], attached_textures: bool) -> frozenset[str]:
+    """Names of the fields of materials that carry derivatives: their own, those of the colours of rows, or those of the
+    colour of a texture that changes from point to point."""
+    tables = materials, *(batch.material for batch in batches)
+    own = (name for name in quantities(Material) if any(dr.grad_enabled(getattr(x, name)) for x in tables))
     return frozenset(own) | (frozenset({"kd"}) if attached_textures else frozenset())
 
 

@@ -1,15 +1,26 @@
-"""Materials: Blinn-Phong reflection, mirrors and refraction."""
+"""Materials: Blinn-Phong reflection, mirrors and refraction, and what a palette colour changes in them."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+import drjit as dr
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field
 
 from visray.quantities import FARTHEST, Color, Factor, Length, Name, Quantity, Real, Share
 
 RefractiveIndex = Annotated[
     Real, Field(gt=0), Field(ge=0.01, le=100), Quantity(1, "geometry", "> 0, from 0.01 to 100; air is 1")
 ]
+# The fields that a palette colour can change.
+COLORED = ("ka", "kd", "ks", "kr", "kt")
+
+
+def _once(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names unchanged; raises ValueError if one occurs twice."""
+    if repeated := [name for name in COLORED if names.count(name) > 1]:
+        raise ValueError(f"has {repeated[0]} twice; name it once")
+    return names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +36,8 @@ class Material:
 
     With `shading` = "unlit", the surface's own colour is kd or that of its texture, whatever light falls on it. kr and
     kt add to it as in other materials.
+
+    `colored` names the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -42,6 +55,7 @@ class Material:
     texture: Name | None = None
     textured: Literal["ka and kd", "kd"] = "ka and kd"
     shading: Literal["lit", "unlit"] = "lit"
+    colored: Annotated[tuple[Literal[COLORED], ...], AfterValidator(_once)] = ("ka", "kd")
 
     @property
     def keeps_ka(self) -> bool:
@@ -58,3 +72,42 @@ class Material:
         """Whether the material is matte, so that it scatters light of other surfaces: it is lit, has kd or a texture,
         and has neither kr nor kt."""
         return not self.unlit and not any((*self.kr, *self.kt)) and (any(self.kd) or self.texture is not None)
+
+    def with_color(self, color: tuple[float, float, float]) -> "Material":
+        """The material with a palette colour in the fields `colored`: it replaces kd and multiplies the others.
+
+        color: linear Rec. 709
+        """
+        rgb = tuple(float(x) for x in color)
+        own = {name: getattr(self, name) for name in self.colored}
+        return replace(
+            self, **{name: rgb if name == "kd" else tuple(np.multiply(x, rgb).tolist()) for name, x in own.items()}
+        )
+
+    def color_flaw(self) -> str | None:
+        """Why a palette colour would not be seen in the material, as the end of a sentence; None if it is seen."""
+        if self.texture is not None and "kd" in self.colored:
+            return "has a texture, which takes the place of the colour in kd"
+        black, white = self.with_color((0.0, 0.0, 0.0)), self.with_color((1.0, 1.0, 1.0))
+        shown = [name for name in COLORED if not (self.unlit and name in ("ka", "ks"))]
+        if all(getattr(black, name) == getattr(white, name) for name in shown):
+            return f"shows no colour, as colored = {list(self.colored)} names no field that is seen"
+        return None
+
+
+def colored(table: Material, color: Any) -> Material:
+    """The materials of a table with palette colours, as `Material.with_color` gives them; with derivatives.
+
+    table: Dr.Jit arrays with one entry for each row; `colored` is its packed form (colored_bits)
+    color: a colour for each row
+    """
+    fields = {}
+    for bit, name in enumerate(COLORED):
+        own, changes = getattr(table, name), (table.colored & (1 << bit)) != 0
+        fields[name] = dr.select(changes, color if name == "kd" else own * color, own)
+    return replace(table, **fields)
+
+
+def colored_bits(material: Material) -> int:
+    """The field `colored` as one number: bit k is set if COLORED[k] is named."""
+    return sum(1 << COLORED.index(name) for name in material.colored)

@@ -63,6 +63,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "smaller solid",
         "texture": "the name of one of the scene's textures, or null",
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
+        "colored": "the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others",
         "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
     },
     Texture: {

@@ -329,28 +329,40 @@ def thinned(line: np.ndarray, most: float) -> np.ndarray:
     return np.vstack([thinned(line[: i + 1], most)[:-1], thinned(line[i:], most)])
 
 
-def outlines(sources: Sources) -> dict:
-    """GeoJSON: the outlines of countries as polygons, with some columns of `countries`. Neighbours share their border.
+def cut(line: np.ndarray) -> list[list]:
+    """A line, cut where it crosses the 180th meridian. Shape: (N, 2)."""
+    parts = [[line[0].tolist()]]
+    for (lon, lat), (to_lon, to_lat) in itertools.pairwise(line.tolist()):
+        if abs(to_lon - lon) > 180:
+            side = 180.0 if lon > 0 else -180.0
+            step = to_lon + 2 * side - lon
+            between = round(lat + (side - lon) / step * (to_lat - lat), 1) if step else lat
+            parts[-1].append([side, between])
+            parts.append([[-side, between]])
+        parts[-1].append([to_lon, to_lat])
+    fresh = [[a for a, b in itertools.pairwise([*part, None]) if a != b] for part in parts]
+    return [part for part in fresh if len(part) > 1]
 
-    A line that crosses the 180th meridian goes on with the opposite sign.
-    """
+
+def outlines(sources: Sources) -> dict:
+    """GeoJSON: the outlines of countries as lines, with some columns of `countries`. Neighbours share their border."""
     topology = sources.json("countries-110m.json")
-    arcs = [thinned(line, OUTLINE).round(1).tolist() for line in lines(topology)]
+    arcs = [thinned(line, OUTLINE).round(1) for line in lines(topology)]
     rows = {row["name"]: row for row in countries(sources)}
 
-    def ring(numbers: list[int]) -> list:
+    def ring(numbers: list[int]) -> np.ndarray:
         parts = [arcs[i] if i >= 0 else arcs[~i][::-1] for i in numbers]
-        return [point for part in parts for point in part[:-1]] + parts[-1][-1:]
+        return np.vstack([part[:-1] for part in parts] + [parts[-1][-1:]])
 
     features = []
     for shape in topology["objects"]["countries"]["geometries"]:
         name = shape["properties"]["name"]
         row = rows[RENAMED.get(name, name)]
-        parts = [shape["arcs"]] if shape["type"] == "Polygon" else shape["arcs"]
-        rings = [[ring(numbers) for numbers in part] for part in parts]
-        kept = [part for part in rings if len(part[0]) > 4] or rings
+        groups = [shape["arcs"]] if shape["type"] == "Polygon" else shape["arcs"]
+        rings = [ring(numbers) for group in groups for numbers in group]
+        kept = [r for r in rings if len(r) > 4] or rings
         about = {key: row[key] for key in ("name", "population", "gdp_per_head")}
-        geometry = {"type": "MultiPolygon", "coordinates": kept}
+        geometry = {"type": "MultiLineString", "coordinates": [part for r in kept for part in cut(r)]}
         features.append({"type": "Feature", "properties": about, "geometry": geometry})
     return {"type": "FeatureCollection", "features": features}
 

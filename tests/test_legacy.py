@@ -19,7 +19,12 @@ numbers are from our list of its defects, D1 to D37; those not named here lie in
 | D24, D25 polynomials beyond a light, and missed | as they are, within a ball | test_polynomials_are_clipped... |
 | D31 misread monomials | they count as written, with a warning | test_misread_monomials |
 | D28 own colour of glass in full | weighted with 1 - kt; full with compat | test_compat |
-| D29, D30, D32 to D35 data | not built yet: an error | test_a_missing_type_of_scene... |
+| D29 glass gizmos lose kt, nut, dmax | they keep them | test_gizmos_keep_their_material (test_legacy_data) |
+| D30 no JET; colours beyond the table | jet; the ends | test_colour_maps, test_every_row... (same) |
+| D32 two values per file, -1 for none | per row; -1 only with compat | test_every_row..., test_minus_1... (same) |
+| D33 the second colour inverts the first | the same | test_every_row... (same) |
+| D34 data mirrored on maps | not mirrored; mirrored with compat | test_a_datum_in_the_north_west... (same) |
+| D35 gizmos but three crash | box and cone; others an error | test_wrong_properties (same) |
 | D36 animation crashes | one picture, with a warning | test_what_is_ignored_is_reported |
 | D37 invalid JSON | an error with line and column | test_shipped_pairs_that_are_refused |
 | D37 "lookAt:" | read, with a warning | test_spellings_that_slipped... |
@@ -529,7 +534,7 @@ def test_a_missing_type_of_scene_is_inferred(pair: Pair) -> None:
     assert (list(loaded.objects), warnings) == (["ball"], ["scene: typeScene: is missing; VIRTUALWORLD is used"])
     for key in ("properties", "attributes"):
         assert pair.errors(typeScene=None, objects=None, **{key: []}) == [
-            'scene: typeScene = "REALDATA": a data scene (test) is not built yet'
+            f"scene: {key}: there are none, and no base; properties are a list of {{...}} with data"
         ]
 
 
@@ -605,7 +610,6 @@ def test_all_that_is_not_built_is_named_at_once(pair: Pair) -> None:
         'scene: typeScene = "TEMPORALVW": an animated scene (test) is not built yet',
         "scene: objects.ball.radius = 0.0: must be greater than 0",
     ]
-    assert pair.errors(typeScene="realdata") == ['scene: typeScene = "realdata": a data scene (test) is not built yet']
 
 
 @pytest.mark.parametrize(
@@ -1297,17 +1301,6 @@ def test_other_shipped_pairs(scene: str, setup: str | None, count: int, warnings
     ("scene", "setup", "what"),
     [
         (
-            "dadesBCN/dadesBCNTexture.json",
-            "dadesBCN/setupDataBCN.json",
-            'dadesBCN/dadesBCNTexture.json: typeScene = "REALDATA": a data scene (dadesBCN) is not built yet',
-        ),
-        (
-            "dadesBCN/dadesBCNOneValueSph.json",
-            "dadesBCN/setupDataBCNOneValueSph.json",
-            'dadesBCN/dadesBCNOneValueSph.json: typeScene = "REALDATA": '
-            "a data scene (dadesBCNOneValue) is not built yet",
-        ),
-        (
             "earth/stars.json",
             "earth/setupStars.json",
             "earth/setupStars.json: line 18, column 3: is not JSON: expecting property name enclosed in double quotes",
@@ -1328,10 +1321,10 @@ def test_every_shipped_scene_with_every_setup() -> None:
     scenes = [name for name in files if name not in setups]
     assert len(scenes) > 10 and len(setups) > 10
     for scene, setup, compat in product(scenes, setups, (False, True)):
-        refused = ("dades" in scene) + (setup == "earth/setupStars.json")
+        refused = setup == "earth/setupStars.json"
         try:
-            convert(SHIPPED / scene, SHIPPED / setup, compat)
-            assert not refused
+            loaded, _ = convert(SHIPPED / scene, SHIPPED / setup, compat)
+            assert not refused and (loaded.data is not None) == ("dades" in scene)
         except UserError as error:
             # An invalid file is warnings alone, before anything else.
             assert len(error.lines) == 1 and refused

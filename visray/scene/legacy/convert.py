@@ -9,7 +9,10 @@ In some points VisRayTrace deliberately follows other rules than visray. With `c
 - If ambient occlusion is on, its rays point to a half cube (settings.occlusion.hemisphere = "box").
 - A transparent surface shows its own colour with weight 1, not 1 - kt (settings.local = "full").
 - The numbers of an image file are kd directly, without the sRGB curve (textures with encoding = "linear").
-- A texture leaves ka as it is (materials with textured = "kd").
+- A texture leaves ka as it is (materials with textured = "kd"). So do the colours of data (colored = ["kd"]).
+- The numbers of colour maps are kd directly, without the sRGB curve (colour rules with encoding = "linear").
+- Data on a plane are mirrored between north and south, within Real.
+- A second value of -1 means that a datum has none.
 - The triangles of meshes are flat (normals = "face").
 - MAXDEPTH limits paths even if it is 1, its default: no reflection, no refraction (settings.depth = MAXDEPTH - 1).
 
@@ -24,6 +27,8 @@ In some points VisRayTrace deliberately follows other rules than visray. With `c
 - The diameter of the lens is always 2.
 - Spot lights ignore their cone if a = b = c = 0.
 - Some monomials are misread.
+- The last datum of the file decides whether all data have two values.
+- Transparent gizmos are black (kt = 0), and values beyond minValue and maxValue have random colours.
 
 Nor does it restore the fourth root in the falloff of a spot light, the single sample per pixel, or VisRayTrace's random
 numbers.
@@ -34,6 +39,7 @@ from typing import Any
 
 from visray.errors import UserError
 from visray.scene.check import examined
+from visray.scene.legacy.data import DataParts, data_parts
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import SCENE, SCENES, SETUP
 from visray.scene.legacy.materials import Materials
@@ -48,7 +54,7 @@ from visray.scene.scene import Scene
 from visray.scene.source import read
 
 # Keys of visray scenes that no VisRayTrace scene has.
-VISRAY_KEYS = {"camera", "film", "materials", "lights", "settings", "background", "ambient"}
+VISRAY_KEYS = {"camera", "film", "data", "materials", "lights", "settings", "background", "ambient"}
 
 
 class LegacyWarning(UserWarning):
@@ -103,17 +109,19 @@ def convert(
     e = Entry(raw_setup, "", SETUP, setup_log)
     resources = Resources(scene_file, allow_outside)
     materials = Materials(enabled_effects(e), Textures(resources, compat))
-    objects_by_name = _objects(raw, materials, Meshes(resources, compat), log)
+    objects_by_name, data = _objects_and_data(Entry(raw, "", SCENE, log), materials, Meshes(resources, compat), compat)
     setup_parts = setup(e, materials.by_name.values(), compat)
     clip_polynomials(objects_by_name, setup_parts["camera"]["origin"], log)
     scene_parts = {
         "textures": materials.textures.by_name, "materials": materials.by_name, "objects": objects_by_name
-    }  # fmt: skip
+    } | ({"data": data.fields} if data.fields else {})  # fmt: skip
     scene, flaws = examined(setup_parts | scene_parts)
     kinds = {name: fields["type"] for name, fields in objects_by_name.items()}
     in_scene_file = tuple(f"{part}." for part in scene_parts)
     for text in flaws:
-        (log if text.startswith(in_scene_file) else setup_log).error(with_legacy_address(text, kinds))
+        (log if text.startswith(in_scene_file) else setup_log).error(
+            with_legacy_address(text, kinds, materials.addresses, data.properties)
+        )
     errors = [*log.errors, *setup_log.errors]
     if errors or scene is None:
         raise UserError(*errors)
@@ -146,21 +154,45 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
         setup_log.error(line("", raw_setup, "is not a setup; a setup is an object {...}"))
 
 
-def _objects(raw: dict, materials: Materials, meshes: Meshes, log: Log) -> dict[str, dict]:
-    """Dict of the objects in a scene file, by name. Logs an error if visray cannot render scenes of this type yet."""
-    e = Entry(raw, "", SCENE, log)
-    written = e.text("typeScene")
-    if written is None:
-        written = "REALDATA" if e.has("properties") and not e.has("objects") else "VIRTUALWORLD"
-        log.warn(f"typeScene: is missing; {written} is used")
-    kind = next((k for k in SCENES if written.strip().upper().startswith(k)), None)
-    name = e.text("scene") or "no name"
-    if kind is None:
-        log.error(line("typeScene", written, f"unknown typeScene; {hint(written.upper(), SCENES)}"))
+def _objects_and_data(
+    e: Entry, materials: Materials, meshes: Meshes, compat: bool
+) -> tuple[dict[str, dict], DataParts]:
+    """Dict of the objects in a scene file, by name, and its data. Logs an error if visray cannot render scenes of this
+    type yet.
+
+    e: the scene file.
+    """
+    raw_objects, parts = e.items("objects"), DataParts()
+    kind = _kind(e)
+    if kind == "REALDATA" and e.items("properties"):
+        parts = data_parts(e, materials, compat)
+    elif kind == "REALDATA" and isinstance(e.values.get("base"), dict):
+        e.log.warn(f"{e.at('properties')}: there are none; the scene shows its base")
+        raw_objects = [{"name": "base"} | e.values["base"], *raw_objects]
     elif kind == "REALDATA":
-        log.error(line("typeScene", written, f"a data scene ({name}) is not built yet"))
+        e.log.error(f"{e.at('properties')}: there are none, and no base; properties are a list of {{...}} with data")
+    elif kind is not None and not e.has("objects"):
+        e.log.error("objects: the key is missing; it is the list of the scene's objects")
+    if kind == "REALDATA" and e.has("objects"):
+        e.log.warn("objects: are drawn with the data; VisRayTrace drew no objects in data scenes")
+    return objects(raw_objects, materials, meshes, e.log), parts
+
+
+def _kind(e: Entry) -> str | None:
+    """The kind of scene, one of SCENES; None with an error in the log if it is unknown or cannot be rendered yet."""
+    written = e.text("typeScene")
+    has_data = not e.has("objects") and (e.has("properties") or e.has("base"))
+    if written is None:
+        written = "REALDATA" if has_data else "VIRTUALWORLD"
+        e.log.warn(f"typeScene: is missing; {written} is used")
+    kind = next((k for k in SCENES if written.strip().upper().startswith(k)), None)
+    if kind is None:
+        e.log.error(line("typeScene", written, f"unknown typeScene; {hint(written.upper(), SCENES)}"))
     elif kind == "TEMPORAL":
-        log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
-    elif not e.has("objects"):
-        log.error("objects: the key is missing; it is the list of the scene's objects")
-    return objects(e.items("objects"), materials, meshes, log)
+        name = e.text("scene") or "no name"
+        e.log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
+        return None
+    elif kind != "REALDATA" and has_data:
+        e.log.warn(line("typeScene", written, "is read as REALDATA, because the file has data and no objects"))
+        return "REALDATA"
+    return kind

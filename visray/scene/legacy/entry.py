@@ -94,7 +94,7 @@ class Entry:
     def number(self, key: str, default: float | None = None) -> float | None:
         """The finite number under a key, or the default if there is none. If there is no default either, None with an
         error in the log."""
-        if self.has(key) and not _is_number(self.values[key]):
+        if self.has(key) and not is_number(self.values[key]):
             self._ignore(key, "a number")
         if self.has(key):
             if not isfinite(self.values[key]):
@@ -115,7 +115,7 @@ class Entry:
         As in VisRayTrace, missing numbers are 0 and surplus numbers are ignored; visray warns of both.
         """
         numbers = self.values.get(key)
-        if self.has(key) and not (isinstance(numbers, list) and all(map(_is_number, numbers))):
+        if self.has(key) and not (isinstance(numbers, list) and all(map(is_number, numbers))):
             self._ignore(key, f"{size} numbers")
         if self.has(key):
             if not all(map(isfinite, numbers)):
@@ -174,6 +174,6 @@ def _normalized(key: str) -> str:
     return key.strip(" \t:").casefold()
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
     """Whether a JSON value is a number. True and false are not numbers."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)

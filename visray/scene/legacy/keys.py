@@ -19,6 +19,12 @@ def _single_spelling(keys: str) -> dict[str, tuple[str, ...]]:
     return dict.fromkeys(keys.split(), ())
 
 
+BASES = ("fittedplane", "plane", "sphere")
+EXTENT = _single_spelling("minPoint maxPoint")
+PROPERTY = _single_spelling("name minValue maxValue minValueReal maxValueReal colorMap material data") | {
+    "gyzmo": ("gizmo",)
+}
+
 MATERIAL = _single_spelling("type ka kd ks shininess opacity kt nut dmax id textureFile colorGradient")
 MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
 

@@ -29,21 +29,39 @@ class Materials:
     effects: whether the setup enables each effect.
     textures: textures of the scene.
     by_name: dict of the materials by name.
+    addresses: for each material, its address in the file.
     """
 
     def __init__(self, effects: EnabledEffects, textures: Textures):
         self.effects, self.textures = effects, textures
         self.by_name: dict[str, dict] = {}
+        self.addresses: dict[str, str] = {}
 
-    def name(self, raw: dict, object_name: str, log: Log) -> str:
+    def name(self, raw: dict, owner: str, address: str, log: Log, colored: bool = False) -> str:
         """Name of the material of an object. Adds the material unless there is an equal one.
 
         raw: the object as the file gives it.
+        owner: name of the object, and of its material if that is new.
+        address: address of the object in the file.
+        colored: whether the colours of data take the place of kd.
         """
-        material = self._material(_entry(raw, f"objects.{object_name}", log))
-        name = next((known for known, other in self.by_name.items() if other == material), object_name)
-        self.by_name.setdefault(name, material)
+        e = _entry(raw, address, log)
+        material = self._colored(e) if colored else self._material(e)
+        name = next((known for known, other in self.by_name.items() if other == material), owner)
+        if name not in self.by_name:
+            self.by_name[name], self.addresses[name] = material, e.address
         return name
+
+    def _colored(self, e: Entry) -> dict[str, Any]:
+        """Fields of a material for gizmos in the colours of data. As in VisRayTrace it has no texture.
+
+        e: the material as the file gives it.
+        """
+        written = e.text("type")
+        if written is not None and written.strip().casefold() == "materialtextura":
+            e.log.warn(line(e.at("type"), written, "gizmos have the colours of their data, and no texture"))
+            e.values["type"] = "lambertian"
+        return self._material(e) | self.textures.colored_fields
 
     def _material(self, e: Entry) -> dict[str, Any]:
         """Fields of a material. `e`: the material as the file gives it."""

@@ -50,11 +50,22 @@ def unique_name(name: str, taken: Container[str]) -> str:
     return unique
 
 
-def with_legacy_address(text: str, kinds: Mapping[str, str]) -> str:
+# For fields of the base and of the layers of data, their names in the files.
+BASE = {"extent": "Real", "width": "base.pmax", "depth": "base.pmax", "radius": "base.radius", "center": "base.point"}
+LAYER = {"gizmo": "gyzmo", "height": "maxValue", "radius": "maxValue", "color": "colorMap", "source": "data"}
+
+
+def with_legacy_address(
+    text: str, kinds: Mapping[str, str], materials: Mapping[str, str], properties: Mapping[str, str]
+) -> str:
     """An error message in which the visray address is replaced by the address in the VisRayTrace file.
 
     kinds: dict of the objects' visray types, by object name.
+    materials: dict of the addresses of materials in the file, by name.
+    properties: dict of the addresses of properties in the file, by the name of the layer that shows them.
     """
+    if text.startswith("data."):
+        return _with_data_address(text, properties)
     match = re.match(r"(lights)\.light (\d+)(?:\.(\w+))?|(objects|materials)\.([^.]+)\.(\w+)", text)
     if match is None:
         address = next((a for a in SETUP if text.startswith((f"{a} ", f"{a}.", f"{a}:"))), None)
@@ -65,5 +76,20 @@ def with_legacy_address(text: str, kinds: Mapping[str, str]) -> str:
         suffix = f".{LIGHT.get(light_field, light_field)}" if light_field else ""
         return f"lights.{int(number) - 1}{suffix}{rest}"
     if section == "materials":
-        return f"objects.{name}.material.{MATERIAL.get(field, field)}{rest}"
+        return f"{materials.get(name, name)}.{MATERIAL.get(field, field)}{rest}"
     return f"objects.{name}.{OBJECTS.get(kinds.get(name, ''), {}).get(field, field)}{rest}"
+
+
+def _with_data_address(text: str, properties: Mapping[str, str]) -> str:
+    """A message about the data of a scene with the address in the VisRayTrace file."""
+    match = re.match(r"data\.base\.(\w+)|data\.(?:layers\.)?([^.:=]+)(?:\.(\w+))?(?:\.\w+)*", text)
+    if match is None:
+        return text
+    base, layer, field = match.groups()
+    rest = text[match.end() :]
+    if base:
+        return f"{BASE.get(base, f'base.{base}')}{rest}"
+    address = properties.get(layer.strip(), f"properties.{layer}")
+    if field is None:
+        return f"{address}{rest}"
+    return f"{address}.{f'data.{field}' if field.isdigit() else LAYER.get(field, field)}{rest}"

@@ -36,7 +36,7 @@ def objects(raw: list[Any], materials: Materials, meshes: Meshes, log: Log) -> d
         shape = _shape(entry, f"objects.{name}", readers, log)
         if shape is None:
             continue
-        material = materials.name(entry, name, log)
+        material = materials.name(entry, name, f"objects.{name}", log)
         if shape["type"] == "rectangle" and "texture" in materials.by_name[material]:
             shape |= _height_for_texture(shape)
         by_name[name] = shape | {"material": material}

@@ -12,10 +12,12 @@ class Textures:
 
     As in VisRayTrace, the colour is that of the nearest pixel, and the edge pixels continue beyond the edges of the
     image. With `compat`, a file's numbers from 0 to 255 are kd from 0 to 1 without the sRGB curve, and ka is kept.
+    The same holds for the colours of data.
 
     resources: finds the image files.
     encoding: encoding of all textures.
     material_fields: fields of a material with a texture, beside the name of the texture.
+    colored_fields: further fields of a material in the colours of data.
     by_name: dict of the textures by name, as plain dicts of visray's fields.
     """
 
@@ -23,6 +25,7 @@ class Textures:
         self.resources = resources
         self.encoding = "linear" if compat else "auto"
         self.material_fields = {"textured": "kd"} if compat else {}
+        self.colored_fields = {"colored": ("kd",)} if compat else {}
         self.by_name: dict[str, dict] = {}
 
     def name(self, e: Entry, key: str) -> str | None:

@@ -49,8 +49,11 @@ scene.scene
 scene
 data_report mesh_report clip_report constant_report
 feature_rules features material_report tables progress differentiable
-output.files output.layers output.exr_header output.silence output.exr output.rounding output.png
+output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output
+projection
+legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing legend.ticks
+legend.bars legend.content legend.layer legend
 images
 data.row_table columns data_columns written_out
 pack address_index repack nesting overlap_report batches sampling moments film

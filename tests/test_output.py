@@ -117,6 +117,7 @@ def test_the_names_and_types_are_those_that_compositors_expect(tmp_path) -> None
     expected |= dict.fromkeys(["variance.R", "variance.G", "variance.B", "shadow.X"], single)
     expected |= dict.fromkeys(["light.key.R", "light.key.G", "light.key.B"], single)
     expected |= dict.fromkeys(["error.R", "error.G", "error.B", "proof.residual"], single)
+    expected |= dict.fromkeys(["legend.R", "legend.G", "legend.B", "legend.A"], half)
     expected |= dict.fromkeys(["id.object", "rounds.X", "samples.count", "proof.unresolved"], whole)
     written = {name: values.dtype.type for name, values in channels(tmp_path / "a.exr").items()}
     # The names and types of these layers are a promise; a new layer has those of its record.

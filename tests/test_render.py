@@ -15,6 +15,9 @@ from visray import film as films
 from visray import integrator, memory, passes
 from visray import pass_timer as pace
 from visray.camera import Camera
+from visray.data.base import GlobeBase
+from visray.data.data_scene import Data
+from visray.data.legend import Legend
 from visray.errors import UserError
 from visray.film import Film as Exposure
 from visray.film import check_memory, tile_order
@@ -383,9 +386,11 @@ def test_ids_follow_the_file_whatever_the_families() -> None:
 
 
 def test_every_layer_is_made_as_its_record_says() -> None:
-    """A polynomial surface, to an error: all layers there are, with their types and numbers a pixel."""
+    """A polynomial surface and a legend, to an error: all layers there are, with their types and numbers a pixel."""
     ball = polynomial_sphere((0.0, 0.0, 0.0), 1.0)
-    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=Film(width=8, height=6), objects={"ball": ball})
+    data = Data(base=GlobeBase(center=(0.0, -3.0, 0.0)), legend=Legend(title="A ball"))
+    film = Film(width=180, height=160)
+    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=film, objects={"ball": ball}, data=data)
     image = render(scene, error=0.5, progress=False)
     assert tuple(image.layers) == NAMES
     for layer in LAYERS:

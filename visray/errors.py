@@ -20,3 +20,7 @@ class StoppedWarning(UserWarning):
 
 class GoalWarning(UserWarning):
     """The error of a picture is larger than was asked for, or it is unknown."""
+
+
+class LegendWarning(UserWarning):
+    """A legend leaves something out, or a character of it cannot be drawn."""

@@ -7,8 +7,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.camera import OrthographicCamera
-from visray.primitives.primitive import scalars
+from visray.projection import camera_matrices
 from visray.scene.scene import Scene
 from visray.setup import Prepared
 from visray.version import __version__
@@ -51,30 +50,3 @@ def _numbers(scene: Scene, seen: np.ndarray | None) -> dict[str, int]:
         for number, name in enumerate(scene.all_objects, 1)
         if number <= written or shown is None or number in shown
     }
-
-
-def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
-    """The matrices worldToCamera and worldToNDC, as a dict of lists of rows. They multiply a row vector v from the
-    right: v M.
-
-    In camera space x points to the right, y up, and z along the view direction. In NDC the picture extends from (0, 0)
-    at the top left to (1, 1) at the bottom right; z is 1 for a perspective camera, and the depth for an orthographic
-    one.
-    """
-    c, f = scene.camera, scene.film
-    right, up, forward, _ = (np.array(v, float) for v in scalars(c).axes())
-    o = np.array(c.origin, float)
-    to_camera = np.eye(4)
-    to_camera[:3, :3] = np.stack([right, up, forward], axis=1)
-    to_camera[3, :3] = -o @ to_camera[:3, :3]
-    parallel = isinstance(c, OrthographicCamera)
-    half = 0.5 * c.height if parallel else np.tan(np.radians(c.fov) / 2)
-    to_middle = [0.5, 0.5, 0, 1]
-    to_ndc = np.array(
-        [
-            [0.5 * f.height / f.width / half, 0, 0, 0],
-            [0, -0.5 / half, 0, 0],
-            *([[0, 0, 1, 0], to_middle] if parallel else [[0.5, 0.5, 1, 1], [0, 0, 0, 0]]),
-        ]
-    )
-    return {"worldToCamera": to_camera.tolist(), "worldToNDC": (to_camera @ to_ndc).tolist()}

@@ -18,6 +18,7 @@ from visray.output.image import Image
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.primitives import *
 from visray.primitives.clips import Ball, Block
+from visray.projection import Projected, projected
 from visray.renderer import explain, prepare, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
@@ -57,6 +58,7 @@ __all__ = [
     "Occlusion",
     "OrthographicCamera",
     "Prepared",
+    "Projected",
     "Rotate",
     "Scale",
     "Scatter",
@@ -74,6 +76,7 @@ __all__ = [
     "gradient",
     "load",
     "prepare",
+    "projected",
     "render",
     "replaced",
     "tune",

@@ -26,8 +26,9 @@ from visray.constant_report import constant_notes
 from visray.dark import dark_notes, warn_of_dark
 from visray.data.all_objects import address_of
 from visray.data_report import data_notes
-from visray.errors import GoalWarning, StoppedWarning, UserError
+from visray.errors import GoalWarning, LegendWarning, StoppedWarning, UserError
 from visray.features import Features, features
+from visray.legend.layer import drawn_legend, has_legend
 from visray.material_report import energy_notes, sheet_notes
 from visray.mesh_report import mesh_facts
 from visray.output.curves import LUMINANCE
@@ -49,6 +50,8 @@ ANYWHERE = Files()
 # Seconds per pixel that work after the last sample takes: assembling the layers, writing a PNG file, and writing one
 # channel of an EXR file. Measured on one machine. They are only used to keep time for this work if a time is given.
 LAYERING, PNG, CHANNEL = 6e-7, 4e-7, 3e-8
+# Seconds for a legend: loading matplotlib, and per pixel.
+LEGEND, LEGEND_PIXEL = 0.8, 3e-7
 
 
 @checked_arguments
@@ -69,6 +72,7 @@ def render(
     files: Files = ANYWHERE,
     begun: float | None = None,
     allow_outside: bool = False,
+    legend: bool = True,
 ) -> Image:
     """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
     taken so far.
@@ -87,6 +91,7 @@ def render(
         part of `time` is kept for writing them.
     begun: the moment from which `time` counts (clock.now); None means the moment of the call.
     allow_outside: whether a scene file may name files outside of its folder.
+    legend: whether the picture gets the legend of the scene's data, if there is one, as layer legend.
 
     With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image
     say how the picture was made.
@@ -101,8 +106,10 @@ def render(
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
     scene = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
     scene_hash = scene.hash()
+    if not (legend and has_legend(scene)):
+        layers = tuple(name for name in layers if name not in names_from("overlay"))
     if goal:
-        goal = replace(goal, reserve=_seconds_to_finish(scene.film.width * scene.film.height, layers, files))
+        goal = replace(goal, reserve=_seconds_to_finish(scene, layers, files))
         sampler = adaptive_sampler(scene.settings.sampler)
         scene = adjusted(scene, sampler=sampler) if sampler != scene.settings.sampler else scene
     if threads is not None:
@@ -114,9 +121,10 @@ def render(
         else:
             values, facts = _layers_of_spp(prepared, layers, progress, interrupts)
         check_numbers(prepared, values["RGB"])
+        overlay = _overlay(prepared, values, layers)
     if goal:
         _warn_of_goal(goal, values["RGB"], facts, interrupts)
-    pictures = rasters(prepared, values, layers)
+    pictures = rasters(prepared, values, layers) | overlay
     certificate = certificate_facts(pictures)
     warn_of_roots(certificate, prepared)
     facts = provenance(prepared, scene_hash, clock.now() - now, pictures.get("id")) | facts | certificate
@@ -201,11 +209,13 @@ def checked_layers(layers: Sequence[str]) -> tuple[str, ...]:
     return layers
 
 
-def _seconds_to_finish(pixels: int, layers: tuple[str, ...], files: Files) -> float:
-    """Estimated seconds from the last sample until all files are written. `pixels`: number of pixels."""
+def _seconds_to_finish(scene: Scene, layers: tuple[str, ...], files: Files) -> float:
+    """Estimated seconds from the last sample until all files are written."""
+    pixels = scene.film.width * scene.film.height
+    legend = LEGEND + LEGEND_PIXEL * pixels if set(layers) & set(names_from("overlay")) else 0.0
     channels = sum(len(BY_NAME[name].channels) for name in layers)
     writing = [PNG if Path(p).suffix.lower() == ".png" else CHANNEL * channels for p in files.paths]
-    return (LAYERING + sum(writing)) * pixels
+    return (LAYERING + sum(writing)) * pixels + legend
 
 
 @checked_arguments
@@ -322,6 +332,21 @@ def rasters(prepared: Prepared, values: dict[str, Any], layers: tuple[str, ...])
     layers: names of the layers that are wanted. Those without values are left out.
     """
     return {name: _raster(prepared, name, values[name]) for name in NAMES if name in layers and name in values}
+
+
+def _overlay(prepared: Prepared, values: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Dict of the layer legend as a picture, if it is wanted. Notes about it become warnings.
+
+    values, layers: as in `rasters`.
+    """
+    if not set(layers) & set(names_from("overlay")):
+        return {}
+    opaque = {"A": np.ones(len(prepared.order))}
+    rgb, alpha = (_raster(prepared, name, (opaque | values)[name]) for name in ("RGB", "A"))
+    picture = drawn_legend(prepared.scene, rgb, alpha)
+    for note in picture.notes:
+        warnings.warn(note, LegendWarning, stacklevel=4)
+    return {"legend": picture.pixels}
 
 
 def _raster(prepared: Prepared, name: str, values: Any) -> np.ndarray:

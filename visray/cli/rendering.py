@@ -5,6 +5,7 @@ Facts are the metadata of a rendered Image: how it was made, and how large its e
 
 import warnings
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -38,6 +39,7 @@ from visray.terminal import kept_notes, write_json, write_line
 
 if TYPE_CHECKING:
     from visray.output.image import Image
+    from visray.scene.scene import Scene
 
 # The facts that --json reports: for every picture, for pictures with --error or --time, and for pictures of polynomial
 # surfaces or tori.
@@ -69,19 +71,21 @@ EPILOGUE = "\n\n".join(
 def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
     """Names of the layers to render, as a tuple.
 
-    text: value of the option --layers, names separated by commas, to which RGB and A are added. If it is None or "all":
-        all layers if there is an EXR file, else only colour, coverage and the certificate.
+    text: value of the option --layers, names separated by commas, to which RGB, A and the legend of a data scene are
+        added. If it is None or "all":
+        all layers if there is an EXR file, else only colour, coverage, the certificate and the legend.
     outputs: paths of the files to write.
     """
     has_exr = any(o.suffix.lower() == ".exr" for o in outputs)
     if text is None or text == "all":
-        return NAMES if has_exr else ("RGB", "A", *names_from("certificate"))
+        return NAMES if has_exr else ("RGB", "A", *names_from("certificate", "overlay"))
     by_lower = {name.lower(): name for name in NAMES}
     asked = [word.strip() for word in text.split(",")]
     if unknown := [word for word in asked if word.lower() not in by_lower]:
         raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
-    names = tuple(dict.fromkeys(("RGB", "A", *(by_lower[word.lower()] for word in asked))))
-    if len(names) > 2 and not has_exr:
+    always = ("RGB", "A", *names_from("overlay"))
+    names = tuple(dict.fromkeys((*always, *(by_lower[word.lower()] for word in asked))))
+    if len(names) > len(always) and not has_exr:
         warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
     return names
 
@@ -121,6 +125,26 @@ def parse_gamma(text: str) -> Any:
         return text
 
 
+def check_legend(scene: "Scene", path: Path | None) -> None:
+    """Raises a UserError if the legend cannot be written to a file of its own. path: value of the option --legend."""
+    from visray.legend.layer import has_legend
+    from visray.output.image import check_destination
+
+    if path is None:
+        return
+    if path.suffix.lower() != ".png":
+        raise UserError(f"--legend = {str(path)!r}: must be a .png file; an EXR file has the legend as a layer")
+    if not has_legend(scene):
+        raise UserError(f"--legend = {str(path)!r}: the scene has no legend; give it data.legend")
+    check_destination(path)
+
+
+def without_legend(image: "Image") -> "Image":
+    """The picture without the layer of the legend."""
+    left_out = names_from("overlay")
+    return replace(image, layers={name: values for name, values in image.layers.items() if name not in left_out})
+
+
 @app.command(name="render", help_epilogue=EPILOGUE)
 def render_command(
     scene: SceneFile,
@@ -150,6 +174,10 @@ def render_command(
     float32: flag(
         "Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float"
     ) = False,
+    legend: Annotated[
+        Path | None, Parameter(help="A .png file for the legend alone, with a transparent background.")
+    ] = None,
+    no_legend: flag("Draw no legend into the picture of a data scene, and put none into its EXR file.") = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
 ) -> int:
@@ -174,6 +202,7 @@ def render_command(
         names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
         for path in outputs:
             check_destination(path, curve, exposure)
+        check_legend(loaded, legend)
         image = render(
             loaded,
             threads=threads,
@@ -184,14 +213,17 @@ def render_command(
             time=time,
             files=Files(outputs, curve, exposure, float32),
             begun=clock.LOADED,
+            legend=legend is not None or not no_legend,
         )
         # While the files are written, Ctrl-C does not stop the program.
         with Interrupts():
+            results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
+            image = without_legend(image) if no_legend else image
             write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
-            results = [kept(path, write) for path in outputs]
+            results += [kept(path, write) for path in outputs]
     if problems := [line for _, lines in results for line in lines]:
         raise UserError(*problems)
-    facts = image.metadata
+    facts, outputs = image.metadata, [*outputs, *([legend] if legend else [])]
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:

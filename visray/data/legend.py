@@ -20,7 +20,8 @@ class Legend:
     keys that say what colours and sizes mean.
 
     `bars` and `sizes` say whether colours and sizes have keys. `position` is the place of the keys. `labels` are texts
-    in place of the names of columns, and `units` the units of columns, such as {"rain": "mm"}.
+    in place of the names of columns, `units` the units of columns, such as {"rain": "mm"}, and `no_data` is the text
+    for missing values.
     `places` are the places that are named in the picture: `none`, `all` rows that have a name, or a list of names.
     `points` are further places by name, each as longitude and latitude; a dot marks them.
     `theme` is that of the picture: on a `light` one the text is dark; `auto` looks at the picture. `size` is the size
@@ -39,6 +40,7 @@ class Legend:
     sizes: _Flag = True
     labels: dict[_NotEmpty, _Text] = field(default_factory=dict)
     units: dict[_NotEmpty, _Text] = field(default_factory=dict)
+    no_data: _Text = "no data"
     position: Literal["right", "left", "bottom"] = "right"
     theme: Literal["auto", "light", "dark"] = "auto"
     size: TextSize = 1.0

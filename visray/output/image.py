@@ -17,10 +17,13 @@ from visray.arguments import checked_arguments
 from visray.errors import GoalWarning, UserError
 from visray.output import exr, files, png
 from visray.output.curves import LUMINANCE, Gamma, curve
+from visray.output.overlay import drawn_over
 from visray.output.rounding import rounding
 from visray.version import __version__
 
 SUFFIXES = (".exr", ".png")
+# The layer that is drawn over the colour in PNG files.
+LEGEND = "legend"
 # Metadata keys. With the prefix `visray/` a key must not be longer than 79 characters, the limit of a PNG keyword.
 _KEY = re.compile(r"[A-Za-z][\w./-]{0,71}", re.ASCII)
 
@@ -96,6 +99,7 @@ class Image:
         exposure: float = 0.0,
         layers: Sequence[str] | None = None,
         float32: bool = False,
+        legend: bool = True,
     ) -> None:
         """Writes an .exr file with layers in linear light, or a .png file with the colour in 8 bits.
 
@@ -104,10 +108,11 @@ class Image:
         layers: names of the layers to write, only for EXR files; None means all.
         float32: whether colours in EXR files are float. By default they are half, which ends at 65504: larger numbers
             are clamped, with a warning.
+        legend: whether layer legend is drawn over the colour; only for PNG files.
         """
         check_destination(path, gamma, exposure, layers)
         if _suffix(path) == ".png":
-            png.write_png(path, self._encoded(self._facts_for(path, gamma, exposure), gamma, exposure))
+            png.write_png(path, self._encoded(self._facts_for(path, gamma, exposure), gamma, exposure, legend))
             return
         facts = self._facts_for(path, gamma, exposure, float32)
         names = list(self.layers) if layers is None else list(layers)
@@ -126,24 +131,39 @@ class Image:
             raise UserError(f"{path}: {error}") from error
 
     @checked_arguments
-    def png(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> bytes:
+    def png(self, gamma: Gamma = "srgb", exposure: float = 0.0, legend: bool = True) -> bytes:
         """The bytes of a PNG file with the colour.
 
-        gamma, exposure: display curve and exposure in stops.
+        gamma, exposure, legend: as in `display`.
         """
-        return self._encoded(self.provenance(), gamma, exposure)
+        return self._encoded(self.provenance(), gamma, exposure, legend)
 
-    def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float) -> bytes:
+    def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float, legend: bool) -> bytes:
         """The bytes of a PNG file with the colour, and with the given facts as metadata."""
         facts = facts | {"gamma": gamma, "exposure": exposure}
-        return png.encode(self.display(gamma, exposure), facts, gamma == "srgb")
+        return png.encode(self.display(gamma, exposure, legend), facts, gamma == "srgb")
+
+    def legend(self) -> "Image":
+        """The legend alone, with a transparent background. Raises a UserError if the picture has none."""
+        if LEGEND not in self.layers:
+            raise UserError("image: it has no legend; render a scene with data.legend")
+        layer = self._legend()
+        return Image({"RGB": layer[..., :3], "A": layer[..., 3]})
+
+    def _legend(self) -> np.ndarray:
+        """The layer of the legend. Shape: (H, W, 4)."""
+        layer = _checked(self, LEGEND)
+        if layer.shape[2:] != (4,):
+            raise UserError(f"image: layer '{LEGEND}' has the shape {layer.shape}; right would be (height, width, 4)")
+        return layer
 
     @checked_arguments
-    def display(self, gamma: Gamma = "srgb", exposure: float = 0.0) -> np.ndarray:
+    def display(self, gamma: Gamma = "srgb", exposure: float = 0.0, legend: bool = True) -> np.ndarray:
         """The colour as 8-bit numbers for a screen. Unless layer A is 1 everywhere, alpha is the fourth number, and the
         colour is not premultiplied by alpha.
 
-        gamma, exposure: display curve and exposure in stops.
+        gamma, exposure: display curve and exposure in stops. legend: whether layer legend is drawn over the colour; it
+            is not exposed.
 
         Shapes: uint8 (H, W, 3), or (H, W, 4) with alpha.
         """
@@ -154,6 +174,8 @@ class Image:
         if not opaque:
             rgb = np.divide(rgb, alpha[..., None], out=np.zeros_like(rgb), where=alpha[..., None] > 0)
         display = curve(np.clip(rgb * 2.0**exposure, 0, 1), gamma)
+        if legend and LEGEND in self.layers:
+            display, alpha = drawn_over(display, alpha, self._legend(), gamma)
         if not opaque:
             display = np.dstack([display, alpha])
         return np.floor(display * 255 + 0.5).astype(np.uint8)

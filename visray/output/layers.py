@@ -12,7 +12,8 @@ from typing import Any, Literal
 #   first hit    from the ray through the pixel's centre (integrator.first_hit)
 #   certificate  from the ray through the pixel's centre, only in scenes with polynomial surfaces or tori
 #                (integrator.certificate)
-Source = Literal["film", "adaptive", "first hit", "certificate"]
+#   overlay      drawn over the picture, only in scenes with a legend (legend.layer)
+Source = Literal["film", "adaptive", "first hit", "certificate", "overlay"]
 # NumPy types of the numbers of a layer, and their names in EXR files.
 TYPES = {"float16": "half", "float32": "float", "uint32": "uint32"}
 
@@ -25,7 +26,8 @@ class Layer:
     channels: names of the channels in an EXR file, one for each number of a pixel.
     dtype: NumPy type of the numbers in an EXR file. In memory, float16 is float32.
     unit: unit of the numbers.
-    filtered: whether the value of a pixel comes from all its samples. If not, it comes from the ray through its centre.
+    filtered: whether the value of a pixel comes from all its samples. If not, it comes from the ray through its centre,
+        or from no ray at all (source "overlay").
     source: the code that computes the layer (Source).
     meaning: one line for users.
     """
@@ -82,6 +84,8 @@ LAYERS = (
           "with polynomial surfaces and tori: parts of the ray where rounding hides whether there is a crossing"),
     Layer("residual", ("proof.residual",), "float32", "ulp", False, "certificate",
           "with polynomial surfaces and tori: distance of the point from its surface, in units in the last place"),
+    Layer("legend", _vector("legend", "RGBA"), "float16", "linear Rec. 709", False, "overlay",
+          "with a legend of data: its colour, premultiplied by its alpha; it is to lie over RGB"),
 )  # fmt: skip
 BY_NAME = {layer.name: layer for layer in LAYERS}
 NAMES = tuple(BY_NAME)
@@ -101,5 +105,5 @@ def table() -> tuple[list[str], list[list[str]]]:
 def _row(layer: Layer) -> list[Any]:
     """The row of a layer in the table."""
     channels = " ".join(f"`{channel}`" for channel in layer.channels)
-    taken_from = "all samples" if layer.filtered else "pixel's centre"
+    taken_from = "all samples" if layer.filtered else "drawn" if layer.source == "overlay" else "pixel's centre"
     return [f"`{layer.name}`", channels, TYPES[layer.dtype], layer.unit, taken_from, layer.meaning]

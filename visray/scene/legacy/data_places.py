@@ -7,6 +7,8 @@ from typing import Any
 
 # The second gizmo of a row stands this far beside the first, in world units.
 BESIDE = 0.3
+# Digits after the point of coordinates that are computed; more of them would be rounding errors.
+DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -65,11 +67,11 @@ class FlatPlacement:
         """(longitudes, latitudes) of rows of the data."""
         lon = [self.x.mirrored(v) if self.compat and self.x.reverse else v for v in x]
         lat = [self.z.mirrored(v) if self.compat and not self.z.reverse else v for v in z]
-        return [v / self.divisor for v in lon], [v / self.divisor for v in lat]
+        return [round(v / self.divisor, DIGITS) for v in lon], [round(v / self.divisor, DIGITS) for v in lat]
 
     def beside(self, lon: Sequence[float], lat: Sequence[float]) -> list[float]:
         """Longitudes of the second gizmos of rows."""
-        return [v + BESIDE * self.x.unit / self.divisor for v in lon]
+        return [round(v + BESIDE * self.x.unit / self.divisor, DIGITS) for v in lon]
 
 
 @dataclass(frozen=True)

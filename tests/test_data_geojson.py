@@ -170,6 +170,7 @@ REFUSED = [
     ('{"type": "Point",\n "coordinates": [1 2]}', "line 2, column 20: is not JSON"),
     ('{"type": "Point", "type": "Point"}', "keys are written twice: type"),
     ("", "the file is empty"),
+    ('{"type": "\\ud800", "x": "\\ud801"}', "half a character; write the whole one; errors like this: 2"),
     ("[" * 5000, "nested"),
 ]
 

@@ -220,6 +220,18 @@ def test_encodings(table):
     assert read.notes == ['is not UTF-8; it is read as Windows-1252, which makes line 3 "Málaga,5"']
 
 
+def test_texts_in_a_wrong_encoding_are_noted(table):
+    right = ["Málaga", "Łódź", "São Paulo", "Ñuñoa", "Ångström \u2013 x", "Ã", "東京"]
+    text = "city,rain\n" + "".join(f"{city},1\n" for city in right)
+    assert not table(text).notes
+    for city in ("Málaga", "Łódź", "東京", "naïve €"):
+        wrong = city.encode().decode("cp1252", "ignore")
+        read = table(f"city,rain\nVic,1\n{wrong},2\n")
+        # Windows-1252 lacks some bytes of the last two.
+        assert (f"looks like {city!r}" in "".join(read.notes)) == (wrong.encode("cp1252") == city.encode())
+    assert "looks like 'Málaga'" in table("city,rain\nMÃ¡laga,1\n").notes[0]
+
+
 @pytest.mark.slow
 def test_encodings_of_large_files(tmp_path):
     """Characters may lie across the parts that are read at once, and faults far behind."""

@@ -13,7 +13,7 @@ import numpy as np
 from visray import memory
 from visray.data.cells import Column, columns_of
 from visray.data.dialect import SEPARATORS, Dialect, dialect_of, reader
-from visray.data.encoding import Encoding, encoding_of
+from visray.data.encoding import Encoding, encoding_of, misread
 from visray.data.numerals import is_number
 from visray.data.table import LISTED, Table, shown
 from visray.errors import UserError
@@ -84,6 +84,7 @@ class _Reading:
         if not self.where:
             raise UserError(f"{self.path}: {self._header()} and no rows; add rows below it")
         values, decimal, notes = columns_of(columns, self._again)
+        notes += [(c.index, text) for c in columns if c.texts is not None and (text := misread(c.texts))]
         where = np.concatenate(self.where)
         self.notes += [printable(f"column {shown(self.names[i])}: {text}") for i, text in notes]
         for count, text in ((self.empty, "without any value skipped"), (self.longer, "with empty cells at the end")):
@@ -192,7 +193,8 @@ class _Reading:
         size, row = self.path.stat().st_size, self.dialect.row_bytes
         count = max(size / row - 1, 0) if row else 0
         numbers = sum(self.dialect.numeric)
-        need = count * (8 * (numbers + 1) + TEXT_BYTES * (len(self.names) - numbers)) + CHUNK * (
+        # Numbers are needed twice while the parts of a column are put together.
+        need = count * (16 * (numbers + 1) + TEXT_BYTES * (len(self.names) - numbers)) + CHUNK * (
             row + 70 * len(self.names)
         )
         free = memory.free()

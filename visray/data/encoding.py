@@ -5,6 +5,7 @@ A file is read as Windows-1252 only if no character of it is UTF-8 beyond ASCII:
 
 import codecs
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,6 +38,8 @@ OTHERS = {
 BLOCK = 1 << 20
 # A character of UTF-8 beyond ASCII.
 MULTIBYTE = re.compile(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}|[\xf0-\xf4][\x80-\xbf]{3}")
+# The first two characters of a character of UTF-8 that is read as Windows-1252.
+_TWICE = re.compile(r"[\u00c2-\u00f4][\u0080-\u00bf\u0152-\u0192\u02c6\u02dc\u2013-\u203a\u20ac\u2122]")
 # Longest text of a line that a note shows.
 SHOWN = 40
 
@@ -75,6 +78,18 @@ def encoding_of(path: Path) -> Encoding:
             if not block:
                 return Encoding(codec, codec.removesuffix("-sig").upper(), [])
             start, block = start + len(block), file.read(BLOCK)
+
+
+def misread(texts: Iterable[str]) -> str:
+    """A sentence if a text looks like UTF-8 that another program has read as Windows-1252 and saved so; else ""."""
+    for text in dict.fromkeys(texts):
+        if not text.isascii() and _TWICE.search(text):
+            try:
+                right = text.encode("cp1252").decode("utf-8")
+            except UnicodeError:
+                continue
+            return printable(f"{text!r} looks like {right!r} in a wrong encoding; save the file anew as UTF-8")
+    return ""
 
 
 def _nul(path: Path, place: int) -> str:

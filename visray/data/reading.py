@@ -44,7 +44,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     try:
         return _read(path)
     except UserError as error:
-        raise UserError(printable(" ".join(error.lines))) from None
+        more = f"; errors like this: {len(error.lines):,}" if len(error.lines) > 1 else ""
+        raise UserError(printable(error.lines[0] + more)) from None
     except FileNotFoundError:
         near = neighbour(path, READERS) or "; check the path"
         raise UserError(printable(f"{path}: there is no such file{near}")) from None

@@ -83,7 +83,8 @@ class Table:
     """Columns by name.
 
     names: names of the columns, in order
-    columns: the values of each column: float64, NaN where a value is missing, or objects of type str. Shape: (N,)
+    columns: the values of each column, read-only: float64, NaN where a value is missing, or objects of type str.
+        Shape: (N,)
     where: number of the line of each row in the file, from 1; None if the table is not from a file. Shape: (N,)
     path: what messages call the table: the path of its file
     notes: sentences about what the reader did that is not plain, such as a decimal comma or skipped lines
@@ -104,6 +105,11 @@ class Table:
     separator: str = ""
     lines: list[tuple[int, np.ndarray]] = field(default_factory=list)
     bare_rows: int = 0
+
+    def __post_init__(self) -> None:
+        # Layers and derivatives share the columns of a file that is read once.
+        for values in self.columns.values():
+            values.flags.writeable = False
 
     def __len__(self) -> int:
         """Number of rows."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from visray.data.base import GlobeBase
-from visray.data.fitted_base import ASKED, MARGIN, SLIMMEST, fitted_base, longitudes_of, spacing
+from visray.data.fitted_base import MARGIN, MOST_ASKED, SLIMMEST, fitted_base, longitudes_of, spacing
 
 lons, lats = st.floats(-180, 360), st.floats(-90, 90)
 anywhere = st.lists(st.tuples(lons, lats), min_size=1, max_size=20)
@@ -68,9 +68,10 @@ def test_the_projection_suits_the_region(span, projection) -> None:
     assert base.projection == projection
 
 
-def test_a_single_place_gets_a_map_around_it() -> None:
-    west, east, south, north = fitted_base(np.array([2.17]), np.array([41.4])).extent
-    assert west < 2.17 < east and south < 41.4 < north and north - south > 10
+@pytest.mark.parametrize("apart", [0.0, 1e-18, 1e-9])
+def test_a_single_place_gets_a_map_around_it(apart) -> None:
+    west, east, south, north = fitted_base(np.array([2.17, 2.17]), np.array([0.0, apart])).extent
+    assert west < 2.17 < east and south < 0 < north and north - south > 10
 
 
 def test_spacing_is_the_median_distance_of_nearest_places() -> None:
@@ -79,5 +80,5 @@ def test_spacing_is_the_median_distance_of_nearest_places() -> None:
     assert spacing(np.concatenate([grid, grid])) == 1.0
     assert spacing(np.array([[0, 0, 0], [1, 0, 0], [5.0, 0, 0]])) == 1.0
     assert spacing(np.zeros((3, 3))) == spacing(np.zeros((1, 3))) == 0.0
-    line = np.stack([np.arange(3.0 * ASKED), np.zeros(3 * ASKED), np.zeros(3 * ASKED)], axis=1)
+    line = np.stack([np.arange(3.0 * MOST_ASKED), np.zeros(3 * MOST_ASKED), np.zeros(3 * MOST_ASKED)], axis=1)
     assert spacing(line) == 1.0

@@ -53,7 +53,7 @@ output.files output.layers output.exr_header output.silence output.exr output.ro
 output.image output
 projection
 legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing legend.ticks
-legend.bars legend.content legend.layer legend
+legend.bars legend.content legend.layer legend data_picture
 images
 data.row_table columns data_columns written_out
 pack address_index repack nesting overlap_report batches sampling moments film
@@ -77,7 +77,7 @@ certificate provenance renderer
 edges
 gradients
 study
-cli.stuck cli.keeping cli.options cli.rendering cli.studies cli.files cli.commands cli.program cli
+cli.stuck cli.keeping cli.options cli.rendering cli.studies cli.files cli.data cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

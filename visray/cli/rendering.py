@@ -180,6 +180,7 @@ def render_command(
     no_legend: flag("Draw no legend into the picture of a data scene, and put none into its EXR file.") = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
+    more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
     """Render a scene to EXR and PNG files. Ctrl-C keeps what is done so far.
 
@@ -227,7 +228,8 @@ def render_command(
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
-        write_json(_report(image, outputs, seconds) | {"notes": notes})
+        all_notes = [*(more or {}).get("notes", ()), *notes]
+        write_json((more or {}) | _report(image, outputs, seconds) | {"notes": all_notes})
     elif not quiet:
         write_line(_line(image, outputs, seconds))
     if facts["interrupted"]:

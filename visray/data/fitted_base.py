@@ -17,14 +17,15 @@ WORLD = (-58.0, 80.0)
 # From this height on, in degrees, a map is in Mercator's projection: in the other one, shapes in the north and in the
 # south would be distorted. Mercator's maps end at MERCATOR_END, where lengths are twice those in the middle of Europe.
 TALL, MERCATOR_END = 10.0, 75.0
-# Height of the map around a single place, in degrees: enough for coasts to show where it is.
-ALONE = 12.0
+# Height of the map around a single place, in degrees: enough for coasts to show where it is. Places that are no
+# farther apart than METRE, in degrees, count as one.
+ALONE, METRE = 12.0, 1e-5
 # Edges of maps of more than this many degrees are whole degrees.
 WHOLE = 10.0
 # Width of maps and diameter of globes, in world units.
 SIZE = 10.0
-# Number of places whose nearest neighbours are looked for.
-ASKED = 1000
+# Number of points whose nearest neighbours are looked for, at most and at least, and of distances in between.
+MOST_ASKED, LEAST_ASKED, DISTANCES = 1000, 16, 20_000_000
 
 
 def fitted_base(lon: np.ndarray, lat: np.ndarray, kind: Literal["auto", "map", "globe"] = "auto") -> Base:
@@ -43,7 +44,7 @@ def fitted_base(lon: np.ndarray, lat: np.ndarray, kind: Literal["auto", "map", "
     shrink = np.cos(np.radians(0.5 * (south + north)))
     # A degree of longitude is `shrink` degrees of latitude long.
     sides = np.array([(east - west) * shrink, north - south])
-    if not sides.max() > 0:
+    if not sides.max() > METRE:
         sides = np.array([ALONE, ALONE])
     sides = np.maximum(sides + 2 * MARGIN * sides.max(), SLIMMEST * (1 + 2 * MARGIN) * sides.max())
     half_lon, half_lat = min(0.5 * sides[0] / shrink, 180.0), 0.5 * sides[1]
@@ -86,19 +87,21 @@ def _rounded(west: float, east: float, south: float, north: float) -> tuple[floa
 
 
 def spacing(points: np.ndarray) -> float:
-    """Median distance from a point to the nearest other place. Points in the same place count once. 0 for fewer than
-    two places.
+    """Median distance from a point to the nearest one in another place. 0 if all points are in one place.
 
     Shape: (N, 3).
-    Error: with more than ASKED places, the median is that of ASKED of them.
+    Error: with many points, the median is that of some of them (MOST_ASKED).
     """
-    places = np.unique(points, axis=0)
-    if len(places) < 2:
-        return 0.0
-    asked = np.random.default_rng(0).permutation(len(places))[:ASKED]
-    nearest = np.empty(len(asked))
-    for i, at in enumerate(asked.tolist()):
-        squares = ((places - places[at]) ** 2).sum(axis=1)
-        squares[at] = np.inf
-        nearest[i] = squares.min()
-    return float(np.sqrt(np.median(nearest)))
+    count = len(points)
+    asked = np.random.default_rng(0).permutation(count)[: max(min(MOST_ASKED, DISTANCES // max(count, 1)), LEAST_ASKED)]
+    x, y, z = np.ascontiguousarray(points.T)
+    nearest = []
+    for i in asked.tolist():
+        squares = (x - x[i]) ** 2
+        squares += (y - y[i]) ** 2
+        squares += (z - z[i]) ** 2
+        squares[squares == 0] = np.inf
+        nearest.append(squares.min())
+    # If all points are in one place, no distance is finite.
+    found = np.array(nearest)[np.isfinite(nearest)]
+    return float(np.sqrt(np.median(found))) if len(found) else 0.0

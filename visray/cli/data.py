@@ -1,0 +1,194 @@
+"""The command `visray data`: a picture of a table without a scene file."""
+
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
+from visray.errors import UserError
+from visray.terminal import write_json, write_line
+
+if TYPE_CHECKING:
+    from visray.data_picture import DataPicture
+
+Column = Annotated[str | None, Parameter(show_default=False)]
+
+
+@app.command(name="data")
+def data_command(
+    file: Annotated[Path, Parameter(help="A table: .csv, .tsv, .txt, or .geojson.")],
+    /,
+    *,
+    output: Annotated[
+        list[Path],
+        Parameter(
+            name=("--output", "-o"),
+            help="A .png or .exr file. May be given more than once. Default: the name of the table, as .png.",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 - only read
+    height: Annotated[str | None, Parameter(help="Column shown as the height of bars.")] = None,
+    radius: Annotated[str | None, Parameter(help="Column shown as the size of spheres, or the width of bars.")] = None,
+    color: Annotated[str | None, Parameter(help="Column shown as colour.")] = None,
+    lon: Annotated[str | None, Parameter(help="Column of longitudes. Default: found by its name.")] = None,
+    lat: Annotated[str | None, Parameter(help="Column of latitudes. Default: found by its name.")] = None,
+    palette: Annotated[str | None, Parameter(help="Palette of the colours, such as viridis or RdBu.")] = None,
+    gizmo: Annotated[
+        str | None, Parameter(help="Shape of a datum: cylinder, box, cone, sphere, disk, triangle or line.")
+    ] = None,
+    base: Annotated[
+        Literal["auto", "map", "globe"], Parameter(help="What the data stand on; auto is a map around them.")
+    ] = "auto",
+    map: Annotated[
+        Path | None, Parameter(help="A picture of the map, with --extent. Default: a plain map is drawn.")
+    ] = None,
+    extent: Annotated[
+        str | None,
+        Parameter(
+            help="WEST,EAST,SOUTH,NORTH: edges of the map in degrees, such as -10,30,35,60.", allow_leading_hyphen=True
+        ),
+    ] = None,
+    title: Annotated[str, Parameter(help="Title of the picture.", show_default=False)] = "",
+    source_line: Annotated[str, Parameter(help="Line that says where the data are from.", show_default=False)] = "",
+    name: Annotated[str | None, Parameter(help="Column of names. Default: found by its name.")] = None,
+    places: Annotated[
+        str, Parameter(help="Rows whose names are written at their places: none, all, or names with commas between.")
+    ] = "none",
+    save: Annotated[
+        Path | None, Parameter(help="Write the scene to this .json file, and a map that was drawn next to it.")
+    ] = None,
+    describe: flag("Only tell what the columns of the table hold.") = False,
+    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 960x540.")] = None,
+    spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: 16.")] = None,
+    error: Annotated[
+        Share | None, Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the luminance.")
+    ] = None,
+    time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    threads: Threads = None,
+    quiet: flag("Print nothing, and show no progress.") = False,
+    json: Json = False,
+) -> int:
+    """Show a table with longitudes and latitudes as a picture: bars, spheres or lines on a map or a globe.
+
+    Map, camera, lights and legend are fitted to the data. With --save the scene becomes a file, to be changed and
+    rendered by `visray render`. Without --height, --radius and --color, the first column with quantities is shown.
+    """
+    if describe:
+        return _describe(file, json)
+    if save is not None and save.suffix.lower() != ".json":
+        raise UserError(f"{save}: a scene is a .json file; end the name so")
+    outputs = output or [Path(file.stem + ".png")]
+    edges, film = _parse_extent(extent), parse_size(size)
+    if quiet:
+        warnings.simplefilter("ignore")
+    from visray.cli.rendering import render_command
+    from visray.data_picture import Wishes, data_picture
+    from visray.output.files import check_writable
+    from visray.output.image import check_destination
+    from visray.progress import Bar
+
+    for path in outputs:
+        check_destination(path)
+    if save is not None:
+        check_writable(save)
+    wishes = Wishes(
+        lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, gizmo=gizmo, base=base,
+        image=None if map is None else str(map), extent=edges, title=title, source_line=source_line,
+        places=places if places in ("none", "all") else parse_list(places),
+        **({} if film is None else {"size": film}),
+    )  # fmt: skip
+    with _scene_file(save) as scene:
+        with Bar(f"reading {file.name}", 1, not (quiet or json)):
+            made = data_picture(file, wishes, str(scene.with_name(f"{scene.stem}-map.png")))
+            _write(made, scene, save is not None)
+        for text in made.notes:
+            warnings.warn(text, stacklevel=1)
+        if not (quiet or json):
+            write_line(f"{file}: " + ", ".join(f"{name} {text}" for name, text in made.choices.items()))
+            if save is not None:
+                write_line(f"{save}: written")
+        report = {"choices": made.choices, "notes": made.notes} | ({} if save is None else {"scene": str(save)})
+        return render_command(
+            scene, allow_outside=True, output=outputs, spp=spp, error=error, time=time, threads=threads, quiet=quiet,
+            json=json, more=report,
+        )  # fmt: skip
+
+
+def _parse_extent(text: str | None) -> tuple[float, float, float, float] | None:
+    """West, east, south and north edge of a map from a text such as -10,30,35,60; None if there is no text."""
+    if text is None:
+        return None
+    try:
+        west, east, south, north = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(
+            f"--extent = {text!r}: must be WEST,EAST,SOUTH,NORTH in degrees, such as -10,30,35,60"
+        ) from None
+    return west, east, south, north
+
+
+@contextmanager
+def _scene_file(save: Path | None) -> Iterator[Path]:
+    """Yields the path of the scene file: that of the user, or one in a folder that is removed afterwards."""
+    if save is not None:
+        yield save
+        return
+    with tempfile.TemporaryDirectory(prefix="visray-") as folder:
+        yield Path(folder, "scene.json")
+
+
+def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
+    """Writes the scene file, and the picture of its map if it was drawn. kept: whether the user asked for the file."""
+    from visray.output.files import write_text
+    from visray.output.png import encode, write_png
+    from visray.scene.load import dump
+
+    if made.drawn is not None:
+        write_png(made.scene.textures["map"].file, encode(made.drawn, {}, True))
+    with warnings.catch_warnings():
+        if not kept:
+            warnings.simplefilter("ignore")
+        write_text(scene, dump(made.scene, scene.parent))
+
+
+def _describe(file: Path, json: bool) -> int:
+    """Prints what the columns of a table hold. Returns the exit code."""
+    from visray import tables
+    from visray.data.describe import describe
+    from visray.data.reading import read_table
+
+    table = read_table(file)
+    records = describe(table)
+    if json:
+        report = {"file": str(file), "rows": len(table), "dialect": table.dialect, "notes": table.notes}
+        write_json(report | {"columns": records})
+        return 0
+    shown = tables.Table("column", "holds", "missing", "values")
+    for record in records:
+        missing = f"{record['missing']:,}" if record["missing"] else ""
+        shown.add_row(record["column"], f"{record['count']:,} {record['kind']}", missing, _values(record))
+    tables.show(shown)
+    lines = [f"{file}: {len(table):,} rows", table.dialect, *table.notes]
+    lines += [record["problem"] for record in records if record["problem"]]
+    for line in filter(None, lines):
+        write_line(line)
+    return 0
+
+
+def _values(record: dict[str, Any]) -> str:
+    """The values of a column in words: a range, or the first few. record: of the column, as `describe` returns it."""
+    if record["kind"] == "numbers":
+        least, greatest, mean = (_written(record[key]) for key in ("min", "max", "mean"))
+        return f"{least} to {greatest}, mean {mean}"
+    shown = ", ".join(value if isinstance(value, str) else _written(value) for value in record["examples"])
+    return shown + (f", ... ({record['distinct']:,} different)" if record["distinct"] > len(record["examples"]) else "")
+
+
+def _written(number: float) -> str:
+    """A number with six digits, or all digits before the point if they are not many."""
+    return f"{number:,.0f}" if 1e5 <= abs(number) < 1e12 else f"{number:,.6g}"

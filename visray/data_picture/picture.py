@@ -1,0 +1,133 @@
+"""The scene that shows a table without a scene file: map or globe, gizmos, camera, lights and legend fit the data."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from visray.data import basemap, fit
+from visray.data.base import Base, GlobeBase
+from visray.data.data_scene import RESERVED, Data
+from visray.data.layer import DataLayer
+from visray.data.legend import Legend
+from visray.data.rows import Rows
+from visray.data.source import table_from
+from visray.data.table import Table
+from visray.data_picture.placing import BASE_MATERIAL, DATA_MATERIAL, base_for, flaw_lines, layer_for, places, sized
+from visray.data_picture.viewing import viewed
+from visray.data_picture.wishes import Wishes, checked, completed
+from visray.errors import UserError
+from visray.materials import Material
+from visray.scene.scene import Film, Scene
+from visray.textures import ImageTexture
+
+# Name of the texture of the scene.
+TEXTURE = "map"
+# Colour of gizmos without a colour column, linear Rec. 709.
+ONE_COLOUR = (0.75, 0.2, 0.08)
+# Pixels of the drawn map for each pixel of the picture's width: in front, a map is magnified.
+MAP_PIXELS = 2
+
+
+@dataclass(frozen=True)
+class DataPicture:
+    """A scene that shows a table.
+
+    scene: the scene
+    drawn: the picture of the map, if none is given: it is to be written to the path of the scene's texture. Shape:
+        uint8 (H, W, 3)
+    choices: what was chosen, each a text by a name
+    notes: what the picture does not show
+    """
+
+    scene: Scene
+    drawn: np.ndarray | None
+    choices: dict[str, str]
+    notes: list[str]
+
+
+def data_picture(path: Path, wishes: Wishes, map_path: str) -> DataPicture:
+    """The scene that shows the table of a file. Raises a UserError if the file or a wish is wrong.
+
+    map_path: path of the texture if a map is drawn.
+    """
+    table = table_from(str(path))
+    wishes = completed(table, checked(table, wishes))
+    layer = layer_for(path, table, wishes)
+    lon, lat = places(layer, table)
+    base = base_for(lon, lat, wishes)
+    layer = layer if table.lines else sized(layer, base, lon, lat)
+    name = _layer_name(path)
+    legend = Legend(
+        title=wishes.title, source=wishes.source_line, places=wishes.places,
+        # A column that is shown as a size and as a colour needs one key.
+        sizes=wishes.color not in (wishes.height, wishes.radius),
+    )  # fmt: skip
+    data = Data(base=base, layers={name: layer}, legend=legend)
+    if flaws := data.flaws():
+        raise UserError(*flaw_lines(path, flaws))
+    rows = data.rows[name]
+    if not len(rows):
+        raise UserError(f"{path}: no row can be shown; " + ", ".join(f"{n:,} {why}" for why, n in rows.counts.items()))
+    drawn = None if wishes.image else basemap.drawn(base, MAP_PIXELS * wishes.size[0])
+    scene = _scene(data, rows, wishes, wishes.image or map_path)
+    return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows)), _notes(scene, rows, wishes))
+
+
+def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
+    """The scene of the data. texture: path of the map's picture."""
+    width, height = wishes.size
+    ambient = (fit.AMBIENT,) * 3
+    plain = ONE_COLOUR if rows.color is None else (1.0, 1.0, 1.0)
+    materials = {
+        BASE_MATERIAL: Material(ka=ambient, kd=(1.0, 1.0, 1.0), texture=TEXTURE),
+        DATA_MATERIAL: Material(ka=tuple(fit.AMBIENT * x for x in plain), kd=plain),
+    }
+    wrap = ("repeat", "clamp") if isinstance(data.base, GlobeBase) else "clamp"
+    scene = Scene(
+        film=Film(width=width, height=height),
+        background=fit.PAPER,
+        textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
+        materials=materials,
+        data=data,
+    )
+    return viewed(scene, rows)
+
+
+def _layer_name(path: Path) -> str:
+    """Name of the layer: that of the file, without dots."""
+    name = path.stem.replace(".", " ").strip() or "data"
+    return f"{name} data" if name in RESERVED else name
+
+
+def _choices(table: Table, wishes: Wishes, layer: DataLayer, base: Base, count: int) -> dict[str, str]:
+    """What was chosen, by name."""
+    chosen = {"rows": f"{count:,} of {len(table):,}"} if not table.lines else {"lines": f"{len(table.lines):,}"}
+    columns = ("lon", "lat", "height", "radius", "color")
+    chosen |= {name: getattr(wishes, name) for name in columns if getattr(wishes, name)}
+    chosen["gizmo"] = layer.gizmo
+    if isinstance(base, GlobeBase):
+        return chosen | {"base": "globe"}
+    west, east, south, north = base.extent
+    return chosen | {"base": "map", "extent": f"{west:g},{east:g},{south:g},{north:g}"}
+
+
+def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
+    """What the picture does not show."""
+    base, count, notes = scene.data.base, len(rows), []
+    if not (wishes.height or wishes.radius or wishes.color):
+        notes.append("no column of numbers is shown, so all gizmos are alike; write --height or --color with a column")
+    if not wishes.image and not basemap.has_land(base):
+        notes.append("the map is too small for coasts: give a picture with --map IMAGE --extent WEST,EAST,SOUTH,NORTH")
+    if "lon" in rows.values and (nowhere := int(((rows.values["lon"] == 0) & (rows.values["lat"] == 0)).sum())):
+        text = "1 row is" if nowhere == 1 else f"{nowhere:,} rows are"
+        notes.append(f"{text} at longitude 0 and latitude 0, in the sea: is the position missing?")
+    if (down := int((rows.stand.sign < 0).sum())) and wishes.height:
+        text = f"{down:,} of {count:,} values are below 0; their gizmos hang below the ground, where they are not seen"
+        notes.append(f"--height: {text}; show the column with --color instead")
+    if isinstance(base, GlobeBase) and "lon" in rows.values:
+        toward = np.array(scene.camera.origin)[:, None] - rows.stand.foot
+        far = int(((rows.stand.up * toward).sum(axis=0) < 0).sum())
+        if far:
+            notes.append(f"{far:,} of {count:,} rows are on the far side of the globe; --base map shows all")
+    return notes

@@ -1,0 +1,87 @@
+"""Camera, lights and legend of a picture of a table."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from visray.data import fit
+from visray.data.base import Base, GlobeBase
+from visray.data.rows import Rows
+from visray.legend.content import legend_content
+from visray.legend.fonts import Pen, fonts_for, quiet
+from visray.legend.layout import layout
+from visray.scene.scene import Scene
+
+# Space between what is shown and the legend or the edge of the picture. The picture is from -1 to 1.
+MARGIN = 0.04
+# Smallest part of a side of the picture that a legend may leave. If it leaves less, it covers what is shown.
+LEAST_PART = 0.35
+
+
+def viewed(scene: Scene, rows: Rows) -> Scene:
+    """The scene with a camera, lights, and the legend at the side where it leaves most room."""
+    base, film = scene.data.base, scene.film
+    balls = _gizmo_balls(base, rows)
+    at = fit.POPULATED
+    if isinstance(base, GlobeBase):
+        weights = np.abs(rows.values.get("height", rows.values.get("radius", np.ones(len(rows)))))
+        at = fit.middle_of(rows.values["lon"], rows.values["lat"], weights) if "lon" in rows.values else at
+    tall = "height" in rows.gizmo.sizes
+    axes = fit.axes_over(base, at, fit.ELEVATION if tall else fit.ELEVATION_FLAT)
+    scene = replace(scene, lights=fit.fitted_lights(balls, axes))
+    views = []
+    for position in ("right", "bottom"):
+        legend = replace(scene.data.legend, position=position)
+        view = replace(scene, data=replace(scene.data, legend=legend))
+        window = fit.Window()
+        # The sizes in a legend, and so its own size, depend on the camera.
+        for _ in range(2):
+            camera = fit.fitted_view(balls, axes, film.width / film.height, window)
+            view = replace(view, camera=camera)
+            window = _window(view)
+        camera = fit.fitted_view(balls, axes, film.width / film.height, window)
+        distance = float(np.linalg.norm(np.subtract(camera.target, camera.origin)))
+        views.append((distance, replace(view, camera=camera)))
+    return min(views, key=lambda pair: pair[0])[1]
+
+
+def _window(scene: Scene) -> fit.Window:
+    """The part of the picture that the legend of a scene leaves free."""
+    width, height = scene.film.width, scene.film.height
+    content = legend_content(scene)
+    with quiet():
+        pen = Pen(fonts_for(content.texts(), content.font))
+        boxes = dict(layout(content, width, height, pen).boxes)
+    panels = [box for name, box in boxes.items() if name.startswith("panel")]
+    left, right, top, bottom = 0.0, float(width), 0.0, float(height)
+    if "heading" in boxes:
+        top = boxes["heading"].bottom
+    if "source" in boxes:
+        bottom = boxes["source"].top
+    if scene.data.legend.position == "bottom":
+        bottom = min([bottom, *(box.top for box in panels)])
+    else:
+        right = min([right, *(box.left for box in panels)])
+    if right - left < LEAST_PART * width:
+        left, right = 0.0, float(width)
+    if bottom - top < LEAST_PART * height:
+        top, bottom = 0.0, float(height)
+    return fit.Window(
+        left=2 * left / width - 1 + MARGIN,
+        right=2 * right / width - 1 - MARGIN,
+        bottom=1 - 2 * bottom / height + MARGIN,
+        top=1 - 2 * top / height - MARGIN,
+    )
+
+
+def _gizmo_balls(base: Base, rows: Rows) -> fit.Balls:
+    """The base and all gizmos."""
+    outline = fit.outline(base)
+    if "a" in rows.fields and rows.gizmo.name == "line":
+        points = np.concatenate([rows.fields["a"].T, rows.fields["b"].T])
+        return outline.joined(fit.Balls(points, np.tile(rows.fields["radius"], 2)))
+    stand = rows.stand
+    extent = 2 * stand.radius if "height" not in rows.gizmo.sizes else stand.height
+    tops = (stand.foot + stand.up * (stand.sign * extent * (1 - stand.sunk))).T
+    feet = fit.Balls(stand.foot.T, stand.radius)
+    return outline.joined(feet).joined(fit.Balls(tops, stand.radius))

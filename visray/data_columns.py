@@ -60,7 +60,7 @@ def _columns(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Colu
         material=a.put(a.U, np.full(count, material, np.uint32)),
         texture=a.put(a.U, np.full(count, texture, np.uint32)),
         object=a.put(a.U, np.arange(first, first + count, dtype=np.uint32)),
-        color=RowColors.of(a, rows, getattr(materials[rows.material], "colored", ("ka", "kd"))),
+        color=RowColors.of(a, rows, materials[rows.material].colored),
     )
 
 

@@ -2,6 +2,7 @@
 
 import warnings
 
+from visray.materials import Material
 from visray.scene.scene import Scene
 
 
@@ -17,4 +18,10 @@ def warn_of_data(scene: Scene) -> None:
 
 def data_notes(scene: Scene) -> list[str]:
     """List of sentences about the data, each of which begins with an address; empty without data."""
-    return [] if scene.data is None else scene.data.notes()
+    if scene.data is None:
+        return []
+    notes = scene.data.notes()
+    for name, rows in scene.data.rows.items():
+        if rows.color is not None and (flaw := scene.materials.get(rows.material, Material()).color_flaw()):
+            notes.append(f"data.layers.{name}.color: is not seen, as materials.{rows.material} {flaw}")
+    return notes

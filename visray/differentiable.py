@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from visray.errors import UserError
+from visray.feature_rules import used_materials
 from visray.geometry import UPRIGHT
 from visray.lights.light import Light
 from visray.polynomials import PolynomialError
@@ -78,8 +79,8 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
     if head == "camera" and name == "focus" and (getattr(scene.camera, "aperture", 0) or "camera.aperture" in wrt):
         return "at 0, which means the distance of the target; write that distance" if not scene.camera.focus else None
     if head == "materials" and name in scene.materials and field in ("kr", "kt"):
-        material, scatter = scene.materials[name], scene.settings.scatter
-        if material.scatters and scatter.rays and scatter.depth:
+        scatter = scene.settings.scatter
+        if used_materials(scene).get(name, scene.materials[name]).scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):
         return _upright_flaw(scene, head, name, field)

@@ -6,11 +6,13 @@ An address is the dotted name of a value in a scene, such as `materials.red`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from visray import modes
 from visray.data.all_objects import address_of
-from visray.materials import Material
+from visray.materials import COLORED, Material
 from visray.primitives.flat import Flat
 from visray.scene.scene import Scene, SkyGradient
 
@@ -46,9 +48,29 @@ PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
-    """Materials that at least one object has, as a dict by name."""
+    """Materials that at least one object has, as a dict by name.
+
+    A material that rows of data have in colours is here with the largest numbers that it has in any of them.
+    """
     used = {o.material for o in scene.representatives.values()}
-    return {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
+    materials = {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
+    if scene.data is None:
+        return materials
+    layers = [rows for rows in scene.data.rows.values() if len(rows)]
+    coloured = [rows for rows in layers if rows.color is not None]
+    plain = {x.material for x in scene.written_objects.values()} | {x.material for x in layers if x.color is None}
+    looks = {name: [m] if name in plain else [] for name, m in materials.items()}
+    for rows in coloured:
+        looks[rows.material].append(materials[rows.material].with_color(rows.color.max(1)))
+    return {name: _largest(looks[name]) for name in materials}
+
+
+def _largest(looks: list[Material]) -> Material:
+    """A material with the largest of the numbers that a colour changes. looks: the same material in several colours"""
+    if len(looks) == 1:
+        return looks[0]
+    largest = {name: tuple(np.max([getattr(m, name) for m in looks], axis=0).tolist()) for name in COLORED}
+    return replace(looks[0], **largest)
 
 
 def _materials(scene: Scene, test: Callable[[Material], object]) -> list[str]:

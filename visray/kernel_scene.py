@@ -224,7 +224,7 @@ def _ranks(
 
 
 # The effects that read these fields of a material. If none of them is simulated, the kernel leaves the field out. All
-# other fields are always read. `colored` is read before there is a kernel (materials.colored).
+# other fields are always read.
 FIELD_READERS = {
     "ks": ("specular",),
     "shininess": ("specular",),
@@ -233,7 +233,6 @@ FIELD_READERS = {
     "ior": ("refraction",),
     "dmax": ("coloured shadows",),
     "shading": ("unlit",),
-    "colored": (),
 }
 
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
-import drjit as dr
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field
 
@@ -95,19 +94,11 @@ class Material:
         return None
 
 
-def colored(table: Material, color: Any) -> Material:
+def colored(table: Material, color: Any, names: tuple[str, ...]) -> Material:
     """The materials of a table with palette colours, as `Material.with_color` gives them; with derivatives.
 
-    table: Dr.Jit arrays with one entry for each row; `colored` is its packed form (colored_bits)
+    table: Dr.Jit arrays with one entry for each row
     color: a colour for each row
+    names: the field `colored` of all these materials
     """
-    fields = {}
-    for bit, name in enumerate(COLORED):
-        own, changes = getattr(table, name), (table.colored & (1 << bit)) != 0
-        fields[name] = dr.select(changes, color if name == "kd" else own * color, own)
-    return replace(table, **fields)
-
-
-def colored_bits(material: Material) -> int:
-    """The field `colored` as one number: bit k is set if COLORED[k] is named."""
-    return sum(1 << COLORED.index(name) for name in material.colored)
+    return replace(table, **{name: color if name == "kd" else getattr(table, name) * color for name in names})

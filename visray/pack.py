@@ -16,7 +16,7 @@ from visray.columns import Columns, Names, materials_of, texture_rows
 from visray.data_columns import data_columns
 from visray.geometry import Frame
 from visray.lights.light import Light
-from visray.materials import Material, colored_bits
+from visray.materials import Material
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.mesh_buffers import Body
@@ -110,11 +110,9 @@ def pack(scene: Scene, a: Arrays) -> Packed:
 
 
 def _material_table(a: Arrays, materials: list[Material]) -> Material:
-    """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others; `colored` is a
-    number whose bits are fields (materials.colored_bits)."""
+    """The materials as one record of arrays. `shading` is 1 for unlit materials and 0 for all others."""
     unlit = a.put(a.F, np.array([m.unlit for m in materials], float))
-    bits = a.put(a.U, np.array([colored_bits(m) for m in materials], np.uint32))
-    return replace(stacked(a, Material, materials), shading=unlit, colored=bits)
+    return replace(stacked(a, Material, materials), shading=unlit)
 
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:

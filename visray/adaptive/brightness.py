@@ -14,7 +14,7 @@ import numpy as np
 from visray import modes
 from visray.adaptive.small_objects import SMALL
 from visray.camera import ParallelView
-from visray.columns import materials_of
+from visray.feature_rules import used_materials
 from visray.geometry import gamma
 from visray.lights.light import Light
 from visray.materials import Material
@@ -44,8 +44,7 @@ class Brightness:
         that is inside the box of an object shines on it as from the nearest other object.
         """
         scene = prepared.scene
-        used = {x.material for x in scene.representatives.values()}
-        materials = {name: m for name, m in materials_of(scene).items() if name in used}
+        materials = used_materials(scene)
         if not modes.BY_NAME[scene.settings.shading].lit or not materials:
             return Brightness(dict.fromkeys(materials, 1.0), 0.0, "")
         textures = _brightest_texels(prepared)

@@ -63,7 +63,10 @@ def may_be_unlit(prepared: Prepared, rgb: np.ndarray) -> bool:
     rgb = rgb[:, :: max(1, rgb.shape[1] // (64 * FIRST_PIXELS))]
     ambient = np.array(scene.ambient) + sum((l.intensity * np.array(l.Ia) for l in scene.lights.values()), np.zeros(3))
     materials = used_materials(scene).values()
-    if any(m.unlit and m.texture for m in materials):
+    # Of textures and of colours of data, only the largest numbers are known.
+    if any(m.unlit and m.texture for m in materials) or any(
+        rows.color is not None for rows in (scene.data.rows.values() if scene.data is not None else ())
+    ):
         return True
     colours = [np.array(m.kd) if m.unlit else ambient * m.ka for m in materials]
     brightest = (1 + ROUNDING) * max(np.max(colours, initial=0), NEARLY_BLACK)

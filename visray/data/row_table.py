@@ -10,6 +10,7 @@ import numpy as np
 from visray.data.gizmos import CONSTANT, Fields
 from visray.data.rows import Rows, finite
 from visray.geometry import Frame
+from visray.materials import colored
 from visray.primitives.primitive import Bounds
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
@@ -133,10 +134,5 @@ class RowColors:
         return dr.replace_grad(self.color, self.color + self.slope() * shift)
 
     def applied(self, material: Any) -> Any:
-        """The materials of the rows with the colours: kd is replaced, the other fields are multiplied.
-
-        material: table of materials with one entry for each row
-        """
-        color = self.now()
-        new = {name: color if name == "kd" else getattr(material, name) * color for name in self.fields}
-        return _with(material, new)
+        """The materials of the rows with the colours. material: table of materials with one entry for each row"""
+        return colored(material, self.now(), self.fields)

@@ -141,7 +141,9 @@ class _Walk:
         given = scene.all_objects[name].material
         material = scene.materials.get(given, Material())
         values = {field: getattr(material, field) for field in quantities(Material)}
-        values |= {field: self.first(getattr(si.material, field)) for field in ("ka", "kd")}
+        # A texture, and the colour of a row of data, change these numbers.
+        changed = ("ka", "kd", *(material.colored if "." in name else ()))
+        values |= {f: self.first(x) for f in changed if (x := getattr(si.material, f)) is not None}
         texture = None if material.texture is None else f"textures.{material.texture}"
         return {"address": f"materials.{given}", "texture": texture, "shading": material.shading} | values
 

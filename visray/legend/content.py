@@ -41,9 +41,8 @@ def legend_content(scene: Scene) -> LegendContent | None:
                 sizes.append(scale)
                 if not scale.entries:
                     notes.append(
-                        f"legend: the {key}s of {scale.label} have no key, because they are too large or small"
+                        f"legend: the {key}s of {scale.label} have no key, because they are too large or too small"
                     )
-    places = _places(scene, notes)
     written = ("title", "subtitle", "source", "no_data", "position", "theme", "size", "font")
     own = {name: getattr(legend, name) for name in written}
     kept, places = (scale for scale in sizes if scale.entries), _places(scene, notes)

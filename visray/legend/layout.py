@@ -81,9 +81,9 @@ def _with_labels(
     taken = [box for _, box in found.boxes]
     labels, left_out = labels_of(content.places, taken, width, height, found.em, pen)
     if left_out:
-        notes.append(
-            f"legend: {len(left_out)} of {len(content.places)} names of places have no room: {_some(left_out)}"
-        )
+        have = "has" if len(left_out) == 1 else "have"
+        count = f"{len(left_out)} of {len(content.places)} names of places"
+        notes.append(f"legend: {count} {have} no room: {_some(left_out)}")
     return replace(found, labels=tuple(labels), notes=tuple(notes))
 
 

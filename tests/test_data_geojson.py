@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from visray import memory
 from visray.data.describe import describe
 from visray.data.geojson import GEOMETRIES, from_geojson
 from visray.data.positions import position_columns
@@ -131,7 +132,9 @@ def test_properties_of_any_kind(table):
     )
 
 
-@pytest.mark.parametrize("name", ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "urn:ogc:def:crs:EPSG::4326"])
+@pytest.mark.parametrize(
+    "name", ["urn:ogc:def:crs:OGC:1.3:CRS84", "EPSG:4326", "WGS 84", "http://opengis.net/def/crs/OGC/1.3/CRS84"]
+)
 def test_wgs84_is_read(table, name):
     assert len(table(collection(feature(geometry("Point")), crs={"type": "name", "properties": {"name": name}}))) == 1
 
@@ -162,6 +165,7 @@ REFUSED = [
     ({"type": "MultiPolygon", "coordinates": [[3]]}, "coordinates.0.0 = 3: must be a list of positions"),
     ({"type": "GeometryCollection"}, "geometries = null: must be a list of geometries"),
     (collection(feature(None), crs={"properties": {"name": "EPSG:3857"}}), 'crs = "EPSG:3857": visray reads'),
+    (collection(feature(None), crs={"properties": {"name": "EPSG:14326"}}), 'crs = "EPSG:14326": visray reads'),
     (collection(feature(None), crs={"type": "link"}), "ogr2ogr"),
     ({"type": "Topology", "arcs": []}, "is TopoJSON, not GeoJSON"),
     ({"a": 1}, "type is missing: must be FeatureCollection"),
@@ -178,6 +182,13 @@ REFUSED = [
 @pytest.mark.parametrize(("content", "said"), REFUSED)
 def test_refused(table, content, said):
     assert said in refusal(table, content)
+
+
+def test_a_file_that_does_not_fit_into_memory(table, monkeypatch):
+    monkeypatch.setattr(memory, "free", lambda: memory.Free(1000, "are free"))
+    assert "takes about 0.0 GiB while it is read, and 0.0 GiB are free" in refusal(
+        table, collection(*[feature(None)] * 9)
+    )
 
 
 def test_other_json(table):

@@ -4,6 +4,7 @@ A feature gives one row for each of its points, and one row for its lines and ou
 """
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,7 +27,7 @@ GEOMETRIES = {
     "Polygon": (2, 4),
     "MultiPolygon": (3, 4),
 }
-# Ends of the names of WGS 84 with longitude first. GeoJSON has no other order, whatever EPSG says.
+# Last parts of the names of WGS 84. In GeoJSON the longitude comes first, whatever EPSG says.
 WGS84 = ("crs84", "crs84h", "4326", "4979", "wgs84")
 REPROJECT = "visray reads longitudes and latitudes of WGS 84: ogr2ogr -t_srs EPSG:4326 NEW.geojson OLD.geojson"
 
@@ -102,7 +103,7 @@ class _Reading:
             return
         properties = crs.get("properties") if isinstance(crs, dict) else None
         name = properties.get("name") if isinstance(properties, dict) else None
-        if not isinstance(name, str) or not name.casefold().replace(" ", "").endswith(WGS84):
+        if not isinstance(name, str) or re.split("[:/#]", name.casefold().replace(" ", ""))[-1] not in WGS84:
             self._fail("crs", name if isinstance(name, str) else crs, REPROJECT)
 
     def _feature(self, feature: Any, address: str) -> None:

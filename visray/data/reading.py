@@ -4,6 +4,7 @@ import os
 import stat
 from pathlib import Path
 
+from visray import memory
 from visray.data.csv_file import read_csv
 from visray.data.frames import table_of
 from visray.data.geojson import is_geojson
@@ -13,10 +14,17 @@ from visray.scene.source import neighbour
 from visray.scene.source import read as read_source
 from visray.terminal import printable
 
+# Bytes of memory that a byte of JSON takes while it is read.
+JSON_BYTES = 16
+
 
 def read_json(path: Path) -> Table:
     """The table of a JSON file: GeoJSON, a list of records, or a dict of columns. Raises a UserError that names the
     file, and the address in it."""
+    need, free = path.stat().st_size * JSON_BYTES, memory.free()
+    if free is not None and need > free.size:
+        what = f"takes about {need / 2**30:.1f} GiB while it is read, and {free}"
+        raise UserError(f"{path}: {what}; leave out features or properties, or save it as CSV")
     source = read_source(path)
     if source.repeated:
         more = f", and {len(source.repeated) - LISTED} more" if len(source.repeated) > LISTED else ""

@@ -29,6 +29,8 @@ TABLE = (
     "name,lat,lon,rain,people\nOslo,59.9,10.75,760,700000\nParis,48.85,2.35,640,2100000\nBern,46.95,7.45,1020,134000\n"
 )
 
+SKEWED = "\n".join(["lat,lon,v", *(f"{i},{2 * i},{i + 1}" for i in range(19)), "19,38,1000"]) + "\n"
+
 
 @pytest.fixture
 def table(tmp_path, monkeypatch):
@@ -135,6 +137,9 @@ def test_everything_is_in_the_picture_and_not_under_the_legend(tmp_path_factory,
         (TABLE, {"color": "people"}, {"height": None, "color": "people"}),
         (TABLE, {"radius": "people", "color": "rain"}, {"height": None, "radius": "people", "color": "rain"}),
         (TABLE, {"gizmo": "sphere"}, {"height": None, "color": "rain"}),
+        (TABLE, {"norm": "log", "palette": "magma"}, {"height": "rain", "color": "rain"}),
+        ("lat,lon,t\n1,2,-5\n2,3,5\n", {}, {"height": None, "color": "t"}),
+        ("lat,lon,t\n1,2,-5\n2,3,5\n", {"gizmo": "cone"}, {"height": "t", "color": "t"}),
         ("id,year,lat,lon,v\n1,1990,1,2,3\n2,1991,2,3,4\n", {}, {"height": "v"}),
         ("lat,lon,equal,v\n1,2,5,3\n2,3,5,4\n", {}, {"height": "v"}),
         ("lat,lon,equal\n1,2,5\n2,3,5\n", {}, {"height": "equal"}),
@@ -177,11 +182,17 @@ def test_a_horizontal_surface_has_the_colour_of_the_legend(table):
 @pytest.mark.parametrize(
     ("text", "wishes", "says"),
     [
-        (TABLE.replace("760", "-760"), {}, "1 of 3 values are below 0"),
+        (TABLE.replace("760", "-760"), {"height": "rain"}, "1 of 3 values are below 0"),
         (TABLE + "X,0,0,1,1\n", {}, "1 row is at longitude 0 and latitude 0"),
         ("lat,lon,v\n41.4,2.1,3\n41.5,2.2,4\n", {}, "too small for coasts"),
         ("lat,lon,v\n41.4,2.1,3\n-41.5,-178,4\n", {"base": "globe"}, "1 of 2 rows are on the far side of the globe"),
         ("lat,lon,town\n1,2,A\n20,30,B\n", {}, "no column of numbers is shown"),
+        (SKEWED, {}, "half of the values are from 1 to 10.5, and the largest is 1000"),
+        (
+            SKEWED.replace(",v", ",w").replace(",1000", ",-1000"),
+            {},
+            "half of the values are from 9.5 to 19, and the smallest",
+        ),
     ],
 )
 def test_what_the_picture_does_not_show_is_said(table, text, wishes, says):
@@ -196,6 +207,8 @@ BAD = {
     "gizmo": (["places.csv", "--gizmo", "cylindr"], 'did you mean "cylinder"?'),
     "geometry": (["places.csv", "--gizmo", "geometry"], "there is no such gizmo"),
     "palette": (["places.csv", "--palette", "virdis"], '--palette: unknown palette; did you mean "viridis"'),
+    "norm": (["places.csv", "--norm", "lin"], '--norm = "lin": there is no such norm; did you mean "linear"?'),
+    "log": (["negative.csv", "--color", "v", "--norm", "log"], "--norm: values must be above 0 for log"),
     "no height": (["places.csv", "--gizmo", "sphere", "--height", "rain"], "a sphere has no height; write --radius"),
     "no lines": (["places.csv", "--gizmo", "line"], "--gizmo: a line needs a source with lines"),
     "text": (["places.csv", "--height", "name"], '--height: column "name": 3 cells hold text'),
@@ -227,6 +240,7 @@ def test_bad_input_gets_lines_and_writes_nothing(table, capsys, words, line):
     table("a,b\n1,2\n", "unnamed.csv")
     table("", "empty.csv")
     table("lat,lon,v\n,,1\n", "nowhere.csv")
+    table("lat,lon,v\n1,2,-1\n2,3,4\n", "negative.csv")
     table("lat,lon,v\n1,2,=SUM(A1)\n2,3,4\n", "formulas.csv")
     before = set(Path().iterdir())
     code, out, err = said(capsys, *words)

@@ -38,6 +38,9 @@ def data_command(
     lon: Annotated[str | None, Parameter(help="Column of longitudes. Default: found by its name.")] = None,
     lat: Annotated[str | None, Parameter(help="Column of latitudes. Default: found by its name.")] = None,
     palette: Annotated[str | None, Parameter(help="Palette of the colours, such as viridis or RdBu.")] = None,
+    norm: Annotated[
+        str | None, Parameter(help="Norm of the colours: linear, log, symmetric, power or quantile.")
+    ] = None,
     gizmo: Annotated[
         str | None, Parameter(help="Shape of a datum: cylinder, box, cone, sphere, disk, triangle or line.")
     ] = None,
@@ -97,8 +100,9 @@ def data_command(
     if save is not None:
         check_writable(save)
     wishes = Wishes(
-        lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, gizmo=gizmo, base=base,
-        image=None if map is None else str(map), extent=edges, title=title, source_line=source_line,
+        lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
+        gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
+        source_line=source_line,
         places=places if places in ("none", "all") else parse_list(places),
         **({} if film is None else {"size": film}),
     )  # fmt: skip

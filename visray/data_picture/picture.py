@@ -27,6 +27,8 @@ TEXTURE = "map"
 ONE_COLOUR = (0.75, 0.2, 0.08)
 # Pixels of the drawn map for each pixel of the picture's width: in front, a map is magnified.
 MAP_PIXELS = 2
+# Values are skewed if half of them lie in this share of their range, unless there are FEW.
+SKEWED, FEW = 0.06, 10
 
 
 @dataclass(frozen=True)
@@ -125,9 +127,26 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
     if (down := int((rows.stand.sign < 0).sum())) and wishes.height:
         text = f"{down:,} of {count:,} values are below 0; their gizmos hang below the ground, where they are not seen"
         notes.append(f"--height: {text}; show the column with --color instead")
+    if (skewed := _skewed(rows)) and wishes.norm is None:
+        notes.append(f"--color: {skewed}; most have nearly the same colour, and --norm quantile spreads them")
     if isinstance(base, GlobeBase) and "lon" in rows.values:
         toward = np.array(scene.camera.origin)[:, None] - rows.stand.foot
         far = int(((rows.stand.up * toward).sum(axis=0) < 0).sum())
         if far:
             notes.append(f"{far:,} of {count:,} rows are on the far side of the globe; --base map shows all")
     return notes
+
+
+def _skewed(rows: Rows) -> str:
+    """Words that say where half of the values lie that are shown as colours, if that is a small part of their range;
+    else ""."""
+    values = rows.values.get("color", np.zeros(0))
+    values = values[np.isfinite(values)]
+    if len(values) < FEW:
+        return ""
+    low, middle, high = np.quantile(values, (0, 0.5, 1))
+    if middle - low < SKEWED * (high - low):
+        return f"half of the values are from {low:g} to {middle:g}, and the largest is {high:g}"
+    if high - middle < SKEWED * (high - low):
+        return f"half of the values are from {middle:g} to {high:g}, and the smallest is {low:g}"
+    return ""

@@ -33,8 +33,9 @@ def layer_for(path: Path, table: Table, wishes: Wishes) -> DataLayer:
     """The layer, without the sizes that depend on the base."""
     gizmo = wishes.gizmo or ("line" if table.lines else "cylinder" if wishes.height else "sphere")
     color: Any = wishes.color
-    if wishes.palette is not None and color is not None:
-        color = ColorRule(column=color, palette=wishes.palette)
+    chosen = {key: value for key in ("palette", "norm") if (value := getattr(wishes, key)) is not None}
+    if chosen and color is not None:
+        color = ColorRule(column=color, **chosen)
     return DataLayer(
         source=str(path), lon=wishes.lon, lat=wishes.lat, name=wishes.name, gizmo=gizmo, height=wishes.height,
         radius=wishes.radius, color=color, material=DATA_MATERIAL,
@@ -119,6 +120,6 @@ def flaw_lines(path: Path, flaws: list[tuple[str, str]]) -> list[str]:
 def _flaw_line(path: Path, part: str, text: str) -> str:
     """The message about a flaw of the data. part: its address below `data`."""
     field = part.split(".")[2] if part.startswith("layers.") and part.count(".") >= 2 else ""
-    if part.endswith("color.palette"):
-        return printable(f"--palette: {text}")
+    if part.endswith(("color.palette", "color.norm")):
+        return printable(f"--{part.rpartition('.')[2]}: {text}")
     return printable(f"--{field}: {text}" if field in OPTIONS else f"{path}: {text}")

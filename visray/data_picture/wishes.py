@@ -3,8 +3,9 @@
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, get_args
 
+from visray.data.color_rule import NormName
 from visray.data.describe import describe
 from visray.data.gizmos import GIZMOS
 from visray.data.layer_table import NAME_COLUMNS
@@ -17,13 +18,16 @@ from visray.terminal import printable
 # Names of columns with numbers that are no quantities, in lower case: they are not shown unless the user asks for it.
 NO_QUANTITY = re.compile(r"(id|.*[_ ]id|index|no|nr|num|rank|code|zip|postcode|year|jahr|any|month|day|date|time)")
 
+# Norms of colours; bands need their number, which a scene file gives.
+NORMS = tuple(name for name in get_args(NormName) if name != "banded")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Wishes:
     """What a user asks for; None: it is chosen here.
 
     lon, lat, name, height, radius, color: columns
-    palette, gizmo: names
+    palette, norm, gizmo: names
     base: "auto", "map" or "globe"
     image: path of the picture of the map
     extent: west, east, south and north edge of the map, in degrees
@@ -39,6 +43,7 @@ class Wishes:
     radius: str | None = None
     color: str | None = None
     palette: str | None = None
+    norm: str | None = None
     gizmo: str | None = None
     base: str = "auto"
     image: str | None = None
@@ -69,8 +74,8 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
     elif wishes.image is not None and wishes.extent is None and wishes.base != "globe":
         text = "the edges of the picture are not known; write --extent WEST,EAST,SOUTH,NORTH in degrees"
         problems.append(f"--map: {text}, such as -180,180,-90,90")
-    if wishes.palette is not None and not (wishes.color or wishes.height or wishes.radius) and table.lines:
-        problems.append("--palette: needs a column to show; write --color COLUMN")
+    if wishes.norm is not None and wishes.norm not in NORMS:
+        problems.append(printable(f'--norm = "{wishes.norm}": there is no such norm; {hint(wishes.norm, NORMS)}'))
     if problems:
         raise UserError(*problems)
     return wishes
@@ -88,22 +93,28 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
     if wishes.places != "none" and wishes.name is None:
         wishes = replace(wishes, name=_names(table))
     if not (wishes.height or wishes.radius or wishes.color):
-        first = _quantity(table, (wishes.lon, wishes.lat))
-        tall = not table.lines and (wishes.gizmo is None or "height" in GIZMOS[wishes.gizmo].sizes)
+        record = _quantity(table, (wishes.lon, wishes.lat))
+        first, least = (record["column"], record["min"]) if record else (None, None)
+        # Bars of negative values would hang below the ground, where they are not seen.
+        bars = wishes.gizmo is None and (least is None or least >= 0)
+        tall = not table.lines and (bars or (wishes.gizmo is not None and "height" in GIZMOS[wishes.gizmo].sizes))
         wishes = replace(wishes, **({"height": first, "color": first} if tall else {"color": first}))
     return replace(wishes, color=wishes.color or wishes.height or wishes.radius)
 
 
-def _quantity(table: Table, other: tuple[str | None, ...]) -> str | None:
-    """The first column that seems to be a quantity; None if there is none. A column with some texts is better than one
-    of equal numbers: the texts will be refused, and the user learns of them. other: columns that are none."""
+def _quantity(table: Table, other: tuple[str | None, ...]) -> dict[str, Any] | None:
+    """The first column that seems to be a quantity, as `describe` has it; None if there is none. A column with some
+    texts is better than one of equal numbers: the texts will be refused, and the user learns of them.
+
+    other: columns that are none.
+    """
     records = [
         record
         for record in describe(table)
         if record["column"] not in other and not NO_QUANTITY.fullmatch(record["column"].casefold())
     ]
-    varied = [r["column"] for r in records if r["kind"] == "numbers" and r["distinct"] > 1]
-    mixed, equal = ([r["column"] for r in records if r["kind"] == kind] for kind in ("mixed", "numbers"))
+    varied = [r for r in records if r["kind"] == "numbers" and r["distinct"] > 1]
+    mixed, equal = ([r for r in records if r["kind"] == kind] for kind in ("mixed", "numbers"))
     return next(iter([*varied, *mixed, *equal]), None)
 
 

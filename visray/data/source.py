@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
+from visray.data.frames import table_of
 from visray.data.reading import read_table
 from visray.data.table import Table
-from visray.data.values import column_of_values
 from visray.errors import UserError
 from visray.number_table import DIGESTS
 
@@ -66,7 +66,7 @@ class SourceRule:
         if isinstance(given, (str, bool, int, float, type(None))):
             raise ValueError('must be the path of a file, or columns such as {"lon": [2.2], "lat": [41.4]}')
         try:
-            return TableValue(_table(given))
+            return TableValue(table_of(given))
         except UserError as error:
             raise ValueError("; ".join(error.lines)) from None
 
@@ -84,14 +84,6 @@ class SourceRule:
         cell = {"anyOf": [{"type": "number"}, {"type": "string"}, {"type": "null"}]}
         columns = {"type": "object", "additionalProperties": {"type": "array", "items": cell}}
         return {"anyOf": [{"type": "string", "minLength": 1}, columns]}
-
-
-def _table(given: Any) -> Table:
-    """The table of a dict of columns. Raises UserError if it is none."""
-    if not isinstance(given, dict):
-        raise UserError("is no table; give a dict of columns")
-    columns = {str(name): column_of_values(list(x))[0] for name, x in given.items()}
-    return Table(list(columns), columns)
 
 
 def file_digest(path: str) -> str:

@@ -220,6 +220,8 @@ BAD = {
     "edges": (["places.csv", "--map", "map.png"], "--map: the edges of the picture are not known; write --extent"),
     "map": (["places.csv", "--map", "no.png", "--extent", "-10,30,30,60"], '--map = "no.png": there is no such file'),
     "scene": (["places.csv", "--save", "scene.txt"], "scene.txt: a scene is a .json file"),
+    "itself": (["points.json", "--save", "points.json"], "points.json: is the table; give the scene another name"),
+    "its map": (["places.csv", "--save", "a.json", "-o", "a-map.png"], "a-map.png: is the map of the scene a.json"),
     "format": (["places.csv", "-o", "a.jpg"], "a.jpg: the name says no format visray writes"),
     "size": (["places.csv", "--size", "big"], "--size = 'big': must be WIDTHxHEIGHT"),
     "swapped": (["swapped.csv"], 'and no longitude is; write --lon "lat" --lat "lon"'),
@@ -238,6 +240,7 @@ def test_bad_input_gets_lines_and_writes_nothing(table, capsys, words, line):
     table("lat,lon,v\n120,20,5\n150,25,3\n", "swapped.csv")
     table("x,y,v\n431000,4581000,5\n", "metres.csv")
     table("a,b\n1,2\n", "unnamed.csv")
+    table('{"type": "Point", "coordinates": [2.0, 41.0]}', "points.json")
     table("", "empty.csv")
     table("lat,lon,v\n,,1\n", "nowhere.csv")
     table("lat,lon,v\n1,2,-1\n2,3,4\n", "negative.csv")

@@ -83,9 +83,9 @@ def data_command(
     """
     if describe:
         return _describe(file, json)
-    if save is not None and save.suffix.lower() != ".json":
-        raise UserError(f"{save}: a scene is a .json file; end the name so")
     outputs = output or [Path(file.stem + ".png")]
+    if save is not None:
+        _check_save(save, file, outputs)
     edges, film = _parse_extent(extent), parse_size(size)
     if quiet:
         warnings.simplefilter("ignore")
@@ -108,7 +108,7 @@ def data_command(
     )  # fmt: skip
     with _scene_file(save) as scene:
         with Bar(f"reading {file.name}", 1, not (quiet or json)):
-            made = data_picture(file, wishes, str(scene.with_name(f"{scene.stem}-map.png")))
+            made = data_picture(file, wishes, str(_map_path(scene)))
             _write(made, scene, save is not None)
         for text in made.notes:
             warnings.warn(text, stacklevel=1)
@@ -121,6 +121,22 @@ def data_command(
             scene, allow_outside=True, output=outputs, spp=spp, error=error, time=time, threads=threads, quiet=quiet,
             json=json, more=report,
         )  # fmt: skip
+
+
+def _map_path(scene: Path) -> Path:
+    """Path of the map that is drawn for a scene file."""
+    return scene.with_name(f"{scene.stem}-map.png")
+
+
+def _check_save(save: Path, file: Path, outputs: list[Path]) -> None:
+    """Raises a UserError if the scene cannot be written: its file has a wrong name, or it or its map would replace the
+    table or the picture."""
+    if save.suffix.lower() != ".json":
+        raise UserError(f"{save}: a scene is a .json file; end the name so")
+    if save.resolve() == file.resolve():
+        raise UserError(f"{save}: is the table; give the scene another name")
+    if _map_path(save).resolve() in [path.resolve() for path in outputs]:
+        raise UserError(f"{_map_path(save)}: is the map of the scene {save}; give the picture another name")
 
 
 def _parse_extent(text: str | None) -> tuple[float, float, float, float] | None:

@@ -83,19 +83,19 @@ def test_heights_are_as_long_as_bars_in_the_picture() -> None:
     """A map seen from the side, without perspective: the picture of a bar is as long as the key says, to two pixels."""
     source = {"lon": [0.0], "lat": [0.0], "v": [40.0]}
     layers = {"x": vr.DataLayer(source=source, height=vr.SizeRule(column="v", range=(0.0, 1.0)), radius=0.1)}
-    side = vr.OrthographicCamera(origin=(0.0, 0.0, 9.0), height=5.0)
+    side = vr.OrthographicCamera(origin=(0.0, 0.0, 9.0), height=8.0)
     scene = scene_of(layers, MapBase(), side)
     (scale,) = legend_content(scene).sizes
-    assert scale.shape == "bar" and dict(scale.entries)["40"] == pytest.approx(200 / 5)
+    assert scale.shape == "bar" and dict(scale.entries)["40"] == pytest.approx(200 / 8)
     values, sizes = zip(*((float(text), size) for text, size in scale.entries))
-    assert np.allclose(np.array(sizes) / values, 1.0)
+    assert np.allclose(np.array(sizes) / values, 200 / 8 / 40)
     ids = vr.render(scene, progress=False, layers=("id",))["id"]
     assert abs((ids == 2).any(axis=1).sum() - dict(scale.entries)["40"]) <= 2
     # Seen at a slant of 60 degrees from above, a bar is half as long, and from above it has no length.
-    slant = vr.OrthographicCamera(origin=(0.0, 9 * np.sin(np.pi / 3), 4.5), height=5.0)
+    slant = vr.OrthographicCamera(origin=(0.0, 9 * np.sin(np.pi / 3), 4.5), height=8.0)
     (scale,) = legend_content(replace(scene, camera=slant)).sizes
-    assert dict(scale.entries)["40"] == pytest.approx(20)
-    above = vr.OrthographicCamera(origin=(0.0, 9.0, 0.0), up=(0.0, 0.0, -1.0), height=5.0)
+    assert dict(scale.entries)["40"] == pytest.approx(12.5)
+    above = vr.OrthographicCamera(origin=(0.0, 9.0, 0.0), up=(0.0, 0.0, -1.0), height=8.0)
     content = legend_content(replace(scene, camera=above))
     assert not content.sizes
     assert content.notes == ("legend: the heights of v have no key, because they are too large or too small",)
@@ -108,11 +108,11 @@ def test_widths_are_those_of_gizmos_in_the_picture(gizmo: str, shape: str) -> No
     source = {"lon": [0.0], "lat": [0.0], "v": [100.0]}
     rule = vr.SizeRule(column="v", scale="sqrt", range=(0.0, 0.4))
     scene = scene_of({"x": vr.DataLayer(source=source, gizmo=gizmo, radius=rule)}, MapBase(),
-                     vr.OrthographicCamera(origin=(0.0, 0.0, 9.0), height=5.0))  # fmt: skip
+                     vr.OrthographicCamera(origin=(0.0, 0.0, 9.0), height=8.0))  # fmt: skip
     scale = legend_content(scene).sizes[-1]
     assert scale.shape == shape
     for text, size in scale.entries:
-        assert size == pytest.approx(0.8 * 40 * np.sqrt(float(text) / 100))
+        assert size == pytest.approx(0.8 * 25 * np.sqrt(float(text) / 100))
     ids = vr.render(scene, progress=False, layers=("id",))["id"]
     assert abs((ids == 2).any(axis=0).sum() - dict(scale.entries)["100"]) <= 2
 

@@ -20,7 +20,7 @@ from visray.projection import Projected, projected
 from visray.scene.scene import Scene
 
 # Largest size of a gizmo in a key, as a share of the film's shorter side, and the least that is seen, in pixels.
-LARGEST, LEAST = 0.2, 1.0
+LARGEST, LEAST = 0.14, 1.0
 # Number of gizmos in a scale of sizes.
 SHOWN = 3
 

@@ -43,8 +43,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class Key:
-    """A key laid out. height: its height from the top that it was laid out from."""
+    """A key laid out. width, height: of what it covers, from the point that it was laid out from."""
 
+    width: float
     height: float
     texts: tuple[TextLine, ...]
     strips: tuple[Strip, ...] = ()
@@ -54,6 +55,7 @@ class Key:
     def moved(self, x: float, y: float) -> "Key":
         """The key elsewhere: x and y are whole numbers of pixels, and are added to its positions."""
         return Key(
+            self.width,
             self.height,
             tuple(replace(t, x=t.x + x, y=t.y + y) for t in self.texts),
             tuple(Strip(Box(b.left + x, b.top + y, b.right + x, b.bottom + y), s.pixels)
@@ -72,7 +74,8 @@ def key_of(part: ColorBar | SizeScale, width: int, em: float, pen: Pen, no_data:
     texts = stacked(lines, 0, 0, em, BLOCK)
     top = round(em * (len(lines) * LEADING + (GAP if lines else 0)))
     rest = _bar(part, width, top, em, pen, no_data) if isinstance(part, ColorBar) else _scale(part, top, em, pen)
-    return replace(rest, texts=(*texts, *rest.texts))
+    wide = max((pen.width(line, em) for line in lines), default=0.0)
+    return replace(rest, width=max(rest.width, wide), texts=(*texts, *rest.texts))
 
 
 def _bar(bar: ColorBar, width: int, top: int, em: float, pen: Pen, no_data: str) -> Key:
@@ -99,7 +102,7 @@ def _bar(bar: ColorBar, width: int, top: int, em: float, pen: Pen, no_data: str)
         lines, _ = pen.wrapped(no_data, small, False, width - side - em * GAP, 1)
         texts += [TextLine(line, side + em * GAP, used + 0.85 * small, small, BLOCK) for line in lines]
         used += side + em * 0.2
-    return Key(used, tuple(texts), (strip,), tuple(shapes), marks)
+    return Key(width, used, tuple(texts), (strip,), tuple(shapes), marks)
 
 
 def _readable(ticks: list[tuple[float, str]], width: float, size: float, pen: Pen) -> list[tuple[float, float, str]]:
@@ -137,7 +140,7 @@ def _scale(scale: SizeScale, top: int, em: float, pen: Pen) -> Key:
             shapes.append(Shape("polygon", ((a, high), (b, high), (b, base), (a, base))))
         texts.append(TextLine(text, middle, base + em * 0.2 + small, small, BLOCK, align="center"))
         x += column + em
-    return Key(base + em * 0.2 + small * LEADING, tuple(texts), shapes=tuple(shapes))
+    return Key(x - em, base + em * 0.2 + small * LEADING, tuple(texts), shapes=tuple(shapes))
 
 
 def width_of(scale: SizeScale, em: float, pen: Pen) -> float:

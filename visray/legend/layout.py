@@ -20,8 +20,8 @@ TEXT, REFERENCE_PIXELS, LEGIBLE, SHRUNK = 11.0, 640 * 360, 7.0, 0.92
 # a key: all in heights of text.
 TITLE, SUBTITLE, SOURCE, MARGIN, PADDING, BETWEEN, COLUMN = 1.5, 1.1, 0.82, 0.9, 0.7, 0.7, 13.0
 LEAST_COLUMN = 4.0
-# Share of the usual size of the text down to which a single column of keys is tried first.
-ONE_COLUMN = 0.7
+# Share of the usual size of the text down to which a single column or row of keys is tried first.
+ONE_GROUP = 0.7
 # Largest share of the film's height for the heading and of its width for panels; largest number of source lines.
 HEADING_SHARE, PANEL_SHARE, SOURCE_LINES = 0.3, 0.6, 3
 
@@ -60,11 +60,11 @@ def layout(content: LegendContent, width: int, height: int, pen: Pen) -> Layout:
         return Layout(em, notes=(note,))
     parts: list[ColorBar | SizeScale] = [*content.bars, *content.sizes]
     sizes = [em, *takewhile(lambda x: x >= min(LEGIBLE, em), (em * SHRUNK**k for k in count(1)))]
-    # One column with smaller text covers less of the picture than two.
-    tries = [(size, 1) for size in sizes if size >= ONE_COLUMN * em] + [(size, len(parts)) for size in sizes]
+    # One column or row with smaller text covers less of the picture than two.
+    tries = [(size, 1) for size in sizes if size >= ONE_GROUP * em] + [(size, len(parts)) for size in sizes]
     for kept in range(len(parts), -1, -1):
-        for size, columns in tries:
-            found = _attempt(content, parts[:kept], width, height, size, columns, pen)
+        for size, groups in tries:
+            found = _attempt(content, parts[:kept], width, height, size, groups, pen)
             if found is not None:
                 return _with_labels(found, content, width, height, pen, parts[kept:])
     raise AssertionError("without keys a legend always has room")
@@ -98,10 +98,10 @@ def _attempt(
     width: int,
     height: int,
     em: float,
-    columns: int,
+    groups: int,
     pen: Pen,
 ) -> Layout | None:
-    """The legend with text of height `em` and at most so many columns of keys; None if its keys have no room."""
+    """The legend with text of height `em` and keys in at most so many columns or rows; None if they do not fit."""
     margin, notes = em * MARGIN, []
     texts, top = _heading(content, width, height, em, pen, notes)
     boxes = [("heading", _around(texts, pen))] if texts else []
@@ -118,9 +118,9 @@ def _attempt(
     if keys is None:
         return None
     if content.position == "bottom":
-        placed = _rows(*keys, room, em)
+        placed = _rows(keys[0], room, em, groups)
     else:
-        placed = _columns(*keys, room, em, columns, content.position == "right")
+        placed = _columns(*keys, room, em, groups, content.position == "right")
     if placed is None:
         return None
     in_place, panels = placed
@@ -204,20 +204,31 @@ def _tall(keys: Sequence[Key], gap: int) -> int:
     return sum(round(key.height) for key in keys) + gap * (len(keys) - 1)
 
 
-def _rows(keys: list[Key], width: int, room: Box, em: float) -> tuple[list[Key], list[Box]] | None:
-    """Keys side by side in a panel at the bottom of a room, in as many rows as they need; None if they do not fit."""
+def _rows(keys: list[Key], room: Box, em: float, most: int) -> tuple[list[Key], list[Box]] | None:
+    """Keys side by side in a panel at the bottom of a room, in at most `most` rows; None if they do not fit."""
     if not keys:
         return [], []
-    padding, gap = round(PADDING * em), round(1.5 * BETWEEN * em)
-    across = max(1, min(len(keys), int((room.right - room.left - 2 * padding + gap) // (width + gap))))
-    rows = [keys[i : i + across] for i in range(0, len(keys), across)]
+    padding, gap = round(PADDING * em), round(2 * BETWEEN * em)
+    wide, rows = room.right - room.left - 2 * padding, [[]]
+    for key in keys:
+        if rows[-1] and _wide([*rows[-1], key], gap) > wide:
+            rows.append([])
+        rows[-1].append(key)
     tall = sum(max(round(key.height) for key in row) for row in rows) + gap * (len(rows) - 1) + 2 * padding
-    if tall > room.bottom - room.top:
+    if len(rows) > most or tall > room.bottom - room.top:
         return None
-    outer = across * width + (across - 1) * gap + 2 * padding
+    outer = max(_wide(row, gap) for row in rows) + 2 * padding
     x, y = int(room.left + (room.right - room.left - outer) / 2), int(room.bottom - tall)
-    placed, at = [], y + padding
+    placed, top = [], y + padding
     for row in rows:
-        placed += [key.moved(x + padding + i * (width + gap), at) for i, key in enumerate(row)]
-        at += max(round(key.height) for key in row) + gap
+        left = x + padding
+        for key in row:
+            placed.append(key.moved(left, top))
+            left += ceil(key.width) + gap
+        top += max(round(key.height) for key in row) + gap
     return placed, [Box(x, y, x + outer, y + tall)]
+
+
+def _wide(keys: Sequence[Key], gap: int) -> int:
+    """Width of keys side by side."""
+    return sum(ceil(key.width) for key in keys) + gap * (len(keys) - 1)

@@ -184,7 +184,7 @@ def test_a_horizontal_surface_has_the_colour_of_the_legend(table):
     [
         (TABLE.replace("760", "-760"), {"height": "rain"}, "1 of 3 values are below 0"),
         (TABLE + "X,0,0,1,1\n", {}, "1 row is at longitude 0 and latitude 0"),
-        ("lat,lon,v\n41.4,2.1,3\n41.5,2.2,4\n", {}, "too small for coasts"),
+        ("lat,lon,v\n41.4,2.1,3\n41.5,2.2,4\n", {}, "the map has no coasts, as it shows less than 4 degrees"),
         ("lat,lon,v\n41.4,2.1,3\n-41.5,-178,4\n", {"base": "globe"}, "1 of 2 rows are on the far side of the globe"),
         ("lat,lon,town\n1,2,A\n20,30,B\n", {}, "no column of numbers is shown"),
         (SKEWED, {}, "half of the values are from 1 to 10.5, and the largest is 1000"),
@@ -223,6 +223,7 @@ BAD = {
     "itself": (["points.json", "--save", "points.json"], "points.json: is the table; give the scene another name"),
     "its map": (["places.csv", "--save", "a.json", "-o", "a-map.png"], "a-map.png: is the map of the scene a.json"),
     "format": (["places.csv", "-o", "a.jpg"], "a.jpg: the name says no format visray writes"),
+    "goal": (["places.csv", "--error", "1%", "--spp", "4"], "spp = 4: goes with neither error nor time"),
     "size": (["places.csv", "--size", "big"], "--size = 'big': must be WIDTHxHEIGHT"),
     "swapped": (["swapped.csv"], 'and no longitude is; write --lon "lat" --lat "lon"'),
     "projected": (["metres.csv"], "--lon: longitude and latitude are out of range: line 2 (431000, "),

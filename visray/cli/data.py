@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from visray import clock
 from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
 from visray.errors import UserError
 from visray.terminal import write_json, write_line
@@ -89,12 +90,14 @@ def data_command(
     edges, film = _parse_extent(extent), parse_size(size)
     if quiet:
         warnings.simplefilter("ignore")
+    from visray.adaptive.stopping import Goal
     from visray.cli.rendering import render_command
     from visray.data_picture import Wishes, data_picture
     from visray.output.files import check_writable
     from visray.output.image import check_destination
     from visray.progress import Bar
 
+    Goal.from_arguments(error, time, spp, clock.now())
     for path in outputs:
         check_destination(path)
     if save is not None:

@@ -120,7 +120,8 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
     if not (wishes.height or wishes.radius or wishes.color):
         notes.append("no column of numbers is shown, so all gizmos are alike; write --height or --color with a column")
     if not wishes.image and not basemap.has_land(base):
-        notes.append("the map is too small for coasts: give a picture with --map IMAGE --extent WEST,EAST,SOUTH,NORTH")
+        text = f"the map has no coasts, as it shows less than {basemap.COARSE:g} degrees; to show some, give a picture"
+        notes.append(f"{text}: --map IMAGE --extent WEST,EAST,SOUTH,NORTH")
     if "lon" in rows.values and (nowhere := int(((rows.values["lon"] == 0) & (rows.values["lat"] == 0)).sum())):
         text = "1 row is" if nowhere == 1 else f"{nowhere:,} rows are"
         notes.append(f"{text} at longitude 0 and latitude 0, in the sea: is the position missing?")

@@ -19,7 +19,7 @@ from visray.data.describe import describe
 from visray.data.dialect import SEPARATORS
 from visray.data.encoding import OTHERS
 from visray.data.numerals import MISSING, NEUTRAL, OFTEN_MISSING, UNITS, read_column
-from visray.data.positions import LATITUDES, LONGITUDES, out_of_range, position_columns, swapped, wrapped
+from visray.data.positions import LATITUDES, LONGITUDES, out_of_range, position_columns, position_notes, swapped
 from visray.data.reading import READERS, read_table
 from visray.data.table import LISTED, Table, as_texts
 from visray.errors import UserError
@@ -437,7 +437,11 @@ def test_ranges(table):
     assert not swapped(np.array([41.0, NAN]), np.array([2.0, 3])) and not swapped(lon, np.full(4, 4581234.0))
     metres = out_of_range(Table(["x"], {"x": lon}), np.full(6, 431234.0), np.full(6, 4581234.0))
     assert len(metres) == 2 and all("they look projected" in text and "and 1 more" in text for text in metres)
-    np.testing.assert_array_equal(wrapped(np.array([-180, 0.1, 180, 190, 360, NAN])), [-180, 0.1, 180, -170, 0, NAN])
+    found = 'longitudes are in the column "x", latitudes in "y"'
+    assert position_notes(read) == [found, *out_of_range(read, lon, lat)]
+    assert position_notes(table("x,y\n41,2\n35,139\n")) == [found, swapped(np.array([41.0, 35]), np.array([2.0, 139]))]
+    assert position_notes(table("x,y\nb,2\n35,4\n"))[1].startswith('column "x": 1 cell holds text')
+    assert position_notes(table("a,b\n1,2\n")) == ["no column is named like a longitude; say which one (one of a, b)"]
 
 
 def test_describe(table):

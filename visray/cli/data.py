@@ -183,12 +183,14 @@ def _describe(file: Path, json: bool) -> int:
     """Prints what the columns of a table hold. Returns the exit code."""
     from visray import tables
     from visray.data.describe import describe
+    from visray.data.positions import position_notes
     from visray.data.reading import read_table
 
     table = read_table(file)
-    records = describe(table)
+    records, positions = describe(table), position_notes(table)
     if json:
         report = {"file": str(file), "rows": len(table), "dialect": table.dialect, "notes": table.notes}
+        report["positions"] = positions
         write_json(report | {"columns": records})
         return 0
     shown = tables.Table("column", "holds", "missing", "values")
@@ -197,7 +199,7 @@ def _describe(file: Path, json: bool) -> int:
         shown.add_row(record["column"], f"{record['count']:,} {record['kind']}", missing, _values(record))
     tables.show(shown)
     lines = [f"{file}: {len(table):,} rows", table.dialect, *table.notes]
-    lines += [record["problem"] for record in records if record["problem"]]
+    lines += positions + [record["problem"] for record in records if record["problem"]]
     for line in filter(None, lines):
         write_line(line)
     return 0

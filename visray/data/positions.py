@@ -71,6 +71,21 @@ def swapped(lon: np.ndarray, lat: np.ndarray) -> str:
     )
 
 
+def position_notes(table: Table) -> list[str]:
+    """Sentences about the positions of a table: the columns that hold them, and what cannot be right there."""
+    if table.lines and "lon" not in table.names:
+        return [f"{len(table.lines):,} lines and outlines, no points"]
+    try:
+        lon_name, lat_name = position_columns(table)
+    except UserError as error:
+        return [text.removeprefix(f"{table.path}: ") for text in error.lines]
+    (lon, lon_problems), (lat, lat_problems) = table.numbers(lon_name), table.numbers(lat_name)
+    notes = [f"longitudes are in the column {shown(lon_name)}, latitudes in {shown(lat_name)}"]
+    notes += [str(problems) for problems in (lon_problems, lat_problems) if problems]
+    wrong = swapped(lon, lat)
+    return [printable(text) for text in notes] + ([wrong] if wrong else out_of_range(table, lon, lat))
+
+
 def out_of_range(table: Table, lon: np.ndarray, lat: np.ndarray) -> list[str]:
     """Sentences about coordinates that no place on earth has: for longitudes and for latitudes, the first rows and how
     many there are.
@@ -94,9 +109,3 @@ def _outside(table: Table, values: np.ndarray, low: float, high: float, what: st
     many = f"1 {what} is" if len(rows) == 1 else f"{len(rows):,} {what}s are"
     hint = "; they look projected, in metres; write degrees" if np.nanmax(np.abs(values)) > 1000 else "; write degrees"
     return f"{many} not between {low:g} and {high:g}: {listed}{more}{hint}"
-
-
-def wrapped(lon: np.ndarray) -> np.ndarray:
-    """Longitudes from -180 to 180 degrees, for longitudes from -180 to 360. Those up to 180 stay as they are, to the
-    bit. Shape: (N,)"""
-    return np.where(lon > 180, lon - 360, lon)

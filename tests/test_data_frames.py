@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from visray import memory
 from visray.data.frames import table_of
 from visray.data.interchange import BITS, BYTES, SENTINEL, UNITS
+from visray.data.layer import DataLayer
+from visray.data.source import TableValue
 from visray.data.table import Table
 from visray.errors import UserError
 
@@ -357,3 +360,18 @@ def test_geopandas():
     assert table_of(frame).columns["lat"].tolist() == [41, 42]
     assert "give obj.to_crs(4326)" in refusal(frame.to_crs(3857))
     assert len(table_of(shapely.Polygon([(0, 0), (1, 0), (1, 1)])).lines) == 1
+
+
+RECORDS = [dict(zip(COLUMNS, row)) for row in zip(*COLUMNS.values())]
+
+
+@pytest.mark.parametrize("source", [COLUMNS, Frame(COLUMNS), RECORDS, table_of(COLUMNS)])
+def test_a_layer_takes_any_of_them(source):
+    read = TypeAdapter(DataLayer).validate_python({"source": source}).source
+    check(read.table)
+    assert read == TableValue(table_of(COLUMNS))
+
+
+def test_a_layer_says_what_is_no_table():
+    with pytest.raises(ValidationError, match="set is no table; give a dict of columns"):
+        TypeAdapter(DataLayer).validate_python({"source": {1, 2}})

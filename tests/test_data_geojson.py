@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from visray import memory
 from visray.data.describe import describe
-from visray.data.geojson import GEOMETRIES, from_geojson
+from visray.data.geojson import GEOMETRIES, from_geojson, to_geojson
 from visray.data.positions import position_columns
 from visray.data.reading import read_table
 from visray.data.table import Table
@@ -243,6 +243,17 @@ def test_any_json_is_a_table_or_an_error_of_one_line(tmp_path_factory, data):
     assert all(len(read.texts(name)) == len(read.numbers(name)[0]) == len(read) for name in read.names)
     assert all(0 <= row < len(read) and line.shape[1:] == (2,) and np.isfinite(line).all() for row, line in read.lines)
     assert json.dumps(describe(read)) and all(note.isprintable() for note in read.notes)
+
+
+def test_a_table_becomes_geojson_and_is_read_again(table):
+    several = {"type": "GeometryCollection", "geometries": [geometry(kind) for kind in GEOMETRIES]}
+    for content in (collection(feature(several, n=2, name="a"), feature(None, n=None)), geometry("Polygon")):
+        read = table(content)
+        again = from_geojson(json.loads(json.dumps(to_geojson(read), allow_nan=False)), "the table")
+        assert set(again.names) == set(read.names) and len(again) == len(read)
+        for name in read.names:
+            np.testing.assert_array_equal(again.columns[name], read.columns[name])
+        assert [(row, line.tolist()) for row, line in again.lines] == [(row, line.tolist()) for row, line in read.lines]
 
 
 def test_the_same_from_python():

@@ -66,9 +66,8 @@ def swapped(lon: np.ndarray, lat: np.ndarray) -> str:
     beyond = np.flatnonzero(np.abs(lat) > NORTH)
     if not len(beyond) or (np.abs(lon) > NORTH).any() or (lat[beyond] < WEST).any() or (lat[beyond] > EAST).any():
         return ""
-    return (
-        f"longitudes and latitudes look swapped: {len(beyond):,} latitudes are beyond 90 degrees, and no longitude is"
-    )
+    reach = lat[beyond[np.abs(lat[beyond]).argmax()]]
+    return f"longitudes and latitudes look swapped: latitudes reach {reach:g} degrees, and no longitude is beyond 90"
 
 
 def position_notes(table: Table) -> list[str]:

@@ -10,6 +10,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from visray.data.frames import table_of
+from visray.data.geojson import to_geojson
 from visray.data.reading import read_table
 from visray.data.table import Table
 from visray.errors import UserError
@@ -43,8 +44,10 @@ class TableValue:
     def __repr__(self) -> str:
         return f"table of {len(self.table)} rows: {', '.join(self.table.names)}"
 
-    def listed(self) -> dict[str, list]:
-        """The columns as lists; None for missing numbers."""
+    def listed(self) -> dict[str, Any]:
+        """The columns as lists, None for missing numbers; GeoJSON if there are lines."""
+        if self.table.lines:
+            return to_geojson(self.table)
         return {name: _listed(self.table.columns[name]) for name in self.table.names}
 
 
@@ -61,14 +64,12 @@ class SourceRule:
         """The source that a value stands for. Raises ValueError if it is none."""
         if isinstance(given, TableValue) or (isinstance(given, str) and given):
             return given
-        if isinstance(given, Table):
-            return TableValue(given)
         if isinstance(given, (str, bool, int, float, type(None))):
             raise ValueError('must be the path of a file, or columns such as {"lon": [2.2], "lat": [41.4]}')
         try:
             return TableValue(table_of(given))
         except UserError as error:
-            raise ValueError("; ".join(error.lines)) from None
+            raise ValueError("; ".join(error.lines).removeprefix("the table: ")) from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         def written(value: Any, info: Any) -> Any:

@@ -134,6 +134,16 @@ def test_constant_and_empty_columns_have_keys_too() -> None:
 # Places
 
 
+def test_sizes_of_a_domain_that_begins_above_zero_are_those_of_the_data() -> None:
+    quakes = {"lon": [0.0, 10.0, 20.0], "lat": [0.0, 0.0, 0.0], "magnitude": [4.0, 5.2, 6.4]}
+    rule = vr.SizeRule(column="magnitude", domain=(4.0, 7.0), range=(0.05, 0.2))
+    made = scene_of({"quakes": vr.DataLayer(source=quakes, gizmo="sphere", radius=rule)})
+    (scale,) = legend_content(made).sizes
+    numbers, widths = [float(text) for text, _ in scale.entries], [width for _, width in scale.entries]
+    assert numbers and min(numbers) >= 4 and max(numbers) <= 6.4
+    assert widths == sorted(widths)
+
+
 def test_places_are_named_where_they_are_and_only_if_they_are_seen() -> None:
     scene = scene_of(places="all")
     content = legend_content(scene)

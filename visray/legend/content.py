@@ -74,7 +74,9 @@ def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:
         least = float(values.min(initial=most))
         found = round_values_of_log(least, most) if 0 < least < most else [most]
     else:
-        found = [v for v in round_values(0.0, most) if v > 0] if most > 0 else []
+        # Below a domain that begins above 0, sizes would be below the range, and even negative.
+        least = 0.0 if rule.domain[0] <= 0 else min(float(values.min(initial=most)), most)
+        found = [v for v in round_values(least, most) if v > 0] if least < most else [most] if most > 0 else []
     # A value has the same size whatever other values there are, because the rule's domain is known.
     world = np.abs(rule.sizes(np.array(found), rule.range).size) if found else np.zeros(0)
     pixels = world * (_height_pixels(scene, rows) if key == "height" else 2 * _width_pixels(scene, rows))

@@ -203,6 +203,7 @@ def test_scenes_without_a_legend_have_no_such_layer() -> None:
         assert not set(vr.render(scene, progress=False, layers=("RGB", "legend")).layers) & set(names_from("overlay"))
 
 
+@pytest.mark.slow
 def test_only_legends_load_matplotlib(tmp_path) -> None:
     path = tmp_path / "ball.json"
     path.write_text('{"objects": {"ball": {"type": "sphere", "radius": 1}}, "film": {"width": 16, "height": 16}}')
@@ -326,6 +327,15 @@ BAD = {
     "point": ({"points": {"a": [0, 100]}}, "data.legend.points.a.1 = 100: must be at most 90"),
     "title": ({"title": 3}, "data.legend.title = 3: must be a string"),
 }
+
+
+def test_what_is_no_legend_is_refused_with_the_fields_of_one(tmp_path) -> None:
+    path = tmp_path / "scene.json"
+    path.write_text('{"data": {"legend": 3}}')
+    with pytest.raises(
+        UserError, match=r": data\.legend = 3: must be an object \{\.\.\.\} with the keys title, .*, or null$"
+    ):
+        vr.load(path)
 
 
 @pytest.mark.parametrize("name", BAD)

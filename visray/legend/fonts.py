@@ -113,6 +113,7 @@ class Pen:
 
         self.fonts, self._renderer = fonts, RendererAgg(1, 1, 72)
         self._widths: dict[tuple, float] = {}
+        self._wrapped: dict[tuple, tuple[list[str], bool]] = {}
 
     def properties(self, size: float, bold: bool) -> Any:
         """matplotlib's properties of a font. size: height of the text in pixels."""
@@ -143,6 +144,13 @@ class Pen:
 
         A word that is too wide, or a script without spaces, is broken between any two characters.
         """
+        key = text, size, bold, width, most
+        if key not in self._wrapped:
+            self._wrapped[key] = self._wrap(*key)
+        return self._wrapped[key]
+
+    def _wrap(self, text: str, size: float, bold: bool, width: float, most: int) -> tuple[list[str], bool]:
+        """As `wrapped`."""
         lines: list[str] = []
         rest = " ".join(text.split())
         while rest and len(lines) < most:

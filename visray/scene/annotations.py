@@ -100,6 +100,8 @@ def _describe_union(members: list) -> str:
     kinds = [bare(m) for m in members if bare(m) is not NoneType]
     if len(kinds) > 1 and len(kinds) < len(members):
         return f"{_describe_union(kinds)}, or null"
+    if len(kinds) == 1 and is_dataclass(kinds[0]):
+        return f"{describe(kinds[0])}, or null"
     if all(k in STEPS.values() for k in kinds):
         return f"an object {{...}} with one of the keys {', '.join(STEPS)}"
     if all(is_dataclass(k) for k in kinds):

@@ -66,8 +66,9 @@ def installed(python: str, module: str) -> bool:
 
 def versions(python: str) -> dict[str, str]:
     """Versions of the distributions that a Python has, by name."""
-    code = "import importlib.metadata as m, json; print(json.dumps({d.name.lower(): d.version for d in m.distributions()}))"
-    found = json.loads(subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout)
+    code = "import importlib.metadata as m, json; print(json.dumps([[d.name, d.version] for d in m.distributions()]))"
+    pairs = json.loads(subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout)
+    found = {name.lower(): version for name, version in pairs}
     return {name: found[name] for name in DISTRIBUTIONS if name in found}
 
 

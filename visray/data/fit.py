@@ -37,7 +37,7 @@ KEY_LIGHT, FILL_LIGHT, AMBIENT = 0.75, 0.15, 0.3
 # are soft, and those of the fill light are so soft that they are hardly seen.
 DISTANCE, KEY_RADIUS, FILL_RADIUS = 6.0, 0.8, 4.0
 # Points of a light that each sample of a pixel asks.
-KEY_SAMPLES, FILL_SAMPLES = 4, 2
+KEY_SAMPLES, FILL_SAMPLES = 3, 1
 # Linear colour of the background: nearly white, like paper.
 PAPER = (0.88, 0.9, 0.92)
 # Numbers of the scene are rounded to this share of its size, so that a file is easy to read.

@@ -16,33 +16,53 @@ from visray.scene.scene import Scene
 MARGIN = 0.04
 # Smallest part of a side of the picture that a legend may leave. If it leaves less, it covers what is shown.
 LEAST_PART = 0.35
+# A map that is wider than the picture is seen from higher up: by so many degrees, if the camera is not so many times
+# farther away then.
+STEEPER, FARTHER = (5.0, 10.0), 1.03
 
 
 def viewed(scene: Scene, rows: Rows) -> Scene:
     """The scene with a camera, lights, and the legend at the side where it leaves most room."""
-    base, film = scene.data.base, scene.film
+    base = scene.data.base
     balls = _gizmo_balls(base, rows)
     at = fit.POPULATED
     if isinstance(base, GlobeBase):
         weights = np.abs(rows.values.get("height", rows.values.get("radius", np.ones(len(rows)))))
         at = fit.middle_of(rows.values["lon"], rows.values["lat"], weights) if "lon" in rows.values else at
-    tall = "height" in rows.gizmo.sizes
-    axes = fit.axes_over(base, at, fit.ELEVATION if tall else fit.ELEVATION_FLAT)
-    scene = replace(scene, lights=fit.fitted_lights(balls, axes))
-    views = []
-    for position in ("right", "bottom"):
-        legend = replace(scene.data.legend, position=position)
-        view = replace(scene, data=replace(scene.data, legend=legend))
-        window = fit.Window()
-        # The sizes in a legend, and so its own size, depend on the camera.
-        for _ in range(2):
-            camera = fit.fitted_view(balls, axes, film.width / film.height, window)
-            view = replace(view, camera=camera)
-            window = _window(view)
-        camera = fit.fitted_view(balls, axes, film.width / film.height, window)
-        distance = float(np.linalg.norm(np.subtract(camera.target, camera.origin)))
-        views.append((distance, replace(view, camera=camera)))
-    return min(views, key=lambda pair: pair[0])[1]
+    lowest = fit.ELEVATION if "height" in rows.gizmo.sizes else fit.ELEVATION_FLAT
+    axes = fit.axes_over(base, at, lowest)
+    view = min((_fitted(scene, balls, axes, position) for position in ("right", "bottom")), key=_distance)
+    if isinstance(base, GlobeBase):
+        return view
+    window, aspect = _window(view), scene.film.width / scene.film.height
+    for step in STEEPER:
+        steeper = fit.axes_over(base, at, lowest + step)
+        if _distance(replace(view, camera=fit.fitted_view(balls, steeper, aspect, window))) <= FARTHER * _distance(
+            view
+        ):
+            axes = steeper
+    return _fitted(scene, balls, axes, view.data.legend.position)
+
+
+def _fitted(scene: Scene, balls: fit.Balls, axes: np.ndarray, position: str) -> Scene:
+    """The scene with a camera with given axes, lights, and the legend at one side.
+
+    balls: what the picture shows
+    position: of the legend
+    """
+    aspect, window = scene.film.width / scene.film.height, fit.Window()
+    legend = replace(scene.data.legend, position=position)
+    scene = replace(scene, data=replace(scene.data, legend=legend), lights=fit.fitted_lights(balls, axes))
+    # The sizes in a legend, and so its own size, depend on the camera.
+    for _ in range(2):
+        scene = replace(scene, camera=fit.fitted_view(balls, axes, aspect, window))
+        window = _window(scene)
+    return replace(scene, camera=fit.fitted_view(balls, axes, aspect, window))
+
+
+def _distance(scene: Scene) -> float:
+    """Distance of the camera from its target."""
+    return float(np.linalg.norm(np.subtract(scene.camera.target, scene.camera.origin)))
 
 
 def _window(scene: Scene) -> fit.Window:

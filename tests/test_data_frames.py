@@ -77,6 +77,7 @@ def test_arrays():
 def test_values_of_other_types():
     read = table_of({"a": [Decimal("1.5"), np.float32(2), None], "b": ["x", 1, None], "c": [2**60, 1, None]})
     np.testing.assert_array_equal(read.columns["a"], [1.5, 2, NAN])
+    assert table_of({"a": ["\ud800é"]}).texts("a").tolist() == ["\\ud800é"]
     assert read.texts("b").tolist() == ["x", "1", ""] and read.texts("c").tolist() == [str(2**60), "1", ""]
     assert read.notes == ["column \"b\": it holds numbers and other values, such as 'x' in row 0; all are texts"]
     whole = table_of({"a": np.array([2**60, 1])})

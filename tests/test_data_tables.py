@@ -423,6 +423,9 @@ def test_columns_of_positions_that_are_not_found():
     assert position_columns(of("X", "Y")) == ("X", "Y")
     line = refusal(position_columns, of("lon", "Longitude", "lat"))
     assert line == 'a.csv: the columns "lon" and "Longitude" may hold the longitude; say which one'
+    for text in ("POINT (2.17 41.38)", "(41.38, 2.17)", "41.38,2.17", "SRID=4326;POINT(2.17 41.38)"):
+        read = Table(["a", "where"], {"a": as_texts(["x", "y"]), "where": as_texts(["", text])})
+        assert f'the column "where" holds both coordinates in one text, "{text}"' in refusal(position_columns, read)
     assert "one of easting, lat" in refusal(position_columns, of("easting", "lat"))
 
 

@@ -191,7 +191,8 @@ class _Reading:
     def _check_memory(self) -> None:
         """Raises a UserError if the table does not fit into the memory that is free, as far as its first rows tell."""
         size, row = self.path.stat().st_size, self.dialect.row_bytes
-        count = max(size / row - 1, 0) if row else 0
+        wide = {"utf-16": 2, "utf-32": 4}.get(self.encoding.codec, 1)
+        count = max(size / (row * wide) - 1, 0) if row else 0
         numbers = sum(self.dialect.numeric)
         # Numbers are needed twice while the parts of a column are put together.
         need = count * (16 * (numbers + 1) + TEXT_BYTES * (len(self.names) - numbers)) + CHUNK * (

@@ -1,5 +1,6 @@
 """Longitudes and latitudes of a table: which columns hold them, and whether they can be right."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,27 +12,31 @@ from visray.terminal import printable
 
 # Usual names of the columns, in lower case, without spaces and punctuation: the more certain ones first.
 LONGITUDES = (
-    ("longitude", "longitud", "lon", "lng", "long", "länge", "laenge", "längengrad", "longitudine", "longitudinal"),
     (
-        "decimallongitude",
-        "longitudedecimal",
-        "longitudedeg",
-        "londeg",
-        "loneast",
-        "longdd",
-        "londd",
-        "longwgs84",
-        "lonwgs84",
+        "longitude", "lon", "lng", "long", "longitud", "longitudine", "länge", "laenge", "längengrad", "lengtegraad",
+        "længdegrad", "lengdegrad", "pituusaste", "boylam", "долгота", "经度", "經度", "経度", "경도",
     ),
-    ("geolon", "geolng", "geolongitude", "pointx", "xcoord", "coordx", "coordenadax"),
+    (
+        "decimallongitude", "longitudedecimal", "longitudedeg", "longitudedegrees", "londeg", "londd", "longdd",
+        "longitudedd", "lonwgs84", "longwgs84", "geolon", "geolng", "geolongitude", "intptlon", "intptlong",
+    ),
+    ("xcoord", "coordx", "xcoordinate", "coordenadax", "pointx"),
     ("x",),
-)
+)  # fmt: skip
 LATITUDES = (
-    ("latitude", "latitud", "lat", "breite", "breitengrad", "latitudine", "latitudinal"),
-    ("decimallatitude", "latitudedecimal", "latitudedeg", "latdeg", "latnorth", "latdd", "latwgs84"),
-    ("geolat", "geolatitude", "pointy", "ycoord", "coordy", "coordenaday"),
+    (
+        "latitude", "lat", "latitud", "latitudine", "breite", "breitengrad", "breedtegraad", "breddegrad",
+        "leveysaste", "enlem", "широта", "纬度", "緯度", "위도",
+    ),
+    (
+        "decimallatitude", "latitudedecimal", "latitudedeg", "latitudedegrees", "latdeg", "latdd", "latitudedd",
+        "latwgs84", "geolat", "geolatitude", "intptlat",
+    ),
+    ("ycoord", "coordy", "ycoordinate", "coordenaday", "pointy"),
     ("y",),
-)
+)  # fmt: skip
+# A text that holds both coordinates of a point.
+BOTH = re.compile(r"(?:SRID=\d+;)?\s*POINT\s*Z?\s*\(.*|\(?[+-]?\d+\.\d+\s*[,;/ ]\s*[+-]?\d+\.\d+\)?", re.IGNORECASE)
 # Longitudes up to 360 degrees are accepted: some grids begin at Greenwich.
 WEST, EAST, NORTH = -180.0, 360.0, 90.0
 
@@ -52,9 +57,13 @@ def _found(table: Table, groups: Sequence[Sequence[str]], what: str) -> str:
         if fitting:
             several = " and ".join(map(shown, fitting))
             raise UserError(printable(f"{table.path}: the columns {several} may hold the {what}; say which one"))
-    raise UserError(
-        printable(f"{table.path}: no column is named like a {what}; say which one ({hint(what, table.names)})")
-    )
+    missing = f"{table.path}: no column is named like a {what}"
+    for name in table.names:
+        text = next((text for text in table.texts(name).tolist() if text.strip()), "")
+        if table.columns[name].dtype == object and BOTH.fullmatch(text.strip()):
+            both = f"the column {shown(name)} holds both coordinates in one text, {shown(text)}"
+            raise UserError(printable(f"{missing}; {both}; write them in two columns"))
+    raise UserError(printable(f"{missing}; say which one ({hint(what, table.names)})"))
 
 
 def swapped(lon: np.ndarray, lat: np.ndarray) -> str:

@@ -175,6 +175,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "sizes": "whether sizes have keys",
         "labels": "texts in place of the names of columns",
         "units": "units of columns",
+        "no_data": "text for missing values",
         "position": "side of the picture on which the keys are",
         "theme": "that of the picture: text is dark on a light one; auto looks at the picture",
         "size": "size of the text, relative to the usual one, from 0.5 to 4",

@@ -21,7 +21,7 @@ DEGREE = np.pi / 180
 MERCATOR_LIMIT = 85.06
 # Largest deviation of a globe's transform from a similarity, relative to its scale: entries of a matrix in a file may
 # have been rounded to 6 digits.
-SIMILAR = 1e-5
+SIMILAR = 1 / 100_000
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ KEY_SAMPLES, FILL_SAMPLES = 3, 1
 # Linear colour of the background: nearly white, like paper.
 PAPER = (0.88, 0.9, 0.92)
 # Numbers of the scene are rounded to this share of its size, so that a file is easy to read.
-ROUNDED = 1e-5
+ROUNDED = 1 / 100_000
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ WORLD = (-58.0, 80.0)
 TALL, MERCATOR_END = 10.0, 75.0
 # Height of the map around a single place, in degrees: enough for coasts to show where it is. Places that are no
 # farther apart than METRE, in degrees, count as one.
-ALONE, METRE = 12.0, 1e-5
+ALONE, METRE = 12.0, 1 / 100_000
 # Edges of maps of more than this many degrees are whole degrees.
 WHOLE = 10.0
 # Width of maps and diameter of globes, in world units.
@@ -103,5 +103,5 @@ def spacing(points: np.ndarray) -> float:
         squares[squares == 0] = np.inf
         nearest.append(squares.min())
     # If all points are in one place, no distance is finite.
-    found = np.array(nearest)[np.isfinite(nearest)]
-    return float(np.sqrt(np.median(found))) if len(found) else 0.0
+    distances = np.array(nearest)[np.isfinite(nearest)]
+    return float(np.sqrt(np.median(distances))) if len(distances) else 0.0

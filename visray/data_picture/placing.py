@@ -78,14 +78,14 @@ def places(layer: DataLayer, table: Table) -> tuple[np.ndarray, np.ndarray]:
         points = np.concatenate([line for _, line in table.lines])
         lon, lat = points[:, 0], points[:, 1]
     else:
-        found = LayerTable.of(layer)
-        if found.flaws:
-            if "lat" in found.values and swapped(found.values["lon"], found.values["lat"]):
+        own = LayerTable.of(layer)
+        if own.flaws:
+            if "lat" in own.values and swapped(own.values["lon"], own.values["lat"]):
                 turned = f"write --lon {shown(layer.lat)} --lat {shown(layer.lon)}"
-                raise UserError(*(printable(f"{table.path}: {text}; {turned}") for _, text in found.flaws))
-            flaws = [(f"layers.x.{part}", text) for part, text in found.flaws]
+                raise UserError(*(printable(f"{table.path}: {text}; {turned}") for _, text in own.flaws))
+            flaws = [(f"layers.x.{part}", text) for part, text in own.flaws]
             raise UserError(*flaw_lines(Path(table.path), flaws))
-        lon, lat = found.values["lon"], found.values["lat"]
+        lon, lat = own.values["lon"], own.values["lat"]
     kept = on_earth(lon, lat)
     if not kept.any():
         raise UserError(f"{table.path}: no row has a longitude and a latitude")

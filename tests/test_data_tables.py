@@ -199,6 +199,8 @@ def test_lines_before_the_header(table):
     )
     assert read.names == ["Country", "Code", "1990", "1991"] and read.where.tolist() == [6, 7]
     assert read.notes == ['4 lines before the header skipped, beginning with "Data Source"']
+    read = table('"Rain\n\nin Europe"\n\nlon,lat\n1,2\n')
+    assert read.names == ["lon", "lat"] and read.where.tolist() == [6] and "4 lines before" in read.notes[0]
     assert table("sep=;\na;b\n1;2\n").where.tolist() == [3]
     # A header that lacks a name is no title.
     assert "2 rows do not have the 1 cells" in refusal(table, "x\n1,2\n3,4\n")

@@ -64,16 +64,10 @@ def dialect_of(lines: list[str]) -> Dialect:
         skipped, comments = comments[-1], comments[:-1]
         rows, header = [named, *rows], True
     elif title := _title(rows):
-        # Empty lines are no rows, so the lines are counted anew.
-        titles, place = rows[:title], skipped
-        while title:
-            title -= lines[place].strip() != ""
-            place += 1
-        while not lines[place].strip():
-            place += 1
-        many = "1 line" if place == skipped + 1 else f"{place - skipped} lines"
-        notes.append(f"{many} before the header skipped, beginning with {shown(titles[0][0])}")
-        skipped, rows, header = place, rows[len(titles) :], True
+        count = _lines_of(title, lines[skipped:], separator)
+        many = "1 line" if count == 1 else f"{count} lines"
+        notes.append(f"{many} before the header skipped, beginning with {shown(rows[0][0])}")
+        skipped, rows, header = skipped + count, rows[title:], True
     if comments:
         notes.append(f"{len(comments)} comment {'line' if len(comments) == 1 else 'lines'} before the header skipped")
     if rows and not header:
@@ -103,6 +97,17 @@ def _title(rows: list[list[str]]) -> int:
     filled = [sum(cell.strip() != "" for cell in row) for row in rows[:first]]
     is_title = first > 0 and 2 * max(filled) <= width and first < len(rows) - 1 and not _is_data(rows[first:])
     return first if is_title else 0
+
+
+def _lines_of(count: int, lines: list[str], separator: str) -> int:
+    """Number of lines that the first rows take, with the empty lines after them."""
+    rows = reader(lines, separator)
+    while count:
+        count -= next(rows) != []
+    place = rows.line_num
+    while not lines[place].strip():
+        place += 1
+    return place
 
 
 def _usual(rows: list[list[str]]) -> int:

@@ -18,22 +18,21 @@ from pydantic import TypeAdapter, ValidationError
 
 from visray import lights, primitives, textures
 from visray.camera import Camera
-from visray.data.data_scene import Data
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
-from visray.quantities import FARTHEST, Name
+from visray.quantities import Name
+from visray.scene.data_flaws import data_flaws, geometries_of_data, uv_flaw
 from visray.scene.garbage import uncollected
 from visray.scene.messages import hint, limited, line, lines
-from visray.scene.scene import ADAPTER, Scene
+from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
 from visray.scene.source import wrong_texts
+from visray.scene.transform_flaws import transform_flaw, transform_lines
 from visray.scene.validated import plain, remember, validated
 from visray.terminal import printable
-from visray.transforms import Transform, bounds, compose
 
-DEFAULT_MATERIAL = "default"
 # Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
 # while the rest of the scene is checked.
 STAND_INS = {"textures": {"type": "checker"}, "materials": {}, "geometries": {"type": "sphere"}}
@@ -155,7 +154,7 @@ def _has_own_flaws(scene: Scene) -> bool:
         return bool(
             _camera_flaws(scene.camera)
             or any(light.flaws() for light in scene.lights.values())
-            or any(shape.flaws() or _transform_flaw(shape.transform) for shape in shapes)
+            or any(shape.flaws() or transform_flaw(shape.transform) for shape in shapes)
         )
 
 
@@ -168,7 +167,7 @@ def _has_wrong_reference(scene: Scene) -> bool:
     return (
         not textures_named <= {None, *scene.textures}
         or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
-        or {x.geometry for x in instances} | _geometries_of_data(scene) != set(scene.geometries)
+        or {x.geometry for x in instances} | geometries_of_data(scene) != set(scene.geometries)
         or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
         or any(_placement_flaw(scene, x) for x in instances)
     )
@@ -179,20 +178,8 @@ def _has_mesh_flaws(scene: Scene) -> bool:
     time, because mesh files may change."""
     shapes = [*scene.objects.values(), *scene.geometries.values()]
     return any(shape.flaws() for shape in shapes if type(shape) is Mesh) or any(
-        _uv_flaw(scene, obj) for obj in scene.objects.values()
+        uv_flaw(scene, obj) for obj in scene.objects.values()
     )
-
-
-def _uv_flaw(scene: Scene, obj: Any) -> str | None:
-    """What is wrong with the material of an object: it has a texture, and the object's mesh file has no texture
-    coordinates. None if nothing is wrong, or if the mesh has other flaws."""
-    texture = getattr(scene.materials.get(obj.material), "texture", None)
-    if texture is None:
-        return None
-    shape = scene.geometries.get(obj.geometry) if isinstance(obj, Instance) else obj
-    if type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
-        return None
-    return f"has the texture {texture!r}, and the mesh file has no texture coordinates; take a material without texture"
 
 
 def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
@@ -264,60 +251,17 @@ def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
     if shape.material != DEFAULT_MATERIAL and shape.material not in scene.materials:
         text = f"unknown material; {hint(shape.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
         texts.append(line(f"{address}.material", shape.material, text))
-    if text := _uv_flaw(scene, shape):
+    if text := uv_flaw(scene, shape):
         texts.append(line(f"{address}.material", shape.material, text))
     texts += _own_flaws(address, shape)
-    flaw = _transform_flaw(shape.transform)
+    flaw = transform_flaw(shape.transform)
     if isinstance(shape, Instance):
         if shape.geometry not in scene.geometries:
             text = f"unknown geometry; {hint(shape.geometry, scene.geometries)}"
             texts.append(line(f"{address}.geometry", shape.geometry, text))
         else:
             flaw = flaw or _placement_flaw(scene, shape)
-    return texts + _transform_lines(address, shape, flaw)
-
-
-def _geometries_of_data(scene: Scene) -> set[str]:
-    """Names of the geometries that data layers show."""
-    layers = scene.data.layers.values() if scene.data is not None else ()
-    return {layer.geometry for layer in layers if layer.geometry is not None}
-
-
-def data_flaws(scene: Scene) -> list[str]:
-    """List of the errors of the scene's data, one line each."""
-    if scene.data is None:
-        return []
-    data, base = scene.data, scene.data.base
-    named = {"data.base.material": base.material}
-    named |= {f"data.layers.{name}.material": layer.material for name, layer in data.layers.items()}
-    texts = [
-        line(address, material, f"unknown material; {hint(material, [*scene.materials, DEFAULT_MATERIAL])}")
-        for address, material in named.items()
-        if material not in (DEFAULT_MATERIAL, *scene.materials)
-    ]
-    for name, layer in data.layers.items():
-        if layer.geometry is not None and layer.geometry not in scene.geometries:
-            text = f"unknown geometry; {hint(layer.geometry, scene.geometries)}"
-            texts.append(line(f"data.layers.{name}.geometry", layer.geometry, text))
-    if flaw := _transform_flaw(base.transform):
-        return [*texts, *_transform_lines("data.base", base, flaw)]
-    found = data.flaws()
-    texts += [_data_line(data, part, text) for part, text in found]
-    if texts:
-        return texts
-    for name, rows in data.rows.items():
-        if len(rows) and (text := _uv_flaw(scene, rows.object(0))):
-            texts.append(line(f"data.layers.{name}.material", rows.material, text))
-    return texts
-
-
-def _data_line(data: Data, part: str, text: str) -> str:
-    """The message about a part of the data. part: its address below `data`"""
-    value: Any = data
-    for key in part.split("."):
-        value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
-    shown = isinstance(value, (str, int, float)) or (isinstance(value, tuple) and value)
-    return line(f"data.{part}", value, text) if shown else f"data.{part}: {text}"
+    return texts + transform_lines(address, shape, flaw)
 
 
 def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
@@ -326,26 +270,19 @@ def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
     if shape.material != DEFAULT_MATERIAL:
         text = "a geometry has no material; give one to each of its instances"
         texts.append(line(f"{address}.material", shape.material, text))
-    texts += _own_flaws(address, shape) + _transform_lines(address, shape, _transform_flaw(shape.transform))
+    texts += _own_flaws(address, shape) + transform_lines(address, shape, transform_flaw(shape.transform))
     shown = any(getattr(obj, "geometry", None) == name for obj in scene.objects.values())
-    if not shown and name not in _geometries_of_data(scene):
+    if not shown and name not in geometries_of_data(scene):
         texts.append(
             f"{address}: no object is an instance of it, and no data layer shows it; add one, or leave the geometry out"
         )
     return texts
 
 
-def _transform_lines(address: str, shape: Any, flaw: str | None) -> list[str]:
-    """List with the line about the transform of an object or a geometry; empty without a flaw."""
-    if not flaw:
-        return []
-    return [line(f"{address}.transform", [asdict(step) for step in shape.transform], flaw)]
-
-
 def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
     """Reason why the transforms of an instance and of its geometry do not go together, or None if they do."""
     steps = scene.geometries[instance.geometry].transform
-    flaw = _transform_flaw(steps + instance.transform) if steps and instance.transform else None
+    flaw = transform_flaw(steps + instance.transform) if steps and instance.transform else None
     return flaw and f"after the transform of geometries.{instance.geometry}, {flaw}"
 
 
@@ -366,38 +303,3 @@ def _camera_flaws(camera: Camera) -> list[str]:
     if np.linalg.norm(np.cross(view, up)) <= np.sqrt(3) * gamma(3 + 5 + 5):
         return [line("camera.up", camera.up, "must not be parallel to the view direction, target - origin")]
     return []
-
-
-def _transform_flaw(steps: tuple[Transform, ...]) -> str | None:
-    """Reason why all steps together are no valid transform, or None if they are.
-
-    A valid transform has an inverse in double precision, and does not scale or move beyond the limits of a scene.
-    """
-    if not steps or _clearly_invertible(steps):
-        return None
-    matrix = compose(steps)
-    if not np.isfinite(matrix).all():
-        return "the steps together overflow double precision"
-    x, y, z = matrix[:, :3].T
-    lengths = np.linalg.norm(matrix, axis=0)
-    if lengths.max() > FARTHEST or lengths[:3].min() < 1 / FARTHEST:
-        return f"the steps together scale below {1 / FARTHEST:g} or reach beyond {FARTHEST:g}"
-    volume = abs(x @ np.cross(y, z))
-    # Each step adds at most 4 roundings to each entry, and the triple product adds 6. If the product is smaller than
-    # this error, its sign is unknown.
-    uncertain = gamma(4 * len(steps) + 6) * np.linalg.norm(x) * np.linalg.norm(y) * np.linalg.norm(z)
-    if not (volume > uncertain and sys.float_info.min <= volume <= sys.float_info.max):
-        return "the steps together have no inverse in double precision; they flatten the object"
-    return None
-
-
-def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
-    """Whether simple bounds prove that all steps together pass the tests of _transform_flaw.
-
-    Error: the margins of the bounds are much wider than rounding errors. With n steps, rounding changes an entry of the
-    matrix by at most gamma(4 n + 6) times the largest scale factor.
-    """
-    least_scale, largest_scale, largest_shift = bounds(steps)
-    if not (least_scale > 2 / FARTHEST and max(largest_scale, largest_shift) < FARTHEST / 2):
-        return False
-    return (least_scale / largest_scale) ** 3 > 100 * gamma(4 * len(steps) + 6)

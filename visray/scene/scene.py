@@ -18,6 +18,8 @@ from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.quantities import Color, Count, Length, Name
 
+# Name of the material of objects that name none.
+DEFAULT_MATERIAL = "default"
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
 
 

@@ -1,0 +1,65 @@
+"""Flaws of the data of a scene, and of the textures of meshes that they show."""
+
+from typing import Any
+
+from visray.data.data_scene import Data
+from visray.primitives.instance import Instance
+from visray.primitives.mesh import Mesh
+from visray.scene.messages import hint, line
+from visray.scene.scene import DEFAULT_MATERIAL, Scene
+from visray.scene.transform_flaws import transform_flaw, transform_lines
+
+
+def geometries_of_data(scene: Scene) -> set[str]:
+    """Names of the geometries that data layers show."""
+    layers = scene.data.layers.values() if scene.data is not None else ()
+    return {layer.geometry for layer in layers if layer.geometry is not None}
+
+
+def data_flaws(scene: Scene) -> list[str]:
+    """List of the errors of the scene's data, one line each."""
+    if scene.data is None:
+        return []
+    data, base = scene.data, scene.data.base
+    named = {"data.base.material": base.material}
+    named |= {f"data.layers.{name}.material": layer.material for name, layer in data.layers.items()}
+    texts = [
+        line(address, material, f"unknown material; {hint(material, [*scene.materials, DEFAULT_MATERIAL])}")
+        for address, material in named.items()
+        if material not in (DEFAULT_MATERIAL, *scene.materials)
+    ]
+    for name, layer in data.layers.items():
+        if layer.geometry is not None and layer.geometry not in scene.geometries:
+            text = f"unknown geometry; {hint(layer.geometry, scene.geometries)}"
+            texts.append(line(f"data.layers.{name}.geometry", layer.geometry, text))
+    if flaw := transform_flaw(base.transform):
+        return [*texts, *transform_lines("data.base", base, flaw)]
+    found = data.flaws()
+    texts += [_data_line(data, part, text) for part, text in found]
+    if texts:
+        return texts
+    for name, rows in data.rows.items():
+        if len(rows) and (text := uv_flaw(scene, rows.object(0))):
+            texts.append(line(f"data.layers.{name}.material", rows.material, text))
+    return texts
+
+
+def _data_line(data: Data, part: str, text: str) -> str:
+    """The message about a part of the data. part: its address below `data`"""
+    value: Any = data
+    for key in part.split("."):
+        value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+    shown = isinstance(value, (str, int, float)) or (isinstance(value, tuple) and value)
+    return line(f"data.{part}", value, text) if shown else f"data.{part}: {text}"
+
+
+def uv_flaw(scene: Scene, obj: Any) -> str | None:
+    """What is wrong with the material of an object: it has a texture, and the object's mesh file has no texture
+    coordinates. None if nothing is wrong, or if the mesh has other flaws."""
+    texture = getattr(scene.materials.get(obj.material), "texture", None)
+    if texture is None:
+        return None
+    shape = scene.geometries.get(obj.geometry) if isinstance(obj, Instance) else obj
+    if type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
+        return None
+    return f"has the texture {texture!r}, and the mesh file has no texture coordinates; take a material without texture"

@@ -373,21 +373,26 @@ def contrast(a: np.ndarray, b: np.ndarray) -> float:
     return (two + 0.05) / (one + 0.05)
 
 
-@pytest.mark.parametrize("grey", np.linspace(0, 1, 11).tolist())
-def test_text_is_legible_over_any_grey(grey: float) -> None:
-    """Text in a panel has the contrast 4.5 or more, as the guidelines for web pages ask; so has text on its halo."""
-    below = np.full((360, 640, 3), linear(np.array(grey)))
-    picture = drawn(full(), 640, 360, below)
+@pytest.mark.parametrize("theme", INKS)
+@pytest.mark.parametrize("grey", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_text_is_legible_over_any_grey(grey: float, theme: str) -> None:
+    """Also where the theme is that of another part of the picture: text in a panel has the contrast 4.5 or more, as the
+    guidelines for web pages ask, and so has text on its halo."""
+    picture = drawn(full(theme=theme), 640, 360)
     (panel,) = picture.layout.panels
     corner = shown(picture)[int(panel.top) + 3, int(panel.left + panel.right) // 2]
-    behind = corner[:3] * corner[3] + grey * (1 - corner[3])
-    theme = "light" if behind.mean() > 0.5 else "dark"
     ink = INKS[theme]
     assert np.abs(np.array(ink.panel) - corner).max() <= 1.5 / 255
-    for text in (ink.text, ink.faint):
-        assert contrast(text[:3], behind) >= 4.5
-        halo = np.array(ink.halo[:3]) * ink.halo[3] + grey * (1 - ink.halo[3])
-        assert contrast(text[:3], halo) >= 4.5
+    for r, g, b, a in (corner, ink.halo):
+        behind = np.array((r, g, b)) * a + grey * (1 - a)
+        for text in (ink.text, ink.faint):
+            assert contrast(text[:3], behind) >= 4.5
+
+
+@pytest.mark.parametrize(("grey", "theme"), [(0.0, "dark"), (0.3, "dark"), (0.6, "light"), (1.0, "light")])
+def test_the_theme_is_that_of_the_picture_below(grey: float, theme: str) -> None:
+    below = np.full((360, 640, 3), linear(np.array(grey)))
+    assert drawn(full(), 640, 360, below).pixels.tobytes() == drawn(full(theme=theme), 640, 360).pixels.tobytes()
 
 
 def test_the_theme_can_be_chosen() -> None:
@@ -450,7 +455,7 @@ drawn(LegendContent("Title", source="Source"), 320, 200)
 assert now() == before
 assert "matplotlib.pyplot" not in sys.modules
 import logging
-assert not logging.getLogger("matplotlib.font_manager").filters
+assert not logging.getLogger("matplotlib.font_manager").filters + logging.getLogger("matplotlib").filters
 """
     subprocess.run([sys.executable, "-c", code], check=True)
 

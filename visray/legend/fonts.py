@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
-from threading import get_ident
 from typing import Any
 
 from visray.terminal import printable
@@ -192,14 +191,17 @@ def _largest(most: int, holds: Callable[[int], bool]) -> int:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Drops what matplotlib says about fonts in a `with` block: that a family has no bold font, for example."""
-    logger, thread = logging.getLogger("matplotlib.font_manager"), get_ident()
+    """Drops what matplotlib says about fonts in a `with` block: that a family has no bold font, or that it looks for
+    fonts for the first time, for example."""
+    loggers = [logging.getLogger(name) for name in ("matplotlib", "matplotlib.font_manager")]
 
-    def is_of_others(record: logging.LogRecord) -> bool:
-        return record.thread != thread
+    def drop(record: logging.LogRecord) -> bool:
+        return False
 
-    logger.addFilter(is_of_others)
+    for logger in loggers:
+        logger.addFilter(drop)
     try:
         yield
     finally:
-        logger.removeFilter(is_of_others)
+        for logger in loggers:
+            logger.removeFilter(drop)

@@ -76,7 +76,7 @@ def _with_labels(
     """The layout with the names of places, and with notes on what is left out. dropped: keys that have no room."""
     notes = list(found.notes)
     if dropped:
-        names = ", ".join(part.label or "a key" for part in dropped)
+        names = ", ".join(dict.fromkeys(part.label or "a layer" for part in dropped))
         notes.append(f"legend: {width} x {height} pixels have no room for the key of {names}; make the film larger")
     taken = [box for _, box in found.boxes]
     labels, left_out = labels_of(content.places, taken, width, height, found.em, pen)

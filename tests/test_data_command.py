@@ -60,7 +60,7 @@ def test_a_saved_scene_renders_the_same_picture(table, capsys):
     code, out, _ = said(capsys, csv, "-o", "a.exr", "-o", "a.png", "--save", "scene.json", "--title", "Rain", *SMALL)
     assert code == 0 and "scene.json: written" in out and "height rain" in out
     # Without --allow-outside: all that the scene needs is below its folder.
-    assert main(["render", "scene.json", "-o", "b.exr", "-o", "b.png", "--spp", "1"]) == 0
+    assert main(["render", "scene.json", "-o", "b.exr", "-o", "b.png"]) == 0
     capsys.readouterr()
     first, second = (vr.Image.read(f"{name}.exr") for name in "ab")
     assert first.metadata["scene_hash"] == second.metadata["scene_hash"]
@@ -221,6 +221,10 @@ BAD = {
     "map": (["places.csv", "--map", "no.png", "--extent", "-10,30,30,60"], '--map = "no.png": there is no such file'),
     "scene": (["places.csv", "--save", "scene.txt"], "scene.txt: a scene is a .json file"),
     "itself": (["points.json", "--save", "points.json"], "points.json: is the table; give the scene another name"),
+    "the map": (
+        ["places.csv", "--map", "map.png", "--base", "globe", "-o", "map.png"], "map.png: is the picture of the map"
+    ),
+    "samples": (["places.csv", "--spp", "0", "--save", "a.json"], "settings.spp = 0: must be greater than 0"),
     "its map": (["places.csv", "--save", "a.json", "-o", "a-map.png"], "a-map.png: is the map of the scene a.json"),
     "format": (["places.csv", "-o", "a.jpg"], "a.jpg: the name says no format visray writes"),
     "goal": (["places.csv", "--error", "1%", "--spp", "4"], "spp = 4: goes with neither error nor time"),

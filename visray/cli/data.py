@@ -100,6 +100,8 @@ def data_command(
     Goal.from_arguments(error, time, spp, clock.now())
     for path in outputs:
         check_destination(path)
+        if map is not None and map.resolve() == path.resolve():
+            raise UserError(f"{path}: is the picture of the map; write to another file")
     if save is not None:
         check_writable(save)
     wishes = Wishes(
@@ -107,7 +109,7 @@ def data_command(
         gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
         source_line=source_line,
         places=places if places in ("none", "all") else parse_list(places),
-        **({} if film is None else {"size": film}),
+        spp=spp, **({} if film is None else {"size": film}),
     )  # fmt: skip
     with _scene_file(save) as scene:
         with Bar(f"reading {file.name}", 1, not (quiet or json)):
@@ -121,8 +123,8 @@ def data_command(
                 write_line(f"{save}: written")
         report = {"choices": made.choices, "notes": made.notes} | ({} if save is None else {"scene": str(save)})
         return render_command(
-            scene, allow_outside=True, output=outputs, spp=spp, error=error, time=time, threads=threads, quiet=quiet,
-            json=json, more=report,
+            scene, allow_outside=True, output=outputs, error=error, time=time, threads=threads, quiet=quiet, json=json,
+            more=report,
         )  # fmt: skip
 
 
@@ -171,12 +173,13 @@ def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
     from visray.output.png import encode, write_png
     from visray.scene.load import dump
 
-    if made.drawn is not None:
-        write_png(made.scene.textures["map"].file, encode(made.drawn, {}, True))
     with warnings.catch_warnings():
         if not kept:
             warnings.simplefilter("ignore")
-        write_text(scene, dump(made.scene, scene.parent))
+        text = dump(made.scene, scene.parent)
+    if made.drawn is not None:
+        write_png(made.scene.textures["map"].file, encode(made.drawn, {}, True))
+    write_text(scene, text)
 
 
 def _describe(file: Path, json: bool) -> int:

@@ -18,7 +18,7 @@ from visray.data_picture.viewing import viewed
 from visray.data_picture.wishes import Wishes, checked, completed
 from visray.errors import UserError
 from visray.materials import Material
-from visray.scene.scene import Film, Scene
+from visray.scene.scene import Film, Scene, Settings
 from visray.textures import ImageTexture
 
 # Name of the texture of the scene.
@@ -92,6 +92,7 @@ def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
         textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
         materials=materials,
         data=data,
+        settings=Settings() if wishes.spp is None else Settings(spp=wishes.spp),
     )
     return viewed(scene, rows)
 

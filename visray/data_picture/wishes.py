@@ -34,6 +34,7 @@ class Wishes:
     title, source_line: texts of the legend
     places: names of the rows that are labelled
     size: width and height of the picture, in pixels
+    spp: samples per pixel
     """
 
     lon: str | None = None
@@ -52,6 +53,7 @@ class Wishes:
     source_line: str = ""
     places: Literal["none", "all"] | tuple[str, ...] = "none"
     size: tuple[int, int] = (960, 540)
+    spp: int | None = None
 
 
 def checked(table: Table, wishes: Wishes) -> Wishes:

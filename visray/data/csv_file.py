@@ -17,6 +17,7 @@ from visray.data.encoding import Encoding, encoding_of, misread
 from visray.data.numerals import is_number
 from visray.data.table import LISTED, Table, shown
 from visray.errors import UserError
+from visray.scene.garbage import uncollected
 from visray.terminal import printable
 
 # Number of rows that are read at once.
@@ -73,6 +74,7 @@ class _Reading:
         self.notes = [*self.encoding.notes, *self.dialect.notes, *notes]
         self._check_memory()
 
+    @uncollected()
     def table(self) -> Table:
         """The table of the file."""
         columns = [Column(i, self.dialect.separator) for i in range(len(self.names))]
@@ -120,7 +122,7 @@ class _Reading:
                     return
                 lines = _lines(chunk, first, before + rows.line_num)
                 width = len(self.names)
-                if any(len(row) != width or not any(row) for row in chunk):
+                if set(map(len, chunk)) != {width} or not all(map(any, chunk)):
                     chunk, lines = self._fitted(chunk, lines, keep)
                 if chunk:
                     if keep:

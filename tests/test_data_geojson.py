@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from visray import memory
 from visray.data.describe import describe
-from visray.data.geojson import GEOMETRIES, from_geojson, to_geojson
+from visray.data.geojson import GEOMETRIES, from_geojson
+from visray.data.geojson_text import to_geojson
 from visray.data.positions import position_columns
 from visray.data.reading import read_table
 from visray.data.table import Table

@@ -12,6 +12,7 @@ import numpy as np
 
 from visray import memory
 from visray.data.cells import Column, columns_of
+from visray.data.column_names import column_names
 from visray.data.dialect import SEPARATORS, Dialect, dialect_of, reader
 from visray.data.encoding import Encoding, encoding_of, misread
 from visray.data.numerals import is_number
@@ -70,7 +71,7 @@ class _Reading:
 
     def __post_init__(self) -> None:
         width = len(self.dialect.first)
-        self.names, notes = _names(self.dialect.names, width)
+        self.names, notes = column_names(self.dialect.names, width)
         self.notes = [*self.encoding.notes, *self.dialect.notes, *notes]
         self._check_memory()
 
@@ -216,27 +217,6 @@ def _lines(rows: list[list[str]], first: int, last: int) -> np.ndarray:
     # Cells in quotes may hold line breaks.
     spans = [1 + sum(len(_BREAK.findall(cell)) for cell in row if "\n" in cell or "\r" in cell) for row in rows]
     return first + np.cumsum([0, *spans[:-1]])
-
-
-def _names(written: list[str] | None, width: int) -> tuple[list[str], list[str]]:
-    """Names of the columns, all different, and sentences about those that are not as they are written."""
-    if written is None:
-        return [f"column {i + 1}" for i in range(width)], []
-    names, notes = [" ".join(name.split()) for name in written], []
-    while len(names) > 1 and not names[-1]:
-        names.pop()
-    if unnamed := [i for i, name in enumerate(names) if not name]:
-        names = [name or f"column {i + 1}" for i, name in enumerate(names)]
-        notes.append(f"columns without a name: {', '.join(names[i] for i in unnamed[:LISTED])}")
-    for name in dict.fromkeys(n for n in names if names.count(n) > 1):
-        places = [i for i, n in enumerate(names) if n == name]
-        taken = set(names)
-        for i in places:
-            number = next(k for k in range(1, len(names) + 2) if f"{name} ({k})" not in taken)
-            names[i] = f"{name} ({number})"
-            taken.add(names[i])
-        notes.append(f"the column {shown(name)} is there {len(places)} times: {', '.join(names[i] for i in places)}")
-    return names, notes
 
 
 def _spaced(lines: list[str]) -> str:

@@ -10,7 +10,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from visray.data.frames import table_of
-from visray.data.geojson import to_geojson
+from visray.data.geojson_text import to_geojson
 from visray.data.reading import read_table
 from visray.data.table import Table
 from visray.errors import UserError

@@ -273,9 +273,8 @@ def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
     texts += _own_flaws(address, shape) + transform_lines(address, shape, transform_flaw(shape.transform))
     shown = any(getattr(obj, "geometry", None) == name for obj in scene.objects.values())
     if not shown and name not in geometries_of_data(scene):
-        texts.append(
-            f"{address}: no object is an instance of it, and no data layer shows it; add one, or leave the geometry out"
-        )
+        problem = "no object is an instance of it" + (", and no data layer shows it" if scene.data else "")
+        texts.append(f"{address}: {problem}; add one, or leave the geometry out")
     return texts
 
 

@@ -312,8 +312,8 @@ LONG = "An extraordinarily long text about everything that was ever measured any
 @pytest.mark.parametrize("many", [1, 4])
 def test_nothing_overlaps(position: str, size: tuple[int, int], many: int) -> None:
     width, height = size
-    whole = full()
-    content = full(position=position, bars=whole.bars * many, title=LONG * many, subtitle=LONG, source=LONG * many)
+    bars = (*full().bars * many, bar("كمية الأمطار في السنة"))
+    content = full(position=position, bars=bars, title=LONG * many, subtitle="هطول الأمطار", source=LONG * many)
     picture = drawn(content, width, height)
     placed = boxes(picture)
     assert placed
@@ -327,7 +327,7 @@ def test_nothing_overlaps(position: str, size: tuple[int, int], many: int) -> No
         lines = []
         for line in key.texts:
             wide = pen.width(line.text, line.size)
-            left = line.x - (wide / 2 if line.align == "center" else 0)
+            left = line.x - wide * {"left": 0, "center": 0.5, "right": 1}[line.align]
             lines.append(Box(left, line.y - 0.75 * line.size, left + wide, line.y + 0.2 * line.size))
         for box in (*lines, *(strip.box for strip in key.strips)):
             assert any(p.left <= box.left and box.right <= p.right and p.top <= box.top and box.bottom <= p.bottom
@@ -415,6 +415,20 @@ def test_arabic_letters_are_joined_and_run_from_right_to_left() -> None:
     """Joined letters are narrower than the same letters drawn one by one."""
     pen = Pen(fonts_for(["مرحبا"]))
     assert pen.width("مرحبا", 100) < sum(pen.width(c, 100) for c in "مرحبا") - 10
+
+
+def test_texts_that_run_from_right_to_left_begin_at_the_right() -> None:
+    content = full(
+        title="1991: هطول الأمطار", subtitle="Rain", source="שלום", bars=(bar("الأمطار"),), sizes=(), places=()
+    )
+    picture = drawn(content, 640, 360)
+    title, subtitle, source = picture.layout.texts
+    label, (panel,) = picture.layout.keys[0].texts[0], picture.layout.panels
+    assert [line.align for line in (title, subtitle, source, label)] == ["right", "left", "right", "right"]
+    assert title.x == source.x == 640 - subtitle.x
+    assert panel.left < label.x < panel.right
+    ink = np.flatnonzero(picture.pixels[int(title.y - title.size) : int(title.y), :, 3].any(axis=0))
+    assert ink.min() > 320 and 640 - ink.max() < 2 * picture.layout.em
 
 
 def test_a_missing_character_is_named_and_nothing_else_is_said(capfd, caplog) -> None:

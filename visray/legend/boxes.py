@@ -1,5 +1,6 @@
 """Boxes of pixels that do not overlap, and the lines of text in them. x grows to the right, y downwards."""
 
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -48,9 +49,24 @@ class TextLine:
     align: Literal["left", "center", "right"] = "left"
 
 
+def runs_leftwards(text: str) -> bool:
+    """Whether a text runs from right to left, as Arabic and Hebrew do: its first letter does."""
+    directions = (unicodedata.bidirectional(c) for c in text)
+    return next((d for d in directions if d in ("L", "R", "AL")), "L") != "L"
+
+
 def stacked(
-    lines: Sequence[str], x: float, top: float, size: float, block: str, bold: bool = False, faint: bool = False
+    lines: Sequence[str],
+    left: float,
+    right: float,
+    top: float,
+    size: float,
+    block: str,
+    bold: bool = False,
+    faint: bool = False,
 ) -> list[TextLine]:
-    """Lines of text below each other, from the height `top` down."""
+    """Lines of a text below each other, from the height `top` down. They begin at x = `left`, or at `right` if the text
+    runs from right to left."""
+    x, align = (right, "right") if runs_leftwards(" ".join(lines)) else (left, "left")
     at = (top + size * (ASCENT + i * LEADING) for i in range(len(lines)))
-    return [TextLine(line, x, y, size, block, bold, faint) for line, y in zip(lines, at)]
+    return [TextLine(line, x, y, size, block, bold, faint, align) for line, y in zip(lines, at)]

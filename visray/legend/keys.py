@@ -71,11 +71,10 @@ def key_of(part: ColorBar | SizeScale, width: int, em: float, pen: Pen, no_data:
     em: height of text. no_data: text for missing values.
     """
     lines, _ = pen.wrapped(part.label, em, False, width, 3)
-    texts = stacked(lines, 0, 0, em, BLOCK)
     top = round(em * (len(lines) * LEADING + (GAP if lines else 0)))
     rest = _bar(part, width, top, em, pen, no_data) if isinstance(part, ColorBar) else _scale(part, top, em, pen)
-    wide = max((pen.width(line, em) for line in lines), default=0.0)
-    return replace(rest, width=max(rest.width, wide), texts=(*texts, *rest.texts))
+    wide = max([rest.width, *(pen.width(line, em) for line in lines)])
+    return replace(rest, width=wide, texts=(*stacked(lines, 0, wide, 0, em, BLOCK), *rest.texts))
 
 
 def _bar(bar: ColorBar, width: int, top: int, em: float, pen: Pen, no_data: str) -> Key:

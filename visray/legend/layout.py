@@ -110,7 +110,7 @@ def _attempt(
     if cut:
         notes.append("legend: the source line is too long, and cut; shorten data.legend.source")
     if lines:
-        source = stacked(lines, margin, bottom, SOURCE * em, "source", faint=True)
+        source = stacked(lines, margin, width - margin, bottom, SOURCE * em, "source", faint=True)
         boxes.append(("source", _around(source, pen)))
         texts, bottom = [*texts, *source], bottom - 0.4 * em
     room = Box(margin, top, width - margin, bottom)
@@ -140,16 +140,18 @@ def _heading(
         lines, cut = pen.wrapped(text, size, bold, width - 2 * margin, most) if text.strip() else ([], False)
         if cut:
             notes.append(f"legend: the {name} is too long, and cut; shorten data.legend.{name}")
-        texts += stacked(lines, margin, top, size, "heading", bold)
+        texts += stacked(lines, margin, width - margin, top, size, "heading", bold)
         top += len(lines) * size * LEADING
     return texts, top + (0.4 * em if texts else 0)
 
 
 def _around(texts: Sequence[TextLine], pen: Pen) -> Box:
-    """The box around lines that begin at the same x."""
-    right = max(line.x + pen.width(line.text, line.size, line.bold) for line in texts)
+    """The box around lines, the topmost first, that begin at the left or at the right."""
+    ends = [(line.x, line.align, pen.width(line.text, line.size, line.bold)) for line in texts]
+    left = min(x - wide if align == "right" else x for x, align, wide in ends)
+    right = max(x if align == "right" else x + wide for x, align, wide in ends)
     first, last = texts[0], texts[-1]
-    return Box(first.x, first.y - ASCENT * first.size, right, last.y + (LEADING - ASCENT) * last.size)
+    return Box(left, first.y - ASCENT * first.size, right, last.y + (LEADING - ASCENT) * last.size)
 
 
 def _keys(

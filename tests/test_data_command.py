@@ -333,7 +333,7 @@ IMPORTED = """
 import sys
 from visray.cli import main
 code = main(sys.argv[1:])
-print(code, "drjit._drjit_ext" in sys.modules, "matplotlib" in sys.modules)
+print(code, "drjit._drjit_ext" in sys.modules, "matplotlib" in sys.modules, file=sys.stderr)
 """
 
 
@@ -343,4 +343,4 @@ print(code, "drjit._drjit_ext" in sys.modules, "matplotlib" in sys.modules)
 def test_what_renders_nothing_loads_no_compiler(table, words, code):
     table()
     done = subprocess.run([sys.executable, "-c", IMPORTED, "data", *words], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == f"{code} False False"
+    assert done.stderr.splitlines()[-1] == f"{code} False False"

@@ -24,6 +24,7 @@ GALLERY = {
     "barth-decic": 64, "glass-heart": 64, "earth-with-stars-and-moon": 64, "many-lights": 36, "field": 100,
     "mirror-hall": 64, "defocus-blur": 400, "scatter": 900, "toon": 64,
     "teapot": 100, "bowl": 64, "mesh-in-glass": 144,
+    "data-globe": 64, "data-europe": 64, "data-metal": 100,
 }  # fmt: skip
 # Larger pictures of docs/, each with the options of vr.render.
 PICTURES = {
@@ -63,7 +64,9 @@ def picture(name: str) -> None:
     """Renders the picture of a scene of scenes/ for docs/."""
     target = DOCS / f"{name}.png" if name in PICTURES else DOCS / "gallery" / f"{name}.png"
     options = PICTURES.get(name) or {"size": GALLERY_SIZE, "spp": GALLERY[name], "seed": 1}
-    vr.render(ROOT / "scenes" / f"{name}.json", layers=("RGB",), **options).write(target)
+    scene = vr.load(ROOT / "scenes" / f"{name}.json")
+    legend = ("legend",) if scene.data and scene.data.legend else ()
+    vr.render(scene, layers=("RGB", *legend), **options).write(target)
     save_small(target, target)
 
 

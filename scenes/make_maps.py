@@ -217,7 +217,7 @@ def barcelona() -> Image.Image:
         sheet.line(rounded(points(text)), "coast", 9)
         sheet.line(rounded(points(text)), "sea", 6)
     sheet.line(coast, "coast", 2)
-    sheet.word(2.222, 41.345, "Mediterranean Sea", 26, "water")
+    sheet.word(2.199, 41.339, "Mediterranean Sea", 18, "water")
     sheet.word(2.082, 41.432, "Collserola", 26, "word")
     sheet.word(2.1605, 41.3628, "Montjuïc", 15, "word")
     sheet.word(2.2185, 41.4385, "Besòs", 20, "water", "lm")

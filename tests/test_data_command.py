@@ -1,6 +1,8 @@
 """`visray data`: what it chooses for a table, the scene that it writes, and the one line that bad input gets."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -325,3 +327,20 @@ def test_the_coasts_are_part_of_the_package():
 def test_no_rows_are_an_error(table):
     with pytest.raises(UserError, match="no row"):
         picture(table("lat,lon,v\n1,2,\n"), height="v")
+
+
+IMPORTED = """
+import sys
+from visray.cli import main
+code = main(sys.argv[1:])
+print(code, "drjit._drjit_ext" in sys.modules, "matplotlib" in sys.modules, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "code"), [(["nowhere.csv"], 2), (["places.csv", "--describe"], 0), (["nowhere.csv", "--describe"], 2)]
+)
+def test_what_renders_nothing_loads_no_compiler(table, words, code):
+    table()
+    done = subprocess.run([sys.executable, "-c", IMPORTED, "data", *words], capture_output=True, text=True)
+    assert done.stderr.splitlines()[-1] == f"{code} False False"

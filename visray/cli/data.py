@@ -90,6 +90,10 @@ def data_command(
     edges, film = _parse_extent(extent), parse_size(size)
     if quiet:
         warnings.simplefilter("ignore")
+    from visray.data.source import table_from
+
+    if not file.is_file():
+        table_from(str(file))  # says what is wrong, before the imports that take longer
     from visray.adaptive.stopping import Goal
     from visray.cli.rendering import render_command
     from visray.data_picture import Wishes, data_picture

@@ -15,6 +15,8 @@ from visray.data.table import as_texts
 # Characters of plain numbers, with a line feed between them, and of nothing else.
 _PLAIN = b"0123456789eE+-.,\n"
 _WORDS = OFTEN_MISSING - {""}
+# Equal texts of a column share one object, up to about this many different ones: a column of countries has few.
+FEW = 100_000
 # Between line feeds: a code such as 007, and a whole number too long for a double.
 _CODE = re.compile(r"\n[+-]?0\d+\n|\n[+-]?\d{16,}\n", re.ASCII)
 # A mark that is decimal for certain: the digits around it are no thousands.
@@ -57,9 +59,8 @@ class Column:
                 self.late, self.numbers = True, []
                 return
             self.texts = []
-        # Equal texts share one object: a column of countries has few.
         same = self._same
-        self.texts += [same.setdefault(cell, cell) for cell in cells]
+        self.texts += cells if len(same) > FEW else [same.setdefault(cell, cell) for cell in cells]
 
     def restart(self) -> None:
         """Begins anew, with texts."""
@@ -124,9 +125,9 @@ def columns_of(
             notes += [(column.index, text) for text in column.notes(decimal)]
             continue
         known = read.get(column.index)
-        if known is None or (decimal and not known.shows):
+        if known is None or (decimal and known.unclear and not known.shows):
             known = read_column(column.texts, decimal, column.separator)
-        kept = known.bad or known.codes or (np.isnan(known.values).all() and any(column.texts))
+        kept = len(known.bad) or known.codes or (np.isnan(known.values).all() and any(column.texts))
         values.append(as_texts(column.texts) if kept else known.values)
         notes += [(column.index, text) for text in known.notes if len(known.bad) * 2 < len(column.texts)]
     return values, decimal, notes

@@ -58,17 +58,19 @@ class Numbers:
     """What a column of texts holds.
 
     values: the numbers, NaN where a value is missing or is no number. Shape: (N,)
-    bad: indices of the cells that are neither missing nor a number
+    bad: indices of the cells that are neither missing nor a number. Shape: (M,)
     notes: parts of sentences about how the numbers were read
     shows: the decimal mark that the cells themselves show; "" if they show none, or both
     codes: whether some number is a code, such as 007
+    unclear: whether some number may mean two, such as 1,234. Else the other columns make no difference.
     """
 
     values: np.ndarray
-    bad: list[int]
+    bad: np.ndarray
     notes: list[str] = field(default_factory=list)
     shows: str = ""
     codes: bool = False
+    unclear: bool = False
 
 
 class _Bodies(NamedTuple):
@@ -92,12 +94,12 @@ def read_column(cells: Sequence[str], decimal: str = "", separator: str = "") ->
     read = _read(list(place), decimal, separator)
     is_bad = np.zeros(len(place), bool)
     is_bad[read.bad] = True
-    return replace(read, values=read.values[index], bad=np.flatnonzero(is_bad[index]).tolist())
+    return replace(read, values=read.values[index], bad=np.flatnonzero(is_bad[index]))
 
 
 def _read(cells: list[str], decimal: str, separator: str) -> Numbers:
     """The numbers of texts that are all different."""
-    texts = [cell.strip().translate(_MINUS) for cell in cells]
+    texts = [cell.strip() if cell.isascii() else cell.strip().translate(_MINUS) for cell in cells]
     bodies = _bodies(texts)
     point, comma = ([bool(PATTERNS[d].fullmatch(t)) for t in bodies.text] for d in ".,")
     unclear = [p and c and AMBIGUOUS.fullmatch(t) is not None for p, c, t in zip(point, comma, bodies.text)]
@@ -108,6 +110,8 @@ def _read(cells: list[str], decimal: str, separator: str) -> Numbers:
     if any(unclear):
         first = next(t for t, u in zip(bodies.text, unclear) if u)
         mark, readable = _settled(first, points, commas, decimal, separator)
+        # 1,234 and 1.234 in one column: one of them separates thousands, and nothing says which.
+        readable = readable and (points or commas or len({"," in t for t, u in zip(bodies.text, unclear) if u}) == 1)
         if mark == "." and "." in first and separator in ELSEWHERE and not (points or commas or decimal):
             notes.append(DECIMAL_POINT)
         elif readable and not (points or commas) and (mark == "," or "," in first):
@@ -122,7 +126,8 @@ def _read(cells: list[str], decimal: str, separator: str) -> Numbers:
         number = sign * _number(text, mark) if fit and (readable or not doubt) else np.nan
         if np.isfinite(number):
             values[i], is_bad[i] = number, False
-    return Numbers(values, np.flatnonzero(is_bad).tolist(), notes, shows, any(map(CODE.fullmatch, bodies.text)))
+    codes = any(map(CODE.fullmatch, bodies.text))
+    return Numbers(values, np.flatnonzero(is_bad), notes, shows, codes, any(unclear))
 
 
 def _settled(first: str, points: int, commas: int, decimal: str, separator: str) -> tuple[str, bool]:

@@ -134,7 +134,7 @@ class Table:
             cells = tuple(Cell(row, self.line(row), name, repr(float(values[row]))) for row in rows[:LISTED])
             return np.where(infinite, np.nan, values), Problems(name, len(rows), cells)
         read = read_column(values.tolist(), self.decimal, self.separator)
-        cells = tuple(Cell(row, self.line(row), name, values[row]) for row in read.bad[:LISTED])
+        cells = tuple(Cell(row, self.line(row), name, values[row]) for row in read.bad[:LISTED].tolist())
         return read.values, Problems(name, len(read.bad), cells)
 
     def texts(self, name: str) -> np.ndarray:

@@ -53,6 +53,7 @@ def all_effects(folder: Path) -> vr.Scene:
             "glass": GLASS,
             "water": replace(GLASS, ior=1.33, kr=(0.2, 0.2, 0.2)),
             "mirror": replace(plain(kr=(0.9, 0.8, 0.7)), ks=WHITE),
+            "sign": vr.Material(kd=(0.6, 0.7, 0.1), shading="unlit"),
         },
         lights=LIGHTS,
         objects={
@@ -61,6 +62,7 @@ def all_effects(folder: Path) -> vr.Scene:
             "inner": vr.Sphere(center=(0.2, 1.0, 0.1), radius=0.5, material="water"),
             "ball": vr.Sphere(center=(-1.8, 0.8, -0.5), radius=0.8, material="mirror"),
             "box": vr.Box(min=(1.2, 0.0, -1.0), max=(2.0, 1.0, 0.0), material="box"),
+            "sign": vr.Disk(center=(1.5, 1.6, -0.5), normal=(0.0, 0.0, 1.0), radius=0.4, material="sign"),
         },
         settings=SETTINGS,
     )
@@ -182,7 +184,10 @@ def test_an_area_light_all_of_whose_points_lie_on_a_surface(full: vr.Scene) -> N
         "lid": vr.DiskLight(position=(1.6, 1.0, -0.5), radius=0.3, samples=9),
         "skin": vr.SphereLight(position=(0.0, 1.0, 0.0), radius=1.0, samples=9),
     }
-    lit, dark = (picture(replace(full, lights=x, ambient=BLACK, background=BLACK)) for x in (lights, {}))
+    # An unlit surface is seen without any light.
+    lit_objects = {name: x for name, x in full.objects.items() if x.material != "sign"}
+    bare = replace(full, objects=lit_objects, ambient=BLACK, background=BLACK)
+    lit, dark = (picture(replace(bare, lights=x)) for x in (lights, {}))
     assert (dark == 0).all() and (lit > 0).mean() > 0.2
 
 
@@ -190,11 +195,13 @@ def forest(scene: vr.Scene) -> vr.Scene:
     """So many balls that they hang in a tree, of all materials, and so many boxes that they are looped over."""
     rng, names = np.random.default_rng(3), list(scene.materials)
     balls = {
-        f"b{i}": vr.Sphere(center=tuple(rng.normal(size=3).tolist()), radius=0.3, material=names[i % 5])
+        f"b{i}": vr.Sphere(center=tuple(rng.normal(size=3).tolist()), radius=0.3, material=names[i % len(names)])
         for i in range(40)
     }
     boxes = {
-        f"c{i}": vr.Box(min=(-3.0 + 0.3 * i, 0.0, -2.0), max=(-2.8 + 0.3 * i, 1.0, -1.5), material=names[i % 5])
+        f"c{i}": vr.Box(
+            min=(-3.0 + 0.3 * i, 0.0, -2.0), max=(-2.8 + 0.3 * i, 1.0, -1.5), material=names[i % len(names)]
+        )
         for i in range(20)
     }
     return replace(scene, objects={"floor": scene.objects["floor"]} | balls | boxes)

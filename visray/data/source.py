@@ -9,9 +9,6 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from visray.data.frames import table_of
-from visray.data.geojson_text import to_geojson
-from visray.data.reading import read_table
 from visray.data.table import Table
 from visray.errors import UserError
 from visray.number_table import DIGESTS
@@ -47,6 +44,8 @@ class TableValue:
     def listed(self) -> dict[str, Any]:
         """The columns as lists, None for missing numbers; GeoJSON if there are lines."""
         if self.table.lines:
+            from visray.data.geojson_text import to_geojson
+
             return to_geojson(self.table)
         return {name: _listed(self.table.columns[name]) for name in self.table.names}
 
@@ -66,6 +65,9 @@ class SourceRule:
             return given
         if isinstance(given, (str, bool, int, float, type(None))):
             raise ValueError('must be the path of a file, or columns such as {"lon": [2.2], "lat": [41.4]}')
+        # The readers are imported where they are needed: most scenes have no data.
+        from visray.data.frames import table_of
+
         try:
             return TableValue(table_of(given))
         except UserError as error:
@@ -118,4 +120,6 @@ def table_from(source: "str | TableValue | None") -> Table | None:
 @lru_cache(maxsize=8)
 def _read(stamp: Any) -> Table:
     """The table of a file. stamp: path of the file, with facts that change if its content does."""
+    from visray.data.reading import read_table
+
     return read_table(stamp if isinstance(stamp, str) else stamp[0])

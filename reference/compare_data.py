@@ -151,7 +151,12 @@ def main() -> None:
         if not installed(pythons[name], module):
             print(f"{name} is not installed: left out")
             del pythons[name]
-    report = machine() | {"peers": versions(chosen.peers), "runs": chosen.runs, "load": round(os.getloadavg()[0], 1)}
+    report = machine() | {
+        "programs": list(pythons),
+        "peers": versions(chosen.peers),
+        "runs": chosen.runs,
+        "load": round(os.getloadavg()[0], 1),
+    }
     with tempfile.TemporaryDirectory() as name_of_folder:
         folder = Path(name_of_folder)
         rows = [row for kind in KINDS for row in measured(kind, pythons, folder, chosen.runs)]

@@ -399,6 +399,44 @@ def _factor(halving: dict) -> str:
     return f"{halving['factor']:.2g}{star} ({halving['low']:.2g} to {high})"
 
 
+def compare_data() -> list[str]:
+    """Lines that compare what programs take for the same picture of data."""
+    report = loaded("compare_data")
+    titles = {"visray data": "visray, one command", "visray": "visray, a script", "basemap": "matplotlib, basemap"}
+    named: dict[str, dict[str, dict]] = {}
+    for row in report["rows"]:
+        named.setdefault(row["program"], {})[row["picture"]] = row
+    rows = []
+    for name in sorted(named, key=[*report["programs"], "visray data"].index):
+        pair = [named[name][kind] for kind in ("globe", "map")]
+        cells = [cell for r in pair for cell in (r["lines"], f"{r['s']:.1f}", f"{r['cpu_s']:.1f}")]
+        first = ", ".join(f"{r['first']['s']:.1f}" for r in pair if "first" in r)
+        rows.append([titles.get(name, name), *cells, first or "the same"])
+    heads = [
+        "program",
+        "globe: lines",
+        "s",
+        "processor, s",
+        "map: lines",
+        "s",
+        "processor, s",
+        "the very first time, s",
+    ]
+    peers = ", ".join(f"{name} {version}" for name, version in report["peers"].items())
+    busy = " The machine was busy with other work; seconds of the processor depend less on that."
+    busy = busy if report["load"] > report["threads"] else ""
+    return [
+        *table(heads, rows),
+        *prose(
+            "Seconds are those from the start of a process to the PNG file of 960 x 540 pixels, the least of "
+            f"{report['runs']} runs by turns. visray takes 16 samples per pixel, with soft shadows; the very first "
+            f"time, it compiles kernels and keeps them.{busy}"
+        ),
+        "",
+        *prose(measured(report, "compare_data").replace("; visray", f"; {peers}, visray")),
+    ]
+
+
 def layer_records() -> list[str]:
     """Lines of a table of all layers of a picture."""
     return table(*layers.table())
@@ -419,6 +457,7 @@ FIGURES = {
     "speed": speed,
     "lists": lists,
     "growth": growth,
+    "compare_data": compare_data,
     "effects": effects,
     "check": check,
     "polynomials": polynomials,

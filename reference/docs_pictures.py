@@ -32,6 +32,12 @@ PICTURES = {
     "heart": {"size": LARGE, "error": 0.01},
     "showcase": {"size": (640, 360)},
 }
+# Pages whose first scene has a picture, by the name of the picture, with the options of `visray render`.
+SCENES = {
+    "materials": ("docs/materials-and-lights.md", "--size 480x320 --spp 64"),
+    "data": ("docs/data.md", "--spp 64 --allow-outside"),
+    "legends": ("docs/legends.md", "--size 720x450 --spp 64 --allow-outside"),
+}
 
 
 def first_block(page: str, language: str) -> str:
@@ -40,16 +46,23 @@ def first_block(page: str, language: str) -> str:
 
 
 def scenes_of_pages() -> None:
-    """Renders the pictures of the scenes on pages: README's JSON scene, README's Python script, and the materials."""
+    """Renders the pictures of the scenes on pages: README's JSON scene, script and table, and those of SCENES."""
     command = re.search(r"^(visray render first\.json .*)", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
-    materials = "visray render materials.json -o materials.png --size 480x320 --spp 64"
+    table = re.search(r"^(visray data .*)", (ROOT / "README.md").read_text(), re.MULTILINE)[1]
+    lines = [
+        command,
+        f"{table} --spp 64",
+        *(f"visray render {name}.json -o {name}.png {options}" for name, (_, options) in SCENES.items()),
+    ]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "first.json").write_text(first_block("README.md", "json"))
         (Path(folder) / "spiral.py").write_text(first_block("README.md", "python"))
-        (Path(folder) / "materials.json").write_text(first_block("docs/materials-and-lights.md", "json"))
-        for words in (["-m", *command.split()], ["spiral.py"], ["-m", *materials.split()]):
+        (Path(folder) / "scenes").symlink_to(ROOT / "scenes")
+        for name, (page, _) in SCENES.items():
+            (Path(folder) / f"{name}.json").write_text(first_block(page, "json"))
+        for words in (["spiral.py"], *(["-m", *line.split()] for line in lines)):
             subprocess.run([sys.executable, *words], cwd=folder, check=True)
-        for name in ("first", "spiral", "materials"):
+        for name in ("first", "spiral", "rain", *SCENES):
             save_small(Path(folder) / f"{name}.png", DOCS / f"{name}.png")
 
 

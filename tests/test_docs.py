@@ -18,6 +18,9 @@ import visray as vr
 from visray import camera, lights, primitives, textures
 from visray.camera import Viewpoint
 from visray.cli.commands import app
+from visray.data import base
+from visray.data.base import AnyBase
+from visray.data.gizmos import GIZMOS
 from visray.lights.light import AreaLight, Light
 from visray.output.layers import BY_NAME, names_from
 from visray.polynomials.catalogue import SURFACES
@@ -231,7 +234,8 @@ def test_each_command_is_on_the_page_of_commands():
 FOR_TABLES = {
     "Scene": vr.Scene, "Camera": Viewpoint, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
     "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
-    "Object": Primitive, "Polynomial": vr.Polynomial,
+    "Object": Primitive, "Polynomial": vr.Polynomial, "Data": vr.Data, "AnyBase": AnyBase, "DataLayer": vr.DataLayer,
+    "SizeRule": vr.SizeRule, "ColorRule": vr.ColorRule, "Legend": vr.Legend,
 }  # fmt: skip
 
 
@@ -282,23 +286,42 @@ def test_a_table_of_fields_has_all_of_them_with_their_defaults(name):
 
 
 @pytest.mark.parametrize(
-    "name, kinds, base",
+    "name, kinds, common",
     [
         ("lights", [k for k in lights.KINDS if not k.has_area], Light),
         ("area lights", [k for k in lights.KINDS if k.has_area], AreaLight),
         ("objects", [k for k in primitives.KINDS if k is not vr.Polynomial], Primitive),
         ("textures", textures.KINDS, Texture),
         ("cameras", camera.KINDS, Viewpoint),
+        ("bases", base.KINDS, AnyBase),
     ],
 )
-def test_a_table_of_kinds_has_all_of_them_with_their_fields(name, kinds, base):
+def test_a_table_of_kinds_has_all_of_them_with_their_fields(name, kinds, common):
     rows = cells(told(name))
     assert {row[0].strip("`") for row in rows} == {k.type for k in kinds}
     for row in rows:
         kind = next(k for k in kinds if k.type == row[0].strip("`"))
         shown = dict(re.findall(r"`(\w+)` (required|\[.*?\]|\"[^\"]*\"|[-\w.]+)", row[1]))
-        assert {k: v for k, v in own(kind, base).items() if not same(shown.get(k, "null"), v)} == {}, kind.type
-        assert set(shown) == set(own(kind, base)), kind.type
+        assert {k: v for k, v in own(kind, common).items() if not same(shown.get(k, "null"), v)} == {}, kind.type
+        assert set(shown) == set(own(kind, common)), kind.type
+
+
+def test_the_table_of_gizmos_has_all_of_them_with_their_sizes():
+    rows = {row[0].strip("`"): tuple(re.findall(r"`(\w+)`", row[1])) for row in cells(told("gizmos"))}
+    assert rows == {name: gizmo.sizes for name, gizmo in GIZMOS.items()}
+
+
+@pytest.mark.parametrize("page", ["data", "legends"])
+def test_every_choice_of_a_field_of_data_is_on_its_page(page):
+    """The choices of fields that have a table on the page."""
+    schema = json.loads((ROOT / "scenes" / "schema.json").read_text())["$defs"]
+    kinds = [name for name in FOR_TABLES if f"<!-- fields: {name} -->" in TEXTS[page] and name in schema]
+    assert kinds
+    for name in (*kinds, *(("MapBase",) if page == "data" else ())):
+        for field, described in schema[name]["properties"].items():
+            for part in (described, *described.get("anyOf", ())):
+                for choice in part.get("enum", ()):
+                    assert f"`{choice}`" in TEXTS[page], f"{name}.{field}: {choice}"
 
 
 def test_every_choice_of_a_setting_is_on_the_page_of_scenes():

@@ -40,8 +40,9 @@ def legend_content(scene: Scene) -> LegendContent | None:
                 scale = _scale(scene, rows, key, _label(legend, name, layers[name], key))
                 sizes.append(scale)
                 if not scale.entries:
+                    what = "radii" if key == "radius" else f"{key}s"
                     notes.append(
-                        f"legend: the {key}s of {scale.label} have no key, because they are too large or too small"
+                        f"legend: the {what} of {scale.label} have no key, because they are too large or too small"
                     )
     written = ("title", "subtitle", "source", "no_data", "position", "theme", "size", "font")
     own = {name: getattr(legend, name) for name in written}

@@ -5,12 +5,15 @@ import json
 import re
 import runpy
 import struct
+import warnings
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+
+import visray as vr
 
 DATA = Path(__file__).resolve().parents[1] / "scenes" / "data"
 TABLES = sorted(DATA.glob("*.csv"))
@@ -257,3 +260,18 @@ def test_netcdf_files_are_read(made):
     assert found["x"].tolist() == [7, 8, 9]
     assert found["y"].tolist() == [[r, r + 0.25, r + 0.5] for r in range(4)]
     assert found["z"].tolist() == [100, 101, 102, 103]
+
+
+@pytest.mark.parametrize("path", sorted(DATA.parent.glob("data-*.json")), ids=lambda p: p.stem)
+def test_scenes_of_data_name_their_sources_and_give_no_warnings(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = vr.load(path)
+    assert scene.data.notes() == []
+    files = {Path(layer["source"]).name for layer in json.loads(path.read_text())["data"]["layers"].values()}
+    assert files <= set(listed())
+    said = {"GeoNames": "CC BY 4.0"} if files - {"earthquakes.csv", "countries.geojson"} else {}
+    said |= {"U.S. Geological Survey": ""} if "earthquakes.csv" in files else {}
+    said |= {"COADS": ""} if files & {"ports.csv", "coastal-cities.csv"} else {}
+    for holder, licence in said.items():
+        assert holder in scene.data.legend.source and licence in scene.data.legend.source

@@ -194,6 +194,15 @@ def test_barcelona_has_its_quarters_on_land_and_the_sea_beside_them():
     assert rows.mean() + int(y) - 5.5 == pytest.approx(y, abs=0.5)
 
 
+@pytest.mark.slow
+def test_the_sketch_of_barcelona_is_what_its_script_draws(monkeypatch):
+    """But for a few pixels: other versions of Pillow may round edges and texts in other ways."""
+    monkeypatch.syspath_prepend(str(DATA.parent))
+    drawn = runpy.run_path(str(DATA.parent / "make_maps.py"))["barcelona"]()
+    differs = (np.asarray(drawn.convert("RGB"), float) != sheet("barcelona")).any(axis=2)
+    assert differs.mean() < 0.01
+
+
 def test_maps_are_small():
     assert all((MAPS / f"{name}.png").stat().st_size < 300_000 for name in (*SHEETS, "barcelona"))
 

@@ -24,7 +24,7 @@ ODD = [
 # Arguments with which a function would do its work.
 GOOD = {
     "scene": BALL, "path": str(SCENES / "sphere.json"), "address": "objects.a.radius", "new": 2.0, "error": 0.01,
-    "wrt": ["objects.a.radius"], "x": 0, "y": 0,
+    "wrt": ["objects.a.radius"], "x": 0, "y": 0, "points": (0.0, 0.0, 0.0),
 }  # fmt: skip
 FUNCTIONS = [getattr(vr, name) for name in vr.__all__ if inspect.isfunction(getattr(vr, name))]
 

@@ -13,8 +13,14 @@ from pydantic_core import core_schema
 DIGESTS = "digests"
 
 
+def canonical(values: np.ndarray) -> np.ndarray:
+    """Numbers with the same bits wherever they are equal: 0 for -0, and one NaN for all of them."""
+    return np.where(np.isnan(values), np.nan, values + 0.0) if values.dtype.kind == "f" else values
+
+
 class NumberTable:
-    """A read-only table of numbers: a NumPy array with one row per entry. Tables with equal content are equal.
+    """A read-only table of numbers: a NumPy array with one row per entry. Tables with equal content are equal; NaN, a
+    missing number, equals NaN.
 
     Shape: (N, columns).
     """
@@ -27,13 +33,15 @@ class NumberTable:
     def digest(self) -> str:
         """SHA-256 of the content."""
         shape = f"{self.values.dtype.str}{self.values.shape}".encode()
-        return hashlib.sha256(shape + self.values.tobytes()).hexdigest()
+        return hashlib.sha256(shape + canonical(self.values).tobytes()).hexdigest()
 
     def __len__(self) -> int:
         return len(self.values)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, NumberTable) and (self is other or np.array_equal(self.values, other.values))
+        if self is other or not isinstance(other, NumberTable):
+            return self is other
+        return np.array_equal(self.values, other.values, equal_nan=True)
 
     def __hash__(self) -> int:
         return hash(self.digest)

@@ -80,7 +80,8 @@ def boxes(prepared: Prepared) -> list[Box]:
             continue
         p = corners - o
         depth = p @ forward
-        scale = 1 if parallel else np.maximum(depth, 1e-300)
+        # Points behind the camera are not seen; what they are divided by does not matter.
+        scale = 1 if parallel else np.where(depth > 0, depth, 1)
         x, y = (p @ axis / (axis @ axis) / scale for axis in (right, down))
         half = scene.film.width / 2, scene.film.height / 2
         seen = depth > 0

@@ -92,6 +92,10 @@ def _disk(s: Stand) -> Fields:
     return {"center": s.foot, "normal": s.up, "radius": s.radius}
 
 
+def _line(s: Stand) -> Fields:
+    return {"radius": s.radius}
+
+
 def _geometry(s: Stand) -> Fields:
     return {"frame": (s.east * s.radius, s.up * (s.sign * s.height), -s.north * s.radius, s.bottom(s.height))}
 
@@ -105,7 +109,7 @@ GIZMOS = {
         Gizmo("cone", primitives.Cone, _cone, ("height", "radius")),
         Gizmo("triangle", primitives.Triangle, _triangle, ("height", "radius")),
         Gizmo("disk", primitives.Disk, _disk, ("radius",), flat=True),
-        Gizmo("line", primitives.Capsule, lambda s: {"radius": s.radius}, ("radius",)),
+        Gizmo("line", primitives.Capsule, _line, ("radius",)),
         Gizmo("geometry", None, _geometry, ("height", "radius")),
     )
 }

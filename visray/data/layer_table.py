@@ -15,6 +15,7 @@ from visray.data.size_rule import SizeRule, size_rule_of
 from visray.data.source import table_from
 from visray.data.table import LISTED, Table
 from visray.errors import UserError
+from visray.hints import hint
 
 # Names of columns that hold the names of rows, if the layer names none.
 NAME_COLUMNS = ("name", "city", "place", "station", "country", "label", "title")
@@ -47,7 +48,7 @@ class LayerTable:
         try:
             t.table = table_from(layer.source)
         except UserError as error:
-            t.flaws += [("source", text) for text in error.lines]
+            t.flaws += [("source", text.removeprefix(f"{layer.source}: ")) for text in error.lines]
             return t
         t.notes += t.table.notes if t.table is not None else []
         t._check_fields()
@@ -100,6 +101,12 @@ class LayerTable:
         if (layer.gizmo == "geometry") != (layer.geometry is not None):
             text = "names one of the scene's geometries, and goes with the gizmo geometry; write both or none"
             self.flaws.append(("geometry", text))
+        if layer.name is not None and self.table is None:
+            self.flaws.append(
+                ("name", "there is no such column, as the layer has no source; write a source with names")
+            )
+        elif layer.name is not None and layer.name not in self.table.names:
+            self.flaws.append(("name", f"there is no such column; {hint(layer.name, self.table.names)}"))
         if "height" not in gizmo.sizes and layer.height is not None:
             self.flaws.append(("height", f"a {layer.gizmo} has no height; write a radius"))
         lines = self.table.lines if self.table is not None else []
@@ -196,8 +203,8 @@ class LayerTable:
     def _check_positions(self) -> None:
         """Finds positions that are not on earth."""
         lon, lat = self.values["lon"], self.values["lat"]
-        if hint := swapped(lon, lat):
-            self.flaws.append(("lon", hint))
+        if text := swapped(lon, lat):
+            self.flaws.append(("lon", text))
             return
         wrong = ~(np.isnan(lon) | np.isnan(lat) | on_earth(lon, lat))
         if wrong.any():

@@ -37,11 +37,13 @@ class ColumnRule:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         def written(column: Any, info: Any) -> Any:
+            digests = (info.context or {}).get(DIGESTS)
+            # A scene that was not checked yet holds what the user gave.
+            if digests and not isinstance(column, (str, NumberColumn, type(None))):
+                column = self.column(column)
             if not isinstance(column, NumberColumn):
                 return column
-            if (info.context or {}).get(DIGESTS):
-                return column.digest
-            return column.listed()
+            return column.digest if digests else column.listed()
 
         serializer = core_schema.plain_serializer_function_ser_schema(written, info_arg=True)
         return core_schema.no_info_plain_validator_function(self.column, serialization=serializer)

@@ -85,7 +85,8 @@ class SizeRule:
             # Only zeros, or for log only one value. A zero has the size a, as among other values.
             return np.where(np.isnan(v), v, a if hi == 0 else b), 0 * v
         t = (_scaled(self.scale, x) - first) / (last - first)
-        return a + t * (b - a), _scale_slope(self.scale, x) / (last - first) * (b - a)
+        slope = _scale_slope(self.scale, x) / (last - first) * (b - a) if a != b else np.zeros_like(t)
+        return a + t * (b - a), slope
 
     def flaws(
         self,
@@ -152,7 +153,9 @@ def _scaled(scale: str, x: Any) -> Any:
     """f of a scale. Domain: x >= 0 for sqrt, x > 0 for log. Shape: (N), or a number."""
     if scale == "linear":
         return x
-    return np.sqrt(x) if scale == "sqrt" else np.log(x) if np.ndim(x) or x > 0 else 0.0
+    # A number beyond the domain of f has no finite size; `flaws` refuses it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.sqrt(x) if scale == "sqrt" else np.log(x) if np.ndim(x) or x > 0 else 0.0
 
 
 def _scale_slope(scale: str, x: np.ndarray) -> np.ndarray:

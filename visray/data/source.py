@@ -1,6 +1,7 @@
 """The source of a data layer: a file, or a table that is written in the scene or given in Python."""
 
 import hashlib
+import json
 import os
 from functools import cached_property, lru_cache
 from typing import Any
@@ -11,7 +12,7 @@ from pydantic_core import core_schema
 
 from visray.data.table import Table
 from visray.errors import UserError
-from visray.number_table import DIGESTS
+from visray.number_table import DIGESTS, canonical
 
 
 class TableValue:
@@ -26,10 +27,10 @@ class TableValue:
         content = hashlib.sha256()
         for name in self.table.names:
             column = self.table.columns[name]
-            cells = column.tobytes() if column.dtype != object else "\0".join(column.tolist()).encode()
-            content.update(f"{name}\0{column.dtype.str}{len(column)}\0".encode() + cells)
+            cells = canonical(column).tobytes() if column.dtype != object else json.dumps(column.tolist()).encode()
+            content.update(f"{json.dumps(name)}{column.dtype.str}{len(column)}\0".encode() + cells)
         for row, line in self.table.lines:
-            content.update(f"{row}\0".encode() + np.ascontiguousarray(line).tobytes())
+            content.update(f"{row}\0".encode() + canonical(np.asarray(line)).tobytes())
         return content.hexdigest()
 
     def __eq__(self, other: object) -> bool:
@@ -78,7 +79,11 @@ class SourceRule:
             digests = (info.context or {}).get(DIGESTS)
             if isinstance(value, TableValue):
                 return value.digest if digests else value.listed()
-            return file_digest(value) if digests else value
+            # A scene that was not checked yet holds what the user gave.
+            if digests and value is not None:
+                value = self.source(value)
+                return value.digest if isinstance(value, TableValue) else file_digest(value)
+            return value
 
         serializer = core_schema.plain_serializer_function_ser_schema(written, info_arg=True)
         return core_schema.no_info_plain_validator_function(self.source, serialization=serializer)

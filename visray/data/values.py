@@ -52,7 +52,8 @@ def column_of_array(array: Any) -> tuple[np.ndarray, list[str]]:
         return values, notes
     array = np.asarray(array)
     if array.ndim != 1:
-        raise ValueError(f"has the shape {array.shape}; give one value for each row")
+        single = "" if array.ndim else ": it is a single value"
+        raise ValueError(f"has the shape {array.shape}{single}; give a list with one value for each row")
     if array.dtype.kind in "iu" and len(array) and max(abs(int(array.min())), abs(int(array.max()))) >= EXACT:
         return as_texts(map(str, array.tolist())), []
     if array.dtype.kind in "iuf":

@@ -13,6 +13,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
+from visray.data.layer import ROW_NUMBER
 from visray.hints import hint
 from visray.primitives.instance import Instance
 from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
@@ -20,6 +21,7 @@ from visray.scene.scene import Scene
 from visray.transforms import STEPS
 
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
+ROW_RULE = 'rows are counted from 0, as in {"12": {"lon": 2.2}}'
 LONGEST_VALUE = 60
 # Largest number of errors of one scene that are reported.
 MOST = 50
@@ -28,7 +30,8 @@ MOST = 50
 def line(address: str, value: Any, text: str) -> str:
     """The message `ADDRESS = VALUE: text`. The value is written as JSON, and cut if it is long, unless it is a path."""
     shown = json.dumps(value, ensure_ascii=False, default=str)
-    shown = shown if len(shown) <= LONGEST_VALUE or address.endswith(".file") else shown[: LONGEST_VALUE - 3] + "..."
+    is_path = isinstance(value, str) and address.endswith((".file", ".source"))
+    shown = shown if len(shown) <= LONGEST_VALUE or is_path else shown[: LONGEST_VALUE - 3] + "..."
     return f"{address} = {shown}: {text}" if address else f"{shown}: {text}"
 
 
@@ -154,7 +157,9 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
     """visray's message for an error of pydantic."""
     kind, address = e["type"], place.address
     if e["loc"][-1:] == ("[key]",):
-        return f"{_dotted(address[:-1])}: {json.dumps(address[-1], default=str)} is not a valid name; {NAME_RULE}"
+        of_row = e.get("ctx", {}).get("pattern") == ROW_NUMBER
+        rule = f"the number of a row; {ROW_RULE}" if of_row else f"a valid name; {NAME_RULE}"
+        return f"{_dotted(address[:-1])}: {json.dumps(address[-1], default=str)} is not {rule}"
     if kind == "unexpected_keyword_argument":
         instead = getattr(bare(place.parent), "MISPLACED", {}).get(address[-1])
         if instead:

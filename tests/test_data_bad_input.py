@@ -1,0 +1,92 @@
+"""Data scenes with wrong or odd values: one line that names the address, and scenes that stay equal when written."""
+
+import copy
+import json
+import pickle
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import visray as vr
+from visray.data.gizmos import GIZMOS
+from visray.errors import UserError
+from visray.scene.check import checked
+
+TABLE = {"lon": [0.0, 90.0, -90.0], "lat": [0.0, 10.0, -20.0], "rain": [1.0, 2.0, 3.0], "heat": [5.0, None, -3.0]}
+OUTLINE = {"type": "LineString", "coordinates": [[0, 0], [10, 10], [30, 5]]}
+
+
+def scene(**fields) -> vr.Scene:
+    fields = {"source": TABLE} | fields
+    sizes = {"radius": 0.1} if fields.get("gizmo") == "line" else {"value": "rain"}
+    return vr.Scene(data=vr.Data(layers={"rain": vr.DataLayer(**sizes | fields)}))
+
+
+def loaded(folder: Path, layer: dict) -> vr.Scene:
+    (folder / "rain.csv").write_text("name,lon,lat,rain\nA,0,0,1\nB,90,10,2\n")
+    (folder / "scene.json").write_text(json.dumps({"data": {"layers": {"rain": layer}}}))
+    return vr.load(folder / "scene.json")
+
+
+@pytest.mark.parametrize(
+    ("layer", "message"),
+    [
+        ({"source": "rain.csv", "name": "nam"}, 'data.layers.rain.name = "nam": there is no such column; did you mean'),
+        ({"lon": [1], "lat": [2], "name": "town"}, 'data.layers.rain.name = "town": there is no such column, as the'),
+        (
+            {"source": "rain.csv", "rows": {"one": {"lon": 2}}},
+            'data.layers.rain.rows: "one" is not the number of a row',
+        ),
+        ({"source": {"lon": "lon", "lat": [1]}}, 'column "lon" has the shape (): it is a single value; give a list'),
+        ({"source": "wind.csv"}, 'source = "wind.csv": there is no such file'),
+    ],
+)
+def test_wrong_layers_have_one_line_with_an_address(tmp_path, layer: dict, message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        loaded(tmp_path, layer)
+    (line,) = caught.value.lines
+    assert line.startswith(f"{tmp_path}/scene.json: data.layers.rain.") and message in line.replace(f"{tmp_path}/", "")
+    assert line.count("wind.csv") <= 1
+
+
+@pytest.mark.parametrize("given", [[1, None, 3], [-0.0, 1, 2], np.array([1, -np.nan, 3])])
+def test_columns_with_missing_numbers_are_equal_when_they_are_read_again(tmp_path, given: list) -> None:
+    sources = [
+        {"lon": [1, 2, 3], "lat": [3, 4, 5], "value": given},
+        {"source": TABLE | {"rain": given}, "value": "rain"},
+    ]
+    for source in sources:
+        made = checked(vr.Scene(data=vr.Data(layers={"a": vr.DataLayer(**source)})))
+        (tmp_path / "scene.json").write_text(vr.dump(made))
+        again = vr.load(tmp_path / "scene.json")
+        assert again == made and again.hash() == made.hash() and hash(again.data.layers["a"].source) is not None
+    a, b = (checked(scene(source=TABLE | {"rain": [x, 1, 2]})) for x in (0.0, -0.0))
+    assert a.data.layers["rain"].source.digest == b.data.layers["rain"].source.digest
+
+
+@pytest.mark.parametrize("gizmo", [name for name in GIZMOS if name != "geometry"])
+def test_a_scene_has_its_hash_before_and_after_it_is_checked_copied_and_pickled(gizmo: str) -> None:
+    given = scene(gizmo=gizmo, **({"source": OUTLINE} if gizmo == "line" else {}))
+    made = checked(given)
+    assert made.data.rows["rain"].number.size > 0
+    for twin in (given, pickle.loads(pickle.dumps(made)), copy.deepcopy(made)):
+        assert twin.hash() == made.hash()
+        assert checked(twin) == made
+
+
+def test_tables_with_other_cells_have_other_digests() -> None:
+    tables = [["a\0b", "c", "d"], ["a", "b\0c", "d"], ["a", "b", "c\0d"]]
+    hashes = {scene(source=TABLE | {"name": names}).hash() for names in tables}
+    assert len(hashes) == len(tables)
+    assert scene(source=TABLE | {"\ud800": [1, 2, 3]}).hash() not in hashes
+
+
+def test_odd_sizes_warn_of_nothing() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rule = vr.SizeRule(column="rain", scale="sqrt", range=(0.2, 0.2))
+        rows = checked(scene(source=TABLE | {"rain": [0.0, 1.0, 4.0]}, height=rule, radius=0.1)).data.rows["rain"]
+        assert rows.slopes["height"].tolist() == [0, 0, 0] and rows.stand.height.tolist() == [0.2, 0.2, 0.2]
+        vr.SizeRule(column="a", scale="log").sizes(np.array([0.0, 1, 2]), (0, 1))

@@ -12,6 +12,8 @@ All numbers are in single precision and relative to the centre of the tree. The 
     TRIANGLE  words 0 to 3, 4 to 7 and 8 to 11: three planes (row_tests.py); 12: number of the row; 13: greatest sum of
               the sizes of a plane's components
     BALL      words 0 to 2: centre; 3: radius; 12: number of the row
+    ROD       words 0 to 2: a point of the axis; 3: radius; 4 to 6: unit vector along the axis; 12: number of the row.
+              The row lies inside the infinite cylinder of this radius about this axis
     ROW       word 12: number of the row. The row has no test in single precision
 """
 
@@ -24,7 +26,7 @@ import numpy as np
 from visray.accel.hierarchy import NONE, WIDTH, Hierarchy
 
 BLOCK = 16
-NODE, TRIANGLE, BALL, ROW = range(4)
+NODE, TRIANGLE, BALL, ROD, ROW = range(5)
 CORNER, STEP, FIRST_CHILD, CHILDREN, LOW, HIGH, NUMBER, SLOPE, KIND = 0, 3, 6, 7, 8, 11, 12, 13, 15
 STEPS = 255  # greatest number of steps of a corner
 # A stack entry has 24 bits for the number of a block (bvh_walk.py).
@@ -44,6 +46,7 @@ class TreeRows:
     low, high: corners of their boxes, in double. Shape: (rows, 3).
     corners: the corners of each row, if the rows are triangles; else None. Shape: (rows, 3, 3), corner by corner.
     balls: centre and radius of each row, if the rows are balls; else None. Shape: (rows, 4).
+    rods: point, radius and unit direction of an infinite cylinder around each row; else None. Shape: (rows, 7).
     """
 
     first: int
@@ -51,11 +54,13 @@ class TreeRows:
     high: np.ndarray
     corners: np.ndarray | None = None
     balls: np.ndarray | None = None
+    rods: np.ndarray | None = None
 
     @property
     def block_kind(self) -> int:
-        """TRIANGLE, BALL or ROW."""
-        return TRIANGLE if self.corners is not None else BALL if self.balls is not None else ROW
+        """TRIANGLE, BALL, ROD or ROW."""
+        data = ((TRIANGLE, self.corners), (BALL, self.balls), (ROD, self.rods))
+        return next((kind for kind, values in data if values is not None), ROW)
 
 
 def packed(tree: Hierarchy | None, batches: Sequence[TreeRows], centre: np.ndarray) -> np.ndarray:
@@ -167,6 +172,8 @@ def _write_rows(blocks: np.ndarray, at: np.ndarray, rows: TreeRows, centre: np.n
         blocks[at, :12], blocks[at, SLOPE] = triangle_planes(rows.corners[band], centre)
     elif rows.balls is not None:
         blocks[at, 0:3], blocks[at, 3] = rows.balls[band, :3] - centre, rows.balls[band, 3]
+    elif rows.rods is not None:
+        blocks[at, 0:3], blocks[at, 3:7] = rows.rods[band, :3] - centre, rows.rods[band, 3:]
 
 
 def triangle_planes(corners: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

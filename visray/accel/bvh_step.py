@@ -17,11 +17,12 @@ from visray.accel.blocks import (
     LOW,
     NODE,
     NUMBER,
+    ROD,
     STEP,
     TRIANGLE,
 )
 from visray.accel.hierarchy import WIDTH
-from visray.accel.row_tests import Verdict, test_ball, test_triangle
+from visray.accel.row_tests import Verdict, test_ball, test_rod, test_triangle
 from visray.accel.tree_rays import TreeRays
 from visray.accel.walk_stack import EMPTY, Stack
 from visray.geometry import gamma
@@ -160,7 +161,8 @@ class Step:
 
     def _verdict(self, block: Any, kind: Any, limit: Any) -> Verdict:
         """What single precision says of the rows of all lanes."""
-        a, kinds, tests = self.a, set(self.rays.tree.block_kinds), {TRIANGLE: test_triangle, BALL: test_ball}
+        a, kinds = self.a, set(self.rays.tree.block_kinds)
+        tests = {TRIANGLE: test_triangle, BALL: test_ball, ROD: test_rod}
         if len(kinds) == 1 and kinds <= set(tests):
             return tests[kinds.pop()](a, self.rays.single, block, limit)
         zero = dr.zeros(a.F32, self.n)

@@ -1,4 +1,4 @@
-"""Tests of triangles and balls in single precision, for rays that walk through a tree (bvh_walk.py).
+"""Tests of triangles, balls and rods in single precision, for rays that walk through a tree (bvh_walk.py).
 
 Each test answers in three ways: a ray surely misses the row, surely hits it, or the test cannot tell. So the exact test
 in double decides only rays that pass an edge or an outline to within rounding.
@@ -105,6 +105,34 @@ def test_ball(a: Arrays, ray: SingleRay, block: Sequence[Any], limit: Any) -> Ve
     low, last = m - longest - w, m + longest + w
     may_hit = (longest2 >= 0) & (low <= limit) & (last >= 0)
     return Verdict(may_hit, surely_hits, low, m - shortest + w, last, shortest / (radius + w))
+
+
+def test_rod(a: Arrays, ray: SingleRay, block: Sequence[Any], limit: Any) -> Verdict:
+    """The test of a rod: a row inside an infinite cylinder of radius r about a line, the axis. It is never sure of a
+    hit. block, limit: as in `test_triangle`.
+
+    Let l be the vector from p to the point of the axis, a the unit vector along it, and n = d x a. The distance of the
+    ray's line from the axis is |l . n| / |n|. The ray is nearest to the axis at the distance m / |n|^2, for
+    m = l . d - (l . a) (d . a). If the row is crossed at t, then |l . n| <= r |n|, and
+    m - r |n| <= t |n|^2 <= m + r |n|.
+
+    Error: l has an error of at most 6 e as a vector, and |l| u <= e. n has one of at most 7 u as a vector, and |n| is
+    at most 1. So l . n has an error of at most 6 e + 7 e + 3 e. r and the exact test have one of at most 2 e each, and
+    u r <= e, so r |n| has one of at most 4 e + 7 e + 4 e. Each of l . d and l . a has an error of at most 10 e, d . a
+    of 5 u, and m of 28 e. |n|^2 has an error of at most 18 u. A crossing is at t <= e / u, because it is in the ball
+    around all rows. With a limit of at most e / u, its product with |n|^2 has an error of at most 18 e. The code takes
+    128 e for each of the sums, which are at most 63 e.
+    """
+    p, d, radius, axis = ray.p, ray.d, block[3], a.V32(*block[4:7])
+    w = 128 * ray.error
+    l, n = a.V32(*block[0:3]) - p, dr.cross(d, axis)
+    squared = dr.squared_norm(n)
+    reach = radius * dr.sqrt(squared) + w
+    m = dr.dot(l, d) - dr.dot(l, axis) * dr.dot(d, axis)
+    latest = dr.minimum(limit, ray.error * (1 / UNIT_ROUNDOFF["single"])) * squared
+    may_hit = (dr.abs(dr.dot(l, n)) <= reach) & (m - reach <= latest) & (m + reach >= 0)
+    zero = a.F32(0)
+    return Verdict(may_hit, a.B(False), zero, zero, zero, zero)
 
 
 def _height(n: Sequence[Any], c: Any, x: Any, y: Any, z: Any) -> Any:

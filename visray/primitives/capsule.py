@@ -27,6 +27,7 @@ class Capsule(ConvexSolid):
     parts = 3
     smooth = True
     v_ends = True
+    girth = 1.0
     axis_fields = ("a", "b")
 
     type: Literal["capsule"] = "capsule"

@@ -125,6 +125,9 @@ class Primitive:
     uses_part = False  # whether crossings depend on the part on which a ray starts or ends
     max_crossings = 1  # greatest number of crossings of a line with the surface
     triangular = False  # whether a row is a triangle (corners)
+    # Radius of an infinite cylinder about the z axis of the canonical shape that contains the shape. None: rays are not
+    # tested against such a cylinder.
+    girth: float | None = None
     fills_ball = False  # whether an object without a transform is its own bounding ball
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
     stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)

@@ -51,6 +51,8 @@ class Revolved(ConvexSolid):
     Its canonical shape goes from z = -1 to z = 1, and its radius is at most 1.
     """
 
+    girth = 1.0
+
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:
         x, y, z = to_world.x, to_world.y, to_world.z

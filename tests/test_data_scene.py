@@ -269,3 +269,13 @@ def test_a_file_outside_of_the_folder_is_refused(tmp_path) -> None:
     with pytest.raises(UserError, match=r"data\.layers\.a\.source.*outside of the scene's folder"):
         vr.load(tmp_path / "inner" / "scene.json")
     assert len(vr.load(tmp_path / "inner" / "scene.json", allow_outside=True).data.rows["a"]) == 1
+
+
+@pytest.mark.parametrize("more", ['"height": "rain"', '"name": "city", "lon": "x"', '"gizmo": "line", "color": "rain"'])
+def test_a_file_that_must_not_be_read_has_one_error(tmp_path, more: str) -> None:
+    """Its columns are not known, so nothing is said of them."""
+    text = f'{{"data": {{"layers": {{"a": {{"source": "../rain.csv", {more}}}}}}}}}'
+    (tmp_path / "scene.json").write_text(text)
+    with pytest.raises(UserError) as found:
+        vr.load(tmp_path / "scene.json")
+    assert len(found.value.lines) == 1 and "data.layers.a.source" in found.value.lines[0]

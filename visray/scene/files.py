@@ -63,7 +63,9 @@ def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]
         path = str(folder / source)
         if not (allow_outside or is_below(path, folder)):
             flaws.append(printable(line(f"data.layers.{name}.source", source, OUTSIDE)))
-            return layer | {"source": {"lon": [0.0], "lat": [0.0]}}
+            # Without the fields that name columns, which are not known, and without lines, of which there are none.
+            rest = {key: layer[key] for key in ("gizmo", "geometry", "material") if layer.get(key, "line") != "line"}
+            return rest | {"source": {"lon": [0.0], "lat": [0.0]}}
         return layer | {"source": path}
 
     data = raw.get("data")

@@ -7,8 +7,12 @@ The pictures have 960 x 540 pixels with 16 samples each, and soft shadows of one
 of a pixel asks one point. Both programs read the same CSV file, run on 2 threads and take turns.
 
 1. First picture: seconds from the start of a process to the PNG file, with an empty kernel cache, and with kernels of
-   an earlier run in the cache. visray's command is compared with a Mitsuba script. Medians of 3 runs each.
+   an earlier run in the cache, and the seconds of the processors that it takes. visray's command is compared with a
+   Mitsuba script. Medians of 3 runs each.
 2. Frame: seconds from the prepared scene to the picture in memory, in one process. Medians of 5 renders each.
+
+Other work on the machine makes seconds longer, and seconds of the processors less so: `load` is the load before and
+after.
 
 What differs: visray gives each gizmo its own colour, and Mitsuba one of 16 materials. Mitsuba's cylinders are open; a
 disk closes the upper end of each. Mitsuba has no cones; it gets one mesh, with 32 triangles for each of them.
@@ -17,6 +21,7 @@ disk closes the upper end of each. Mitsuba has no cones; it gets one mesh, with 
 import argparse
 import csv
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -38,7 +43,7 @@ from visray.setup import Prepared, prepare
 
 WIDTH, HEIGHT, SPP, THREADS = 960, 540, 16, 2
 COUNTS, GIZMOS = (100, 10_000, 100_000), ("sphere", "cylinder", "cone")
-COLD_RUNS, WARM_RUNS, FRAMES = 3, 3, 5
+RUNS, FRAMES = 3, 5
 EYE, FOV, GREY = (3.0, 2.0, 2.5), 36.0, (0.35, 0.38, 0.42)
 LAMP = {"position": (4.0, 4.0, 0.5), "width": (1.5, 0.0, 0.0), "height": (0.0, 0.0, 1.5)}
 # Mitsuba's numbers of materials, and of corners of a cone's base.
@@ -108,7 +113,7 @@ def theirs(table: Path, gizmo: str) -> "mi.Scene":
             "film": {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "rfilter": {"type": "box"}},
             "sampler": {"type": "independent"},
         },
-        "lamp": {"type": "rectangle", "to_world": facing_down, "emitter": {"type": "area", "radiance": 10.0}},
+        "lamp": {"type": "rectangle", "to_world": facing_down, "emitter": {"type": "area", "radiance": 25.0}},
         "globe": {"type": "sphere", "bsdf": diffuse(GREY)},
     }
     bsdfs = [diffuse(color) for color in palette_of("viridis").linear((np.arange(SHADES) + 0.5) / SHADES).tolist()]
@@ -170,8 +175,9 @@ def cones(foot: np.ndarray, height: np.ndarray, radius: float, bsdf: dict) -> "m
     return mesh
 
 
-def first_picture(folder: Path, count: int, gizmo: str) -> dict:
-    """Seconds from the start of a process to the PNG file, by program, with an empty and with a filled kernel cache."""
+def first_picture(folder: Path, count: int, gizmo: str, runs: int) -> dict:
+    """(seconds from the start of a process to the PNG file, seconds of the processors), by program, with an empty and
+    with a filled kernel cache."""
     table = folder / "table.csv"
     commands = {
         "visray": [sys.executable, "-m", "visray", "render", "scene.json", "-o", "a.png", "--threads", str(THREADS),
@@ -180,9 +186,9 @@ def first_picture(folder: Path, count: int, gizmo: str) -> dict:
     }  # fmt: skip
     write_table(table, count)
     (folder / "scene.json").write_text(vr.dump(ours(str(table), count, gizmo), folder=folder))
-    times: dict[str, dict[str, list[float]]] = {name: {"cold": [], "warm": []} for name in commands}
-    for kind, turns in (("cold", COLD_RUNS), ("warm", WARM_RUNS)):
-        for _ in range(turns):
+    times: dict[str, dict[str, list[tuple]]] = {name: {"cold": [], "warm": []} for name in commands}
+    for kind in ("cold", "warm"):
+        for _ in range(runs):
             for name, command in commands.items():
                 with tempfile.TemporaryDirectory() as empty:
                     # A warm cache is filled by a run that does not count.
@@ -192,13 +198,24 @@ def first_picture(folder: Path, count: int, gizmo: str) -> dict:
                     environment = os.environ | {"DRJIT_CACHE_DIR": str(cache)}
                     if not filled:
                         subprocess.run(command, check=True, cwd=folder, env=environment)
-                    start = time.perf_counter()
+                    start, used = time.perf_counter(), processor_seconds()
                     subprocess.run(command, check=True, cwd=folder, env=environment)
-                    times[name][kind].append(time.perf_counter() - start)
-    return {name: {kind: statistics.median(t) for kind, t in of.items()} for name, of in times.items()}
+                    times[name][kind].append((time.perf_counter() - start, processor_seconds() - used))
+    return {
+        f"{name}_{kind}_{unit}": statistics.median(x)
+        for name, of in times.items()
+        for kind, t in of.items()
+        for unit, x in zip(("s", "cpu_s"), zip(*t))
+    }
 
 
-def frames(folder: Path, count: int, gizmo: str) -> dict:
+def processor_seconds() -> float:
+    """Seconds of the processors that ended child processes have taken."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def frames(folder: Path, gizmo: str, renders: int) -> dict:
     """Seconds of a frame, by program, and seconds from the scene's description to the prepared scene."""
     table = folder / "table.csv"
     start = time.perf_counter()
@@ -209,7 +226,7 @@ def frames(folder: Path, count: int, gizmo: str) -> dict:
     programs = {"visray": lambda seed: expose(with_seed(prepared, seed)),
                 "mitsuba": lambda seed: dr.eval(mi.render(scene, spp=SPP, seed=seed))}  # fmt: skip
     times: dict[str, list[float]] = {name: [] for name in programs}
-    for seed in range(FRAMES + 1):
+    for seed in range(renders + 1):
         for name, work in programs.items():
             begun = time.perf_counter()
             work(seed)
@@ -225,17 +242,20 @@ def with_seed(prepared: Prepared, seed: int) -> Prepared:
     return replace(prepared, scene=replace(scene, settings=replace(scene.settings, seed=seed)))
 
 
-def row(count: int, gizmo: str) -> dict:
+def row(count: int, gizmo: str, runs: int) -> dict:
     """What is measured for one number of gizmos of one kind."""
     with tempfile.TemporaryDirectory() as name:
-        first = first_picture(Path(name), count, gizmo)
-        return {"gizmo": gizmo, "count": count, "first_picture_s": first} | frames(Path(name), count, gizmo)
+        load = os.getloadavg()[0]
+        first = first_picture(Path(name), count, gizmo, runs)
+        found = {"gizmo": gizmo, "count": count} | first | frames(Path(name), gizmo, FRAMES if runs > 1 else 1)
+        return found | {"load": [load, os.getloadavg()[0]]}
 
 
 def main() -> None:
     parser = report_parser(__doc__)
     parser.add_argument("--counts", type=int, nargs="+", default=COUNTS, metavar="N", help="numbers of gizmos")
     parser.add_argument("--gizmos", nargs="+", choices=GIZMOS, default=GIZMOS, help="kinds of gizmos")
+    parser.add_argument("--runs", type=int, default=RUNS, metavar="N", help="first pictures of each program")
     parser.add_argument("--mitsuba-picture", type=Path, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     mi.set_variant("llvm_ad_rgb")
@@ -244,8 +264,8 @@ def main() -> None:
         scene = theirs(chosen.mitsuba_picture, chosen.gizmos[0])
         mi.util.write_bitmap("b.png", mi.render(scene, spp=SPP), write_async=False)
         return
-    report = machine() | {"width": WIDTH, "height": HEIGHT, "spp": SPP, "load_before": os.getloadavg()[0]}
-    rows = [row(count, gizmo) for count in chosen.counts for gizmo in chosen.gizmos]
+    report = machine() | {"width": WIDTH, "height": HEIGHT, "spp": SPP, "runs": chosen.runs}
+    rows = [row(count, gizmo, chosen.runs) for count in chosen.counts for gizmo in chosen.gizmos]
     write_report(report | {"rows": rows}, chosen.output)
 
 

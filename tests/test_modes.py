@@ -187,9 +187,14 @@ GLOSSY = Material(kd=(0.5, 0.4, 0.3), ks=(0.3, 0.3, 0.3), shininess=7.5, kr=(0.2
 RICH = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0)),
     film=Film(width=12, height=8),
-    materials={"m": GLOSSY, "f": Material(texture="c")},
+    materials={"m": GLOSSY, "f": Material(texture="c"), "u": Material(shading="unlit")},
     textures={"c": CheckerTexture()},
-    objects={"floor": Plane(material="f"), "a": Sphere(material="m"), "b": Sphere(center=(1, 0, 1), material="m")},
+    objects={
+        "floor": Plane(material="f"),
+        "a": Sphere(material="m"),
+        "b": Sphere(center=(1, 0, 1), material="m"),
+        "sign": Sphere(center=(-2, 0, 1), radius=0.3, material="u"),
+    },
     lights=LIGHTS,
     settings=Settings(spp=1, occlusion=Occlusion(sky=2, near=2), scatter=Scatter(rays=1)),
 )

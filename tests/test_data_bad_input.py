@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import visray as vr
+from visray.data import resolve
 from visray.data.gizmos import GIZMOS
+from visray.data.number_column import NumberColumn
 from visray.errors import UserError
 from visray.scene.check import checked
 
@@ -90,3 +92,14 @@ def test_odd_sizes_warn_of_nothing() -> None:
         rows = checked(scene(source=TABLE | {"rain": [0.0, 1.0, 4.0]}, height=rule, radius=0.1)).data.rows["rain"]
         assert rows.slopes["height"].tolist() == [0, 0, 0] and rows.stand.height.tolist() == [0.2, 0.2, 0.2]
         vr.SizeRule(column="a", scale="log").sizes(np.array([0.0, 1, 2]), (0, 1))
+
+
+def test_more_rows_than_fit_into_memory_are_refused_with_an_estimate(monkeypatch) -> None:
+    rows = 10_000_000
+    column = np.broadcast_to(1.0, rows)
+    monkeypatch.setattr(resolve.memory, "free", lambda: resolve.memory.Free(2**30, "are free"))
+    found = resolve._Resolver(
+        vr.DataLayer(lon=NumberColumn(column), lat=NumberColumn(column), radius=0.1, height=0.1), vr.GlobeBase()
+    ).run()
+    (flaw,) = found.flaws
+    assert flaw[0] == "source" and "has 10,000,000 rows, which need about 14.9 GiB, 1.0 GiB are free; take" in flaw[1]

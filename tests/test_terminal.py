@@ -239,7 +239,7 @@ def test_a_bar_appears_before_the_first_step(monkeypatch):
             return 0
 
         def update(self, task, **more):
-            shown.append((more["description"], more["completed"], more["total"]))
+            shown.append((more.get("description"), more["completed"], more["total"]))
 
     monkeypatch.setattr(progress, "_rich_bar", Recorder)
     monkeypatch.setattr(progress, "SHOWN_AFTER", 0.01)
@@ -249,3 +249,8 @@ def test_a_bar_appears_before_the_first_step(monkeypatch):
     assert shown == [("compiling", None), ("rendering", 1, 4), "stop"]
     with progress.Bar("rendering", 4, shown=False) as bar:
         assert not bar.timer.is_alive()
+    shown.clear()
+    started.clear()
+    with progress.Bar("reading", 1):
+        assert started.wait(60)
+    assert shown == [("reading", None), (None, 1, 1), "stop"]

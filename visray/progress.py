@@ -18,7 +18,7 @@ class Bar:
     """Progress bar on standard error, with the estimated time left; a context manager.
 
     title: text before the bar
-    total: total number of steps, which may change
+    total: total number of steps, which may change; 1 for work that is finished when the bar is left
     shown: whether the bar may appear
     before: text before the bar until the first step is finished, such as "compiling"; None means the title. A thread
         shows it, because a compilation may take minutes, in which no step is reported.
@@ -26,6 +26,7 @@ class Bar:
 
     def __init__(self, title: str, total: int, shown: bool = True, before: str | None = None):
         self.title, self.total, self.shown, self.before = title, total, shown, before or title
+        self.is_one_step = total == 1 and before is None
         self.begun, self.lock = clock.now(), threading.Lock()
         self.timer = threading.Timer(SHOWN_AFTER, self._appear)
         self.bar: Progress | None = None
@@ -36,11 +37,13 @@ class Bar:
             self.timer.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, error: type | None, *_: object) -> None:
         self.timer.cancel()
         with self.lock:
             self.shown = False
             if self.bar is not None:
+                if error is None and self.is_one_step:
+                    self.bar.update(self.bar.task_ids[0], completed=1, total=1)
                 self.bar.stop()
 
     def update(self, done: float) -> None:

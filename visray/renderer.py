@@ -37,7 +37,7 @@ from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.overlap_report import overlaps
 from visray.pass_timer import LONGEST_PASS, PassTimer
 from visray.passes import expose
-from visray.progress import Interrupts
+from visray.progress import Bar, Interrupts
 from visray.provenance import provenance
 from visray.ray_families import ray_families
 from visray.scene.adjusted import adjusted
@@ -114,7 +114,8 @@ def render(
         scene = adjusted(scene, sampler=sampler) if sampler != scene.settings.sampler else scene
     if threads is not None:
         set_threads(threads)
-    prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
+    with Bar("preparing", 1, progress):
+        prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
     with Interrupts(has_results=False) as interrupts:
         if goal:
             values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)

@@ -35,6 +35,7 @@ from visray.cli.options import (
 from visray.errors import UserError
 from visray.modes import MODES, Mode
 from visray.output.layers import LAYERS, NAMES, Layer, names_from
+from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
 
 if TYPE_CHECKING:
@@ -191,11 +192,11 @@ def render_command(
         warnings.simplefilter("ignore")
     with kept_notes() as notes:
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
-        loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
+        with Bar(f"reading {scene.name}", 1, not (quiet or json)):
+            loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
         from visray.adaptive.stopping import Goal
         from visray.output.image import check_destination
-        from visray.progress import Interrupts
         from visray.renderer import render
 
         Goal.from_arguments(error, time, spp, begun)

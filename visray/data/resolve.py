@@ -19,8 +19,9 @@ from visray.data.source import stamp_of
 from visray.output.curves import linear
 from visray.quantities import FARTHEST
 
-# Bytes of memory for each row while a picture is made.
-BYTES_PER_ROW = 3000
+# Bytes of memory for each row while a picture is made. Measured with 1,000,000 rows: 1,330 for spheres, 1,410 for
+# cones, 1,520 for boxes, 1,620 for cylinders with names, three columns and double precision.
+BYTES_PER_ROW = 1600
 # Sizes of gizmos that a layer does not give, as shares of the size of the base: ranges of rules, and constants.
 RANGES = {"height": (0.0, 0.2), "radius": (0.0, 0.025)}
 CONSTANTS = {"height": 0.05, "radius": 0.005}

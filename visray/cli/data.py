@@ -61,8 +61,12 @@ def data_command(
     source_line: Annotated[str, Parameter(help="Line that says where the data are from.", show_default=False)] = "",
     name: Annotated[str | None, Parameter(help="Column of names. Default: found by its name.")] = None,
     places: Annotated[
-        str, Parameter(help="Rows whose names are written at their places: none, all, or names with commas between.")
-    ] = "none",
+        str,
+        Parameter(
+            help="Rows whose names are written at their places: none, all, or names with commas between. "
+            "auto: all, if there are at most 15 rows."
+        ),
+    ] = "auto",
     save: Annotated[
         Path | None, Parameter(help="Write the scene to this .json file, and a map that was drawn next to it.")
     ] = None,
@@ -112,7 +116,7 @@ def data_command(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
         gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
         source_line=source_line,
-        places=places if places in ("none", "all") else parse_list(places),
+        places=places if places in ("auto", "none", "all") else parse_list(places),
         spp=spp, **({} if film is None else {"size": film}),
     )  # fmt: skip
     with _scene_file(save) as scene:

@@ -22,6 +22,10 @@ NO_QUANTITY = re.compile(r"(id|.*[_ ]id|index|no|nr|num|rank|code|zip|postcode|y
 NORMS = tuple(name for name in get_args(NormName) if name != "banded")
 
 
+# Largest number of rows whose names are written without being asked for.
+FEW = 15
+
+
 @dataclass(frozen=True, kw_only=True)
 class Wishes:
     """What a user asks for; None: it is chosen here.
@@ -32,7 +36,7 @@ class Wishes:
     image: path of the picture of the map
     extent: west, east, south and north edge of the map, in degrees
     title, source_line: texts of the legend
-    places: names of the rows that are labelled
+    places: names of the rows that are labelled; "auto": all, if they are few
     size: width and height of the picture, in pixels
     spp: samples per pixel
     """
@@ -51,7 +55,7 @@ class Wishes:
     extent: tuple[float, float, float, float] | None = None
     title: str = ""
     source_line: str = ""
-    places: Literal["none", "all"] | tuple[str, ...] = "none"
+    places: Literal["auto", "none", "all"] | tuple[str, ...] = "auto"
     size: tuple[int, int] = (960, 540)
     spp: int | None = None
 
@@ -92,6 +96,9 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
         except UserError as error:
             raise UserError(*(text.replace("say which one", "write --lon and --lat") for text in error.lines)) from None
         wishes = replace(wishes, lon=wishes.lon or lon, lat=wishes.lat or lat)
+    if wishes.places == "auto":
+        few = len(table) <= FEW and not table.lines and (wishes.name or _names(table))
+        wishes = replace(wishes, places="all" if few else "none")
     if wishes.places != "none" and wishes.name is None:
         wishes = replace(wishes, name=_names(table))
     if not (wishes.height or wishes.radius or wishes.color):

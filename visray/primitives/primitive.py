@@ -127,7 +127,7 @@ class Primitive:
     triangular = False  # whether a row is a triangle (corners)
     # Radius of an infinite cylinder about the z axis of the canonical shape that contains the shape. None: rays are not
     # tested against such a cylinder.
-    girth: float | None = None
+    girth = None
     fills_ball = False  # whether an object without a transform is its own bounding ball
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
     stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)

@@ -53,6 +53,31 @@ def test_wrong_layers_have_one_line_with_an_address(tmp_path, layer: dict, messa
     assert line.count("wind.csv") <= 1
 
 
+@pytest.mark.parametrize(
+    ("palette", "message"),
+    [
+        ([[float("inf"), "#000000"], [1, [1, 1, 1]]], "data.layers.rain.color.palette.0.0 = Infinity: must be finite"),
+        ([[0, "#000000"], [1, [1, "a", 1]]], "data.layers.rain.color.palette"),
+        ([[0, float("nan"), 0], "red"], "data.layers.rain.color.palette"),
+    ],
+)
+def test_wrong_palettes_have_messages_with_addresses(tmp_path, palette: list, message: str) -> None:
+    with pytest.raises(UserError) as caught:
+        loaded(tmp_path, {"source": "rain.csv", "radius": 0.1, "color": {"column": "rain", "palette": palette}})
+    assert caught.value.lines[0].startswith(f"{tmp_path}/scene.json: {message}")
+    assert all(line.startswith(f"{tmp_path}/scene.json: data.layers.rain.color.palette") for line in caught.value.lines)
+
+
+@pytest.mark.parametrize("number", ["9" * 30, "9" * 5000, "01", "\uff11", "\u00b2", "1e0", "-1", ""])
+def test_what_is_no_number_of_a_row_is_no_address(number: str) -> None:
+    made = checked(scene())
+    with pytest.raises(UserError, match=r"data\.rain"):
+        vr.value(made, f"data.rain.{number}.lon")
+    with pytest.raises(UserError, match=r"data\.rain"):
+        vr.replaced(made, f"data.rain.{number}.lon", 1.0)
+    assert f"data.rain.{number}" not in made.all_objects
+
+
 @pytest.mark.parametrize("given", [[1, None, 3], [-0.0, 1, 2], np.array([1, -np.nan, 3])])
 def test_columns_with_missing_numbers_are_equal_when_they_are_read_again(tmp_path, given: list) -> None:
     sources = [

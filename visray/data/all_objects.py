@@ -4,11 +4,13 @@ The base of the data is named `data.base`, and row 12 of the layer `rain` is nam
 objects have no dot, so each name is one object. Objects of rows are made when they are asked for.
 """
 
+import re
 from collections.abc import Collection, ItemsView, Iterator, Mapping, ValuesView
 
 import numpy as np
 
 from visray.data.data_scene import Data
+from visray.data.layer import ROW_NUMBER
 from visray.data.rows import Rows
 from visray.primitives.primitive import Primitive
 
@@ -54,7 +56,7 @@ class AllObjects(Mapping[str, Primitive]):
         """The layer of a row, and the row's index in it; None if there is no such row."""
         head, _, rest = name.partition(".")
         layer, _, number = rest.partition(".")
-        if head != "data" or layer not in self.layers or not (number.isdecimal() and str(int(number)) == number):
+        if head != "data" or layer not in self.layers or not re.fullmatch(ROW_NUMBER, number):
             return None
         rows = self.layers[layer]
         i = rows.index(int(number))

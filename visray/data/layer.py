@@ -17,7 +17,8 @@ from visray.quantities import FARTHEST, Name, Real
 Numbers = Annotated[NumberColumn, ColumnRule()]
 Source = Annotated[str | TableValue, SourceRule()]
 Share = Annotated[Real, Field(ge=0, le=1)]
-ROW_NUMBER = r"^(0|[1-9][0-9]*)$"
+# More digits than the number of any row, and fewer than Python refuses to read.
+ROW_NUMBER = r"^(0|[1-9][0-9]{0,17})$"
 RowNumber = Annotated[str, Field(pattern=ROW_NUMBER)]
 
 

@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 from visray import camera as cameras
 from visray.arguments import checked_arguments, python_number
+from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
@@ -79,7 +80,7 @@ def _row_edit(scene: Scene, address: str) -> tuple[str, str, str] | None:
     rows = checked(scene).data.rows[layer]
     if not rest:
         raise UserError(f"{address}: write a row and a property, as in {address}.0.lon, or data.layers.{layer}")
-    if not rest[0].isdecimal():
+    if not re.fullmatch(ROW_NUMBER, rest[0]):
         raise UserError(printable(f"{address}: the fields of a layer are below data.layers.{layer}; a row is a number"))
     if rows.index(int(rest[0])) is None:
         raise UserError(printable(f"{address}: data.{layer} shows no row {rest[0]}; {rows.numbers_text()}"))

@@ -41,7 +41,15 @@ def member(union: Any, tag: str) -> Any:
     kinds = [m for m in members if is_dataclass(bare(m)) and tag in (tag_of(bare(m)), bare(m).__name__)]
     not_kinds = [m for m in members if not is_dataclass(bare(m))]
     same_shape = [m for m in not_kinds if (get_origin(bare(m)) is tuple) == tag.startswith("tuple")]
-    return (kinds + same_shape + not_kinds)[0]
+    same_entries = [m for m in same_shape if tag.startswith(_beginning(bare(m)))]
+    return (kinds + same_entries + same_shape + not_kinds)[0]
+
+
+def _beginning(annotation: Any) -> str:
+    """First words of pydantic's name of a bare type, down to the first that is no tuple and no union."""
+    if is_union(annotation):
+        return "union["
+    return f"tuple[{_beginning(bare(get_args(annotation)[0]))}" if get_origin(annotation) is tuple else ""
 
 
 def child(annotation: Any, part: Any) -> Any:

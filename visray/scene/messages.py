@@ -112,7 +112,7 @@ def _locate(loc: tuple) -> _Place:
         optional = [m for m in members_of(bare(annotation)) if bare(m) is not NoneType]
         if is_union(bare(annotation)) and len(optional) == 1:
             annotation = optional[0]  # pydantic does not name the member of an optional type
-        if is_union(bare(annotation)):
+        if is_union(bare(annotation)) and isinstance(part, str):
             branches += (_Branch(address, annotation, part),)
             annotation = member(bare(annotation), part)
         else:

@@ -202,7 +202,7 @@ def test_dump_leaves_defaults_out_and_keeps_lists_on_a_line() -> None:
 def test_dump_like_a_file_says_what_that_says_in_its_order(path: Path, tmp_path: Path) -> None:
     scene, raw = load(path), json.loads(path.read_text())
     found = json.loads(dump(scene, path.parent, path))
-    for thing in found["objects"].values():
+    for thing in found.get("objects", {}).values():
         # Parameters of known surfaces come with the name, and are spelled out.
         if "surface" in thing and thing not in raw["objects"].values():
             del thing["parameters"]

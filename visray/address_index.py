@@ -153,8 +153,8 @@ class AddressIndex:
         array = getattr(values, "value" if parts[3] == "color" else parts[3], None)
         if array is None:
             raise UserError(f"{address}: has no derivative; those of data are {known}, and are no geometries")
-        if not self.scene.data.rows[parts[1]].has_slope(int(parts[2]), parts[3]):
-            raise UserError(f"{address}: has no derivative, as its rule is infinitely steep there")
+        if flaw := self.scene.data.rows[parts[1]].slope_flaw(int(parts[2]), parts[3]):
+            raise UserError(f"{address}: has no derivative, {flaw}")
         return Slot.at((array,), row, None)
 
     def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot | TableSlot:

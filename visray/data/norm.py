@@ -42,6 +42,12 @@ class Norm:
         t = np.asarray(t, float)
         return 0 * t + self.lo if self.constant else np.clip(self.inverse(t), self.lo, self.hi)
 
+    def moves_with(self, value: float) -> bool:
+        """Whether the norm changes if a datum with this value does, for a domain that is that of the data."""
+        # A symmetric domain is rounded: its end may be two roundings beyond the datum that sets it.
+        rounding = 2 * np.spacing(max(abs(self.lo), abs(self.hi)))
+        return self.constant or not self.lo + rounding < value < self.hi - rounding
+
     def span(self) -> float:
         """Size of the domain in the numbers that `inner` divides by; 0 if the domain is one point."""
         # Halves, because the difference of two finite numbers can overflow.
@@ -113,6 +119,9 @@ class QuantileNorm(Norm):
         if len(knots) > 1:
             shares[0], shares[-1] = 0, 1
         return QuantileNorm(float(knots[0]), float(knots[-1]), knots, shares)
+
+    def moves_with(self, value: float) -> bool:
+        return True
 
     def inner(self, v: np.ndarray) -> np.ndarray:
         return np.interp(v, self.knots, self.shares)

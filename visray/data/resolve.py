@@ -84,6 +84,7 @@ class _Resolver:
         self.sizes: dict[str, np.ndarray] = {}
         self.slopes: dict[str, np.ndarray] = {}
         self.rules: dict[str, Any] = {}
+        self.fitted: set[str] = set()
 
     def run(self) -> Resolved:
         """The layer's rows, or its flaws."""
@@ -168,8 +169,10 @@ class _Resolver:
         sizes = rule.sizes(values, default)
         self.sizes[key], self.slopes[key] = sizes.size, sizes.slope
         self.rules[key] = replace(rule, range=rule.range or default)
-        if rule.domain is None and sizes.lo < sizes.hi:
-            self.rules[key] = replace(self.rules[key], domain=(sizes.lo, sizes.hi))
+        if rule.domain is None:
+            self.fitted.add(key)
+            if sizes.lo < sizes.hi:
+                self.rules[key] = replace(self.rules[key], domain=(sizes.lo, sizes.hi))
 
     def _color(self) -> np.ndarray | None:
         """Colours of the rows that are shown, in linear light; None for that of the material. Shape: (N, 3)."""
@@ -187,6 +190,8 @@ class _Resolver:
         colours = rule.colours(values)
         self.slopes["color"] = colours.slope
         self.rules["color"] = rule.resolved(values)
+        if rule.domain is None or rule.norm == "quantile":
+            self.fitted.add("color")
         if colours.missing:
             self.counts["in the colour of missing values"] = colours.missing
         return colours.linear
@@ -243,5 +248,6 @@ class _Resolver:
         return Rows(
             self.gizmo, self.layer.geometry, self.layer.material, row if number is None else number, values, ground,
             stand, slopes, shape, None if color is None else color.T,
-            None if texts is None else tuple(texts[row].tolist()), lift, self.rules, self.counts, tuple(self.notes),
+            None if texts is None else tuple(texts[row].tolist()), lift, self.rules,
+            frozenset(self.fitted), self.counts, tuple(self.notes),
         )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 
 from visray.data.base import Ground
 from visray.data.gizmos import CONSTANT, GIZMOS, Fields, Gizmo, Stand
+from visray.data.size_rule import SizeRule
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.transforms import Matrix
@@ -36,6 +37,7 @@ class Rows:
     texts: label of each row; None if the layer has no column of names
     lift: height of the feet above the base
     rules: rules with the domain and range that the data give them, by property: a SizeRule, or ResolvedColors
+    fitted: properties whose rules have their domain from the data
     counts: number of rows of the source that are not shown, by reason
     notes: sentences about the data
     """
@@ -53,6 +55,7 @@ class Rows:
     texts: tuple[str, ...] | None
     lift: float
     rules: dict[str, Any] = field(default_factory=dict)
+    fitted: frozenset[str] = frozenset()
     counts: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -64,10 +67,25 @@ class Rows:
         i = int(np.searchsorted(self.number, number))
         return i if i < len(self) and self.number[i] == number else None
 
-    def has_slope(self, number: int, name: str) -> bool:
-        """Whether a size or a colour has a finite derivative by a number of a row of the source."""
-        slope = self.slopes.get(name)
-        return slope is None or bool(np.isfinite(slope[..., self.index(number)]).all())
+    def slope_flaw(self, number: int, name: str) -> str | None:
+        """Why a picture has no derivative by a number of a row of the source; None if it has one."""
+        i = self.index(number)
+        value, slope = self.values[name][i], self.slopes.get(name)
+        if np.isnan(value):
+            return "as this number is missing"
+        if slope is not None and not np.isfinite(slope[..., i]).all():
+            return "as its rule is infinitely steep there"
+        if name in self.fitted and self._is_end(value, self.rules[name]):
+            return "as the domain of its rule changes with it; give the rule a domain"
+        return None
+
+    @staticmethod
+    def _is_end(value: float, rule: Any) -> bool:
+        """Whether a domain that the data give changes with a value. rule: a SizeRule, or ResolvedColors."""
+        if isinstance(rule, SizeRule):
+            return rule.domain is None or abs(value) == rule.domain[1] or (
+                rule.scale == "log" and abs(value) == rule.domain[0])  # fmt: skip
+        return rule.bands is None and rule.norm.moves_with(value)
 
     def numbers_text(self) -> str:
         """Which rows are shown, as words."""

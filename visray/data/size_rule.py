@@ -18,7 +18,7 @@ class Sizes:
 
     size: world units; negative for what hangs down; NaN for missing values. Shape: (N)
     slope: derivative of `size` by the value. The domain is held fixed, even if it is that of the data. Infinite at the
-        value 0 of the scale sqrt, 0 for constant data. Shape: (N)
+        value 0 of the scale sqrt and where sizes jump there, 0 for constant data. Shape: (N)
     lo, hi: the domain.
     """
 
@@ -63,7 +63,11 @@ class SizeRule:
         v = np.asarray(values, float)
         size, slope = self._unsigned(v, *(self.range or default_range))
         lo, hi = self.limits(v)
-        return Sizes(size if self._signed else np.where(v < 0, -size, size), slope, lo, hi)
+        if self._signed:
+            return Sizes(size, slope, lo, hi)
+        # Below 0 a gizmo hangs down: where the size of 0 is not 0, it jumps there.
+        jump = (v == 0) & (size != 0) & (lo < hi)
+        return Sizes(np.where(v < 0, -size, size), np.where(jump, np.inf, slope), lo, hi)
 
     def limits(self, values: np.ndarray) -> tuple[float, float]:
         """The domain (lo, hi); (0, 0) without values. Shape: (N)."""

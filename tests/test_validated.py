@@ -21,7 +21,7 @@ import visray as vr
 from visray import transforms
 from visray.cli.options import load_scene
 from visray.primitives import rectangle, triangle
-from visray.scene import check, validated
+from visray.scene import check, transform_flaws, validated
 from visray.scene.address import changed
 from visray.scene.check import SECTIONS, checked, examined
 from visray.scene.garbage import uncollected
@@ -320,10 +320,10 @@ FLAT = Matrix(matrix=((0.0, 0.0, 3.1e-14, 0.0), (0.0, 1.0, 0.0, 0.0), (1.0, 0.0,
 @example(steps=[FLAT])
 def test_bounds_judge_a_transform_as_arrays_do(steps: list) -> None:
     with np.errstate(all="ignore"):
-        quick = check._transform_flaw(tuple(steps))
+        quick = transform_flaws.transform_flaw(tuple(steps))
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(check, "_clearly_invertible", lambda steps: False)
-            assert quick == check._transform_flaw(tuple(steps))
+            assert quick == transform_flaws.transform_flaw(tuple(steps))
         if quick is None:
             least, most, far = transforms.bounds(tuple(steps))
             whole = transforms.compose(tuple(steps))

@@ -322,7 +322,7 @@ def test_bounds_judge_a_transform_as_arrays_do(steps: list) -> None:
     with np.errstate(all="ignore"):
         quick = transform_flaws.transform_flaw(tuple(steps))
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(check, "_clearly_invertible", lambda steps: False)
+            patch.setattr(transform_flaws, "_clearly_invertible", lambda steps: False)
             assert quick == transform_flaws.transform_flaw(tuple(steps))
         if quick is None:
             least, most, far = transforms.bounds(tuple(steps))

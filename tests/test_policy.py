@@ -64,7 +64,9 @@ def crowd(count: int) -> vr.Scene:
     )
 
 
-@pytest.mark.parametrize("count", [3, 40, 140])
+@pytest.mark.parametrize(
+    "count", [3, pytest.param(40, marks=pytest.mark.slow), pytest.param(140, marks=pytest.mark.slow)]
+)
 def test_the_picture_is_the_same_whatever_the_setting(count: int) -> None:
     """All layers; colours through glass multiply in another order where the tree has it so."""
     images = [vr.render(vr.replaced(crowd(count), "settings.accelerator", way), progress=False) for way in WAYS]

@@ -129,6 +129,10 @@ class GlobeBase(AnyBase):
         """Whether places lie on the base. Shapes: (N), (N) -> (N)."""
         return on_earth(lon, lat)
 
+    def joined(self, first: Any, last: Any) -> Any:
+        """Whether a line between two longitudes stays on the base. Shapes: (N), (N) -> (N)."""
+        return np.ones(np.shape(first), bool)
+
     def place(self, lon: Any, lat: Any) -> Ground:
         """The ground at places. Shapes: (N), (N). Domain: all finite numbers; at a pole, `east` is that of the
         meridian."""
@@ -208,6 +212,11 @@ class FlatBase(AnyBase):
         west, east, south, north = self.extent
         lat, wrapped = np.asarray(lat, float), self._wrapped(lon)
         return on_earth(lon, lat) & (wrapped >= west) & (wrapped <= east) & (lat >= south) & (lat <= north)
+
+    def joined(self, first: Any, last: Any) -> Any:
+        """Whether a line between two longitudes stays on the base, and does not cross its edge from side to side.
+        Shapes: (N), (N) -> (N)."""
+        return np.abs((self._wrapped(last) - self._wrapped(first)) - (last - first)) < 180
 
     def place(self, lon: Any, lat: Any) -> Ground:
         """The ground at places. Places beyond the extent lie beyond the edges of the map. Shapes: (N), (N). Domain:

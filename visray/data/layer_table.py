@@ -60,8 +60,8 @@ class LayerTable:
             t._check_lengths()
         if not t.flaws:
             t._edit()
-        if not t.flaws and not t.is_lines:
-            t._check_positions()
+        if not t.flaws:
+            t._check_lines() if t.is_lines else t._check_positions()
         return t
 
     @property
@@ -77,10 +77,16 @@ class LayerTable:
         """Where a row stands, for messages: `line 12` of a file, or `row 12`."""
         return f"row {row}" if self.table is None or row >= len(self.table) else self.table.place(row)
 
-    def rows_text(self, wrong: np.ndarray, *values: np.ndarray) -> str:
-        """The first wrong rows with their values, and how many more there are. wrong: mask of the rows."""
+    def rows_text(self, wrong: np.ndarray, *values: np.ndarray, rows: np.ndarray | None = None) -> str:
+        """The first wrong rows with their values, and how many more there are.
+
+        wrong: mask of the rows. rows: number of the row of each entry; None: they are counted from 0.
+        """
         found = np.flatnonzero(wrong)
-        shown = [f"{self.place(i)} ({', '.join(f'{v[i]:g}' for v in values)})" for i in found[:LISTED]]
+        shown = [
+            f"{self.place(i if rows is None else rows[i])} ({', '.join(f'{v[i]:g}' for v in values)})"
+            for i in found[:LISTED]
+        ]
         return ", ".join(shown) + (f", and {len(found) - LISTED:,} more" if len(found) > LISTED else "")
 
     def texts(self) -> np.ndarray | None:
@@ -199,6 +205,18 @@ class LayerTable:
         """The array of the source that holds the numbers of a property; it must not be changed."""
         stored = list(self.table.columns.values()) if self.table is not None else []
         return next((x for x in stored if x is self.values[key]), None)
+
+    def _check_lines(self) -> None:
+        """Finds lines with points that are not on earth."""
+        points = np.concatenate([line for _, line in self.table.lines])
+        row = np.repeat([number for number, _ in self.table.lines], [len(line) for _, line in self.table.lines])
+        if text := swapped(*points.T):
+            self.flaws.append(("source", f"{text}; GeoJSON has the longitude first"))
+            return
+        wrong = ~on_earth(*points.T)
+        if wrong.any():
+            text = f"longitude and latitude are out of range: {self.rows_text(wrong, *points.T, rows=row)}"
+            self.flaws.append(("source", f"{text}; they are degrees, from -180 to 360 and from -90 to 90"))
 
     def _check_positions(self) -> None:
         """Finds positions that are not on earth."""

@@ -16,6 +16,7 @@ from visray.data.outlines import Segments
 from visray.data.rows import Rows
 from visray.data.size_rule import SizeRule
 from visray.data.source import stamp_of
+from visray.data.touching import notes_of_touching
 from visray.output.curves import linear
 from visray.quantities import FARTHEST
 
@@ -216,6 +217,7 @@ class _Resolver:
         stand = Stand(ground.point.T + up * lift, up, east, np.cross(ground.up, ground.east).T,
                       np.abs(sizes.get("height", sizes["radius"])), sign, np.abs(sizes["radius"]),
                       self.layer.sunk)  # fmt: skip
+        self.notes += notes_of_touching(self.gizmo, self.base, stand, lift, kept, color is not None)
         return self._rows(kept, values, ground, stand, slopes, self.gizmo.fields(stand), color, lift)
 
     def _lines(self, color: np.ndarray | None) -> Rows:

@@ -115,7 +115,8 @@ def test_odd_sizes_warn_of_nothing() -> None:
         warnings.simplefilter("error")
         rule = vr.SizeRule(column="rain", scale="sqrt", range=(0.2, 0.2))
         rows = checked(scene(source=TABLE | {"rain": [0.0, 1.0, 4.0]}, height=rule, radius=0.1)).data.rows["rain"]
-        assert rows.slopes["height"].tolist() == [0, 0, 0] and rows.stand.height.tolist() == [0.2, 0.2, 0.2]
+        # At 0 the gizmo would turn down, from 0.2 to -0.2.
+        assert rows.slopes["height"].tolist() == [np.inf, 0, 0] and rows.stand.height.tolist() == [0.2, 0.2, 0.2]
         vr.SizeRule(column="a", scale="log").sizes(np.array([0.0, 1, 2]), (0, 1))
 
 

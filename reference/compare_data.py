@@ -9,7 +9,7 @@ command that makes such a picture without a script.
 
 lines: those with code, without docstrings, comments and empty lines
 s: least wall-clock seconds of several runs, from the start of a process to the PNG file; the programs take turns
-cpu_s: processor seconds of the same run
+cpu_s: least processor seconds of these runs
 first: with an empty cache of kernels. pyvista and basemap have no such cache
 
 A program that is not installed is left out. With --picture, the pictures are also written side by side.
@@ -85,14 +85,15 @@ def seconds(words: list[str], cache: str) -> tuple[float, float]:
 
 
 def timed(calls: dict[str, Callable[[], tuple[float, float]]], runs: int) -> dict[str, dict[str, float]]:
-    """Seconds of each call, by name: those of the run with the least wall-clock time. The calls take turns."""
+    """Least wall-clock and processor seconds of each call, by name. The calls take turns."""
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in calls}
     for i in range(runs):
-        for name, call in calls.items():
-            found[name].append(call())
+        # Each time another one begins.
+        for name in (names := list(calls))[i % len(names) :] + names[: i % len(names)]:
+            found[name].append(calls[name]())
             print(f"run {i + 1}, {name}: {found[name][-1][0]:.2f} s", file=sys.stderr)
-    least = {name: min(pairs) for name, pairs in found.items()}
-    return {name: {"s": round(wall, 3), "cpu_s": round(cpu, 3)} for name, (wall, cpu) in least.items()}
+    least = {name: [round(min(x), 3) for x in zip(*pairs)] for name, pairs in found.items()}
+    return {name: {"s": wall, "cpu_s": cpu} for name, (wall, cpu) in least.items()}
 
 
 def measured(kind: str, pythons: dict[str, str], folder: Path, runs: int) -> list[dict]:

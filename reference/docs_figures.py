@@ -423,7 +423,7 @@ def compare_data() -> list[str]:
         "the very first time, s",
     ]
     peers = ", ".join(f"{name} {version}" for name, version in report["peers"].items())
-    busy = " The machine was busy with other work; seconds of the processor depend less on that."
+    busy = " The machine was busy with other work; the seconds of the processor depend less on it."
     busy = busy if report["load"] > report["threads"] else ""
     return [
         *table(heads, rows),

@@ -24,4 +24,4 @@ scene = vr.Scene(
         legend=vr.Legend(title="Rain in large cities", labels={"rain": "rain in 2016"}, units={"rain": "mm"}),
     ),
 )
-vr.render(scene, spp=16).write(sys.argv[1])
+vr.render(scene, spp=16, layers=("RGB", "legend")).write(sys.argv[1])

@@ -26,4 +26,4 @@ scene = vr.Scene(
         ),
     ),
 )
-vr.render(scene, spp=16).write(sys.argv[1])
+vr.render(scene, spp=16, layers=("RGB", "legend")).write(sys.argv[1])

@@ -32,7 +32,8 @@ from visray.textures import Texture
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = {path.stem: path for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))}
 sys.path.insert(0, str(ROOT / "reference"))
-import docs_figures  # noqa: E402 - from the folder that the line above adds
+import compare_data  # noqa: E402 - from the folder that the line above adds
+import docs_figures  # noqa: E402 - likewise
 
 TEXTS = {name: path.read_text() for name, path in PAGES.items()}
 page = pytest.mark.parametrize("page", PAGES)
@@ -122,6 +123,15 @@ def test_the_reports_are_of_every_scene_and_all_passed():
     assert all(r["passed"] for r in report.values())
 
 
+def test_the_scripts_that_are_compared_have_the_lines_of_the_report():
+    report = json.loads((ROOT / "reference" / "compare_data.json").read_text())["rows"]
+    told = {f"{r['program']}_{r['picture']}.py": r["lines"] for r in report if r["program"] in compare_data.PROGRAMS}
+    assert told == {
+        path.name: compare_data.lines_of_code(path.read_text()) for path in compare_data.SCRIPTS.glob("*.py")
+    }
+    assert compare_data.lines_of_code('"""Title.\n\nMore."""\n\n# reason\nx = [\n    1\n]  # one\n') == 3
+
+
 @page
 def test_a_page_speaks_of_nothing_that_its_reader_does_not_have(page):
     """Paths of one machine, and words that only people who work on visray know."""
@@ -162,7 +172,19 @@ def test_the_setup_file_on_the_page_of_visraytrace_belongs_to_its_scene(folder):
 @pytest.mark.filterwarnings("ignore::visray.EdgeWarning")
 @pytest.mark.parametrize("page, block", blocks("python"))
 def test_a_script_on_a_page_runs(page, block, folder, monkeypatch):
-    """With few samples, on small pictures: what it prints is not looked at."""
+    """What it prints is not looked at."""
+    run_small(block, f"{page}.md", monkeypatch)
+
+
+@pytest.mark.parametrize("script", sorted(compare_data.SCRIPTS.glob("visray_*.py")), ids=lambda path: path.stem)
+def test_a_script_that_is_compared_with_other_programs_runs(script, folder, monkeypatch):
+    monkeypatch.setattr(sys, "argv", [str(script), "picture.png"])
+    run_small(script.read_text(), script.name, monkeypatch)
+    assert Path("picture.png").exists()
+
+
+def run_small(text, name, monkeypatch):
+    """Runs a script with few samples, on small pictures."""
     render, load, scene = vr.render, vr.load, vr.Scene
     small = vr.Film(width=16, height=12)
     monkeypatch.setattr(vr, "Scene", lambda **parts: scene(**parts | {"film": small}))
@@ -170,7 +192,7 @@ def test_a_script_on_a_page_runs(page, block, folder, monkeypatch):
     monkeypatch.setattr(vr, "render", lambda made, **k: render(made, **k | {"size": (16, 12), "progress": False}))
     monkeypatch.setattr(vr, "cost", _stub(vr.cost))
     monkeypatch.setattr(vr, "tune", _stub(vr.tune))
-    exec(compile(re.sub(r"\bspp=\d+", "spp=2", block), f"{page}.md", "exec"), {"__name__": "__main__"})
+    exec(compile(re.sub(r"\bspp=\d+", "spp=2", text), name, "exec"), {"__name__": "__main__"})
 
 
 class _Record:

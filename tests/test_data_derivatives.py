@@ -12,6 +12,7 @@ COLOR = vr.ColorRule(column="heat", domain=(0, 30))
 TABLE = {
     "lon": [10.0, 60.0, -50.0, 100.0], "lat": [20.0, -10.0, 40.0, 5.0], "rain": [3.0, 5.0, 7.0, 0.0],
     "heat": [4.0, 9.0, 20.0, None], "same": [2.0, 2.0, 2.0, 2.0],
+    "wind": [1.0, 6.0, 4.0, 9.0],
 }  # fmt: skip
 
 
@@ -38,7 +39,7 @@ ENDS = "as the domain of its rule changes with it; give the rule a domain"
         ({}, "data.rain.3.height", "as its rule is infinitely steep there"),
         ({"height": vr.SizeRule(column="rain", scale="sqrt", range=(0, 1))}, "data.rain.2.height", ENDS),
         ({"height": "rain"}, "data.rain.2.height", ENDS),
-        ({"height": vr.SizeRule(column="lon", scale="log", range=(0.1, 1))}, "data.rain.0.height", ENDS),
+        ({"height": vr.SizeRule(column="wind", scale="log", range=(0.1, 1))}, "data.rain.0.height", ENDS),
         ({"height": vr.SizeRule(column="same", scale="log", range=(0.1, 1))}, "data.rain.0.height", ENDS),
         ({"color": "heat"}, "data.rain.0.color", ENDS),
         ({"color": "heat"}, "data.rain.2.color", ENDS),

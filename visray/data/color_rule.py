@@ -1,5 +1,6 @@
 """Colour rules: how the values of a column become colours."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -7,7 +8,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_hex
-from visray.data.column import Column, rows_text
+from visray.data.column import Column, Place, row_place, rows_text
 from visray.data.norm import LogNorm, Norm, PowerNorm, QuantileNorm
 from visray.data.palette import Encoding, PaletteSpec, palette_flaw, palette_of
 from visray.data.resolved_colors import Colours, ResolvedColors
@@ -97,16 +98,22 @@ class ColorRule:
             return None
         return norm.value(np.arange(self.bands + 1) / self.bands)
 
-    def flaws(self, values: np.ndarray | None = None, rows: np.ndarray | None = None) -> list[tuple[str, str]]:
+    def flaws(
+        self, values: np.ndarray | None = None, rows: np.ndarray | None = None, place: Place = row_place
+    ) -> list[tuple[str, str]]:
         """A list of errors (field, message); empty if there is none.
 
         values: the values of the column; None: only the fields are checked.
         rows: numbers of the rows; None: they are counted from 0.
+        place: where a row stands, from its number.
 
         Shapes: (N) each.
         """
         found = self._palette_flaws() + self._domain_flaws() + self._band_flaws() + self._unused()
-        return found + ([] if values is None else self._value_flaws(np.asarray(values, float), rows))
+        if values is None:
+            return found
+        v = np.asarray(values, float)
+        return found + self._value_flaws(v, lambda wrong: rows_text(wrong, v, rows, place))
 
     def _palette_flaws(self) -> list[tuple[str, str]]:
         """A list of errors in the palette and in other colours."""
@@ -177,16 +184,14 @@ class ColorRule:
             if self.norm != norm and getattr(self, name) != default
         ]
 
-    def _value_flaws(self, values: np.ndarray, rows: np.ndarray | None) -> list[tuple[str, str]]:
-        """A list of errors about values. Shapes: (N) each."""
+    def _value_flaws(self, values: np.ndarray, said: Callable[[np.ndarray], str]) -> list[tuple[str, str]]:
+        """A list of errors about values. said: wrong rows in words, from their mask. Shape: (N)."""
         found = []
         if (endless := np.isinf(values)).any():
-            found.append(
-                ("column", f"has infinite values: {rows_text(endless, values, rows)}; leave these cells empty")
-            )
+            found.append(("column", f"has infinite values: {said(endless)}; leave these cells empty"))
         low = (values <= 0) & ~np.isinf(values)
         if self.norm == "log" and low.any():
-            text = f"values must be above 0 for log, unlike {rows_text(low, values, rows)}"
+            text = f'values of "{self.column}" must be above 0 for log, unlike {said(low)}'
             found.append(("norm", f'{text}; take "power" or "symmetric", or leave these cells empty'))
         return found
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from visray import memory
-from visray.data.base import Base
+from visray.data.base import Base, GlobeBase
 from visray.data.color_rule import ColorRule
 from visray.data.gizmos import GIZMOS, Stand
 from visray.data.layer import DataLayer
@@ -25,6 +25,8 @@ from visray.quantities import FARTHEST
 BYTES_PER_ROW = 1600
 # Sizes of gizmos that a layer does not give, as shares of the size of the base: ranges of rules, and constants.
 RANGES = {"height": (0.0, 0.2), "radius": (0.0, 0.025)}
+# The first size of a logarithmic scale, as a share of the last one.
+LOG_LEAST = 0.1
 CONSTANTS = {"height": 0.05, "radius": 0.005}
 LINE_RADIUS = 0.001
 DISK_LIFT = 0.001
@@ -150,19 +152,37 @@ class _Resolver:
                 self.sizes[key] = np.full(len(self.t), share if rule is None else rule, float)
         if self.flaws:
             return
-        if "height" in self.gizmo.sizes and (self.sizes["radius"][self.kept] < 0).any():
+        upright = "height" in self.gizmo.sizes
+        if (upright or self.t.is_lines) and (self.sizes["radius"][self.kept] < 0).any():
             wrong = self.kept & (self.sizes["radius"] < 0)
             text = f"must not be negative: {self.t.rows_text(wrong, self.t.values['radius'])}"
             self.flaws.append(("radius", f"{text}; take another column, or leave these cells empty"))
         for key, size in self.sizes.items():
             with np.errstate(invalid="ignore"):
                 self._drop(np.abs(size) < 1 / FARTHEST, f"of {key} 0")
+        self._note_hanging("height" if upright else "radius")
+
+    def _note_hanging(self, key: str) -> None:
+        """Notes how many gizmos hang below the base, where nobody sees them. key: the size that has a sign"""
+        down = int((self.sizes[key][self.kept] < 0).sum())
+        if not down:
+            return
+        rule = self.t.rules[key]
+        column = "" if rule.column == "value" and self.layer.value is not None else f' "{rule.column}"'
+        where = "inside the globe" if isinstance(self.base, GlobeBase) else "below the map"
+        what = f"their gizmos hang {where}, where they are not seen"
+        if self.gizmo.flat:
+            what = "their gizmos look like those of values above 0"
+        text = f"{down:,} of {int(self.kept.sum()):,} values of {key}{column} are below 0; {what}"
+        self.notes.append(f"{text}; show them by color, or by a domain that begins below 0")
 
     def _size(self, key: str, rule: SizeRule) -> None:
         """Computes the sizes that a rule gives."""
         values = np.where(self.kept, self.t.values[key], np.nan)
-        default = tuple(x * self.base.size for x in RANGES[key])
-        found = rule.flaws(values, default)
+        a, b = (x * self.base.size for x in RANGES[key])
+        # Of a logarithmic scale, the smallest value has the first size: it must be seen.
+        default = (LOG_LEAST * b if rule.scale == "log" else a, b)
+        found = rule.flaws(values, default, place=self.t.place)
         self.flaws += [(f"{key}.{name}", text) for name, text in found]
         if found:
             return
@@ -183,7 +203,7 @@ class _Resolver:
         if not isinstance(rule, ColorRule):
             return np.tile(linear(np.array(rule, float)), (shown, 1))
         values = self.t.values["color"][self.kept]
-        found = rule.flaws(values, np.flatnonzero(self.kept))
+        found = rule.flaws(values, np.flatnonzero(self.kept), self.t.place)
         self.flaws += [(f"color.{name}", text) for name, text in found]
         if found:
             return None

@@ -1,12 +1,13 @@
 """Size rules: how the values of a column become heights and radii."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from visray.data.column import Column, rows_text
+from visray.data.column import Column, Place, row_place, rows_text
 from visray.quantities import FARTHEST, LengthOrZero, Real
 
 _Size = Annotated[Real, Field(ge=0, le=FARTHEST)]
@@ -35,7 +36,8 @@ class SizeRule:
 
     `column` holds the values. `scale` says what f is: the value itself (linear), its root (sqrt; areas are then
     proportional to values if lo and a are 0), or its logarithm (log). The default domain is from 0 to the largest
-    absolute value; for log it is from the smallest to the largest one. The default range depends on the scene.
+    absolute value; for log it is from the smallest to the largest one, and all values must be above 0. The default
+    range depends on the scene.
 
     `negative`: a negative value has the size of its absolute value and hangs down (`down`), or it is an error
     (`refuse`). If lo is negative, negative values are placed in the domain as they are, and hang down only if the
@@ -97,12 +99,14 @@ class SizeRule:
         values: np.ndarray | None = None,
         default_range: tuple[float, float] = (0.0, 1.0),
         rows: np.ndarray | None = None,
+        place: Place = row_place,
     ) -> list[tuple[str, str]]:
         """A list of errors (field, message); empty if there is none.
 
         values: the values of the column; None: only the fields are checked.
         default_range: as in `sizes`.
         rows: numbers of the rows; None: they are counted from 0.
+        place: where a row stands, from its number.
 
         Shapes: (N) each.
         """
@@ -117,26 +121,34 @@ class SizeRule:
                 return [("domain", "both numbers must be at least 0 for the scale sqrt")]
             if not _scaled(self.scale, lo) < _scaled(self.scale, hi):
                 return [("domain", "the two numbers are too near for double precision")]
-        return [] if values is None else self._value_flaws(np.asarray(values, float), default_range, rows)
+        if values is None:
+            return []
+        v = np.asarray(values, float)
+        return self._value_flaws(v, default_range, lambda wrong: rows_text(wrong, v, rows, place))
 
-    def _value_flaws(self, v: np.ndarray, default_range: tuple[float, float], rows: Any) -> list[tuple[str, str]]:
-        """A list with the first kind of error about values, if there is one. Shape: v (N)."""
+    def _value_flaws(
+        self, v: np.ndarray, default_range: tuple[float, float], said: Callable[[np.ndarray], str]
+    ) -> list[tuple[str, str]]:
+        """A list with the first kind of error about values, if there is one. Shape: v (N).
+
+        said: wrong rows in words, from their mask.
+        """
         a, b = self.range or default_range
         if (wrong := np.isinf(v)).any():
-            return [("column", f"has infinite values: {rows_text(wrong, v, rows)}; leave these cells empty")]
-        if self.scale == "log" and (wrong := v == 0).any():
-            text = f"the column has values of 0, of which there is no logarithm: {rows_text(wrong, v, rows)}"
+            return [("column", f"has infinite values: {said(wrong)}; leave these cells empty")]
+        if self.scale == "log" and (wrong := v <= 0).any():
+            text = f'values of "{self.column}" must be above 0 for log, unlike {said(wrong)}'
             return [("scale", f'{text}; take "linear" or "sqrt", or leave these cells empty')]
         if self.negative == "refuse" and not self._signed and (wrong := v < 0).any():
-            text = f"negative values are refused: {rows_text(wrong, v, rows)}"
+            text = f'negative values of "{self.column}" are refused: {said(wrong)}'
             return [("negative", f'{text}; write "down", or leave these cells empty')]
         size = self._unsigned(v, a, b)[0]
         turned = (v < 0) & (self.negative == "down") if self._signed else np.zeros_like(v, bool)
         if (wrong := (size < 0) & ~turned).any():
-            text = f"values so far beyond the domain have a size below 0: {rows_text(wrong, v, rows)}"
+            text = f"values so far beyond the domain have a size below 0: {said(wrong)}"
             return [("domain", f"{text}; widen the domain, or leave it out")]
         if (wrong := np.abs(size) > FARTHEST).any():
-            text = f"values so far beyond the domain have a size above {FARTHEST:g}: {rows_text(wrong, v, rows)}"
+            text = f"values so far beyond the domain have a size above {FARTHEST:g}: {said(wrong)}"
             return [("domain", f"{text}; widen the domain")]
         return []
 

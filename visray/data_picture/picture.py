@@ -126,9 +126,6 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
     if "lon" in rows.values and (nowhere := int(((rows.values["lon"] == 0) & (rows.values["lat"] == 0)).sum())):
         text = "1 row is" if nowhere == 1 else f"{nowhere:,} rows are"
         notes.append(f"{text} at longitude 0 and latitude 0, in the sea: is the position missing?")
-    if (down := int((rows.stand.sign < 0).sum())) and wishes.height:
-        text = f"{down:,} of {count:,} values are below 0; their gizmos hang below the ground, where they are not seen"
-        notes.append(f"--height: {text}; show the column with --color instead")
     if (skewed := _skewed(rows)) and wishes.norm is None:
         notes.append(f"--color: {skewed}; most have nearly the same colour, and --norm quantile spreads them")
     if isinstance(base, GlobeBase) and "lon" in rows.values:

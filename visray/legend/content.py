@@ -21,6 +21,8 @@ from visray.scene.scene import Scene
 
 # Largest size of a gizmo in a key, as a share of the film's shorter side, and the least that is seen, in pixels.
 LARGEST, LEAST = 0.14, 1.0
+# The same of a logarithmic scale: readers can complete it only between two keys.
+LARGEST_OF_LOG = 0.3
 # Number of gizmos in a scale of sizes.
 SHOWN = 3
 
@@ -81,7 +83,7 @@ def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:
     # A value has the same size whatever other values there are, because the rule's domain is known.
     world = np.abs(rule.sizes(np.array(found), rule.range).size) if found else np.zeros(0)
     pixels = world * (_height_pixels(scene, rows) if key == "height" else 2 * _width_pixels(scene, rows))
-    limit = LARGEST * min(scene.film.width, scene.film.height)
+    limit = (LARGEST_OF_LOG if rule.scale == "log" else LARGEST) * min(scene.film.width, scene.film.height)
     fitting = [i for i in range(len(found)) if LEAST <= pixels[i] <= limit]
     kept = [fitting[i] for i in sorted({0, (len(fitting) - 1) // 2, len(fitting) - 1})] if fitting else []
     return SizeScale(label, shape, tuple((t, float(pixels[i])) for t, i in zip(_texts(found, kept), kept)))

@@ -25,8 +25,11 @@ ODD = [
 GOOD = {
     "scene": BALL, "path": str(SCENES / "sphere.json"), "address": "objects.a.radius", "new": 2.0, "error": 0.01,
     "wrt": ["objects.a.radius"], "x": 0, "y": 0, "points": (0.0, 0.0, 0.0),
+    "table": {"lon": [2.0, 3.0], "lat": [41.0, 42.0], "rain": [1.0, 2.0]},
 }  # fmt: skip
 FUNCTIONS = [getattr(vr, name) for name in vr.__all__ if inspect.isfunction(getattr(vr, name))]
+# It has many parameters, and draws a map for those that are right.
+FUNCTIONS = [pytest.param(f, marks=pytest.mark.slow) if f is vr.data_scene else f for f in FUNCTIONS]
 
 
 class Begun(Exception):

@@ -53,7 +53,7 @@ def said(capsys, *words: str):
 
 
 def picture(path, **wishes) -> DataPicture:
-    return data_picture(Path(path), Wishes(**wishes), "map.png")
+    return data_picture(str(path), Wishes(**wishes), "map.png")
 
 
 @pytest.mark.slow

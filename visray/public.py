@@ -9,6 +9,7 @@ from visray.data.data_scene import Data
 from visray.data.layer import DataLayer, RowEdit
 from visray.data.legend import Legend
 from visray.data.size_rule import SizeRule
+from visray.data_picture import data_scene
 from visray.edges import EdgeWarning
 from visray.errors import UserError
 from visray.gradients import derivative, difference, gradient
@@ -69,6 +70,7 @@ __all__ = [
     "UserError",
     "__version__",
     "cost",
+    "data_scene",
     "derivative",
     "difference",
     "dump",

@@ -121,7 +121,7 @@ def data_command(
     )  # fmt: skip
     with _scene_file(save) as scene:
         with Bar(f"reading {file.name}", 1, not (quiet or json)):
-            made = data_picture(file, wishes, str(_map_path(scene)))
+            made = data_picture(str(file), wishes, str(_map_path(scene)))
             _write(made, scene, save is not None)
         for text in made.notes:
             warnings.warn(text, stacklevel=1)
@@ -177,8 +177,8 @@ def _scene_file(save: Path | None) -> Iterator[Path]:
 
 def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
     """Writes the scene file, and the picture of its map if it was drawn. kept: whether the user asked for the file."""
+    from visray.data_picture.drawn_map import write_map
     from visray.output.files import write_text
-    from visray.output.png import encode, write_png
     from visray.scene.load import dump
 
     with warnings.catch_warnings():
@@ -186,7 +186,7 @@ def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
             warnings.simplefilter("ignore")
         text = dump(made.scene, scene.parent)
     if made.drawn is not None:
-        write_png(made.scene.textures["map"].file, encode(made.drawn, {}, True))
+        write_map(made.drawn, made.scene.textures["map"].file)
     write_text(scene, text)
 
 

@@ -10,7 +10,11 @@ from visray.data.layer import DataLayer
 from visray.data.legend import Legend
 from visray.data.resolve import resolved
 from visray.data.rows import Rows
+from visray.data.table import LISTED
+from visray.errors import UserError
+from visray.hints import hint
 from visray.quantities import Name
+from visray.terminal import printable
 
 # Names that no layer can have, because they are the names of other parts of the data.
 RESERVED = ("base", "layers", "legend")
@@ -40,6 +44,23 @@ class Data:
         """A number of a row, in units of the data. Domain: the row is shown, and has the number."""
         rows = self.rows[layer]
         return float(rows.values[name][rows.index(int(number))])
+
+    def row(self, layer: str, name: str) -> int:
+        """Number of the row with a name, as `data.LAYER.NUMBER` has it. Raises a UserError if no row that is shown has
+        the name, or several have it. Domain: no flaws."""
+        if layer not in self.rows:
+            raise UserError(printable(f"data.{layer}: there is no such layer; {hint(layer, list(self.rows))}"))
+        rows = self.rows[layer]
+        if rows.texts is None:
+            raise UserError(printable(f"data.layers.{layer}.name: the layer has no column of names; write one"))
+        found = [int(n) for n, text in zip(rows.number, rows.texts) if text == name]
+        if not found:
+            text = f'no row that is shown has the name "{name}"'
+            raise UserError(printable(f"data.{layer}: {text}; {hint(name, list(dict.fromkeys(rows.texts)))}"))
+        if len(found) > 1:
+            several = ", ".join(map(str, found[:LISTED])) + (", ..." if len(found) > LISTED else "")
+            raise UserError(printable(f'data.{layer}: rows {several} have the name "{name}"; take one of these'))
+        return found[0]
 
     def flaws(self) -> list[tuple[str, str]]:
         """A list of errors (address below the data, message)."""

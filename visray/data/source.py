@@ -99,7 +99,7 @@ def file_digest(path: str) -> str:
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
+    except (OSError, ValueError):
         return path
 
 
@@ -109,7 +109,7 @@ def stamp_of(source: "str | TableValue | None") -> Any:
         return source
     try:
         facts = os.stat(source)
-    except OSError:
+    except (OSError, ValueError):
         return source
     return source, facts.st_mtime_ns, facts.st_size, facts.st_ino
 

@@ -11,7 +11,7 @@ from visray.data.data_scene import RESERVED, Data
 from visray.data.layer import DataLayer
 from visray.data.legend import Legend
 from visray.data.rows import Rows
-from visray.data.source import table_from
+from visray.data.source import TableValue, table_from
 from visray.data.table import Table
 from visray.data_picture.placing import BASE_MATERIAL, DATA_MATERIAL, base_for, flaw_lines, layer_for, places, sized
 from visray.data_picture.viewing import viewed
@@ -23,6 +23,8 @@ from visray.textures import ImageTexture
 
 # Name of the texture of the scene.
 TEXTURE = "map"
+# Name of the layer of a table that is no file.
+WITHOUT_FILE = "table"
 # Colour of gizmos without a colour column, linear Rec. 709.
 ONE_COLOUR = (0.75, 0.2, 0.08)
 # Pixels of the drawn map for each pixel of the picture's width: in front, a map is magnified.
@@ -48,18 +50,19 @@ class DataPicture:
     notes: list[str]
 
 
-def data_picture(path: Path, wishes: Wishes, map_path: str) -> DataPicture:
-    """The scene that shows the table of a file. Raises a UserError if the file or a wish is wrong.
+def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> DataPicture:
+    """The scene that shows a table. Raises a UserError if the table or a wish is wrong.
 
-    map_path: path of the texture if a map is drawn.
+    source: path of a file, or the table itself
+    map_path: path of the texture if a map is drawn
     """
-    table = table_from(str(path))
+    table = table_from(source)
     wishes = completed(table, checked(table, wishes))
-    layer = layer_for(path, table, wishes)
+    layer = layer_for(source, table, wishes)
     lon, lat = places(layer, table)
     base = base_for(lon, lat, wishes)
     layer = layer if table.lines else sized(layer, base, lon, lat)
-    name = _layer_name(path)
+    name = _layer_name(source)
     legend = Legend(
         title=wishes.title, source=wishes.source_line, places=wishes.places,
         # A column that is shown as a size and as a colour needs one key.
@@ -67,10 +70,12 @@ def data_picture(path: Path, wishes: Wishes, map_path: str) -> DataPicture:
     )  # fmt: skip
     data = Data(base=base, layers={name: layer}, legend=legend)
     if flaws := data.flaws():
-        raise UserError(*flaw_lines(path, flaws))
+        raise UserError(*flaw_lines(table.path, flaws))
     rows = data.rows[name]
     if not len(rows):
-        raise UserError(f"{path}: no row can be shown; " + ", ".join(f"{n:,} {why}" for why, n in rows.counts.items()))
+        raise UserError(
+            f"{table.path}: no row can be shown; " + ", ".join(f"{n:,} {why}" for why, n in rows.counts.items())
+        )
     drawn = None if wishes.image else basemap.drawn(base, MAP_PIXELS * wishes.size[0])
     scene = _scene(data, rows, wishes, wishes.image or map_path)
     return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows)), _notes(scene, rows, wishes))
@@ -97,9 +102,11 @@ def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
     return viewed(scene, rows)
 
 
-def _layer_name(path: Path) -> str:
+def _layer_name(source: str | TableValue) -> str:
     """Name of the layer: that of the file, without dots."""
-    name = path.stem.replace(".", " ").strip() or "data"
+    if isinstance(source, TableValue):
+        return WITHOUT_FILE
+    name = Path(source).stem.replace(".", " ").strip() or "data"
     return f"{name} data" if name in RESERVED else name
 
 

@@ -1,7 +1,6 @@
 """The layer and the base of a picture of a table: where gizmos stand, and how large they are."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from visray.data.layer import DataLayer
 from visray.data.layer_table import LayerTable
 from visray.data.positions import swapped
 from visray.data.size_rule import SizeRule
+from visray.data.source import TableValue
 from visray.data.table import Table, shown
 from visray.data_picture.wishes import Wishes
 from visray.errors import UserError
@@ -29,15 +29,15 @@ RADIUS_OF_COLUMN, SMALLEST, LARGEST = 1.5, 0.008, 0.02
 OPTIONS = ("lon", "lat", "name", "height", "radius", "color", "gizmo")
 
 
-def layer_for(path: Path, table: Table, wishes: Wishes) -> DataLayer:
-    """The layer, without the sizes that depend on the base."""
+def layer_for(source: str | TableValue, table: Table, wishes: Wishes) -> DataLayer:
+    """The layer, without the sizes that depend on the base. source: path of the table, or the table itself."""
     gizmo = wishes.gizmo or ("line" if table.lines else "cylinder" if wishes.height else "sphere")
     color: Any = wishes.color
     chosen = {key: value for key in ("palette", "norm") if (value := getattr(wishes, key)) is not None}
     if chosen and color is not None:
         color = ColorRule(column=color, **chosen)
     return DataLayer(
-        source=str(path), lon=wishes.lon, lat=wishes.lat, name=wishes.name, gizmo=gizmo, height=wishes.height,
+        source=source, lon=wishes.lon, lat=wishes.lat, name=wishes.name, gizmo=gizmo, height=wishes.height,
         radius=wishes.radius, color=color, material=DATA_MATERIAL,
         # The middle of a sphere is the place of its datum.
         sunk=0.5 if gizmo == "sphere" else 0.0,
@@ -84,7 +84,7 @@ def places(layer: DataLayer, table: Table) -> tuple[np.ndarray, np.ndarray]:
                 turned = f"write --lon {shown(layer.lat)} --lat {shown(layer.lon)}"
                 raise UserError(*(printable(f"{table.path}: {text}; {turned}") for _, text in own.flaws))
             flaws = [(f"layers.x.{part}", text) for part, text in own.flaws]
-            raise UserError(*flaw_lines(Path(table.path), flaws))
+            raise UserError(*flaw_lines(table.path, flaws))
         lon, lat = own.values["lon"], own.values["lat"]
     kept = on_earth(lon, lat)
     if not kept.any():
@@ -108,16 +108,17 @@ def _short(number: float) -> float:
     return float(f"{number:.2g}")
 
 
-def flaw_lines(path: Path, flaws: list[tuple[str, str]]) -> list[str]:
+def flaw_lines(path: str, flaws: list[tuple[str, str]]) -> list[str]:
     """Messages about flaws of the data. Of equal ones, about a column that is shown twice, the first.
 
+    path: what messages call the table
     flaws: errors (address below `data`, message)
     """
     texts = {text: part for part, text in reversed(flaws)}
     return [_flaw_line(path, part, text) for text, part in reversed(texts.items())]
 
 
-def _flaw_line(path: Path, part: str, text: str) -> str:
+def _flaw_line(path: str, part: str, text: str) -> str:
     """The message about a flaw of the data. part: its address below `data`."""
     field = part.split(".")[2] if part.startswith("layers.") and part.count(".") >= 2 else ""
     if part.endswith(("color.palette", "color.norm")):

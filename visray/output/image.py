@@ -1,5 +1,6 @@
 """Image: a picture as named layers, and metadata about how it was made."""
 
+import json
 import os
 import re
 import warnings
@@ -71,6 +72,15 @@ class Image:
     @property
     def width(self) -> int:
         return next(iter(self.layers.values())).shape[1]
+
+    @property
+    def objects(self) -> dict[str, int]:
+        """Numbers of objects in layer id, by name: of the objects of the scene, and of those rows of data that are seen
+        in some pixel. Raises a UserError if the picture does not say them."""
+        try:
+            return json.loads(self.metadata["objects"])
+        except KeyError:
+            raise UserError("image: its metadata have no numbers of objects; pictures that visray renders do") from None
 
     def __repr__(self) -> str:
         return f"<Image {self.width} x {self.height}: {', '.join(self.layers)}>"

@@ -155,7 +155,9 @@ class AddressIndex:
             raise UserError(f"{address}: has no derivative; those of data are {known}, and are no geometries")
         if flaw := self.scene.data.rows[parts[1]].slope_flaw(int(parts[2]), parts[3]):
             raise UserError(f"{address}: has no derivative, {flaw}")
-        return Slot.at((array,), row, None)
+        # All segments of a line have its numbers.
+        rows = range(row, row + batch.names.repeats(row))
+        return Slot((array,), (tuple(rows),), None)
 
     def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot | TableSlot:
         """The place of one value of an object, or of a geometry. Raises UserError if the value has no derivative.

@@ -16,7 +16,8 @@ NO_TEXTURE = 0xFFFFFFFF
 
 
 class Names:
-    """Names of a batch's rows: either listed, or made of a prefix and numbers in increasing order, such as t0, t2, t3.
+    """Names of a batch's rows: either listed, or made of a prefix and numbers in increasing order, such as t0, t2, t2,
+    t3. Rows with the same number are parts of one object.
 
     If `counts` is given, each listed name belongs to so many rows in a row, such as the triangles of a mesh.
     """
@@ -58,6 +59,12 @@ class Names:
         row = int(np.searchsorted(self.numbers, int(number)))
         return row if row < self.count and self.numbers[row] == int(number) else None
 
+    def repeats(self, row: int) -> int:
+        """Number of rows from this one on that have its number; 1 if the names are listed."""
+        if self.numbers is None:
+            return 1
+        return int(np.searchsorted(self.numbers, self.numbers[row], side="right")) - row
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -71,7 +78,7 @@ class Columns:
     object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
         triangles of meshes; None if each row is an object
     material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
-    object: number of each object, in the order of Scene.all_objects
+    object: number of each object, in the order of Scene.all_objects; the segments of a line of data have the same one
     color: colour of each row, in linear light; None if rows have the colours of their materials
     """
 

@@ -45,7 +45,7 @@ def _columns(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Colu
     """The columns of one layer.
 
     name: its name
-    first: number of its first row among all objects
+    first: number of its first object among all objects
     """
     kind, count = layer_kind(scene, rows), len(rows)
     materials = materials_of(scene)
@@ -59,7 +59,8 @@ def _columns(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Colu
         object_of=None,
         material=a.put(a.U, np.full(count, material, np.uint32)),
         texture=a.put(a.U, np.full(count, texture, np.uint32)),
-        object=a.put(a.U, np.arange(first, first + count, dtype=np.uint32)),
+        # The segments of a line have the number of the line.
+        object=a.put(a.U, (first + np.cumsum(np.diff(rows.number, prepend=-1) > 0) - 1).astype(np.uint32)),
         color=RowColors.of(a, rows, materials[rows.material].colored),
     )
 

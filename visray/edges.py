@@ -182,21 +182,23 @@ class EdgesInView:
         """The material of an object; None if it is the default material and the scene does not define it."""
         return self.scene.materials.get(obj.material)
 
-    def _kind(self, name: str) -> type[Primitive]:
-        """The class of an object in the kernel."""
-        return next(batch.kind for batch in self.s.batches if batch.names.row(name) is not None)
+    def _kind(self, name: str) -> tuple[type[Primitive], bool]:
+        """The class of an object in the kernel, and whether the object is made of several primitives: of triangles, or
+        of the segments of a line."""
+        batch, row = next((b, row) for b in self.s.batches if (row := b.names.row(name)) is not None)
+        return batch.kind, batch.kind.many_rows or batch.names.repeats(row) > 1
 
     def _hides_itself(self, name: str) -> bool:
         """Whether a visible object may hide a part of itself."""
-        kind = self._kind(name)
-        if kind.many_rows or kind.walks:
+        kind, several = self._kind(name)
+        if several or kind.walks:
             return self._visible[name] > 1
         return kind.max_crossings > (2 if kind.closed else 1)
 
     def _is_creased(self, name: str) -> bool:
         """Whether a visible object may have a crease in view."""
-        kind = self._kind(name)
-        if kind.bends_normals or (kind.smooth and not kind.many_rows):
+        kind, several = self._kind(name)
+        if kind.bends_normals or (kind.smooth and not several):
             return False
         # A polynomial of degree 2 that has no factors is smooth, or a cone, which is smooth but for its apex.
         may_cross_itself = kind.finds_roots and any(f.degree > 2 for f in kind.program.factors)

@@ -68,14 +68,14 @@ class Box:
 
 
 def boxes(prepared: Prepared) -> list[Box]:
-    """The boxes of the objects, but not of unbounded objects."""
+    """The boxes of the objects and of the segments of lines, but not of unbounded objects."""
     view, scene = prepared.kernel.view, prepared.scene
     o, forward, right, down = (
         np.array(v, float)[:, 0] for v in (view.o, view.forward, view.pixel_right, view.pixel_down)
     )
     parallel = isinstance(view, ParallelView)
     found = []
-    for name, obj in islice(scene.all_objects.items(), MOST_OBJECTS):
+    for name, obj in islice(scene.parts(), MOST_OBJECTS):
         if (corners := _corners(scene, obj)) is None:
             continue
         p = corners - o
@@ -109,8 +109,7 @@ def empty_notes(prepared: Prepared) -> list[str]:
     if not scene.all_objects:
         return ["the scene has no objects: the picture shows only the background"]
     found = boxes(prepared)
-    if not found or len(found) < min(len(scene.all_objects), MOST_OBJECTS):
-        name = next(n for n, o in scene.representatives.items() if _corners(scene, o) is None)
+    if name := next((n for n, o in scene.representatives.items() if _corners(scene, o) is None), None):
         return [f"nothing is seen: the camera looks past {address_of(name)}; turn camera.target to it"]
     in_front = [box for box in found if not box.behind]
     middle = listed(np.mean([box.middle for box in (in_front or found)], 0))

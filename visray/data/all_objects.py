@@ -2,6 +2,9 @@
 
 The base of the data is named `data.base`, and row 12 of the layer `rain` is named `data.rain.12`. Names of written
 objects have no dot, so each name is one object. Objects of rows are made when they are asked for.
+
+A line is one object, too, with one name and one number. Where one example is enough, it is its first segment. Where all
+segments count, they are the parts `data.roads.3:0`, `data.roads.3:1` and so on; all other objects are their own part.
 """
 
 import re
@@ -28,7 +31,7 @@ class AllObjects(Mapping[str, Primitive]):
     def __init__(self, written: Mapping[str, Primitive], data: Data):
         self.written = {**written, BASE: data.base.object()}
         self.layers = data.rows
-        sizes = [len(self.written), *map(len, self.layers.values())]
+        sizes = [len(self.written), *(len(rows.first) for rows in self.layers.values())]
         # Number of the first row of each layer, among all objects.
         self.starts = dict(zip(self.layers, np.cumsum(sizes)[:-1].tolist()))
         self.count = sum(sizes)
@@ -39,7 +42,7 @@ class AllObjects(Mapping[str, Primitive]):
     def __iter__(self) -> Iterator[str]:
         yield from self.written
         for layer, rows in self.layers.items():
-            yield from (f"data.{layer}.{number}" for number in rows.number.tolist())
+            yield from (f"data.{layer}.{number}" for number in rows.number[rows.first].tolist())
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and (name in self.written or self._row(name) is not None)
@@ -75,24 +78,43 @@ class AllObjects(Mapping[str, Primitive]):
         first = {f"data.{name}.{rows.number[0]}": rows.object(0) for name, rows in self.layers.items() if len(rows)}
         return self.written | first
 
+    def parts(self) -> Iterator[tuple[str, Primitive]]:
+        """Yields the name and the object of each part, in order."""
+        yield from self.written.items()
+        for layer, rows in self.layers.items():
+            yield from _parts(layer, rows)
+
     def of_materials(self, materials: Collection[str]) -> dict[str, Primitive]:
-        """The objects with one of these materials, by name, in order."""
+        """The parts with one of these materials, by name, in order."""
         found = {name: x for name, x in self.written.items() if x.material in materials}
-        for name, rows in self.layers.items():
+        for layer, rows in self.layers.items():
             if rows.material in materials:
-                found.update(_objects(name, rows))
+                found.update(_parts(layer, rows))
         return found
 
     def materials(self) -> list[str]:
         """Name of the material of each object, in order."""
         own = [x.material for x in self.written.values()]
-        return own + [m for rows in self.layers.values() for m in [rows.material] * len(rows)]
+        return own + [m for rows in self.layers.values() for m in [rows.material] * len(rows.first)]
 
 
 def _objects(layer: str, rows: Rows) -> Iterator[tuple[str, Primitive]]:
     """Yields the name and the object of each row of a layer."""
-    for i, number in enumerate(rows.number.tolist()):
+    for i, number in zip(rows.first.tolist(), rows.number[rows.first].tolist()):
         yield f"data.{layer}.{number}", rows.object(i)
+
+
+def part_names(layer: str, rows: Rows) -> Iterator[str]:
+    """Yields the name of each gizmo of a layer."""
+    sizes = np.diff(rows.first, append=len(rows))
+    for number, size in zip(rows.number[rows.first].tolist(), sizes.tolist()):
+        name = f"data.{layer}.{number}"
+        yield from [name] if size == 1 else (f"{name}:{i}" for i in range(size))
+
+
+def _parts(layer: str, rows: Rows) -> Iterator[tuple[str, Primitive]]:
+    """Yields the name and the object of each part of a layer."""
+    return zip(part_names(layer, rows), map(rows.object, range(len(rows))))
 
 
 class _Items(ItemsView):

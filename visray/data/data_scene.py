@@ -81,5 +81,5 @@ class Data:
             notes += [f"{address}: {text}" for text in rows.notes]
             left_out = [f"{n:,} {reason}" for reason, n in rows.counts.items() if reason != "outside of the map"]
             if left_out:
-                notes.append(f"{address}: {len(rows):,} rows are shown, and not: {', '.join(left_out)}")
+                notes.append(f"{address}: {len(rows.first):,} rows are shown, and not: {', '.join(left_out)}")
         return notes

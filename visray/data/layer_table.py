@@ -78,13 +78,14 @@ class LayerTable:
         return f"row {row}" if self.table is None or row >= len(self.table) else self.table.place(row)
 
     def rows_text(self, wrong: np.ndarray, *values: np.ndarray, rows: np.ndarray | None = None) -> str:
-        """The first wrong rows with their values, and how many more there are.
+        """The first wrong rows with their values, if there are some, and how many more there are.
 
         wrong: mask of the rows. rows: number of the row of each entry; None: they are counted from 0.
         """
         found = np.flatnonzero(wrong)
         shown = [
-            f"{self.place(i if rows is None else rows[i])} ({', '.join(f'{v[i]:g}' for v in values)})"
+            self.place(i if rows is None else rows[i])
+            + (f" ({', '.join(f'{v[i]:g}' for v in values)})" if values else "")
             for i in found[:LISTED]
         ]
         return ", ".join(shown) + (f", and {len(found) - LISTED:,} more" if len(found) > LISTED else "")
@@ -120,9 +121,6 @@ class LayerTable:
             self.flaws.append(
                 ("gizmo", "a line needs a source with lines or areas, a GeoJSON file; take another gizmo")
             )
-        if not self.is_lines and lines and layer.lon is None:
-            text = f"the source has {len(lines):,} lines and outlines, and no points; take the gizmo line"
-            self.flaws.append(("gizmo", text))
         if self.is_lines and layer.rows:
             self.flaws.append(("rows", "cannot replace numbers of lines; change the source"))
 
@@ -134,6 +132,10 @@ class LayerTable:
                 found = position_columns(self.table)
             except UserError as error:
                 self.flaws += [("source", text) for text in error.lines]
+                if self.table.lines:
+                    rows = len({row for row, _ in self.table.lines})
+                    text = f"the source has {rows:,} rows of lines and outlines, and no points"
+                    self.flaws = [("gizmo", f"{text}; take the gizmo line")]
                 return
             names = {key: found[i] if names[key] is None else names[key] for i, key in enumerate(names)}
         for key, name in names.items():

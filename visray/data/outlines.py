@@ -10,6 +10,8 @@ from visray.quantities import FARTHEST
 # Longest step of a line on a globe, in degrees. Between, the segment runs below the globe by less than 4e-5 of its
 # radius.
 STEP = 1.0
+# The reason why places beyond the edges of a map are not shown.
+OUTSIDE = "outside of the map"
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,22 +21,22 @@ class Segments:
     a, b: the ends in world units. Shapes: (N, 3).
     row: row of the line that each segment is a part of. Shape: (N).
     ground: the ground at a
-    counts: number of points that are not on the base, by reason
+    lost: rows of the segments that are left out, by reason. Shapes: (n)
     """
 
     a: np.ndarray
     b: np.ndarray
     row: np.ndarray
     ground: Ground
-    counts: dict[str, int]
+    lost: dict[str, np.ndarray]
 
     @staticmethod
-    def of(lines: list[tuple[int, np.ndarray]], base: Base, lift: float, kept: np.ndarray) -> "Segments":
-        """The segments of lines whose rows are kept, raised by `lift`. A segment with an end outside of the base is
-        left out, and so is one that crosses the edge of a map. Domain: all points are on earth."""
+    def of(lines: list[tuple[int, np.ndarray]], base: Base, lift: float) -> "Segments":
+        """The segments of lines, in the order of their rows, raised by `lift`. A segment with an end outside of the
+        base is left out, and so is one that crosses the edge of a map. Domain: all points are on earth."""
         starts, ends, row = [], [], []
-        for number, line in lines:
-            if not kept[number] or len(line) < 2:
+        for number, line in sorted(lines, key=lambda pair: pair[0]):
+            if len(line) < 2:
                 continue
             first, last = _short_way(line[:-1], line[1:])
             if isinstance(base, GlobeBase):
@@ -49,10 +51,15 @@ class Segments:
         ground, far = base.place(*first.T), base.place(*last.T)
         a, b = ground.point + lift * ground.up, far.point + lift * far.up
         fits = inside & ~across & (np.abs(b - a).max(axis=1, initial=0) >= 1 / FARTHEST)
-        found = {"segments outside of the map": ~inside, "segments across the edge of the map": across}
-        counts = {reason: int(mask.sum()) for reason, mask in found.items() if mask.any()}
+        lost = {OUTSIDE: rows[~inside], "across the edge of the map": rows[across]}
         parts = Ground(*(getattr(ground, name)[fits] for name in Ground.__dataclass_fields__))
-        return Segments(a[fits], b[fits], rows[fits], parts, counts)
+        return Segments(a[fits], b[fits], rows[fits], parts, lost)
+
+    def of_rows(self, kept: np.ndarray) -> "Segments":
+        """The segments of some rows. kept: mask of the rows"""
+        mine = kept[self.row]
+        ground = Ground(*(getattr(self.ground, name)[mine] for name in Ground.__dataclass_fields__))
+        return Segments(self.a[mine], self.b[mine], self.row[mine], ground, self.lost)
 
 
 def _short_way(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from visray.data.color_rule import ColorRule
 from visray.data.gizmos import GIZMOS, Stand
 from visray.data.layer import DataLayer
 from visray.data.layer_table import LayerTable
-from visray.data.outlines import Segments
+from visray.data.outlines import OUTSIDE, Segments
 from visray.data.rows import Rows
 from visray.data.size_rule import SizeRule
 from visray.data.source import stamp_of
@@ -130,6 +130,7 @@ class _Resolver:
     def _drop_outside(self) -> None:
         """Leaves out rows that do not lie on the base."""
         if self.t.is_lines:
+            self._drop_lines()
             return
         lon, lat = self.t.values["lon"], self.t.values["lat"]
         inside = self.base.inside(lon, lat)
@@ -138,8 +139,28 @@ class _Resolver:
             turned = self.base.inside(lat, lon)[self.kept].all()
             more = "; longitude and latitude seem to be swapped" if turned and not inside[self.kept].any() else ""
             rows = self.t.rows_text(outside, lon, lat)
-            self.notes.append(f"{int(outside.sum())} rows lie outside of the map and are not shown: {rows}{more}")
-            self._drop(outside, "outside of the map")
+            self.notes.append(f"{int(outside.sum())} rows lie {OUTSIDE} and are not shown: {rows}{more}")
+            self._drop(outside, OUTSIDE)
+
+    def _drop_lines(self) -> None:
+        """Finds the segments of lines, and leaves out rows that have no lines, and those that have none on the base."""
+        self._drop(~self._mask(np.array([row for row, _ in self.t.table.lines], int)), "without a line")
+        self.segments = Segments.of(self.t.table.lines, self.base, self.layer.lift or 0.0)
+        shown = self._mask(self.segments.row)
+        for reason, rows in self.segments.lost.items():
+            if parts := int(shown[rows].sum()):
+                self.counts[f"segments {reason}"] = parts
+            lost = self.kept & self._mask(rows) & ~shown
+            if reason == OUTSIDE and lost.any():
+                self.notes.append(f"{int(lost.sum())} rows lie {OUTSIDE} and are not shown: {self.t.rows_text(lost)}")
+            self._drop(lost, reason)
+        self._drop(~shown, "of length 0")
+
+    def _mask(self, rows: np.ndarray) -> np.ndarray:
+        """Mask of some rows. rows: their numbers"""
+        mask = np.zeros(len(self.t), bool)
+        mask[rows] = True
+        return mask
 
     def _size_all(self) -> None:
         """Computes heights and radii, signed, for all rows; those that are not shown have NaN."""
@@ -243,8 +264,7 @@ class _Resolver:
     def _lines(self, color: np.ndarray | None) -> Rows:
         """The rows of lines: one for each segment."""
         radius = self.sizes["radius"]
-        lift = self.layer.lift or 0.0
-        found = Segments.of(self.t.table.lines, self.base, lift, self.kept)
+        found = self.segments.of_rows(self.kept)
         row = found.row
         values = {key: x[row] for key, x in self.t.values.items()}
         slopes = {key: x[row] for key, x in self.slopes.items() if key != "color"}
@@ -254,22 +274,20 @@ class _Resolver:
         one = np.ones(len(row))
         nowhere = np.zeros((3, len(row)))
         stand = Stand(nowhere, nowhere, nowhere, nowhere, one, one, radius[row], 0.0)
-        self.counts |= found.counts
         shape = {"a": found.a.T, "b": found.b.T, "radius": radius[row]}
         color = None if color is None else color[place[row]]
-        return self._rows(row, values, found.ground, stand, slopes, shape, color, lift, np.arange(len(row)))
+        return self._rows(row, values, found.ground, stand, slopes, shape, color, self.layer.lift or 0.0)
 
     def _rows(
         self, row: np.ndarray, values: dict, ground: Any, stand: Stand, slopes: dict, shape: dict,
-        color: np.ndarray | None, lift: float, number: np.ndarray | None = None,
+        color: np.ndarray | None, lift: float,
     ) -> Rows:  # fmt: skip
-        """The rows. row: number of each gizmo's row in the source. number: their numbers; None: those in the source"""
+        """The rows. row: number of each gizmo's row in the source"""
         texts = self.t.texts()
         if "color" in self.slopes:
             slopes["color"] = self.slopes["color"].T
         return Rows(
-            self.gizmo, self.layer.geometry, self.layer.material, row if number is None else number, values, ground,
-            stand, slopes, shape, None if color is None else color.T,
-            None if texts is None else tuple(texts[row].tolist()), lift, self.rules,
+            self.gizmo, self.layer.geometry, self.layer.material, row, values, ground, stand, slopes, shape,
+            None if color is None else color.T, None if texts is None else tuple(texts[row].tolist()), lift, self.rules,
             frozenset(self.fitted), self.counts, tuple(self.notes),
         )  # fmt: skip

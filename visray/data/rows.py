@@ -5,6 +5,7 @@ gizmo, because a number is missing or a size is zero, have no entry.
 """
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,8 @@ class Rows:
     gizmo: kind of the gizmos
     geometry: name of the geometry, for gizmos that are one
     material: name of their material
-    number: number of each gizmo's row in the source, in increasing order
+    number: number of each gizmo's row in the source, in increasing order. The segments of a line have the same number;
+        all other gizmos have different ones
     values: number of each row, by property, in units of the data; a property without a column is left out
     ground: points of the base, with their derivatives
     stand: where the gizmos stand, and their sizes
@@ -60,10 +62,16 @@ class Rows:
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
+        """Number of gizmos."""
         return len(self.number)
 
+    @cached_property
+    def first(self) -> np.ndarray:
+        """Index of the first gizmo of each row of the source that has some. Shape: (number of these rows)."""
+        return np.flatnonzero(np.diff(self.number, prepend=-1))
+
     def index(self, number: int) -> int | None:
-        """Index of the gizmo of a row of the source; None if the row has none."""
+        """Index of the gizmo of a row of the source, the first one of a line; None if the row has none."""
         i = int(np.searchsorted(self.number, number))
         return i if i < len(self) and self.number[i] == number else None
 
@@ -91,7 +99,7 @@ class Rows:
         """Which rows are shown, as words."""
         if not len(self):
             return "it shows none"
-        return f"it shows {len(self):,} rows, from {self.number[0]} to {self.number[-1]}"
+        return f"it shows {len(self.first):,} rows, from {self.number[0]} to {self.number[-1]}"
 
     def object(self, i: int) -> Primitive:
         """Gizmo i as an object of a scene, in the layer's material. Its colour is not in it."""

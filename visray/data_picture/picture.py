@@ -78,7 +78,7 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
         )
     drawn = None if wishes.image else basemap.drawn(base, MAP_PIXELS * wishes.size[0])
     scene = _scene(data, rows, wishes, wishes.image or map_path)
-    return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows)), _notes(scene, rows, wishes))
+    return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows.first)), _notes(scene, rows, wishes))
 
 
 def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
@@ -112,7 +112,7 @@ def _layer_name(source: str | TableValue) -> str:
 
 def _choices(table: Table, wishes: Wishes, layer: DataLayer, base: Base, count: int) -> dict[str, str]:
     """What was chosen, by name."""
-    chosen = {"rows": f"{count:,} of {len(table):,}"} if not table.lines else {"lines": f"{len(table.lines):,}"}
+    chosen = {"rows": f"{count:,} of {len(table):,}"}
     columns = ("lon", "lat", "height", "radius", "color")
     chosen |= {name: getattr(wishes, name) for name in columns if getattr(wishes, name)}
     chosen["gizmo"] = layer.gizmo

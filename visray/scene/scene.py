@@ -1,7 +1,7 @@
 """The scene as frozen dataclasses of plain numbers. A scene file has the same fields."""
 
 import hashlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, Union
@@ -157,6 +157,10 @@ class Scene:
         """All objects that are rendered, by name, in order: `objects`, then those of `data` (data/all_objects.py)."""
         return self.objects if self.data is None else AllObjects(self.objects, self.data)
 
+    def parts(self) -> Iterable[tuple[str, Object]]:
+        """Names and objects in this order; in place of a line of `data`, its segments, each with a name of its own."""
+        return self.objects.items() if self.data is None else self.all_objects.parts()
+
     @property
     def written_objects(self) -> Mapping[str, Object]:
         """The objects that have an instance of their own: `objects`, and the base of `data`."""
@@ -172,7 +176,7 @@ class Scene:
         return [x.material for x in self.objects.values()] if self.data is None else self.all_objects.materials()
 
     def objects_of(self, materials: Collection[str]) -> dict[str, Object]:
-        """The objects with one of these materials, by name, in the order of all_objects."""
+        """The parts with one of these materials, by name, in the order of `parts`."""
         if self.data is not None:
             return self.all_objects.of_materials(materials)
         return {name: x for name, x in self.objects.items() if x.material in materials}

@@ -108,7 +108,7 @@ def test_names_with_repeats():
 def test_points_among_lines_are_counted_and_shown_as_points(source):
     """What the other gizmo shows is counted, and does not widen the domain of the colours."""
     rows = scene(source).data.rows["roads"]
-    assert rows.counts == {"without a line": 1, "outside of the map": 1}
+    assert rows.counts == {"without a line": 1, "segments outside of the map": 1}
     assert (rows.rules["color"].lo, rows.rules["color"].hi) == (1.0, 4.0)
     points = scene(source, "sphere").data.rows["roads"]
     assert points.number.tolist() == [2] and points.counts == {"without a position": 3}
@@ -127,7 +127,7 @@ def test_only_segments_between_opposite_edges_are_left_out(source):
     assert scene(source).data.rows["roads"].number.tolist() == [0]
     layer = vr.DataLayer(source=source, gizmo="line", radius=0.01)
     for extent, lines, counts in (
-        ((-180, 180, -60, 60), [0], {"across the edge of the map": 1}),
+        ((-180, 180, -60, 60), [0], {"segments across the edge of the map": 1}),
         ((-20, 340, -60, 60), [0, 1], {}),
     ):
         made = checked(vr.Scene(data=vr.Data(base=vr.MapBase(extent=extent), layers={"roads": layer})))

@@ -10,8 +10,6 @@ from visray.quantities import FARTHEST
 # Longest step of a line on a globe, in degrees. Between, the segment runs below the globe by less than 4e-5 of its
 # radius.
 STEP = 1.0
-# The reason why places beyond the edges of a map are not shown.
-OUTSIDE = "outside of the map"
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,14 +19,14 @@ class Segments:
     a, b: the ends in world units. Shapes: (N, 3).
     row: row of the line that each segment is a part of. Shape: (N).
     ground: the ground at a
-    lost: rows of the segments that are left out, by reason. Shapes: (n)
+    counts: number of segments that are left out, by reason
     """
 
     a: np.ndarray
     b: np.ndarray
     row: np.ndarray
     ground: Ground
-    lost: dict[str, np.ndarray]
+    counts: dict[str, int]
 
     @staticmethod
     def of(lines: list[tuple[int, np.ndarray]], base: Base, lift: float) -> "Segments":
@@ -51,15 +49,16 @@ class Segments:
         ground, far = base.place(*first.T), base.place(*last.T)
         a, b = ground.point + lift * ground.up, far.point + lift * far.up
         fits = inside & ~across & (np.abs(b - a).max(axis=1, initial=0) >= 1 / FARTHEST)
-        lost = {OUTSIDE: rows[~inside], "across the edge of the map": rows[across]}
+        found = {"segments outside of the map": ~inside, "segments across the edge of the map": across}
+        counts = {reason: int(mask.sum()) for reason, mask in found.items() if mask.any()}
         parts = Ground(*(getattr(ground, name)[fits] for name in Ground.__dataclass_fields__))
-        return Segments(a[fits], b[fits], rows[fits], parts, lost)
+        return Segments(a[fits], b[fits], rows[fits], parts, counts)
 
     def of_rows(self, kept: np.ndarray) -> "Segments":
         """The segments of some rows. kept: mask of the rows"""
         mine = kept[self.row]
         ground = Ground(*(getattr(self.ground, name)[mine] for name in Ground.__dataclass_fields__))
-        return Segments(self.a[mine], self.b[mine], self.row[mine], ground, self.lost)
+        return Segments(self.a[mine], self.b[mine], self.row[mine], ground, self.counts)
 
 
 def _short_way(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from visray.data.color_rule import ColorRule
 from visray.data.gizmos import GIZMOS, Stand
 from visray.data.layer import DataLayer
 from visray.data.layer_table import LayerTable
-from visray.data.outlines import OUTSIDE, Segments
+from visray.data.outlines import Segments
 from visray.data.rows import Rows
 from visray.data.size_rule import SizeRule
 from visray.data.source import stamp_of
@@ -139,22 +139,15 @@ class _Resolver:
             turned = self.base.inside(lat, lon)[self.kept].all()
             more = "; longitude and latitude seem to be swapped" if turned and not inside[self.kept].any() else ""
             rows = self.t.rows_text(outside, lon, lat)
-            self.notes.append(f"{int(outside.sum())} rows lie {OUTSIDE} and are not shown: {rows}{more}")
-            self._drop(outside, OUTSIDE)
+            self.notes.append(f"{int(outside.sum())} rows lie outside of the map and are not shown: {rows}{more}")
+            self._drop(outside, "outside of the map")
 
     def _drop_lines(self) -> None:
         """Finds the segments of lines, and leaves out rows that have no lines, and those that have none on the base."""
         self._drop(~self._mask(np.array([row for row, _ in self.t.table.lines], int)), "without a line")
         self.segments = Segments.of(self.t.table.lines, self.base, self.layer.lift or 0.0)
-        shown = self._mask(self.segments.row)
-        for reason, rows in self.segments.lost.items():
-            if parts := int(shown[rows].sum()):
-                self.counts[f"segments {reason}"] = parts
-            lost = self.kept & self._mask(rows) & ~shown
-            if reason == OUTSIDE and lost.any():
-                self.notes.append(f"{int(lost.sum())} rows lie {OUTSIDE} and are not shown: {self.t.rows_text(lost)}")
-            self._drop(lost, reason)
-        self._drop(~shown, "of length 0")
+        self.counts |= self.segments.counts
+        self.kept &= self._mask(self.segments.row)
 
     def _mask(self, rows: np.ndarray) -> np.ndarray:
         """Mask of some rows. rows: their numbers"""

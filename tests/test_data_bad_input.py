@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import pickle
 import warnings
 from pathlib import Path
@@ -51,6 +52,18 @@ def test_wrong_layers_have_one_line_with_an_address(tmp_path, layer: dict, messa
     (line,) = caught.value.lines
     assert line.startswith(f"{tmp_path}/scene.json: data.layers.rain.") and message in line.replace(f"{tmp_path}/", "")
     assert line.count("wind.csv") <= 1
+
+
+@pytest.mark.parametrize("source", ["rain.csv\0", "pipe.csv", "/dev/zero", "x" * 300 + ".csv", "loop.csv"])
+@pytest.mark.parametrize("allow_outside", [False, True])
+def test_sources_that_are_no_files_are_refused(tmp_path, source: str, allow_outside: bool) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    (tmp_path / "scene.json").write_text(json.dumps({"data": {"layers": {"rain": {"source": source}}}}))
+    with pytest.raises(UserError) as caught:
+        vr.load(tmp_path / "scene.json", allow_outside=allow_outside)
+    (line,) = caught.value.lines
+    assert line.startswith(f"{tmp_path}/scene.json: data.layers.rain.source = ")
 
 
 @pytest.mark.parametrize(

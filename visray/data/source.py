@@ -109,6 +109,7 @@ def stamp_of(source: "str | TableValue | None") -> Any:
         return source
     try:
         facts = os.stat(source)
+    # ValueError: the path has a NUL character.
     except (OSError, ValueError):
         return source
     return source, facts.st_mtime_ns, facts.st_size, facts.st_ino

@@ -123,6 +123,32 @@ def test_tables_with_other_cells_have_other_digests() -> None:
     assert scene(source=TABLE | {"\ud800": [1, 2, 3]}).hash() not in hashes
 
 
+@pytest.mark.parametrize(
+    "value",
+    [np.ones(3) * 1j, np.array(["2020-01-01"] * 3, "M8[D]"), np.array([b"1"] * 3), np.ones((3, 1)), {"a": 2}, 5],
+)
+def test_what_is_no_column_of_numbers_is_refused(value: object) -> None:
+    with pytest.raises(UserError, match=r"^data\.layers\.rain\.value = .*must be the name of a column"):
+        checked(scene(value=value))
+
+
+def test_a_flaw_of_two_properties_is_told_once_and_a_path_is_a_source(tmp_path) -> None:
+    with pytest.raises(UserError) as caught:
+        checked(scene(value="wind"))
+    assert len(caught.value.lines) == 1
+    loaded(tmp_path, {"source": "rain.csv"})
+    made = checked(scene(source=tmp_path / "rain.csv"))
+    assert made.hash() == checked(scene(source=str(tmp_path / "rain.csv"))).hash()
+    assert len(made.data.rows["rain"]) == 2
+
+
+def test_layers_that_were_changed_in_place_are_noticed() -> None:
+    prepared = vr.prepare(scene())
+    prepared.scene.data.layers["other"] = vr.DataLayer(source=TABLE)
+    with pytest.raises(UserError, match="changed in place"):
+        prepared.updated({"data.rain.0.height": 2.0})
+
+
 def test_odd_sizes_warn_of_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

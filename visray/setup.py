@@ -138,7 +138,8 @@ def _atlas(scene: Scene, packed: Packed, a: Arrays) -> images.Atlas | None:
 
 def _identities(scene: Scene) -> tuple:
     """All names in a scene, each with the id() of its value, as a tuple of pairs."""
-    sections = scene.textures, scene.materials, scene.lights, scene.geometries, scene.objects
+    layers = {} if scene.data is None else scene.data.layers
+    sections = scene.textures, scene.materials, scene.lights, scene.geometries, scene.objects, layers
     return tuple((name, id(value)) for section in sections for name, value in section.items())
 
 

@@ -27,7 +27,7 @@ class ColumnRule:
         if isinstance(given, NumberColumn):
             return given
         try:
-            if isinstance(given, str) or np.ndim(given) != 1:
+            if isinstance(given, str) or np.ndim(given) != 1 or np.asarray(given).dtype.kind in "cmMSV":
                 raise ValueError
             listed = [np.nan if x is None else x for x in given] if isinstance(given, (list, tuple)) else given
             values = np.asarray(np.ma.filled(np.ma.asarray(listed, float), np.nan), float)

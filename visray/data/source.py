@@ -64,6 +64,8 @@ class SourceRule:
         """The source that a value stands for. Raises ValueError if it is none."""
         if isinstance(given, TableValue) or (isinstance(given, str) and given):
             return given
+        if isinstance(given, os.PathLike):
+            return os.fspath(given)
         if isinstance(given, (str, bool, int, float, type(None))):
             raise ValueError('must be the path of a file, or columns such as {"lon": [2.2], "lat": [41.4]}')
         # The readers are imported where they are needed: most scenes have no data.

@@ -35,7 +35,8 @@ def data_flaws(scene: Scene) -> list[str]:
     if flaw := transform_flaw(base.transform):
         return [*texts, *transform_lines("data.base", base, flaw)]
     found = data.flaws()
-    texts += [_data_line(data, part, text) for part, text in found]
+    # Two properties of one column have the same flaw.
+    texts += dict.fromkeys(_data_line(data, part, text) for part, text in found)
     if texts:
         return texts
     for name, rows in data.rows.items():

@@ -103,19 +103,27 @@ def test_the_drawn_map_is_kept_where_it_is_asked_for_and_replaces_no_other_file(
 
 
 PASSING = """
+from pathlib import Path
 import visray as vr
 table = {"lon": [2.0, 30.0], "lat": [41.0, 60.0], "v": [1.0, 2.0]}
 one, two = vr.data_scene(table), vr.data_scene(table, color="v", title="x", gizmo="box")
-assert open(one.textures["map"].file, "rb").read(4) == b"\\x89PNG"
+assert Path(one.textures["map"].file).read_bytes()[1:4] == b"PNG"
 print(one.textures["map"].file)
 """
 
 
 @pytest.mark.slow
 def test_other_maps_are_removed_when_python_ends(tmp_path):
-    done = subprocess.run([sys.executable, "-c", PASSING], capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-W", "error::ResourceWarning", "-c", PASSING], capture_output=True, text=True, cwd=tmp_path
+    )
     path = Path(done.stdout.strip())
-    assert done.returncode == 0 and path.suffix == ".png" and not path.parent.exists()
+    assert (
+        done.returncode == 0
+        and "ResourceWarning" not in done.stderr
+        and path.suffix == ".png"
+        and not path.parent.exists()
+    )
     assert not list(tmp_path.iterdir())
 
 
@@ -161,3 +169,40 @@ def test_what_the_picture_does_not_show_is_a_warning_at_the_call():
     with pytest.warns(UserWarning, match='rows are on the far side of the globe; base="map" shows all') as caught:
         vr.data_scene(DATA / "cities.csv", base="globe")
     assert {Path(w.filename) for w in caught} == {Path(__file__)}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_row_is_found_by_its_name_and_its_pixels_by_the_number_of_the_object():
+    table = {**TABLE, "rain": [760.0, None, 1020.0]}
+    scene = vr.data_scene(table, height="rain", size=(160, 100), spp=1)
+    row = scene.data.row("table", "Bern")
+    assert row == 2 and vr.value(scene, f"data.table.{row}.height") == 1020
+    image = vr.render(scene)
+    number = image.objects[f"data.table.{row}"]
+    seen = image["id"] == number
+    y, x = np.argwhere(seen).mean(axis=0) + 0.5
+    foot = vr.projected(scene, scene.data.base.place([7.45], [46.95]).point)
+    # The bar rises from its place.
+    assert seen.sum() > 5 and abs(x - foot.x[0]) < 5 and y < foot.y[0] + 1
+    assert image.objects["data.base"] == 1 and len(set(image.objects.values())) == len(image.objects)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_rows_that_have_no_name_or_the_name_of_others_are_lines():
+    names = ["Oslo", "Paris", "Paris"]
+    data = vr.data_scene({**TABLE, "name": names}, height="rain").data
+    assert data.row("table", "Oslo") == 0
+    for arguments, text in (
+        (("tables", "Oslo"), "data.tables: there is no such layer; did you mean"),
+        (("table", "Osla"), 'data.table: no row that is shown has the name "Osla"; did you mean "Oslo"?'),
+        (("table", "X"), 'no row that is shown has the name "X"; data.rows["table"].texts has all names'),
+        (("table", "Paris"), 'data.table: rows 1, 2 have the name "Paris"; take one of these'),
+    ):
+        with pytest.raises(vr.UserError) as caught:
+            data.row(*arguments)
+        assert text in str(caught.value)
+    nameless = vr.data_scene({"lon": [1.0, 2.0], "lat": [2.0, 3.0], "v": [1.0, 2.0]}).data
+    with pytest.raises(vr.UserError, match="the layer has no column of names"):
+        nameless.row("table", "x")
+    with pytest.raises(vr.UserError, match="metadata have no numbers of objects"):
+        _ = vr.Image({"RGB": np.ones((2, 3, 3), np.float32)}).objects

@@ -20,6 +20,18 @@ def numbers(text: str) -> list[float]:
     return [float(x) for x in re.findall(NUMBER, text)]
 
 
+def data_on_a_globe(text: str) -> None:
+    """The numbers are those of the table; Istanbul is seen north-west of Delhi."""
+    table = (Path(__file__).resolve().parents[1] / "scenes" / "data" / "cities.csv").read_text().splitlines()[1:]
+    found = {line.split(":")[0]: numbers(line.replace(",", "")) for line in text.splitlines()}
+    for city, (row, people, *_) in found.items():
+        cells = table[int(row)].split(",")
+        assert cells[0] == city and float(cells[4]) == people
+    (_, _, seen, x, y), (_, _, others, east, south) = found["Istanbul"], found["Delhi"]
+    assert x < east and y < south and min(seen, others) > 50
+    assert Path("data_on_a_globe.png").read_bytes()[16:24] == (640).to_bytes(4) + (360).to_bytes(4)
+
+
 def fit_colour(text: str) -> None:
     """The colour that is fitted is the one that the picture was made with, to the last digit printed."""
     fitted, secret = (numbers(part) for part in text.removeprefix("found ").split("made with"))
@@ -113,7 +125,7 @@ def what_is_simulated(text: str) -> None:
 
 
 JUDGES = (
-    fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, to_an_error,
+    data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, to_an_error,
     what_is_simulated,
 )  # fmt: skip
 JUDGES = {judge.__name__: judge for judge in JUDGES}

@@ -1,6 +1,7 @@
 """The data of a scene: a base, the layers on it, and the legend."""
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import cached_property
 
 from pydantic import ConfigDict
@@ -52,11 +53,12 @@ class Data:
             raise UserError(printable(f"data.{layer}: there is no such layer; {hint(layer, list(self.rows))}"))
         rows = self.rows[layer]
         if rows.texts is None:
-            raise UserError(printable(f"data.layers.{layer}.name: the layer has no column of names; write one"))
+            raise UserError(printable(f"data.layers.{layer}.name: the layer has no column of names; name one"))
         found = [int(n) for n, text in zip(rows.number, rows.texts) if text == name]
         if not found:
-            text = f'no row that is shown has the name "{name}"'
-            raise UserError(printable(f"data.{layer}: {text}; {hint(name, list(dict.fromkeys(rows.texts)))}"))
+            near = get_close_matches(str(name), dict.fromkeys(rows.texts), 1)
+            right = f'did you mean "{near[0]}"?' if near else f'data.rows["{layer}"].texts has all names'
+            raise UserError(printable(f'data.{layer}: no row that is shown has the name "{name}"; {right}'))
         if len(found) > 1:
             several = ", ".join(map(str, found[:LISTED])) + (", ..." if len(found) > LISTED else "")
             raise UserError(printable(f'data.{layer}: rows {several} have the name "{name}"; take one of these'))

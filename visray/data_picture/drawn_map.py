@@ -1,5 +1,8 @@
 """Files of maps that visray draws, as textures of scenes."""
 
+import atexit
+import os
+import shutil
 import tempfile
 from functools import cache
 from hashlib import sha256
@@ -35,16 +38,24 @@ def write_own_map(pixels: np.ndarray, path: str) -> None:
 def passing_map(pixels: np.ndarray) -> str:
     """Writes a drawn map to a folder that is removed when Python ends. Returns the path of the file; equal maps have
     one file. Shape: pixels uint8 (H, W, 3)."""
-    path = Path(_folder().name, f"map-{sha256(str(pixels.shape).encode() + pixels.tobytes()).hexdigest()[:16]}.png")
+    path = Path(_folder(), f"map-{sha256(str(pixels.shape).encode() + pixels.tobytes()).hexdigest()[:16]}.png")
     if not path.exists():
         write_map(pixels, str(path))
     return str(path)
 
 
 @cache
-def _folder() -> tempfile.TemporaryDirectory:
+def _folder() -> Path:
     """The folder of this process for maps."""
-    return tempfile.TemporaryDirectory(prefix="visray-maps-")
+    folder = tempfile.mkdtemp(prefix="visray-maps-")
+    atexit.register(_remove, folder, os.getpid())
+    return Path(folder)
+
+
+def _remove(folder: str, process: int) -> None:
+    """Removes a folder, unless this process is a copy of the one that made it."""
+    if os.getpid() == process:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_drawn(path: str) -> bool:

@@ -5,6 +5,7 @@ import json
 import os
 import pickle
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from visray.data import resolve
 from visray.data.gizmos import GIZMOS
 from visray.data.number_column import NumberColumn
 from visray.errors import UserError
+from visray.legend.content import legend_content
 from visray.scene.check import checked
 
 TABLE = {"lon": [0.0, 90.0, -90.0], "lat": [0.0, 10.0, -20.0], "rain": [1.0, 2.0, 3.0], "heat": [5.0, None, -3.0]}
@@ -147,6 +149,15 @@ def test_layers_that_were_changed_in_place_are_noticed() -> None:
     prepared.scene.data.layers["other"] = vr.DataLayer(source=TABLE)
     with pytest.raises(UserError, match="changed in place"):
         prepared.updated({"data.rain.0.height": 2.0})
+
+
+def test_the_legend_of_a_layer_without_rows_says_nothing() -> None:
+    rule = vr.SizeRule(column="none", scale="log", domain=(1, 2), range=(0.1, 0.2))
+    made = checked(scene(source=TABLE | {"none": [None, None, None]}, height=rule, radius=0.1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        content = legend_content(replace(made, data=replace(made.data, legend=vr.Legend(title="T"))))
+    assert content.sizes == content.bars == content.notes == ()
 
 
 def test_odd_sizes_warn_of_nothing() -> None:

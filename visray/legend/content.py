@@ -34,6 +34,8 @@ def legend_content(scene: Scene) -> LegendContent | None:
     legend, layers = scene.data.legend, scene.data.layers
     bars, sizes, notes = [], [], []
     for name, rows in scene.data.rows.items():
+        if not len(rows):
+            continue
         if legend.bars and isinstance(rows.rules.get("color"), ResolvedColors):
             label = _label(legend, name, layers[name], "color")
             bars.append(bar_of(label, rows.rules["color"], rows.values["color"]))
@@ -75,7 +77,7 @@ def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:
         found = [most] if most > 0 else []
     elif rule.scale == "log":
         least = float(values.min(initial=most))
-        found = round_values_of_log(least, most) if 0 < least < most else [most]
+        found = round_values_of_log(least, most) if 0 < least < most else [most] if most > 0 else []
     else:
         # Below a domain that begins above 0, sizes would be below the range, and even negative.
         least = 0.0 if rule.domain[0] <= 0 else min(float(values.min(initial=most)), most)

@@ -184,6 +184,7 @@ def test_a_horizontal_surface_has_the_colour_of_the_legend(table):
 @pytest.mark.parametrize(
     ("text", "wishes", "says"),
     [
+        (TABLE.replace("760", "n/k"), {}, '"people" is shown, as the column "rain": 1 cell holds text'),
         (TABLE + "X,0,0,1,1\n", {}, "1 row is at longitude 0 and latitude 0"),
         ("lat,lon,v\n41.4,2.1,3\n41.5,2.2,4\n", {}, "the map has no coasts, as it shows less than 4 degrees"),
         ("lat,lon,v\n41.4,2.1,3\n-41.5,-178,4\n", {"base": "globe"}, "1 of 2 rows are on the far side of the globe"),
@@ -207,7 +208,13 @@ BAD = {
     "two columns": (["places.csv", "--lon", "x", "--color", "y"], '--lon = "x": there is no such column'),
     "gizmo": (["places.csv", "--gizmo", "cylindr"], 'did you mean "cylinder"?'),
     "geometry": (["places.csv", "--gizmo", "geometry"], "there is no such gizmo"),
-    "palette": (["places.csv", "--palette", "virdis"], '--palette: unknown palette; did you mean "viridis"'),
+    "palette": (["places.csv", "--palette", "virdis"], '--palette = "virdis": unknown palette; did you mean "viridis"'),
+    "bars": (["places.csv", "--gizmo", "Bars"], '--gizmo = "Bars": there is no such gizmo; did you mean "cylinder"?'),
+    "spheres": (["places.csv", "--gizmo", "spheres"], 'did you mean "sphere"?'),
+    "extent turned": (
+        ["places.csv", "--extent", "30,62,-5,30"], "no row can be shown; 3 outside of the map; 3 rows lie outside of"
+    ),
+    "edges swapped": (["places.csv", "--extent", "30,62,-5,30"], "or in extent, which is west, east, south, north"),
     "norm": (["places.csv", "--norm", "lin"], '--norm = "lin": there is no such norm; did you mean "linear"?'),
     "log": (["negative.csv", "--color", "v", "--norm", "log"], '--norm: values of "v" must be above 0 for log'),
     "no height": (["places.csv", "--gizmo", "sphere", "--height", "rain"], "a sphere has no height; write --radius"),

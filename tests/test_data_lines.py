@@ -7,6 +7,7 @@ import pytest
 
 import visray as vr
 from visray.columns import Names
+from visray.data_picture import Wishes, data_picture
 from visray.errors import UserError
 from visray.scene.check import checked
 from visray.written_out import written_out
@@ -133,3 +134,23 @@ def test_only_segments_between_opposite_edges_are_left_out(source):
         made = checked(vr.Scene(data=vr.Data(base=vr.MapBase(extent=extent), layers={"roads": layer})))
         rows = made.data.rows["roads"]
         assert (rows.number.tolist(), rows.counts) == (lines, counts)
+
+
+@pytest.mark.parametrize(
+    ("gizmo", "shown", "says"),
+    [(None, "2 of 4", "1 row is a point, and not shown; --gizmo sphere"), ("sphere", "1 of 4", None)],
+)
+def test_the_command_shows_lines_or_points(source, gizmo, shown, says):
+    made = data_picture(source, Wishes(gizmo=gizmo, extent=(-10.0, 10.0, -10.0, 10.0)), "map.png")
+    assert made.choices["rows"] == shown and made.choices["gizmo"] == (gizmo or "line")
+    assert says is None or any(note.startswith(says) for note in made.notes)
+
+
+@pytest.mark.parametrize("size", [(480, 300), (960, 540)])
+def test_lines_of_the_command_are_two_pixels_wide(source, size):
+    made = data_picture(source, Wishes(size=size), "map.png").scene
+    rows = made.data.rows["roads"]
+    ends = [vr.projected(made, rows.fields[name].T) for name in "ab"]
+    depth = np.median(np.concatenate([end.depth for end in ends]))
+    pixels = size[1] / (2 * np.tan(np.radians(made.camera.fov) / 2) * depth)
+    assert np.unique(2 * rows.fields["radius"] * pixels) == pytest.approx(2, abs=0.6)

@@ -42,7 +42,7 @@ data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.column_names data.csv_file data.values data.labelled
 data.interchange data.geojson data.geojson_text data.frames
-data.reading data.positions data.describe
+data.reading data.positions data.name_column data.describe
 data.number_column data.source data.gizmos data.layer data.layer_table data.outlines data.rows data.touching
 data.resolve data.data_scene data.all_objects
 scene.scene

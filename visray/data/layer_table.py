@@ -9,6 +9,7 @@ from visray.data.base import on_earth
 from visray.data.color_rule import ColorRule, color_rule_of
 from visray.data.gizmos import GIZMOS
 from visray.data.layer import DataLayer
+from visray.data.name_column import name_column
 from visray.data.number_column import NumberColumn
 from visray.data.positions import position_columns, swapped
 from visray.data.size_rule import SizeRule, size_rule_of
@@ -16,9 +17,6 @@ from visray.data.source import table_from
 from visray.data.table import LISTED, Table
 from visray.errors import UserError
 from visray.hints import hint
-
-# Names of columns that hold the names of rows, if the layer names none.
-NAME_COLUMNS = ("name", "city", "place", "station", "country", "label", "title")
 
 
 @dataclass(eq=False)
@@ -94,10 +92,7 @@ class LayerTable:
         """Names of the rows; None if there is no column with names."""
         if self.table is None:
             return None
-        if self.layer.name is not None:
-            return self.table.texts(self.layer.name)
-        usual = {name.casefold(): name for name in reversed(self.table.names)}
-        found = next((usual[name] for name in NAME_COLUMNS if name in usual), None)
+        found = name_column(self.table) if self.layer.name is None else self.layer.name
         return None if found is None else self.table.texts(found)
 
     def _check_fields(self) -> None:

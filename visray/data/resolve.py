@@ -30,6 +30,8 @@ LOG_LEAST = 0.1
 CONSTANTS = {"height": 0.05, "radius": 0.005}
 LINE_RADIUS = 0.001
 DISK_LIFT = 0.001
+# What is said if most rows are outside of a map, and most would be on it with other names of columns or edges.
+SWAPPED = "longitude and latitude seem to be swapped, in the data or in extent, which is west, east, south, north"
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +138,8 @@ class _Resolver:
         inside = self.base.inside(lon, lat)
         outside = self.kept & ~inside
         if outside.any():
-            turned = self.base.inside(lat, lon)[self.kept].all()
-            more = "; longitude and latitude seem to be swapped" if turned and not inside[self.kept].any() else ""
+            shown, turned = (int(x[self.kept].sum()) for x in (inside, self.base.inside(lat, lon)))
+            more = f"; {SWAPPED}" if 2 * shown < int(self.kept.sum()) < 2 * turned else ""
             rows = self.t.rows_text(outside, lon, lat)
             self.notes.append(f"{int(outside.sum())} rows lie outside of the map and are not shown: {rows}{more}")
             self._drop(outside, "outside of the map")

@@ -15,10 +15,11 @@ from visray.data.source import TableValue, table_from
 from visray.data.table import Table
 from visray.data_picture.placing import BASE_MATERIAL, DATA_MATERIAL, base_for, flaw_lines, layer_for, places, sized
 from visray.data_picture.viewing import viewed
-from visray.data_picture.wishes import Wishes, checked, completed
+from visray.data_picture.wishes import Wishes, checked, completed, passed_over
 from visray.errors import UserError
 from visray.materials import Material
 from visray.scene.scene import Film, Scene, Settings
+from visray.terminal import printable
 from visray.textures import ImageTexture
 
 # Name of the texture of the scene.
@@ -57,11 +58,12 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
     map_path: path of the texture if a map is drawn
     """
     table = table_from(source)
-    wishes = completed(table, checked(table, wishes))
+    asked = checked(table, wishes)
+    wishes = completed(table, asked)
     layer = layer_for(source, table, wishes)
     lon, lat = places(layer, table)
     base = base_for(lon, lat, wishes)
-    layer = layer if table.lines else sized(layer, base, lon, lat)
+    layer = sized(layer, base, lon, lat, wishes.size[0])
     name = _layer_name(source)
     legend = Legend(
         title=wishes.title, source=wishes.source_line, places=wishes.places,
@@ -73,12 +75,14 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
         raise UserError(*flaw_lines(table.path, flaws))
     rows = data.rows[name]
     if not len(rows):
-        raise UserError(
-            f"{table.path}: no row can be shown; " + ", ".join(f"{n:,} {why}" for why, n in rows.counts.items())
-        )
+        why = [", ".join(f"{n:,} {why}" for why, n in rows.counts.items()), *rows.notes]
+        raise UserError(printable(f"{table.path}: no row can be shown; {'; '.join(why)}"))
     drawn = None if wishes.image else basemap.drawn(base, MAP_PIXELS * wishes.size[0])
     scene = _scene(data, rows, wishes, wishes.image or map_path)
-    return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows.first)), _notes(scene, rows, wishes))
+    notes = _notes(scene, rows, wishes)
+    if not (asked.height or asked.radius or asked.color):
+        notes += passed_over(table, wishes)
+    return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows.first)), notes)
 
 
 def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
@@ -130,6 +134,9 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
     if not wishes.image and not basemap.has_land(base):
         text = f"the map has no coasts, as it shows less than {basemap.COARSE:g} degrees; to show some, give a picture"
         notes.append(f"{text}: --map IMAGE --extent WEST,EAST,SOUTH,NORTH")
+    if points := rows.counts.get("without a line"):
+        text = "1 row is a point" if points == 1 else f"{points:,} rows are points"
+        notes.append(f"{text}, and not shown; --gizmo sphere shows points, and no lines")
     if "lon" in rows.values and (nowhere := int(((rows.values["lon"] == 0) & (rows.values["lat"] == 0)).sum())):
         text = "1 row is" if nowhere == 1 else f"{nowhere:,} rows are"
         notes.append(f"{text} at longitude 0 and latitude 0, in the sea: is the position missing?")

@@ -15,7 +15,7 @@ from visray.data.positions import swapped
 from visray.data.size_rule import SizeRule
 from visray.data.source import TableValue
 from visray.data.table import Table, shown
-from visray.data_picture.wishes import Wishes
+from visray.data_picture.wishes import Wishes, shows_lines
 from visray.errors import UserError
 from visray.terminal import printable
 
@@ -25,13 +25,15 @@ BASE_MATERIAL, DATA_MATERIAL = "map", "data"
 RADIUS, THINNEST, THICKEST = 0.4, 0.0025, 0.008
 # Largest radius of gizmos whose radius is a column, likewise.
 RADIUS_OF_COLUMN, SMALLEST, LARGEST = 1.5, 0.008, 0.02
+# Radius of lines, in pixels of a base as wide as the picture, and of the widest lines of a column, in such radii.
+LINE_PIXELS, WIDEST = 1.3, 4.0
 # Options that set fields of the layer.
 OPTIONS = ("lon", "lat", "name", "height", "radius", "color", "gizmo")
 
 
 def layer_for(source: str | TableValue, table: Table, wishes: Wishes) -> DataLayer:
     """The layer, without the sizes that depend on the base. source: path of the table, or the table itself."""
-    gizmo = wishes.gizmo or ("line" if table.lines else "cylinder" if wishes.height else "sphere")
+    gizmo = wishes.gizmo or ("line" if shows_lines(table, None) else "cylinder" if wishes.height else "sphere")
     color: Any = wishes.color
     chosen = {key: value for key in ("palette", "norm") if (value := getattr(wishes, key)) is not None}
     if chosen and color is not None:
@@ -74,7 +76,7 @@ def _projection(wishes: Wishes) -> str:
 
 def places(layer: DataLayer, table: Table) -> tuple[np.ndarray, np.ndarray]:
     """Longitudes and latitudes of the rows that have some. Raises a UserError without any."""
-    if table.lines:
+    if shows_lines(table, layer.gizmo):
         points = np.concatenate([line for _, line in table.lines])
         lon, lat = points[:, 0], points[:, 1]
     else:
@@ -92,10 +94,19 @@ def places(layer: DataLayer, table: Table) -> tuple[np.ndarray, np.ndarray]:
     return lon[kept], lat[kept]
 
 
-def sized(layer: DataLayer, base: Base, lon: np.ndarray, lat: np.ndarray) -> DataLayer:
-    """The layer with radii that suit the distances of its places. Shapes: lon, lat (N)."""
+def sized(layer: DataLayer, base: Base, lon: np.ndarray, lat: np.ndarray, pixels: int) -> DataLayer:
+    """The layer with radii that suit the distances of its places; those of lines suit the width of the picture in
+    pixels. Shapes: lon, lat (N)."""
+    if layer.gizmo == "line":
+        thin = LINE_PIXELS / pixels * base.size
+        if isinstance(layer.radius, str):
+            return replace(layer, radius=SizeRule(column=layer.radius, range=(_short(thin), _short(WIDEST * thin))))
+        return replace(layer, radius=_short(thin))
     inside = base.inside(lon, lat)
     apart = spacing(base.place(lon[inside], lat[inside]).point)
+    if apart == 0:
+        # All are in one place.
+        apart = base.size
     if isinstance(layer.radius, str):
         most = np.clip(RADIUS_OF_COLUMN * apart, SMALLEST * base.size, LARGEST * base.size)
         # The area that a gizmo covers is proportional to its value.

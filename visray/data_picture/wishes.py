@@ -2,13 +2,15 @@
 
 import re
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from visray.data.color_rule import NormName
 from visray.data.describe import describe
 from visray.data.gizmos import GIZMOS
-from visray.data.layer_table import NAME_COLUMNS
+from visray.data.name_column import name_column
+from visray.data.palette import palette_flaw
 from visray.data.positions import position_columns
 from visray.data.table import Table
 from visray.errors import UserError
@@ -21,6 +23,15 @@ NO_QUANTITY = re.compile(r"(id|.*[_ ]id|index|no|nr|num|rank|code|zip|postcode|y
 # Norms of colours; bands need their number, which a scene file gives.
 NORMS = tuple(name for name in get_args(NormName) if name != "banded")
 
+# Other words for gizmos, without the s of the plural.
+CALLED = {
+    "cylinder": ("bar", "column", "pillar", "tube"),
+    "sphere": ("ball", "bubble", "point", "dot", "globe"),
+    "disk": ("circle", "disc"),
+    "box": ("cube", "block", "square", "boxe"),
+    "cone": ("pyramid", "spike"),
+    "line": ("path", "outline", "route", "polygon", "area"),
+}
 
 # Largest number of rows whose names are written without being asked for.
 FEW = 15
@@ -68,9 +79,8 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
         if column is not None and column not in table.columns:
             text = f"there is no such column in {table.path}; {hint(column, table.names)}"
             problems.append(printable(f'--{option} = "{column}": {text}'))
-    names = [name for name in GIZMOS if name != "geometry"]
-    if wishes.gizmo is not None and wishes.gizmo not in names:
-        problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {hint(wishes.gizmo, names)}'))
+    if wishes.gizmo is not None and (wishes.gizmo not in GIZMOS or wishes.gizmo == "geometry"):
+        problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {gizmo_hint(wishes.gizmo)}'))
     elif wishes.gizmo and wishes.height and "height" not in GIZMOS[wishes.gizmo].sizes:
         problems.append(f"--height: a {wishes.gizmo} has no height; write --radius, or take another --gizmo")
     if wishes.extent is not None and wishes.base == "globe":
@@ -82,33 +92,63 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
         problems.append(f"--map: {text}, such as -180,180,-90,90")
     if wishes.norm is not None and wishes.norm not in NORMS:
         problems.append(printable(f'--norm = "{wishes.norm}": there is no such norm; {hint(wishes.norm, NORMS)}'))
+    if wishes.palette is not None and (flaw := palette_flaw(wishes.palette)):
+        problems.append(printable(f'--palette = "{wishes.palette}": {flaw[1]}'))
     if problems:
         raise UserError(*problems)
     return wishes
 
 
+def gizmo_hint(word: str) -> str:
+    """Hint at the gizmo that a wrong word may mean: `cylinder` for `bars`."""
+    names = [name for name in GIZMOS if name != "geometry"]
+    single = word.casefold().removesuffix("s")
+    return hint(next((name for name, words in CALLED.items() if single in words), single), names)
+
+
+def shows_lines(table: Table, gizmo: str | None) -> bool:
+    """Whether the lines of a table are shown, and not its points. gizmo: None if the user names none."""
+    return bool(table.lines) and gizmo in (None, "line")
+
+
 def completed(table: Table, wishes: Wishes) -> Wishes:
     """The wishes with columns to show: without any, the first column of numbers that seems to be a quantity. A column
     that is shown as a size is shown as a colour, too, and the other way round."""
-    if not table.lines and (wishes.lon is None or wishes.lat is None):
+    lines = shows_lines(table, wishes.gizmo)
+    if not lines and (wishes.lon is None or wishes.lat is None):
         try:
             lon, lat = position_columns(table)
         except UserError as error:
             raise UserError(*(text.replace("say which one", "write --lon and --lat") for text in error.lines)) from None
         wishes = replace(wishes, lon=wishes.lon or lon, lat=wishes.lat or lat)
     if wishes.places == "auto":
-        few = len(table) <= FEW and not table.lines and (wishes.name or _names(table))
+        few = len(table) <= FEW and not lines and (wishes.name or name_column(table))
         wishes = replace(wishes, places="all" if few else "none")
     if wishes.places != "none" and wishes.name is None:
-        wishes = replace(wishes, name=_names(table))
+        wishes = replace(wishes, name=name_column(table))
     if not (wishes.height or wishes.radius or wishes.color):
         record = _quantity(table, (wishes.lon, wishes.lat))
         first, least = (record["column"], record["min"]) if record else (None, None)
         # Bars of negative values would hang below the ground, where they are not seen.
         bars = wishes.gizmo is None and (least is None or least >= 0)
-        tall = not table.lines and (bars or (wishes.gizmo is not None and "height" in GIZMOS[wishes.gizmo].sizes))
+        tall = not lines and (bars or (wishes.gizmo is not None and "height" in GIZMOS[wishes.gizmo].sizes))
         wishes = replace(wishes, **({"height": first, "color": first} if tall else {"color": first}))
     return replace(wishes, color=wishes.color or wishes.height or wishes.radius)
+
+
+def passed_over(table: Table, wishes: Wishes) -> list[str]:
+    """Sentences about columns that would have been chosen, but hold some texts. wishes: the completed ones, of a user
+    who names no column to show"""
+    other, shown = (wishes.lon, wishes.lat), wishes.color
+    records = {record["column"]: record for record in _quantities(table, other)}
+    if shown not in records or records[shown]["kind"] == "mixed":
+        return []
+    before = takewhile(lambda name: name != shown, records)
+    return [
+        printable(f'"{shown}" is shown, as the {records[name]["problem"]}')
+        for name in before
+        if records[name]["kind"] == "mixed"
+    ]
 
 
 def _quantity(table: Table, other: tuple[str | None, ...]) -> dict[str, Any] | None:
@@ -117,18 +157,16 @@ def _quantity(table: Table, other: tuple[str | None, ...]) -> dict[str, Any] | N
 
     other: columns that are none.
     """
-    records = [
-        record
-        for record in describe(table)
-        if record["column"] not in other and not NO_QUANTITY.fullmatch(record["column"].casefold())
-    ]
+    records = _quantities(table, other)
     varied = [r for r in records if r["kind"] == "numbers" and r["distinct"] > 1]
     mixed, equal = ([r for r in records if r["kind"] == kind] for kind in ("mixed", "numbers"))
     return next(iter([*varied, *mixed, *equal]), None)
 
 
-def _names(table: Table) -> str | None:
-    """The column with the names of rows: one with a usual name, or the first column of texts; None if there is none."""
-    usual = {name.casefold(): name for name in reversed(table.names)}
-    texts = [record["column"] for record in describe(table) if record["kind"] == "texts"]
-    return next((usual[name] for name in NAME_COLUMNS if name in usual), next(iter(texts), None))
+def _quantities(table: Table, other: tuple[str | None, ...]) -> list[dict[str, Any]]:
+    """The columns whose names may be those of quantities, as `describe` has them. other: columns that are none"""
+    return [
+        record
+        for record in describe(table)
+        if record["column"] not in other and not NO_QUANTITY.fullmatch(record["column"].casefold())
+    ]

@@ -154,6 +154,9 @@ def _wanted(scene: Scene, notes: list[str]) -> list[tuple[str, np.ndarray, float
 
     A name that several layers have at one point is taken once, with the largest radius.
     """
+    if all(rows.texts is None for rows in scene.data.rows.values()):
+        notes.append("legend: no place is named, as no layer has a column of names; give a layer the field name")
+        return []
     found: dict[tuple, tuple[str, np.ndarray, float]] = {}
     for rows in scene.data.rows.values():
         pixels = _width_pixels(scene, rows)

@@ -42,7 +42,7 @@ data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.column_names data.csv_file data.values data.labelled
 data.interchange data.geojson data.geojson_text data.frames
-data.reading data.positions data.name_column data.describe
+data.reading data.positions data.name_column data.describe data.row_names
 data.number_column data.source data.gizmos data.layer data.layer_table data.outlines data.rows data.touching
 data.resolve data.data_scene data.all_objects
 scene.scene
@@ -52,8 +52,8 @@ feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output
 projection
-legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing legend.ticks
-legend.bars legend.content legend.layer legend data_picture
+legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing
+legend.ticks legend.bars legend.content legend.layer legend data_picture
 images
 data.row_table columns data_columns written_out
 pack address_index repack nesting overlap_report batches sampling moments film

@@ -10,11 +10,13 @@ from visray.data.color_rule import ColorSpec
 from visray.data.column import Column
 from visray.data.gizmos import GIZMOS
 from visray.data.number_column import ColumnRule, NumberColumn
+from visray.data.row_names import RowNames
 from visray.data.size_rule import SizeSpec
 from visray.data.source import SourceRule, TableValue
 from visray.quantities import FARTHEST, Name, Real
 
 Numbers = Annotated[NumberColumn, ColumnRule()]
+OwnNumbers = Annotated[NumberColumn, ColumnRule(among=True)]
 Source = Annotated[str | TableValue, SourceRule()]
 Share = Annotated[Real, Field(ge=0, le=1)]
 # More digits than the number of any row, and fewer than Python refuses to read.
@@ -44,11 +46,12 @@ class DataLayer:
         usual names.
     value: column, or numbers, for the height (or the radius, of a gizmo without height) and for the colour, where
         these are not given.
-    name: column with the name of each row, for labels.
+    name: column with the name of each row, for labels, or the names themselves; null: a column with a usual name, or
+        the first one of texts.
     gizmo: the shape; `geometry` shows one of the scene's geometries, whose name is in the field `geometry`. A `line`
         follows the lines and outlines of a GeoJSON file.
-    height, radius: sizes: a number in world units, a column, or a rule. The radius is half the width.
-    color: colours: a column, a rule, or one colour in sRGB; null: that of the material.
+    height, radius: sizes: a number in world units, a column, numbers, or a rule. The radius is half the width.
+    color: colours: a column, numbers, a rule, or one colour in sRGB; null: that of the material.
     material: name of the gizmos' material. Its field `colored` says what the colours change.
     sunk: share of a gizmo's height that is below the base.
     lift: height of the gizmo's foot above the base; null: 0, and a little for disks, which would lie in the base.
@@ -61,12 +64,13 @@ class DataLayer:
     lon: Column | Numbers | None = None
     lat: Column | Numbers | None = None
     value: Column | Numbers | None = None
-    name: Column | None = None
+    name: Column | RowNames | None = None
     gizmo: Literal[tuple(GIZMOS)] = "cylinder"
     geometry: Name | None = None
-    height: SizeSpec | None = None
-    radius: SizeSpec | None = None
-    color: ColorSpec = None
+    height: SizeSpec | OwnNumbers | None = None
+    radius: SizeSpec | OwnNumbers | None = None
+    # Three numbers from 0 to 1 are a colour, and other lists are numbers of rows.
+    color: Annotated[ColorSpec | OwnNumbers, Field(union_mode="left_to_right")] = None
     material: Name = "default"
     sunk: Share = 0.0
     lift: Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)] | None = None

@@ -1,12 +1,14 @@
 """The numbers of a layer's rows, as they are before any rule: from its source, its own columns, and its edits."""
 
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from visray.data.base import on_earth
 from visray.data.color_rule import ColorRule, color_rule_of
+from visray.data.color_value import color_flaw, color_numbers
 from visray.data.gizmos import GIZMOS
 from visray.data.layer import DataLayer
 from visray.data.name_column import name_column
@@ -14,7 +16,7 @@ from visray.data.number_column import NumberColumn
 from visray.data.positions import position_columns, swapped
 from visray.data.size_rule import SizeRule, size_rule_of
 from visray.data.source import table_from
-from visray.data.table import LISTED, Table
+from visray.data.table import LISTED, Table, as_texts
 from visray.errors import UserError
 from visray.hints import hint
 
@@ -88,8 +90,14 @@ class LayerTable:
         ]
         return ", ".join(shown) + (f", and {len(found) - LISTED:,} more" if len(found) > LISTED else "")
 
+    def _bare(self, text: str) -> str:
+        """A message about the table without the table's path: the address of the layer says which it is."""
+        return text.removeprefix(f"{self.table.path}: ")
+
     def texts(self) -> np.ndarray | None:
         """Names of the rows; None if there is no column with names."""
+        if isinstance(self.layer.name, tuple):
+            return as_texts(self.layer.name)
         if self.table is None:
             return None
         found = name_column(self.table) if self.layer.name is None else self.layer.name
@@ -103,11 +111,11 @@ class LayerTable:
         if (layer.gizmo == "geometry") != (layer.geometry is not None):
             text = "names one of the scene's geometries, and goes with the gizmo geometry; write both or none"
             self.flaws.append(("geometry", text))
-        if layer.name is not None and self.table is None:
+        if isinstance(layer.name, str) and self.table is None:
             self.flaws.append(
                 ("name", "there is no such column, as the layer has no source; write a source with names")
             )
-        elif layer.name is not None and layer.name not in self.table.names:
+        elif isinstance(layer.name, str) and layer.name not in self.table.names:
             self.flaws.append(("name", f"there is no such column; {hint(layer.name, self.table.names)}"))
         if "height" not in gizmo.sizes and layer.height is not None:
             self.flaws.append(("height", f"a {layer.gizmo} has no height; write a radius"))
@@ -126,7 +134,7 @@ class LayerTable:
             try:
                 found = position_columns(self.table)
             except UserError as error:
-                self.flaws += [("source", text) for text in error.lines]
+                self.flaws += [("source", self._bare(text)) for text in error.lines]
                 if self.table.lines:
                     rows = len({row for row, _ in self.table.lines})
                     text = f"the source has {rows:,} rows of lines and outlines, and no points"
@@ -145,12 +153,26 @@ class LayerTable:
             for key in ("height" if tall else "radius", "color"):
                 specs[key] = "value" if specs[key] is None else specs[key]
         for key in ("height", "radius", "color"):
+            if isinstance(specs[key], NumberColumn):
+                self.rules[key] = (ColorRule if key == "color" else SizeRule)(column=key)
+                self._read(key, key, specs[key])
+                continue
             rule = (color_rule_of if key == "color" else size_rule_of)(specs[key])
+            if key == "color" and isinstance(specs[key], str):
+                rule = self._named_color(specs[key]) or rule
             self.rules[key] = rule
             if isinstance(rule, (SizeRule, ColorRule)):
                 own = rule.column == "value" and layer.value is not None
                 where = "value" if own else key if isinstance(specs[key], str) else f"{key}.column"
                 self._read(key, where, layer.value if own else rule.column)
+
+    def _named_color(self, text: str) -> tuple[float, float, float] | None:
+        """The colour that a name such as "tomato" means; None if a column has this name, or nearly this name."""
+        columns = [] if self.table is None else [name.casefold() for name in self.table.names]
+        near = get_close_matches(text.casefold(), columns, 1)
+        if near or (text == "value" and self.layer.value is not None) or color_flaw(text):
+            return None
+        return tuple(color_numbers(text).tolist())
 
     def _read(self, key: str, address: str, column: str | NumberColumn) -> None:
         """Reads the numbers of one property. address: of the field that names the column."""
@@ -163,7 +185,7 @@ class LayerTable:
         try:
             self.values[key], problems = self.table.numbers(column)
         except UserError as error:
-            self.flaws += [(address, text) for text in error.lines]
+            self.flaws += [(address, self._bare(text)) for text in error.lines]
             return
         if problems:
             self.flaws.append((address, str(problems)))
@@ -175,9 +197,12 @@ class LayerTable:
     def _check_lengths(self) -> None:
         """Finds lists of other lengths than that of the longitudes."""
         sizes = {key: len(x) for key, x in self.values.items()}
+        if isinstance(self.layer.name, tuple):
+            sizes["name"] = len(self.layer.name)
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{key} has {n}" for key, n in sizes.items())
-            self.flaws.append(("source", f"all columns need the same number of rows: {listed}"))
+            more = "; one colour is three numbers from 0 to 1" if sizes.get("color") == 3 else ""
+            self.flaws.append(("source", f"all columns need the same number of rows: {listed}{more}"))
         elif not len(self):
             self.flaws.append(("source", "has no rows; a layer needs one at least"))
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
 from visray.number_table import DIGESTS, NumberTable
 
@@ -19,13 +19,21 @@ class NumberColumn(NumberTable):
 
 class ColumnRule:
     """The rule for a field that is a column, as an annotation that pydantic reads. A column is given as a list or an
-    array; null stands for a missing number."""
+    array; null stands for a missing number.
 
-    @staticmethod
-    def column(given: Any) -> NumberColumn:
+    among: whether the field may have values of other kinds than columns, of which the message then speaks, too.
+    """
+
+    def __init__(self, among: bool = False):
+        self.among = among
+
+    def column(self, given: Any) -> NumberColumn:
         """The column of a value. Raises ValueError if it is none."""
         if isinstance(given, NumberColumn):
             return given
+        if self.among and (isinstance(given, (str, dict)) or np.ndim(given) == 0):
+            # The type is one of those of which `scene/messages.py` makes one message about all kinds.
+            raise PydanticCustomError("list_type", "must be a list of numbers")
         try:
             if isinstance(given, str) or np.ndim(given) != 1 or np.asarray(given).dtype.kind in "cmMSV":
                 raise ValueError

@@ -7,13 +7,11 @@ import numpy as np
 
 from visray.camera import OrthographicCamera
 from visray.data.base import GlobeBase
-from visray.data.color_rule import ColorRule
-from visray.data.layer import DataLayer
-from visray.data.legend import Legend
 from visray.data.resolved_colors import ResolvedColors
 from visray.data.rows import Rows
 from visray.data.size_rule import SizeRule
 from visray.legend.bars import bar_of, different
+from visray.legend.labels import label, label_notes
 from visray.legend.parts import LegendContent, Place, SizeScale
 from visray.legend.ticks import EXACT, distinct_texts, round_values, round_values_of_log
 from visray.projection import Projected, projected
@@ -32,16 +30,16 @@ def legend_content(scene: Scene) -> LegendContent | None:
     if scene.data is None or scene.data.legend is None:
         return None
     legend, layers = scene.data.legend, scene.data.layers
-    bars, sizes, notes = [], [], []
+    bars, sizes, notes = [], [], label_notes(scene.data)
     for name, rows in scene.data.rows.items():
         if not len(rows):
             continue
         if legend.bars and isinstance(rows.rules.get("color"), ResolvedColors):
-            label = _label(legend, name, layers[name], "color")
-            bars.append(bar_of(label, rows.rules["color"], rows.values["color"]))
+            text = label(legend, name, layers[name], "color")
+            bars.append(bar_of(text, rows.rules["color"], rows.values["color"]))
         for key in rows.gizmo.sizes if legend.sizes else ():
             if isinstance(rows.rules.get(key), SizeRule):
-                scale = _scale(scene, rows, key, _label(legend, name, layers[name], key))
+                scale = _scale(scene, rows, key, label(legend, name, layers[name], key))
                 sizes.append(scale)
                 if not scale.entries:
                     what = "radii" if key == "radius" else f"{key}s"
@@ -54,17 +52,6 @@ def legend_content(scene: Scene) -> LegendContent | None:
     return LegendContent(
         **own, bars=tuple(different(bars)), sizes=tuple(kept), places=tuple(places), notes=tuple(notes)
     )
-
-
-def _label(legend: Legend, name: str, layer: DataLayer, key: str) -> str:
-    """What a property of a layer shows, with its unit. name: of the layer. key: "color", "height" or "radius"."""
-    rule = getattr(layer, key)
-    column = rule if isinstance(rule, str) else rule.column if isinstance(rule, ColorRule | SizeRule) else "value"
-    if column == "value" and layer.value is not None:
-        # Numbers that are written in the layer have no other name than the layer's.
-        column = layer.value if isinstance(layer.value, str) else name
-    text, unit = legend.labels.get(column, column), legend.units.get(column, "")
-    return f"{text} ({unit})" if unit else text
 
 
 def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:

@@ -163,11 +163,19 @@ def _value_at(root: Any, address: str) -> Any:
             text = f"{owner} has no {key!r}; {hint(key, choices)}"
             if owner == "camera" and (instead := _misplaced(node, key)):
                 text = instead
+            if re.fullmatch(r"data\.layers\.[^.]+\.rows", owner) and re.fullmatch(ROW_NUMBER, key):
+                text = f"no number of row {key} is replaced; for a number of the source, write {_of_row(keys)}"
             if not choices and not isinstance(node, (dict, tuple)):
                 text = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
             raise UserError(printable(f"{address}: {text}"))
         node = _entry(node, key)
     return node
+
+
+def _of_row(keys: list[str]) -> str:
+    """The address of a number of a row, from the keys of the address of its replacement below `rows`."""
+    _, _, layer, _, number, *rest = keys
+    return ".".join(["data", layer, number, *(rest or ["height"])])
 
 
 def _misplaced(camera: Any, key: str) -> str | None:

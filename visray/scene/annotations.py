@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+from visray.data.number_column import NumberColumn
 from visray.quantities import Quantity
 from visray.transforms import STEPS
 
@@ -94,6 +95,7 @@ _JSON_NAMES = {
     int: "a whole number",
     bool: "true or false",
     str: "a string",
+    NumberColumn: "a list of numbers",
     NoneType: "null",
     tuple: "a list [...]",
     dict: "an object {...} that holds entries by name",

@@ -165,6 +165,13 @@ def test_gizmos_are_as_thick_as_their_distance_allows(table):
     assert sizes[0] < sizes[1] <= sizes[2]
 
 
+@pytest.mark.parametrize("base", ["map", "globe"])
+def test_a_single_bar_is_as_thick_as_one_of_few(table, base):
+    found = [picture(table(text), base=base).scene.data.layers["places"].radius
+             for text in (TABLE, "lat,lon,v\n52,13,570\n", "lat,lon,v\n52,13,570\n52,13,500\n")]  # fmt: skip
+    assert found[0] <= found[1] == found[2]
+
+
 def test_a_size_and_a_colour_of_the_same_column_have_one_key(table):
     csv = table()
     assert not picture(csv).scene.data.legend.sizes

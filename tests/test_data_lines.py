@@ -154,3 +154,17 @@ def test_lines_of_the_command_are_two_pixels_wide(source, size):
     depth = np.median(np.concatenate([end.depth for end in ends]))
     pixels = size[1] / (2 * np.tan(np.radians(made.camera.fov) / 2) * depth)
     assert np.unique(2 * rows.fields["radius"] * pixels) == pytest.approx(2, abs=0.6)
+
+
+def test_lines_of_a_small_picture_are_two_pixels_wide(source):
+    """A map that fills a picture of 480 pixels has visible lines."""
+    rows = scene(source, radius=None).data.rows["roads"]
+    assert (2 * rows.fields["radius"] >= 2 / 480 * 8.0).all()
+
+
+def test_a_globe_is_seen_from_above_the_lines(source):
+    made = data_picture(source, Wishes(base="globe"), "map.png").scene
+    view = np.array(made.camera.origin) / np.linalg.norm(made.camera.origin)
+    ups = made.data.rows["roads"].ground.up
+    # A camera far away would be at most 60 degrees off.
+    assert (ups @ view > 0.5).all()

@@ -28,7 +28,7 @@ RANGES = {"height": (0.0, 0.2), "radius": (0.0, 0.025)}
 # The first size of a logarithmic scale, as a share of the last one.
 LOG_LEAST = 0.1
 CONSTANTS = {"height": 0.05, "radius": 0.005}
-LINE_RADIUS = 0.001
+LINE_RADIUS = 0.0025
 DISK_LIFT = 0.001
 # What is said if most rows are outside of a map, and most would be on it with other names of columns or edges.
 SWAPPED = "longitude and latitude seem to be swapped, in the data or in extent, which is west, east, south, north"

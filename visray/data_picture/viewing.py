@@ -27,8 +27,7 @@ def viewed(scene: Scene, rows: Rows) -> Scene:
     balls = _gizmo_balls(base, rows)
     at = fit.POPULATED
     if isinstance(base, GlobeBase):
-        weights = np.abs(rows.values.get("height", rows.values.get("radius", np.ones(len(rows)))))
-        at = fit.middle_of(rows.values["lon"], rows.values["lat"], weights) if "lon" in rows.values else at
+        at = fit.middle_of(*_weighted(rows))
     lowest = fit.ELEVATION if "height" in rows.gizmo.sizes else fit.ELEVATION_FLAT
     axes = fit.axes_over(base, at, lowest)
     view = min((_fitted(scene, balls, axes, position) for position in ("right", "bottom")), key=_distance)
@@ -42,6 +41,17 @@ def viewed(scene: Scene, rows: Rows) -> Scene:
         ):
             axes = steeper
     return _fitted(scene, balls, axes, view.data.legend.position)
+
+
+def _weighted(rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Longitudes and latitudes on a globe that a picture should show, with weights: those of the rows with their sizes,
+    or those of the segments of lines with their lengths. Shapes: (N) each."""
+    if rows.gizmo.name != "line":
+        sizes = rows.values.get("height", rows.values.get("radius", np.ones(len(rows))))
+        return rows.values["lon"], rows.values["lat"], np.abs(sizes)
+    x, y, z = rows.ground.up.T
+    length = np.linalg.norm(rows.fields["b"] - rows.fields["a"], axis=0)
+    return np.degrees(np.arctan2(-z, x)), np.degrees(np.arcsin(np.clip(y, -1, 1))), length
 
 
 def _fitted(scene: Scene, balls: fit.Balls, axes: np.ndarray, position: str) -> Scene:

@@ -130,6 +130,9 @@ def test_other_maps_are_removed_when_python_ends(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
+        ({"table": None}, "the table: NoneType is no table; give a path, a dict of columns, a list of records"),
+        ({"table": "no.csv"}, "no.csv: there is no such file"),
+        ({"table": {"a": [1], "b": [2]}}, "the table: no column is named like a longitude; write lon and lat"),
         ({"height": "rian"}, 'height = "rian": there is no such column in the table; did you mean "rain"?'),
         ({"lon": "x", "gizmo": "z"}, 'lon = "x": there is no such column'),
         ({"palette": "virdis"}, "palette: unknown palette"),
@@ -149,7 +152,7 @@ def test_other_maps_are_removed_when_python_ends(tmp_path):
 )
 def test_messages_name_arguments(arguments, line):
     with pytest.raises(vr.UserError) as caught:
-        vr.data_scene(TABLE, **arguments)
+        vr.data_scene(**{"table": TABLE} | arguments)
     assert any(line in text for text in caught.value.lines)
     assert not any("--" in text for text in caught.value.lines)
 
@@ -201,6 +204,10 @@ def test_rows_that_have_no_name_or_the_name_of_others_are_lines():
         with pytest.raises(vr.UserError) as caught:
             data.row(*arguments)
         assert text in str(caught.value)
+    line = {"type": "LineString", "coordinates": [[0, 0], [10, 20], [20, 5]]}
+    lines = [{"type": "Feature", "properties": {"name": name}, "geometry": line} for name in ("a", "b")]
+    # A line of two segments is one row.
+    assert vr.data_scene({"type": "FeatureCollection", "features": lines}).data.row("table", "b") == 1
     nameless = vr.data_scene({"lon": [1.0, 2.0], "lat": [2.0, 3.0], "v": [1.0, 2.0]}).data
     with pytest.raises(vr.UserError, match="the layer has no column of names"):
         nameless.row("table", "x")

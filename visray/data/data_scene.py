@@ -54,7 +54,8 @@ class Data:
         rows = self.rows[layer]
         if rows.texts is None:
             raise UserError(printable(f"data.layers.{layer}.name: the layer has no column of names; name one"))
-        found = [int(n) for n, text in zip(rows.number, rows.texts) if text == name]
+        # A row of lines has a gizmo for each segment.
+        found = list(dict.fromkeys(int(n) for n, text in zip(rows.number, rows.texts) if text == name))
         if not found:
             near = get_close_matches(str(name), dict.fromkeys(rows.texts), 1)
             right = f'did you mean "{near[0]}"?' if near else f'data.rows["{layer}"].texts has all names'

@@ -113,7 +113,10 @@ def _source(table: Any) -> str | TableValue:
     # The readers are imported where they are needed.
     from visray.data.frames import table_of
 
-    return TableValue(table_of(table))
+    try:
+        return TableValue(table_of(table))
+    except UserError as error:
+        raise UserError(*(text.replace("; give a dict", "; give a path, a dict") for text in error.lines)) from None
 
 
 def _base(base: str) -> str:

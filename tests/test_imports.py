@@ -53,7 +53,7 @@ output.files output.layers output.exr_header output.silence output.exr output.ro
 output.image output
 projection
 legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing
-legend.ticks legend.bars legend.content legend.layer legend data_picture
+legend.ticks legend.bars legend.content legend.covering legend.layer legend data_picture
 images
 data.row_table columns data_columns written_out
 pack address_index repack nesting overlap_report batches sampling moments film

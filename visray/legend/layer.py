@@ -1,8 +1,11 @@
 """The legend of a scene as a layer of its picture."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from visray.legend.content import legend_content
+from visray.legend.covering import covering_notes
 from visray.legend.drawing import Drawn, drawn
 from visray.scene.scene import Scene
 
@@ -21,4 +24,5 @@ def drawn_legend(scene: Scene, rgb: np.ndarray, alpha: np.ndarray) -> Drawn:
     Shapes: rgb (H, W, 3), alpha (H, W).
     """
     film = scene.film
-    return drawn(legend_content(scene), film.width, film.height, rgb + (1 - alpha[..., None]))
+    legend = drawn(legend_content(scene), film.width, film.height, rgb + (1 - alpha[..., None]))
+    return replace(legend, notes=(*legend.notes, *covering_notes(scene, legend.layout.panels)))

@@ -135,7 +135,7 @@ def test_other_maps_are_removed_when_python_ends(tmp_path):
         ({"table": {"a": [1], "b": [2]}}, "the table: no column is named like a longitude; write lon and lat"),
         ({"height": "rian"}, 'height = "rian": there is no such column in the table; did you mean "rain"?'),
         ({"lon": "x", "gizmo": "z"}, 'lon = "x": there is no such column'),
-        ({"palette": "virdis"}, "palette: unknown palette"),
+        ({"palette": "virdis"}, 'palette = "virdis": unknown palette'),
         ({"norm": "lin"}, 'norm = "lin": there is no such norm'),
         ({"base": "glob"}, "base = 'glob': there is no such base; one of auto, map, globe"),
         ({"extent": (1, 2, 3)}, "extent = (1, 2, 3): must be west, east, south and north in degrees"),
@@ -164,6 +164,7 @@ def test_all_advice_on_options_is_reworded():
     # The names of options that a program puts in are those of arguments.
     texts = [text for source in sources for text in re.findall(r'"[^"\n]*--[^"\n{]*"', source)]
     assert texts and not any("--" in text for text in in_python(texts))
+    assert in_python(["--gizmo sphere shows points"]) == ['gizmo="sphere" shows points']
     assert in_python(['write --lon "lat" --lat "lon"']) == ['write lon="lat" and lat="lon"']
 
 

@@ -27,7 +27,7 @@ REWORDED = (
     (r"--map IMAGE", "map=IMAGE"),
     (r"--(lon|lat) (\".*?\") --(lon|lat)", r"\1=\2 and --\3"),
     (r"--(\w+) (\".*?\")", r"\1=\2"),
-    (r"--(norm|base) (quantile|map|globe)", r'\1="\2"'),
+    (r"--(norm|base|gizmo) (quantile|map|globe|sphere)", r'\1="\2"'),
     (r"--(\w+)", r"\1"),
 )
 

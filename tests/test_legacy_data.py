@@ -319,6 +319,15 @@ def test_a_second_gizmo_near_a_pole_is_at_most_on_the_other_side(converted: Conv
     np.testing.assert_allclose(lon, [190, 170])
 
 
+def test_nothing_is_said_of_the_complement_of_a_palette(converted: Convert) -> None:
+    """Nobody chose it. A note tells what is wrong with a palette that somebody chose."""
+    for name, count in (("viridis", 0), ("jet", 1)):
+        rain = changed(RAIN, data=[[2.1, 41.4, 35, 50], [2.6, 41.8, 62, 80]], colorMap=f"COLOR_MAP_TYPE_{name.upper()}")
+        scene, _ = converted(of(PLANE, rain))
+        assert len(scene.data.rows) == 2
+        assert sum("uniform" in note for note in scene.data.notes()) == count
+
+
 def test_minus_1_is_a_second_value_but_for_compat(converted: Convert) -> None:
     file = of(PLANE, changed(RAIN, data=[[2.1, 41.4, 35, -1], [2.6, 41.8, 62, 80]]))
     for compat, count in ((False, 2), (True, 1)):

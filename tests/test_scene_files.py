@@ -107,7 +107,11 @@ def test_python_and_the_command_line_can_allow_it(place: Path, monkeypatch, caps
 
 def test_a_scene_that_is_written_elsewhere_says_what_it_needs(place: Path) -> None:
     loaded = load(scene(place, "objects", "deep/mesh.off"))
-    with pytest.warns(OutsideWarning, match="mesh.off: is outside of the folder of the scene file that is written; "):
+    with pytest.warns(
+        OutsideWarning,
+        match="mesh.off: is outside of the folder of the scene file that is written; so "
+        "the scene is read only with --allow-outside; ",
+    ):
         text = dump(loaded, place / "elsewhere")
     assert json.loads(text)["objects"]["x"]["file"] == "../deep/mesh.off"
     with warnings.catch_warnings():

@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field
 from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_hex
 from visray.data.column import Column, Place, row_place, rows_text
 from visray.data.norm import LogNorm, Norm, PowerNorm, QuantileNorm
-from visray.data.palette import Encoding, PaletteSpec, palette_flaw, palette_of
+from visray.data.palette import TABLE, Encoding, PaletteSpec, palette_flaw, palette_of
 from visray.data.resolved_colors import Colours, ResolvedColors
 from visray.quantities import Real
 
@@ -198,7 +198,9 @@ class ColorRule:
     def notes(self, values: np.ndarray) -> list[str]:
         """A list of sentences about what is odd in the colours of values. Domain: no flaws. Shape: (N)."""
         resolved, colours = self.resolved(values), self.colours(values)
-        found = [resolved.palette.note] if resolved.palette.note else []
+        # An imported scene has tables of colours, such as complements, that nobody chose.
+        imported = self.lookup == "table" and not isinstance(self.palette, str) and len(self.palette) == TABLE
+        found = [resolved.palette.note] if resolved.palette.note and not imported else []
         if colours.missing == len(values):
             found.append(f'The column "{self.column}" has no values; all colours are those of missing values.')
         elif resolved.norm.constant:

@@ -84,7 +84,7 @@ def _warn_of_files_outside(scene: Scene, folder: str | Path) -> None:
     if outside:
         more = f" and {len(outside) - 1} more" if len(outside) > 1 else ""
         problem = f"{outside[0]}{more}: is outside of the folder of the scene file that is written"
-        advice = "write the scene to a folder above it, or read it with --allow-outside"
+        advice = "so the scene is read only with --allow-outside; or write it to a folder above, or copy the file below"
         warnings.warn(f"{problem}; {advice}", OutsideWarning, stacklevel=3)
 
 

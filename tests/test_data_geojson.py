@@ -248,10 +248,20 @@ def test_any_json_is_a_table_or_an_error_of_one_line(tmp_path_factory, data):
 
 def test_a_table_becomes_geojson_and_is_read_again(table):
     several = {"type": "GeometryCollection", "geometries": [geometry(kind) for kind in GEOMETRIES]}
-    for content in (collection(feature(several, n=2, name="a"), feature(None, n=None)), geometry("Polygon")):
+    labelled = feature(geometry("Polygon"), lon=2.0, lat=41.0), feature(geometry("LineString"), lon="", lat=None)
+    contents = (
+        collection(feature(several, n=2, name="a"), feature(None, n=None)),
+        geometry("Polygon"),
+        # Properties with the names of coordinates, such as where the label of an outline is.
+        collection(*labelled),
+        collection(labelled[0], feature(None, lon=1.0)),
+        collection(labelled[0], feature(geometry("Point"), altitude="high")),
+        collection(feature(geometry("Polygon"), altitude=3.0, lon=1.0, lat=1.0), feature(None, lat=2.0)),
+    )
+    for content in contents:
         read = table(content)
         again = from_geojson(json.loads(json.dumps(to_geojson(read), allow_nan=False)), "the table")
-        assert set(again.names) == set(read.names) and len(again) == len(read)
+        assert again.names == read.names and len(again) == len(read)
         for name in read.names:
             np.testing.assert_array_equal(again.columns[name], read.columns[name])
         assert [(row, line.tolist()) for row, line in again.lines] == [(row, line.tolist()) for row, line in read.lines]

@@ -1,6 +1,9 @@
 """What visray says of data that are odd: sizes below 0, rows that are not shown, and where wrong rows stand."""
 
 import json
+import subprocess
+import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,9 @@ import pytest
 
 import visray as vr
 from visray.data.gizmos import GIZMOS
-from visray.data_report import data_notes
+from visray.data.palette import names, palette_of
+from visray.data.reading import read_table
+from visray.data_report import DataWarning, data_notes, warn_of_data
 from visray.errors import UserError
 from visray.legend.content import legend_content
 from visray.scene.check import checked
@@ -101,3 +106,105 @@ def test_keys_of_a_logarithmic_scale_span_it() -> None:
     (scale,) = legend_content(checked(made)).sizes
     numbers = [float(text) for text, _ in scale.entries]
     assert numbers[0] < 0.5 and numbers[-1] == 10
+
+
+# How files were read
+
+GERMAN = "Ort;lon;lat;v;w\nA;1,5;2,5;3,5;1\nB;20,25;1,5;4,5;2\nC;30;2;5;3\n"
+
+
+def said(made: vr.Scene) -> list[str]:
+    """The texts of the warnings of a render."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_data(made)
+    assert {w.category for w in caught} <= {DataWarning} and {w.filename for w in caught} <= {__file__}
+    return [str(w.message) for w in caught]
+
+
+def test_how_a_file_was_read_is_one_short_line_and_explain_has_all(tmp_path) -> None:
+    made = loaded(tmp_path, GERMAN, {"height": "v", "radius": "w", "name": "Ort"})
+    notes = read_table(tmp_path / "caps.csv").notes
+    assert len(notes) > 1
+    (line,) = said(made)
+    assert line == f"{tmp_path / 'caps.csv'}: the comma is decimal; visray explain has all {len(notes)} notes"
+    assert set(data_notes(made)) == {f"{tmp_path / 'caps.csv'}: {note}" for note in notes}
+    assert set(data_notes(made)) <= set(vr.explain(made).notes)
+    (line,) = said(loaded(tmp_path, GERMAN.replace(";w", ";v"), {"height": "v (1)"}))
+    assert line.startswith(f'{tmp_path / "caps.csv"}: the column "v" is there 2 times: v (1), v (2); visray explain ')
+
+
+def test_layers_of_one_source_have_each_note_once(tmp_path) -> None:
+    (tmp_path / "caps.csv").write_text(GERMAN + "D;x;1;2;3\n".replace("x", "") + "E;150;80;1;1\n")
+    layer = {"source": "caps.csv", "height": "v", "gizmo": "cone"}
+    base = {"type": "map", "extent": [-10, 40, -10, 40]}
+    data = {"base": base, "layers": {"a": layer, "b": layer | {"gizmo": "box"}}}
+    (tmp_path / "scene.json").write_text(json.dumps({"data": data}))
+    of_file, outside, left_out = said(vr.load(tmp_path / "scene.json"))
+    assert of_file.startswith(f"{tmp_path / 'caps.csv'}: ")
+    assert outside == "data.layers.a and b: 1 row lies outside of the map and is not shown: line 6 (150, 80)"
+    assert left_out == "data.layers.a and b: 3 rows are shown, and not: 1 without a position"
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_rows_in_the_colour_of_missing_values_are_shown(missing: int) -> None:
+    heat = [None] * missing + [3.0] + [5.0] * (2 - missing)
+    notes = [n for n in data_notes(scene(source=TABLE | {"heat": heat}, color="heat")) if "missing" in n]
+    have = "has" if missing == 1 else "have"
+    assert notes == [f"data.layers.caps: {missing} of the rows that are shown {have} the colour of missing values"]
+
+
+def test_each_text_is_shown_once_at_the_line_of_the_program(tmp_path) -> None:
+    (tmp_path / "once.py").write_text(
+        "import warnings\n"
+        "import visray as vr\n"
+        "layer = vr.DataLayer(source={'lon': [1.0, 2.0], 'lat': [1.0, 2.0], 'v': [1.0, -1.0]}, height='v')\n"
+        "scene = vr.Scene(film=vr.Film(width=8, height=8), data=vr.Data(layers={'caps': layer}))\n"
+        "for _ in range(2):\n"
+        "    vr.explain(scene)\n"
+        "    vr.prepare(scene)\n"
+        "vr.prepare(vr.replaced(scene, 'film.width', 9))\n"
+    )
+    done = subprocess.run([sys.executable, "once.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr.count("DataWarning") == done.stderr.count("are below 0") == 1
+    assert "once.py:7: DataWarning" in done.stderr
+
+
+# Palettes with a middle, and glass
+
+# As matplotlib lists them; newer ones are added below.
+DIVERGING = ["PiYG", "PRGn", "BrBG", "PuOr", "RdGy", "RdBu", "RdYlBu", "RdYlGn", "Spectral", "coolwarm", "bwr"]
+DIVERGING += ["seismic"]
+
+
+def test_palettes_with_a_middle_are_those_that_matplotlib_calls_diverging() -> None:
+    found = {name for name in names() if palette_of(name).diverging}
+    assert found - {"berlin", "managua", "vanimo"} == set(DIVERGING)
+    assert palette_of(["navy", "white", "tomato"]).diverging and not palette_of(["white", "navy"]).diverging
+
+
+@pytest.mark.parametrize("name", [*DIVERGING, "RdBu_r"])
+def test_a_middle_that_is_not_zero_has_a_note(name: str) -> None:
+    values = np.array([-21.6, 3.0, 24.9])
+
+    def middles(**fields) -> list[str]:
+        return [n for n in vr.ColorRule(**{"column": "v", "palette": name} | fields).notes(values) if "middle" in n]
+
+    (note,) = middles()
+    assert f'The palette {name} has its middle at {1.65:.2g}, and not at 0; to have it there, write "norm": ' in note
+    assert not middles(norm="symmetric") and not middles(domain=(-30, 20)) and not middles(palette="viridis")
+    assert not vr.ColorRule(column="v", palette=name).notes(abs(values))[1:]
+
+
+def test_glass_that_hides_colours_has_a_note() -> None:
+    def of(**fields) -> list[str]:
+        made = vr.Scene(
+            materials={"glass": vr.Material(**{"kt": (0.9, 0.9, 0.9)} | fields)},
+            data=vr.Data(layers={"caps": vr.DataLayer(source=TABLE, color="rain", material="glass")}),
+        )
+        return [note for note in data_notes(checked(made)) if "glass" in note]
+
+    (note,) = of()
+    assert note.startswith("data.layers.caps.color: is hardly seen, as materials.glass lets 90% of the light through")
+    right = json.loads(note.partition('"colored": ')[2].removesuffix(" there"))
+    assert not of(colored=tuple(right)) and not of(kt=(0.3, 0.3, 0.3))

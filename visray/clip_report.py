@@ -8,7 +8,6 @@ value is larger than its rounding error.
 """
 
 import math
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,6 +21,7 @@ from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.primitives.primitive import scalars
 from visray.scene.scene import Scene
+from visray.warn import warn
 
 # Lines along which signs are compared, places on each inside the clip and beyond it, and how many radii of the clip
 # they go on. A surface that reaches farther than ENDLESS radii is taken for one that goes on for ever.
@@ -52,7 +52,7 @@ class Extent:
 def warn_of_clips(scene: Scene) -> None:
     """Warns of polynomial surfaces that their default clip cuts, and of those that their clip misses."""
     for text in clip_notes(scene):
-        warnings.warn(text, ClipWarning, stacklevel=2)
+        warn(text, ClipWarning)
 
 
 def clip_notes(scene: Scene) -> list[str]:

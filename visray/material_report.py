@@ -1,7 +1,5 @@
 """What visray says about the materials of a scene: glass on open surfaces, and more light than arrives."""
 
-import warnings
-
 import numpy as np
 
 from visray import modes
@@ -12,6 +10,7 @@ from visray.geometry import gamma
 from visray.materials import Material
 from visray.scene.scene import Scene
 from visray.textures import CheckerTexture
+from visray.warn import warn
 
 
 class MaterialWarning(UserWarning):
@@ -19,9 +18,9 @@ class MaterialWarning(UserWarning):
 
 
 def warn_of_sheets(scene: Scene, effects: Features) -> None:
-    """Warns of glass on open surfaces. Python shows each warning once. effects: those that are simulated."""
+    """Warns of glass on open surfaces. Each is shown once. effects: those that are simulated."""
     for text in sheet_notes(scene, effects):
-        warnings.warn(text, MaterialWarning, stacklevel=2)
+        warn(text, MaterialWarning)
 
 
 def sheet_notes(scene: Scene, effects: Features) -> list[str]:

@@ -1,6 +1,5 @@
 """Facts about the meshes of a scene: what `visray explain` lists, and what is said once for each mesh."""
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -9,6 +8,7 @@ import numpy as np
 from visray.primitives.mesh import Mesh, MeshShape, gaps
 from visray.scene.scene import Scene
 from visray.transforms import compose
+from visray.warn import warn
 
 # Rounding errors of double and of single precision, relative to a number.
 DOUBLE, SINGLE = 2.0**-53, 2.0**-24
@@ -47,9 +47,9 @@ def mesh_facts(scene: Scene) -> tuple[MeshFacts, ...]:
 
 
 def warn_of_meshes(scene: Scene) -> None:
-    """Warns of what was left out of meshes, changed, or is not used. Python shows each warning once."""
+    """Warns of what was left out of meshes, changed, or is not used. Each is shown once."""
     for text in mesh_notes(scene):
-        warnings.warn(text, MeshWarning, stacklevel=2)
+        warn(text, MeshWarning)
 
 
 def mesh_notes(scene: Scene) -> list[str]:

@@ -18,6 +18,8 @@ NormName = Literal["linear", "log", "symmetric", "power", "quantile", "banded"]
 _Flag = Annotated[bool, Field(strict=True)]
 _Whole = Annotated[int, Field(strict=True)]
 MOST_BANDS = 256
+# Zero may be this far from the middle of a palette, as a share of the domain, before a note says so.
+OFF_MIDDLE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,10 +207,24 @@ class ColorRule:
             found.append(f'The column "{self.column}" has no values; all colours are those of missing values.')
         elif resolved.norm.constant:
             found.append(f'The column "{self.column}" is constant ({resolved.lo:g}); it has the middle of the palette.')
+        found += self._middle_notes(resolved)
         for count, side, end in ((colours.under, "below", resolved.lo), (colours.over, "above", resolved.hi)):
             if count:
                 found.append(f'{count} of {len(values)} values of "{self.column}" are {side} the domain ({end:g}).')
         return found
+
+    def _middle_notes(self, resolved: ResolvedColors) -> list[str]:
+        """A list with a sentence if the palette has a middle, and zero lies elsewhere, by chance: the data set the
+        domain."""
+        lo, hi = resolved.lo, resolved.hi
+        if self.norm not in ("linear", "banded") or np.iterable(self.bands) or self.domain or not lo < 0 < hi:
+            return []
+        middle = lo / 2 + hi / 2
+        if abs(middle) <= OFF_MIDDLE * (hi - lo) or not resolved.palette.diverging:
+            return []
+        name = f"{resolved.palette.name} " if resolved.palette.name else ""
+        text = f"The palette {name}has its middle at {middle:.2g}, and not at 0"
+        return [f'{text}; to have it there, write "norm": "symmetric".']
 
 
 _Part = Annotated[Real, Field(ge=0, le=1)]

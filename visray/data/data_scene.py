@@ -78,11 +78,9 @@ class Data:
 
     def notes(self) -> list[str]:
         """List of sentences about the data, each of which begins with an address."""
-        notes = []
+        names: dict[str, list[str]] = {}
         for name, rows in self.rows.items():
-            address = f"data.layers.{name}"
-            notes += [f"{address}: {text}" for text in rows.notes]
-            left_out = [f"{n:,} {reason}" for reason, n in rows.counts.items() if reason != "outside of the map"]
-            if left_out:
-                notes.append(f"{address}: {len(rows.first):,} rows are shown, and not: {', '.join(left_out)}")
-        return notes
+            for text in rows.all_notes():
+                names.setdefault(text, []).append(name)
+        # What is true of several layers, as of those with one source, is said once.
+        return [f"data.layers.{' and '.join(layers)}: {text}" for text, layers in names.items()]

@@ -31,7 +31,6 @@ class LayerTable:
         property that is not there
     rules: rules and constants by property ("height", "radius", "color")
     flaws: errors (field, message)
-    notes: sentences about the data
     """
 
     layer: DataLayer
@@ -39,7 +38,6 @@ class LayerTable:
     values: dict[str, np.ndarray] = field(default_factory=dict)
     rules: dict[str, Any] = field(default_factory=dict)
     flaws: list[tuple[str, str]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     @staticmethod
     def of(layer: DataLayer) -> "LayerTable":
@@ -50,7 +48,6 @@ class LayerTable:
         except UserError as error:
             t.flaws += [("source", text.removeprefix(f"{layer.source}: ")) for text in error.lines]
             return t
-        t.notes += t.table.notes if t.table is not None else []
         t._check_fields()
         if not t.flaws and not t.is_lines:
             t._read_positions()

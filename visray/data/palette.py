@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from visray.data.color_value import ColorValue, color_flaw, color_numbers, is_number, is_triple
-from visray.data.palette_note import palette_note
+from visray.data.palette_note import has_middle, palette_note
 from visray.output.curves import curve, linear, linear_slope
 from visray.quantities import Real
 
@@ -110,6 +110,11 @@ class Palette:
     def note(self) -> str | None:
         """A sentence about what readers find hard in the palette (palette_note), or None."""
         return palette_note(self.name, self.linear, self.steps)
+
+    @cached_property
+    def diverging(self) -> bool:
+        """Whether readers take the palette's middle for zero (palette_note)."""
+        return not self.steps and has_middle(self.linear)
 
     def _blended(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(numbers at t, their derivative by t). Shapes: t (N), results (N, 3)."""

@@ -18,6 +18,10 @@ STEPS = 32
 UNEVEN = 4.0
 # Two places at least this far apart count for the red-green blind: an eighth of the palette.
 APART = STEPS // 8
+# A palette has a middle if that is lighter, or darker, than both ends by this much, and about as grey as this, and the
+# ends differ as clearly. The diverging maps of matplotlib have 39 or more, 18 or less (and rainbows 27 or more), and 28
+# or more.
+PEAK, GREY, ENDS = 25.0, 22.0, 2 * CLEAR
 # Palettes that a note recommends; the last one has a middle.
 GOOD = ("viridis", "cividis", "RdBu")
 
@@ -35,6 +39,23 @@ def palette_note(name: str, linear: Callable[[np.ndarray], np.ndarray], steps: i
     light = linear(np.arange(STEPS + 1) / STEPS)
     found = [*_uneven(seen(light)), *_confused(light)]
     return f"{title} {', and '.join(found)}; take one such as {', '.join(GOOD[:-1])} or {GOOD[-1]}." if found else None
+
+
+def has_middle(linear: Callable[[np.ndarray], np.ndarray]) -> bool:
+    """Whether a palette diverges from its middle, as RdBu does: readers take the middle for zero.
+
+    linear: linear light at places from 0 to 1. Shapes: (N) -> (N, 3)
+    """
+    colours = seen(linear(np.arange(STEPS + 1) / STEPS))
+    lightness, middle = colours[:, 0], STEPS // 2
+    sign = np.sign(lightness[middle] - lightness[0])
+    peak = int(np.argmax(sign * lightness))
+    return bool(
+        abs(peak - middle) <= 1
+        and min(sign * (lightness[middle] - lightness[[0, -1]])) > PEAK
+        and np.hypot(*colours[middle, 1:]) < GREY
+        and np.linalg.norm(colours[0] - colours[-1]) > ENDS
+    )
 
 
 def _uneven(colours: np.ndarray) -> list[str]:

@@ -13,7 +13,7 @@ from visray.data.gizmos import GIZMOS, Stand
 from visray.data.layer import DataLayer
 from visray.data.layer_table import LayerTable
 from visray.data.outlines import Segments
-from visray.data.rows import Rows
+from visray.data.rows import COLORLESS, OUTSIDE, Rows
 from visray.data.size_rule import SizeRule
 from visray.data.source import stamp_of
 from visray.data.touching import notes_of_touching
@@ -84,7 +84,7 @@ class _Resolver:
     def __init__(self, layer: DataLayer, base: Base):
         self.layer, self.base, self.gizmo = layer, base, GIZMOS[layer.gizmo]
         self.t = LayerTable.of(layer)
-        self.flaws, self.notes = list(self.t.flaws), list(self.t.notes)
+        self.flaws, self.notes = list(self.t.flaws), []
         self.counts: dict[str, int] = {}
         self.sizes: dict[str, np.ndarray] = {}
         self.slopes: dict[str, np.ndarray] = {}
@@ -141,8 +141,10 @@ class _Resolver:
             shown, turned = (int(x[self.kept].sum()) for x in (inside, self.base.inside(lat, lon)))
             more = f"; {SWAPPED}" if 2 * shown < int(self.kept.sum()) < 2 * turned else ""
             rows = self.t.rows_text(outside, lon, lat)
-            self.notes.append(f"{int(outside.sum())} rows lie outside of the map and are not shown: {rows}{more}")
-            self._drop(outside, "outside of the map")
+            one = outside.sum() == 1
+            many, are = ("1 row lies", "is") if one else (f"{int(outside.sum()):,} rows lie", "are")
+            self.notes.append(f"{many} outside of the map and {are} not shown: {rows}{more}")
+            self._drop(outside, OUTSIDE)
 
     def _drop_lines(self) -> None:
         """Finds the segments of lines, and leaves out rows that have no lines, and those that have none on the base."""
@@ -230,7 +232,7 @@ class _Resolver:
         if rule.domain is None or rule.norm == "quantile":
             self.fitted.add("color")
         if colours.missing:
-            self.counts["in the colour of missing values"] = colours.missing
+            self.counts[COLORLESS] = colours.missing
         return colours.linear
 
     def _kept(self, x: np.ndarray) -> np.ndarray:

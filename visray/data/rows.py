@@ -17,6 +17,8 @@ from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.transforms import Matrix
 
+# Reasons among the counts of rows: for rows that a note of its own counts, and for rows that are shown.
+OUTSIDE, COLORLESS = "outside of the map", "in the colour of missing values"
 # The properties of a row that have numbers of their own, if the layer takes them from columns.
 PROPERTIES = ("lon", "lat", "height", "radius", "color")
 
@@ -69,6 +71,17 @@ class Rows:
     def first(self) -> np.ndarray:
         """Index of the first gizmo of each row of the source that has some. Shape: (number of these rows)."""
         return np.flatnonzero(np.diff(self.number, prepend=-1))
+
+    def all_notes(self) -> list[str]:
+        """Sentences about the data, and about how many rows are not shown, and why."""
+        left_out = [f"{n:,} {reason}" for reason, n in self.counts.items() if reason not in (OUTSIDE, COLORLESS)]
+        count, grey = len(self.first), self.counts.get(COLORLESS, 0)
+        shown = "1 row is" if count == 1 else f"{count:,} rows are"
+        notes = [f"{shown} shown, and not: {', '.join(left_out)}"] if left_out else []
+        if grey:
+            have = "has" if grey == 1 else "have"
+            notes.append(f"{grey:,} of the rows that are shown {have} the colour of missing values")
+        return [*self.notes, *notes]
 
     def index(self, number: int) -> int | None:
         """Index of the gizmo of a row of the source, the first one of a line; None if the row has none."""

@@ -85,6 +85,16 @@ def test_the_report_says_what_was_chosen(table, capsys):
     assert chosen.items() <= report["choices"].items() and report["choices"]["base"] == "map"
 
 
+@pytest.mark.slow
+def test_options_set_the_colours_and_the_texts_of_the_legend(table, capsys):
+    words = ["--domain", "-100,2000", "--bands", "4", "--labels", "rain=Rain, 2016,people=People", "--units", "rain=mm"]
+    assert said(capsys, table(), *words, "--save", "a.json", *SMALL)[0] == 0
+    data = vr.load("a.json").data
+    rule = data.layers["places"].color
+    assert (rule.column, rule.domain, rule.bands) == ("rain", (-100.0, 2000.0), 4)
+    assert data.legend.labels == {"rain": "Rain, 2016", "people": "People"} and data.legend.units == {"rain": "mm"}
+
+
 @pytest.mark.parametrize("kind", ["map", "globe"])
 def test_gizmos_stand_where_the_map_shows_their_places(tmp_path, kind):
     """The pixel where a place is seen has the colour that its texture has there."""
@@ -228,6 +238,12 @@ BAD = {
     "no lines": (["places.csv", "--gizmo", "line"], "--gizmo: a line needs a source with lines"),
     "text": (["places.csv", "--height", "name"], '--height: column "name": 3 cells hold text'),
     "extent": (["places.csv", "--extent", "1,2,3"], "--extent = '1,2,3': must be WEST,EAST,SOUTH,NORTH"),
+    "domain": (["places.csv", "--domain", "1"], "--domain = '1': must be LOW,HIGH, two numbers, such as 0,100"),
+    "domain turned": (["places.csv", "--domain", "5,1"], "--domain: the first number must be less than"),
+    "domain of log": (["places.csv", "--domain", "-1,9", "--norm", "log"], "--domain: both numbers must be above 0"),
+    "bands": (["places.csv", "--bands", "0"], "--bands: "),
+    "unit": (["places.csv", "--units", "mm"], "--units = 'mm': must be COLUMN=TEXT, such as rain=mm"),
+    "unit of none": (["places.csv", "--units", "rian=mm"], '--units = "rian": there is no such column in places.csv; '),
     "words": (["places.csv", "--extent", "a,b,c,d"], "must be WEST,EAST,SOUTH,NORTH"),
     "turned": (["places.csv", "--extent", "30,-10,30,60"], "--extent = 30,-10,30,60: must be west, east, south, north"),
     "elsewhere": (["places.csv", "--extent", "-100,-90,30,60"], "no row can be shown; 3 outside of the map"),

@@ -1,9 +1,11 @@
 """The command `visray data`: a picture of a table without a scene file."""
 
+import re
 import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -41,6 +43,20 @@ def data_command(
     palette: Annotated[str | None, Parameter(help="Palette of the colours, such as viridis or RdBu.")] = None,
     norm: Annotated[
         str | None, Parameter(help="Norm of the colours: linear, log, symmetric, power or quantile.")
+    ] = None,
+    domain: Annotated[
+        str | None,
+        Parameter(
+            help="LOW,HIGH: values at the two ends of the colours. Default: the smallest and the largest.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None,
+    bands: Annotated[Integer | None, Parameter(help="Number of steps of the colours. Default: no steps.")] = None,
+    labels: Annotated[
+        str | None, Parameter(help="COLUMN=TEXT, with commas between: what the legend calls columns.")
+    ] = None,
+    units: Annotated[
+        str | None, Parameter(help="COLUMN=UNIT, with commas between: units of columns, such as rain=mm.")
     ] = None,
     gizmo: Annotated[
         str | None, Parameter(help="Shape of a datum: cylinder, box, cone, sphere, disk, triangle or line.")
@@ -91,7 +107,12 @@ def data_command(
     outputs = output or [Path(file.stem + ".png")]
     if save is not None:
         _check_save(save, file, outputs)
-    edges, film = _parse_extent(extent), parse_size(size)
+    edges = _parse_numbers("--extent", extent, "WEST,EAST,SOUTH,NORTH in degrees, such as -10,30,35,60", 4)
+    ends = _parse_numbers("--domain", domain, "LOW,HIGH, two numbers, such as 0,100", 2)
+    film, texts = (
+        parse_size(size),
+        {"labels": _parse_pairs("--labels", labels), "units": _parse_pairs("--units", units)},
+    )
     if quiet:
         warnings.simplefilter("ignore")
     from visray.data.source import table_from
@@ -114,6 +135,7 @@ def data_command(
         check_writable(save)
     wishes = Wishes(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
+        domain=ends, bands=bands, **texts,
         gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
         source_line=source_line,
         places=places if places in ("auto", "none", "all") else parse_list(places),
@@ -152,17 +174,26 @@ def _check_save(save: Path, file: Path, outputs: list[Path]) -> None:
         raise UserError(f"{_map_path(save)}: is the map of the scene {save}; give the picture another name")
 
 
-def _parse_extent(text: str | None) -> tuple[float, float, float, float] | None:
-    """West, east, south and north edge of a map from a text such as -10,30,35,60; None if there is no text."""
+def _parse_numbers(option: str, text: str | None, form: str, count: int) -> tuple[float, ...] | None:
+    """Numbers from a text such as -10,30,35,60; None if there is no text. form: what the option takes, in words. count:
+    of numbers"""
     if text is None:
         return None
     try:
-        west, east, south, north = (float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise UserError(
-            f"--extent = {text!r}: must be WEST,EAST,SOUTH,NORTH in degrees, such as -10,30,35,60"
-        ) from None
-    return west, east, south, north
+        numbers = ()
+    if len(numbers) != count or not all(map(isfinite, numbers)):
+        raise UserError(f"{option} = {text!r}: must be {form}")
+    return numbers
+
+
+def _parse_pairs(option: str, text: str | None) -> dict[str, str]:
+    """Texts by column from a text such as rain=mm,height=m. A comma that no column follows belongs to the text."""
+    pairs = [part.partition("=") for part in re.split(r",(?=[^,=]+=)", text or "") if part]
+    if not all(name.strip() and sign for name, sign, _ in pairs):
+        raise UserError(f"{option} = {text!r}: must be COLUMN=TEXT, such as rain=mm, with commas between")
+    return {name.strip(): value.strip() for name, _, value in pairs}
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 import os
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -21,6 +21,7 @@ from visray.scene.source import wrong_texts
 from visray.terminal import printable
 
 BASES = ("auto", "map", "globe")
+EDGES = "west, east, south and north in degrees, such as (-10, 30, 35, 60)"
 # How messages that name options of the command name the arguments instead.
 REWORDED = (
     (r"--extent WEST,EAST,SOUTH,NORTH", "extent=(WEST, EAST, SOUTH, NORTH)"),
@@ -43,6 +44,10 @@ def data_scene(
     lat: str | None = None,
     palette: str | None = None,
     norm: str | None = None,
+    domain: Sequence | None = None,
+    bands: int | None = None,
+    labels: Mapping | None = None,
+    units: Mapping | None = None,
     gizmo: str | None = None,
     base: str = "auto",
     map: str | os.PathLike | None = None,
@@ -63,7 +68,8 @@ def data_scene(
     height, radius, color: columns shown as the height of bars, the size of spheres or the width of bars, and colours.
         Without any, the first column with quantities is shown.
     lon, lat, name: columns of longitudes, latitudes and names; by default found by their names.
-    palette, norm: of the colours.
+    palette, norm: of the colours. domain: values at their two ends. bands: number of their steps.
+    labels, units: texts in place of the names of columns, and units, each by column: {"rain": "mm"}.
     gizmo: shape of a datum, such as "cylinder" or "sphere".
     base: "map", "globe", or "auto", a map around the data.
     map: path of a picture of the map; on a map, it needs `extent`. By default, a plain map is drawn.
@@ -80,10 +86,16 @@ def data_scene(
     """
     wishes = Wishes(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
-        gizmo=gizmo, base=_base(base), image=None if map is None else os.fspath(map), extent=_extent(extent),
+        domain=_numbers("domain", domain, "must be two numbers, such as (0, 100)", 2), bands=_bands(bands),
+        labels=_texts("labels", labels), units=_texts("units", units),
+        gizmo=gizmo, base=_base(base), image=None if map is None else os.fspath(map),
+        extent=_numbers("extent", extent, f"must be {EDGES}", 4),
         title=title, source_line=source_line, places=_places(places),
     )  # fmt: skip
-    if wrong := wrong_texts({"title": title, "source_line": source_line, "places": wishes.places}):
+    if wrong := wrong_texts(
+        {"title": title, "source_line": source_line, "places": wishes.places}
+        | {"labels": wishes.labels, "units": wishes.units}
+    ):
         raise UserError(*wrong)
     if map is not None and map_file is not None:
         raise UserError("map_file: goes with a map that is drawn; leave out map or map_file")
@@ -126,15 +138,29 @@ def _base(base: str) -> str:
     return base
 
 
-def _extent(extent: Sequence | None) -> tuple[float, float, float, float] | None:
-    """The edges of the map. Raises a UserError if they are not four numbers."""
-    if extent is None:
+def _numbers(name: str, given: Sequence | None, form: str, count: int) -> tuple[float, ...] | None:
+    """The numbers of an argument. Raises a UserError if they are not so many. form: what they must be, in words"""
+    if given is None:
         return None
-    edges = [python_number(x) for x in extent]
-    if len(edges) != 4 or not all(isinstance(x, (int, float)) and isfinite(x) for x in edges):
-        text = "must be west, east, south and north in degrees, such as (-10, 30, 35, 60)"
-        raise UserError(f"extent = {shown(extent)}: {text}")
-    return tuple(map(float, edges))
+    numbers = [python_number(x) for x in given]
+    if len(numbers) != count or not all(isinstance(x, (int, float)) and isfinite(x) for x in numbers):
+        raise UserError(f"{name} = {shown(given)}: {form}")
+    return tuple(map(float, numbers))
+
+
+def _bands(bands: Any) -> int | None:
+    """The number of steps of the colours. Raises a UserError if it is no whole number."""
+    if bands is not None and (isinstance(bands, bool) or not isinstance(bands, int)):
+        raise UserError(f"bands = {shown(bands)}: must be a whole number")
+    return bands
+
+
+def _texts(name: str, given: Mapping | None) -> dict[str, str]:
+    """Texts by column. Raises a UserError if there are others."""
+    texts = dict(given or {})
+    if not all(isinstance(x, str) for pair in texts.items() for x in pair):
+        raise UserError(f"{name} = {shown(given)}: must be a dict of texts, such as {{'rain': 'mm'}}")
+    return texts
 
 
 def _places(places: str | Sequence) -> str | tuple[str, ...]:

@@ -66,7 +66,7 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
     layer = sized(layer, base, lon, lat, wishes.size[0])
     name = _layer_name(source)
     legend = Legend(
-        title=wishes.title, source=wishes.source_line, places=wishes.places,
+        title=wishes.title, source=wishes.source_line, places=wishes.places, labels=wishes.labels, units=wishes.units,
         # A column that is shown as a size and as a colour needs one key.
         sizes=wishes.color not in (wishes.height, wishes.radius),
     )  # fmt: skip

@@ -27,6 +27,8 @@ RADIUS, THINNEST, THICKEST = 0.4, 0.0025, 0.008
 RADIUS_OF_COLUMN, SMALLEST, LARGEST = 1.5, 0.008, 0.02
 # Radius of lines, in pixels of a base as wide as the picture, and of the widest lines of a column, in such radii.
 LINE_PIXELS, WIDEST = 1.3, 4.0
+# Fields of the rule of colours that options set.
+COLOURS = ("palette", "norm", "domain", "bands")
 # Options that set fields of the layer.
 OPTIONS = ("lon", "lat", "name", "height", "radius", "color", "gizmo")
 
@@ -35,7 +37,7 @@ def layer_for(source: str | TableValue, table: Table, wishes: Wishes) -> DataLay
     """The layer, without the sizes that depend on the base. source: path of the table, or the table itself."""
     gizmo = wishes.gizmo or ("line" if shows_lines(table, None) else "cylinder" if wishes.height else "sphere")
     color: Any = wishes.color
-    chosen = {key: value for key in ("palette", "norm") if (value := getattr(wishes, key)) is not None}
+    chosen = {key: value for key in COLOURS if (value := getattr(wishes, key)) is not None}
     if chosen and color is not None:
         color = ColorRule(column=color, **chosen)
     return DataLayer(
@@ -132,6 +134,7 @@ def flaw_lines(path: str, flaws: list[tuple[str, str]]) -> list[str]:
 def _flaw_line(path: str, part: str, text: str) -> str:
     """The message about a flaw of the data. part: its address below `data`."""
     field = part.split(".")[2] if part.startswith("layers.") and part.count(".") >= 2 else ""
-    if part.endswith(("color.palette", "color.norm")):
+    if part.endswith(tuple(f"color.{name}" for name in COLOURS)):
+        text = text.replace('write "reversed": true', "write _r at the end of its name")
         return printable(f"--{part.rpartition('.')[2]}: {text}")
     return printable(f"--{field}: {text}" if field in OPTIONS else f"{path}: {text}")

@@ -1,7 +1,7 @@
 """What a user asks for who wants a picture of a table, checked and completed from the table."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -43,6 +43,9 @@ class Wishes:
 
     lon, lat, name, height, radius, color: columns
     palette, norm, gizmo: names
+    domain: values at the two ends of the colours
+    bands: number of steps of the colours
+    labels, units: texts in place of the names of columns, and their units, by column
     base: "auto", "map" or "globe"
     image: path of the picture of the map
     extent: west, east, south and north edge of the map, in degrees
@@ -60,6 +63,10 @@ class Wishes:
     color: str | None = None
     palette: str | None = None
     norm: str | None = None
+    domain: tuple[float, float] | None = None
+    bands: int | None = None
+    labels: dict[str, str] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
     gizmo: str | None = None
     base: str = "auto"
     image: str | None = None
@@ -92,6 +99,11 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
         problems.append(f"--map: {text}, such as -180,180,-90,90")
     if wishes.norm is not None and wishes.norm not in NORMS:
         problems.append(printable(f'--norm = "{wishes.norm}": there is no such norm; {hint(wishes.norm, NORMS)}'))
+    for option in ("labels", "units"):
+        for column in getattr(wishes, option):
+            if column not in table.columns:
+                text = f"there is no such column in {table.path}; {hint(column, table.names)}"
+                problems.append(printable(f'--{option} = "{column}": {text}'))
     if wishes.palette is not None and (flaw := palette_flaw(wishes.palette)):
         problems.append(printable(f'--palette = "{wishes.palette}": {flaw[1]}'))
     if problems:

@@ -134,6 +134,14 @@ def test_how_a_file_was_read_is_one_short_line_and_explain_has_all(tmp_path) -> 
     assert line.startswith(f'{tmp_path / "caps.csv"}: the column "v" is there 2 times: v (1), v (2); visray explain ')
 
 
+def test_files_below_the_current_folder_have_short_names(tmp_path, monkeypatch) -> None:
+    made = loaded(tmp_path, GERMAN, {"source": "../" + tmp_path.name + "/caps.csv", "height": "v"})
+    monkeypatch.chdir(tmp_path)
+    assert said(made)[0].startswith("caps.csv: ")
+    monkeypatch.chdir(tmp_path.parent)
+    assert said(made)[0].startswith(f"{tmp_path.name}/caps.csv: ")
+
+
 def test_layers_of_one_source_have_each_note_once(tmp_path) -> None:
     (tmp_path / "caps.csv").write_text(GERMAN + "D;x;1;2;3\n".replace("x", "") + "E;150;80;1;1\n")
     layer = {"source": "caps.csv", "height": "v", "gizmo": "cone"}

@@ -1,6 +1,7 @@
 """What visray says about the data of a scene: how files were read, which rows are not shown, and what is odd about
 rules, palettes and materials."""
 
+import os
 import re
 
 from visray.data.numerals import DECIMAL_COMMA
@@ -41,8 +42,14 @@ def _reading_notes(scene: Scene) -> dict[str, list[str]]:
     for name, layer in scene.data.layers.items():
         table = table_from(layer.source)
         if table is not None and table.notes:
-            found[layer.source if isinstance(layer.source, str) else f"data.layers.{name}.source"] = table.notes
+            found[_near(layer.source) if isinstance(layer.source, str) else f"data.layers.{name}.source"] = table.notes
     return found
+
+
+def _near(path: str) -> str:
+    """A path as it is seen from the current folder, if it is below that."""
+    short = os.path.relpath(path)
+    return os.path.normpath(path) if short.startswith(os.pardir) else short
 
 
 def _shortened(path: str, notes: list[str]) -> str:

@@ -1,10 +1,12 @@
 """Data scenes with wrong or odd values: one line that names the address, and scenes that stay equal when written."""
 
 import copy
+import gc
 import json
 import os
 import pickle
 import warnings
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,6 +160,19 @@ def test_the_legend_of_a_layer_without_rows_says_nothing() -> None:
         warnings.simplefilter("error")
         content = legend_content(replace(made, data=replace(made.data, legend=vr.Legend(title="T"))))
     assert content.sizes == content.bars == content.notes == ()
+
+
+def test_large_layers_are_forgotten_and_small_ones_are_not_resolved_again(monkeypatch) -> None:
+    made = checked(scene())
+    again = checked(made)
+    assert again.data is not made.data and again.data.rows["rain"] is made.data.rows["rain"]
+    monkeypatch.setattr(resolve, "FEW_ROWS", 2)
+    large = checked(scene(radius=0.125))
+    kept = weakref.ref(large.data.rows["rain"])
+    assert checked(large).data.rows["rain"] is kept()
+    del large
+    gc.collect()
+    assert kept() is None
 
 
 def test_odd_sizes_warn_of_nothing() -> None:

@@ -9,7 +9,7 @@ from pydantic import ConfigDict
 from visray.data.base import Base, GlobeBase
 from visray.data.layer import DataLayer
 from visray.data.legend import Legend
-from visray.data.resolve import resolved
+from visray.data.resolve import Resolved, resolved
 from visray.data.rows import Rows
 from visray.data.table import LISTED
 from visray.errors import UserError
@@ -37,9 +37,14 @@ class Data:
     legend: Legend | None = None
 
     @cached_property
+    def _resolved(self) -> dict[str, Resolved]:
+        """The layers on the base, by name. Domain: the base has no flaws."""
+        return {name: resolved(layer, self.base) for name, layer in self.layers.items()}
+
+    @cached_property
     def rows(self) -> dict[str, Rows]:
         """The rows of each layer, by its name. Domain: no flaws."""
-        return {name: resolved(layer, self.base).rows for name, layer in self.layers.items()}
+        return {name: found.rows for name, found in self._resolved.items()}
 
     def value(self, layer: str, number: str, name: str) -> float:
         """A number of a row, in units of the data. Domain: the row is shown, and has the number."""
@@ -70,10 +75,10 @@ class Data:
         found = [(f"base.{name}", text) for name, text in self.base.flaws()]
         if found:
             return found
-        for name, layer in self.layers.items():
+        for name, made in self._resolved.items():
             if name in RESERVED:
                 found.append((f"layers.{name}", "this name is taken by a part of the data; take another name"))
-            found += [(f"layers.{name}.{part}", text) for part, text in resolved(layer, self.base).flaws]
+            found += [(f"layers.{name}.{part}", text) for part, text in made.flaws]
         return found
 
     def notes(self) -> list[str]:

@@ -1,8 +1,9 @@
 """From a layer and a base to gizmos: rules become sizes and colours, coordinates become points."""
 
+from collections import deque
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from visray.quantities import FARTHEST
 # Bytes of memory for each row while a picture is made. Measured with 1,000,000 rows: 1,330 for spheres, 1,410 for
 # cones, 1,520 for boxes, 1,620 for cylinders with names, three columns and double precision.
 BYTES_PER_ROW = 1600
+# Layers with up to this many rows are kept for a while after no scene has them any more.
+FEW_ROWS = 20_000
 # Sizes of gizmos that a layer does not give, as shares of the size of the base: ranges of rules, and constants.
 RANGES = {"height": (0.0, 0.2), "radius": (0.0, 0.025)}
 # The first size of a logarithmic scale, as a share of the last one.
@@ -48,7 +51,7 @@ class Resolved:
 
 def resolved(layer: DataLayer, base: Base) -> Resolved:
     """A layer on a base. What was resolved lately, and has not changed, is not resolved again."""
-    return _cached(_Key(layer, base))
+    return _LATE.get(_Key(layer, base))
 
 
 class _Key:
@@ -67,9 +70,29 @@ class _Key:
         return isinstance(other, _Key) and self.parts == other.parts
 
 
-@lru_cache(maxsize=16)
-def _cached(key: _Key) -> Resolved:
-    return _Resolver(key.layer, key.base).run()
+class _Late:
+    """What was resolved lately: all that a scene still holds, and the last few small layers.
+
+    held: results by key, as long as something else refers to them
+    small: the last results with few rows
+    """
+
+    def __init__(self) -> None:
+        self.held: WeakValueDictionary[_Key, Resolved] = WeakValueDictionary()
+        self.small: deque[Resolved] = deque(maxlen=16)
+
+    def get(self, key: _Key) -> Resolved:
+        """A layer on a base, resolved now or lately."""
+        found = self.held.get(key)
+        if found is None:
+            found = self.held[key] = _Resolver(key.layer, key.base).run()
+            # Many large layers, as of an animation, would fill the memory.
+            if found.rows is None or len(found.rows) <= FEW_ROWS:
+                self.small.append(found)
+        return found
+
+
+_LATE = _Late()
 
 
 class _Resolver:

@@ -71,8 +71,10 @@ def test_a_line_is_one_object(source):
     assert vr.value(made, "data.roads.1.color") == 4.0
 
 
-def test_lines_have_the_bits_of_objects_that_are_written_out(source):
-    made = scene(source)
+@pytest.mark.parametrize("kt", [0.0, 0.6])
+def test_lines_have_the_bits_of_objects_that_are_written_out(source, kt):
+    """Also those of glass, whose segments overlap."""
+    made = scene(source, kt=kt)
     twin = written_out(made)
     assert len(twin.objects) == 1 + sum(SEGMENTS.values())
     a, b = (vr.render(x, progress=False) for x in (made, twin))

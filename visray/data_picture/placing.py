@@ -26,7 +26,7 @@ RADIUS, THINNEST, THICKEST = 0.4, 0.0025, 0.008
 # Largest radius of gizmos whose radius is a column, likewise.
 RADIUS_OF_COLUMN, SMALLEST, LARGEST = 1.5, 0.008, 0.02
 # Radius of lines, in pixels of a base as wide as the picture, and of the widest lines of a column, in such radii.
-LINE_PIXELS, WIDEST = 1.3, 4.0
+LINE_PIXELS, WIDEST = 1.1, 4.0
 # Fields of the rule of colours that options set.
 COLOURS = ("palette", "norm", "domain", "bands")
 # Options that set fields of the layer.

@@ -175,6 +175,18 @@ def test_large_layers_are_forgotten_and_small_ones_are_not_resolved_again(monkey
     assert kept() is None
 
 
+def test_an_update_after_a_file_has_changed_shows_the_new_rows(tmp_path) -> None:
+    first = loaded(tmp_path, {"source": "rain.csv", "value": "rain", "radius": 0.3})
+    first = replace(first, film=vr.Film(width=16, height=12), settings=vr.Settings(spp=1))
+    prepared = vr.prepare(first)
+    vr.render(prepared, progress=False)
+    (tmp_path / "rain.csv").write_text("name,lon,lat,rain\nA,0,0,1\nB,-90,60,2\n")
+    found = vr.render(prepared.updated({"ambient": (0.5, 0.5, 0.5)}), progress=False)
+    expected = vr.render(vr.replaced(first, "ambient", (0.5, 0.5, 0.5)), progress=False)
+    assert found.metadata["scene_hash"] == expected.metadata["scene_hash"]
+    assert np.array_equal(found["RGB"], expected["RGB"])
+
+
 def test_odd_sizes_warn_of_nothing() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

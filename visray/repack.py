@@ -105,7 +105,11 @@ def _updated_layers(
     paths: addresses of the values that change, split at the dots
     """
     changed = {rest[0] for section, *rest in paths if section == "geometries"}
-    if not any(section == "data" for section, *_ in paths):
+    # The file of a layer may have changed too. Rows that did not change are the same instances.
+    is_same = old.data.rows.keys() == new.data.rows.keys() and all(
+        rows is new.data.rows[name] for name, rows in old.data.rows.items()
+    )
+    if is_same and not any(section == "data" for section, *_ in paths):
         return None if changed & {rows.geometry for rows in new.data.rows.values()} else batches
     layers = data_columns(new, a)
     first = len(batches) - sum(1 for rows in old.data.rows.values() if len(rows))

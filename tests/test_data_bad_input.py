@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import visray as vr
-from visray.data import resolve
+from visray.data import resolve, shown_rows
 from visray.data.gizmos import GIZMOS
 from visray.data.number_column import NumberColumn
 from visray.errors import UserError
@@ -200,9 +200,9 @@ def test_odd_sizes_warn_of_nothing() -> None:
 def test_more_rows_than_fit_into_memory_are_refused_with_an_estimate(monkeypatch) -> None:
     rows = 10_000_000
     column = np.broadcast_to(1.0, rows)
-    monkeypatch.setattr(resolve.memory, "free", lambda: resolve.memory.Free(2**30, "are free"))
-    found = resolve._Resolver(
+    monkeypatch.setattr(shown_rows.memory, "free", lambda: shown_rows.memory.Free(2**30, "are free"))
+    found = shown_rows.ShownRows(
         vr.DataLayer(lon=NumberColumn(column), lat=NumberColumn(column), radius=0.1, height=0.1), vr.GlobeBase()
-    ).run()
+    )
     (flaw,) = found.flaws
     assert flaw[0] == "source" and "has 10,000,000 rows, which need about 14.9 GiB, 1.0 GiB are free; take" in flaw[1]

@@ -44,7 +44,7 @@ data.numerals data.table data.encoding data.dialect data.cells data.column_names
 data.interchange data.geojson data.geojson_text data.frames
 data.reading data.positions data.name_column data.describe data.row_names
 data.number_column data.source data.gizmos data.layer data.layer_table data.outlines data.rows data.touching
-data.resolve data.data_scene data.all_objects
+data.shown_rows data.resolve data.data_scene data.all_objects
 scene.scene
 scene
 data_report mesh_report clip_report constant_report

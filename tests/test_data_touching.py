@@ -18,9 +18,15 @@ def notes(base: object, source: dict = PLACES, **fields) -> list[str]:
 
 
 def test_ends_in_the_map_have_a_note() -> None:
-    (text,) = notes(vr.MapBase())
-    assert text.startswith("data.layers.a: 1 rows are below the map") and "a lift, such as 0.01" in text
-    assert notes(vr.MapBase(), lift=0.01) == notes(vr.MapBase(), sunk=0.5) == notes(vr.GlobeBase()) == []
+    (text,) = notes(vr.MapBase(), lift=0.0)
+    assert text.startswith("data.layers.a: 1 row is below the map") and "a lift, such as 0.01" in text
+    assert (
+        notes(vr.MapBase())
+        == notes(vr.MapBase(), lift=0.01)
+        == notes(vr.MapBase(), sunk=0.5)
+        == notes(vr.GlobeBase())
+        == []
+    )
     (text,) = notes(vr.MapBase(), sunk=1.0)
     assert "2 rows are below" in text
     assert notes(vr.MapBase(), gizmo="sphere", height=None) == notes(vr.MapBase(), gizmo="disk", height=None) == []

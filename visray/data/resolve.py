@@ -7,18 +7,18 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from visray.data.base import Base
+from visray.data.base import Base, FlatBase
 from visray.data.gizmos import Stand
 from visray.data.layer import DataLayer
 from visray.data.rows import Rows
 from visray.data.shown_rows import ShownRows
 from visray.data.source import stamp_of
-from visray.data.touching import notes_of_touching
+from visray.data.touching import LOWER, notes_of_touching
 
 # Layers with up to this many rows are kept for a while after no scene has them any more.
 FEW_ROWS = 20_000
-# How high disks lie above the base if the layer does not say it, as a share of the size of the base.
-DISK_LIFT = 0.001
+# How far disks are above the base, and hanging bars below it, if the layer has no lift: a share of the base's size.
+LIFT = 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +96,23 @@ def _points(s: ShownRows) -> Rows:
     signed = sizes.get("height", sizes["radius"])
     sign = np.where(signed < 0, -1.0, 1.0)
     slopes = {key: x[s.kept] * sign for key, x in s.slopes.items() if key != "color"}
-    lift = s.layer.lift
-    if lift is None:
-        lift = DISK_LIFT * s.base.size if s.gizmo.flat else 0.0
+    lift = _lift(s, sign)
     up, east = ground.up.T, ground.east.T
     stand = Stand(ground.point.T + up * lift, up, east, np.cross(ground.up, ground.east).T,
                   np.abs(sizes.get("height", sizes["radius"])), sign, np.abs(sizes["radius"]),
                   s.layer.sunk)  # fmt: skip
     s.notes += notes_of_touching(s.gizmo, s.base, stand, lift, kept, s.color is not None)
     return _rows(s, kept, values, ground, stand, slopes, s.gizmo.fields(stand), s.color, lift)
+
+
+def _lift(s: ShownRows, sign: np.ndarray) -> np.ndarray:
+    """Height of each gizmo's foot above the base. Those that would lie in a map, with a flat side, are moved a little,
+    so that the picture shows no noise of both. sign: of their sizes. Shape: (N)."""
+    if s.layer.lift is not None:
+        return np.full(len(sign), s.layer.lift)
+    little = LIFT * s.base.size
+    hangs = isinstance(s.base, FlatBase) and s.layer.sunk == 0 and s.gizmo.name in LOWER
+    return np.where(hangs & (sign < 0), -little, little if s.gizmo.flat else 0.0)
 
 
 def _lines(s: ShownRows) -> Rows:
@@ -123,12 +131,12 @@ def _lines(s: ShownRows) -> Rows:
     stand = Stand(nowhere, nowhere, nowhere, nowhere, one, one, radius[row], 0.0)
     shape = {"a": found.a.T, "b": found.b.T, "radius": radius[row]}
     color = None if color is None else color[place[row]]
-    return _rows(s, row, values, found.ground, stand, slopes, shape, color, s.layer.lift or 0.0)
+    return _rows(s, row, values, found.ground, stand, slopes, shape, color, np.full(len(row), s.layer.lift or 0.0))
 
 
 def _rows(
     s: ShownRows, row: np.ndarray, values: dict, ground: Any, stand: Stand, slopes: dict, shape: dict,
-    color: np.ndarray | None, lift: float,
+    color: np.ndarray | None, lift: np.ndarray,
 ) -> Rows:  # fmt: skip
     """The rows. row: number of each gizmo's row in the source"""
     texts = s.t.texts()

@@ -39,7 +39,7 @@ class Rows:
     fields: fields of the objects, of shape (N) or (3, N)
     color: colour of each gizmo in linear light, of shape (3, N); None if they have those of the material
     texts: label of each row; None if the layer has no column of names
-    lift: height of the feet above the base
+    lift: height of the feet above the base, of shape (N)
     rules: rules with the domain and range that the data give them, by property: a SizeRule, or ResolvedColors
     fitted: properties whose rules have their domain from the data
     counts: number of rows of the source that are not shown, by reason
@@ -57,7 +57,7 @@ class Rows:
     fields: Fields
     color: np.ndarray | None
     texts: tuple[str, ...] | None
-    lift: float
+    lift: np.ndarray
     rules: dict[str, Any] = field(default_factory=dict)
     fitted: frozenset[str] = frozenset()
     counts: dict[str, int] = field(default_factory=dict)
@@ -146,7 +146,7 @@ class Rows:
         }
         up, east = place["up"], place["east"]
         north = type(up)(up.y * east.z - up.z * east.y, up.z * east.x - up.x * east.z, up.x * east.y - up.y * east.x)
-        stand = Stand(place["point"] + up * self.lift, up, east, north, size["height"], put(self.stand.sign),
+        stand = Stand(place["point"] + up * put(self.lift), up, east, north, size["height"], put(self.stand.sign),
                       size["radius"], self.stand.sunk)  # fmt: skip
         return self.gizmo.fields(stand)
 

@@ -13,27 +13,32 @@ SAME = 1e-7
 
 
 def notes_of_touching(
-    gizmo: Gizmo, base: object, stand: Stand, lift: float, number: np.ndarray, colored: bool
+    gizmo: Gizmo, base: object, stand: Stand, lift: np.ndarray, number: np.ndarray, colored: bool
 ) -> list[str]:
     """Sentences about gizmos that lie in the base or in each other.
 
-    stand: where they stand. lift: height of their feet above the base. number: number of each one's row. colored:
-    whether they differ in colour.
+    stand: where they stand. lift: height of their feet above the base. Shape: (N). number: number of each one's row.
+    colored: whether they differ in colour.
     """
-    notes = _in_base(gizmo, base, stand) if isinstance(base, FlatBase) and lift == 0 else []
+    notes = _in_base(gizmo, base, stand, lift == 0) if isinstance(base, FlatBase) else []
     return notes + (_in_each_other(stand, number, base.size) if colored else [])
 
 
-def _in_base(gizmo: Gizmo, base: FlatBase, stand: Stand) -> list[str]:
-    """A sentence about gizmos with a side that lies in the map."""
+def _in_base(gizmo: Gizmo, base: FlatBase, stand: Stand, at_base: np.ndarray) -> list[str]:
+    """A sentence about gizmos with a side that lies in the map. at_base: whether their feet are in it. Shape: (N)."""
+    if not at_base.any():
+        return []
     advice = f"give the layer a lift, such as {0.001 * base.size:.1g}"
     if gizmo.flat:
         return [f"the {gizmo.name}s lie in the map, and the picture shows noise of both; leave lift out, or {advice}"]
-    hanging = int((stand.sign < 0).sum()) if stand.sunk == 0 and gizmo.name in LOWER else 0
-    sunk = int((stand.sign > 0).sum()) if stand.sunk == 1 and gizmo.name in UPPER else 0
+    hanging = int((at_base & (stand.sign < 0)).sum()) if stand.sunk == 0 and gizmo.name in LOWER else 0
+    sunk = int((at_base & (stand.sign > 0)).sum()) if stand.sunk == 1 and gizmo.name in UPPER else 0
     if not hanging + sunk:
         return []
-    what = f"{hanging + sunk:,} rows are below the map, and their upper ends lie in it"
+    count = hanging + sunk
+    what = f"{count:,} rows are below the map, and their upper ends lie in it"
+    if count == 1:
+        what = "1 row is below the map, and its upper end lies in it"
     return [f"{what}, where the picture shows noise of both; {advice}"]
 
 

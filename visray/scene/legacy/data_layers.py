@@ -189,6 +189,8 @@ def _layer(
         "color": color,
         "material": material,
         "sunk": gizmo.sunk_in_globe if isinstance(placement, GlobePlacement) else gizmo.sunk,
+        # Gizmos of negative values begin exactly at the base, as the formulas say.
+        "lift": 0.0,
     }
 
 

@@ -55,7 +55,7 @@ def lists() -> list[str]:
     """Lines with the speed of many spheres and of meshes, in visray and in Mitsuba."""
     report = loaded("bench_lists")
     rows = []
-    for case in report["cases"]:
+    for case in report["rows"]:
         sort = "spheres" if "spheres" in case else "triangles"
         speeds = (f"{case[key]:.1f}" for key in ("visray_Msamples_per_s", "mitsuba_Msamples_per_s", "ratio"))
         builds = (f"{case['build_s'][key]:.2f}" for key in ("visray", "mitsuba"))
@@ -77,7 +77,7 @@ def growth() -> list[str]:
     """Lines with time and memory against the number of objects."""
     report = loaded("growth")
     rows = []
-    for case in report["cases"]:
+    for case in report["rows"]:
         seconds = (f"{case[stage]:.2f}" for stage in ("load", "prepare", "picture", "second"))
         rows.append([f"{case['objects']:,} {case['sort']}", *seconds, f"{case['memory'] / 1e9:.2f}"])
     return [
@@ -437,6 +437,29 @@ def compare_data() -> list[str]:
     ]
 
 
+def bench_data() -> list[str]:
+    """Many gizmos on a globe, beside Mitsuba."""
+    report = loaded("bench_data")
+    heads = ["gizmos", "visray: first picture, s", "a frame, s", "Mitsuba: first picture, s", "a frame, s"]
+    rows = [
+        [
+            f"{r['count']:,} {r['gizmo']}s",
+            *(f"{r[f'{name}_{what}_s']:.2g}" for name in ("visray", "mitsuba") for what in ("cold", "frame")),
+        ]
+        for r in report["rows"]
+    ]
+    return [
+        *table(heads, rows),
+        *prose(
+            f"{report['width']} x {report['height']} pixels, {report['spp']} samples each, soft shadows. A first "
+            "picture is from the start of a process to the PNG file, without kernels of an earlier one. Mitsuba's "
+            "cones are meshes."
+        ),
+        "",
+        *prose(measured(report, "bench_data", more=" with `--counts 100 10000 --runs 2`")),
+    ]
+
+
 def layer_records() -> list[str]:
     """Lines of a table of all layers of a picture."""
     return table(*layers.table())
@@ -458,6 +481,7 @@ FIGURES = {
     "lists": lists,
     "growth": growth,
     "compare_data": compare_data,
+    "bench_data": bench_data,
     "effects": effects,
     "check": check,
     "polynomials": polynomials,

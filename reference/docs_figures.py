@@ -55,7 +55,7 @@ def lists() -> list[str]:
     """Lines with the speed of many spheres and of meshes, in visray and in Mitsuba."""
     report = loaded("bench_lists")
     rows = []
-    for case in report["rows"]:
+    for case in report["cases"]:
         sort = "spheres" if "spheres" in case else "triangles"
         speeds = (f"{case[key]:.1f}" for key in ("visray_Msamples_per_s", "mitsuba_Msamples_per_s", "ratio"))
         builds = (f"{case['build_s'][key]:.2f}" for key in ("visray", "mitsuba"))
@@ -77,7 +77,7 @@ def growth() -> list[str]:
     """Lines with time and memory against the number of objects."""
     report = loaded("growth")
     rows = []
-    for case in report["rows"]:
+    for case in report["cases"]:
         seconds = (f"{case[stage]:.2f}" for stage in ("load", "prepare", "picture", "second"))
         rows.append([f"{case['objects']:,} {case['sort']}", *seconds, f"{case['memory'] / 1e9:.2f}"])
     return [

@@ -2,6 +2,7 @@
 files nor find out which there are."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -46,31 +47,36 @@ def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]
         return raw, []
     flaws: list[str] = []
 
-    def moved(section: str, name: str, entry: Any) -> Any:
-        file = entry.get("file") if isinstance(entry, dict) else None
+    def moved(address: str, entry: Any, key: str, stand_in: Callable[[dict], dict]) -> Any:
+        """An entry whose path under a key is relative to the current folder; `stand_in` of it, if that is outside."""
+        file = entry.get(key) if isinstance(entry, dict) else None
         if not (file and isinstance(file, str)):
             return entry
         path = str(folder / file)
         if not (allow_outside or is_below(path, folder)):
-            flaws.append(printable(line(f"{section}.{name}.file", file, OUTSIDE)))
-            return WITH_FILES[section]
-        return entry | {"file": path}
+            flaws.append(printable(line(f"{address}.{key}", file, OUTSIDE)))
+            return stand_in(entry)
+        return entry | {key: path}
 
-    def moved_source(name: str, layer: Any) -> Any:
-        source = layer.get("source") if isinstance(layer, dict) else None
-        if not (source and isinstance(source, str)):
-            return layer
-        path = str(folder / source)
-        if not (allow_outside or is_below(path, folder)):
-            flaws.append(printable(line(f"data.layers.{name}.source", source, OUTSIDE)))
-            # Without the fields that name columns, which are not known, and without lines, of which there are none.
-            rest = {key: layer[key] for key in ("gizmo", "geometry", "material") if layer.get(key, "line") != "line"}
-            return rest | {"source": {"lon": [0.0], "lat": [0.0]}}
-        return layer | {"source": path}
-
+    sections = {section: raw[section] for section in WITH_FILES if isinstance(raw.get(section), dict)}
+    new = {
+        section: {
+            name: moved(f"{section}.{name}", entry, "file", lambda _, s=section: WITH_FILES[s])
+            for name, entry in entries.items()
+        }
+        for section, entries in sections.items()
+    }
     data = raw.get("data")
     if isinstance(data, dict) and isinstance(data.get("layers"), dict):
-        layers = {name: moved_source(name, layer) for name, layer in data["layers"].items()}
-        raw = raw | {"data": data | {"layers": layers}}
-    sections = {section: raw[section] for section in WITH_FILES if isinstance(raw.get(section), dict)}
-    return raw | {s: {key: moved(s, key, entry) for key, entry in part.items()} for s, part in sections.items()}, flaws
+        layers = data["layers"].items()
+        new["data"] = data | {
+            "layers": {name: moved(f"data.layers.{name}", x, "source", _without_source) for name, x in layers}
+        }
+    return raw | new, flaws
+
+
+def _without_source(layer: dict) -> dict:
+    """A layer without its file: without the fields that name columns, which are not known, and without lines, of which
+    there are none."""
+    rest = {key: layer[key] for key in ("gizmo", "geometry", "material") if layer.get(key, "line") != "line"}
+    return rest | {"source": {"lon": [0.0], "lat": [0.0]}}

@@ -340,7 +340,7 @@ def surfaces(
     from visray.tables import Table, show
 
     if name is not None and name not in SURFACES:
-        from visray.scene.messages import hint
+        from visray.hints import hint
 
         raise UserError(f"surfaces: there is no surface {name!r}; {hint(name, SURFACES)}")
     chosen = {n: c for n, c in SURFACES.items() if name in (None, n)}

@@ -13,10 +13,10 @@ from visray import camera as cameras
 from visray.arguments import checked_arguments, python_number
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
+from visray.hints import hint
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
 from visray.scene.check import checked, examined, parts
-from visray.scene.messages import hint
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 from visray.scene.validated import plain

@@ -20,13 +20,14 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
+from visray.hints import hint
 from visray.materials import Material
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
 from visray.scene.data_flaws import data_flaws, geometries_of_data, uv_flaw
 from visray.scene.garbage import uncollected
-from visray.scene.messages import hint, limited, line, lines
+from visray.scene.messages import limited, line, lines
 from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
 from visray.scene.source import wrong_texts
 from visray.scene.transform_flaws import transform_flaw, transform_lines

@@ -3,9 +3,10 @@
 from typing import Any
 
 from visray.data.data_scene import Data
+from visray.hints import hint
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 from visray.scene.scene import DEFAULT_MATERIAL, Scene
 from visray.scene.transform_flaws import transform_flaw, transform_lines
 

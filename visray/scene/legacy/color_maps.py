@@ -9,8 +9,9 @@ from difflib import get_close_matches
 import numpy as np
 
 from visray.data.palette import names, palette_of
+from visray.hints import hint
 from visray.scene.legacy.entry import Entry
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 
 PREFIX = "color_map_type_"
 # Names that VisRayTrace had, beside CUSTOM. visray also reads the names of all its palettes.

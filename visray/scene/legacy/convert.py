@@ -38,6 +38,7 @@ from pathlib import Path
 from typing import Any
 
 from visray.errors import UserError
+from visray.hints import hint
 from visray.scene.check import examined
 from visray.scene.legacy.data import DataParts, data_parts
 from visray.scene.legacy.entry import Entry, Log
@@ -49,7 +50,7 @@ from visray.scene.legacy.objects import clip_polynomials, objects
 from visray.scene.legacy.resources import Resources
 from visray.scene.legacy.setup import enabled_effects, setup
 from visray.scene.legacy.textures import Textures
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 from visray.scene.scene import Scene
 from visray.scene.source import read
 

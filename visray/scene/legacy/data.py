@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from visray.data.data_scene import RESERVED
+from visray.hints import hint
 from visray.scene.legacy.color_maps import palette
 from visray.scene.legacy.data_layers import (
     Property,
@@ -22,7 +23,7 @@ from visray.scene.legacy.keys import BASES, OBJECTS, PROPERTY
 from visray.scene.legacy.materials import Materials
 from visray.scene.legacy.names import unique_name
 from visray.scene.legacy.objects import FIELDS
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ the height of Virtual. Gizmos are s times as large as its standard objects.
 from dataclasses import dataclass
 from typing import Any
 
+from visray.hints import hint
 from visray.scene.legacy.color_maps import inverted
 from visray.scene.legacy.data_mapping import Corners
 from visray.scene.legacy.data_places import FlatPlacement, GlobePlacement
 from visray.scene.legacy.data_rows import DataRows
 from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.names import unique_name, valid_name
-from visray.scene.messages import hint
 
 SMALLEST_SIZE = 0.1
 

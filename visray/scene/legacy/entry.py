@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
-from visray.scene.messages import hint, line
+from visray.hints import hint
+from visray.scene.messages import line
 from visray.terminal import printable
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from math import hypot
 from typing import Any
 
+from visray.hints import hint
 from visray.primitives.clips import Ball
 from visray.quantities import FARTHEST
 from visray.scene.legacy.entry import Entry, Log
@@ -12,7 +13,7 @@ from visray.scene.legacy.keys import OBJECTS
 from visray.scene.legacy.materials import Materials
 from visray.scene.legacy.meshes import Meshes
 from visray.scene.legacy.names import unique_name, valid_name
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 
 HYPERBOLOID = ("x2", "y2", "-z2", "-1")
 # Monomials that VisRayTrace read correctly. Exceptions: a letter occurs twice, once with an exponent, as in "xx2".

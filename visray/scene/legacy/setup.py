@@ -4,12 +4,13 @@ from collections.abc import Iterable
 from typing import Any
 
 from visray import modes
+from visray.hints import hint
 from visray.scene.legacy.camera import camera_and_film
 from visray.scene.legacy.entry import BLACK, Entry
 from visray.scene.legacy.keys import MODELS, OCCLUSION, RENDERS, SHADINGS
 from visray.scene.legacy.lights import lights
 from visray.scene.legacy.materials import EnabledEffects
-from visray.scene.messages import hint, line
+from visray.scene.messages import line
 from visray.scene.scene import Settings
 
 # Largest settings.depth of a visray scene.

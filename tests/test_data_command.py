@@ -260,6 +260,7 @@ BAD = {
     "format": (["places.csv", "-o", "a.jpg"], "a.jpg: the name says no format visray writes"),
     "goal": (["places.csv", "--error", "1%", "--spp", "4"], "spp = 4: goes with neither error nor time"),
     "size": (["places.csv", "--size", "big"], "--size = 'big': must be WIDTHxHEIGHT"),
+    "a colour": (["places.csv", "--color", "red"], 'write "color": "red" into the layer of the scene'),
     "swapped": (["swapped.csv"], 'and no longitude is beyond 90; write --lon "lat" --lat "lon"'),
     "projected": (["metres.csv"], "--lon: longitude and latitude are out of range: line 2 (431000, "),
     "no places": (["unnamed.csv"], "unnamed.csv: no column is named like a longitude; write --lon and --lat"),

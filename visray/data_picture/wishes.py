@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from visray.data.color_rule import NormName
+from visray.data.color_value import color_flaw
 from visray.data.describe import describe
 from visray.data.gizmos import GIZMOS
 from visray.data.name_column import name_column
@@ -85,6 +86,8 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
         column = getattr(wishes, option)
         if column is not None and column not in table.columns:
             text = f"there is no such column in {table.path}; {hint(column, table.names)}"
+            if option == "color" and color_flaw(column) is None:
+                text += f'; to give all rows one colour, write "color": "{column}" into the layer of the scene'
             problems.append(printable(f'--{option} = "{column}": {text}'))
     if wishes.gizmo is not None and (wishes.gizmo not in GIZMOS or wishes.gizmo == "geometry"):
         problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {gizmo_hint(wishes.gizmo)}'))

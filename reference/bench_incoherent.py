@@ -33,7 +33,7 @@ from visray.features import features
 from visray.kernel_scene import kernel_scene
 from visray.pack import pack
 from visray.passes import expose
-from visray.quantities import Arrays
+from visray.quantities import Arrays, record
 from visray.setup import Prepared, lanes
 
 SIZE, RUNS, THREADS, DEPTH, RAYS, APERTURE = 512, 7, 2, 3, 16, 0.4
@@ -92,12 +92,8 @@ def scene(body: str, n: int, picture: str) -> vr.Scene:
 
 def many_spheres(a: Arrays, n: int, columns: Columns) -> Columns:
     """The columns of n spheres. columns: those of the sphere in their place."""
-    numbers = object.__new__(columns.kind)
-    for name in columns.kind.__dataclass_fields__:
-        object.__setattr__(numbers, name, None)
     centres, radii = cloud(n)
-    object.__setattr__(numbers, "center", a.put(a.W, centres.T))
-    object.__setattr__(numbers, "radius", a.put(a.D, radii))
+    numbers = record(columns.kind, {"center": a.put(a.W, centres.T), "radius": a.put(a.D, radii)})
     material, thing = (int(np.array(x)[0]) for x in (columns.material, columns.object))
     material, texture, thing = (a.put(a.U, np.full(n, x, np.uint32)) for x in (material, NO_TEXTURE, thing))
     names = Names(prefix="sphere ", numbers=np.arange(n))

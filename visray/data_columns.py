@@ -16,7 +16,7 @@ from visray.pytree import leaves
 from visray.pytree import rows as gathered
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
-from visray.transforms import composed
+from visray.transforms import composed, product
 
 
 def data_columns(scene: Scene, a: Arrays) -> list[Columns]:
@@ -72,8 +72,9 @@ def _copies(scene: Scene, a: Arrays, kind: type[Primitive], rows: Rows) -> tuple
     if isinstance(shape, Mesh):
         table: BodyTable = kind.table(a, [Body(shape)])
         own = np.stack([np.array(v, float)[:, 0] for v in leaves(table.frame)], 1)
-        return _repeated(table, first, _frames(a, gizmos, own)), None
-    return gathered(kind.table(a, [shape]), first), _frames(a, gizmos, composed([shape.transform])[0])
+        return _repeated(table, first, Frame.table(a, product(gizmos, own))), None
+    frame = Frame.table(a, product(gizmos, composed([shape.transform])[0]))
+    return gathered(kind.table(a, [shape]), first), frame
 
 
 def _repeated(table: BodyTable, index: Any, frame: Frame) -> BodyTable:
@@ -81,10 +82,3 @@ def _repeated(table: BodyTable, index: Any, frame: Frame) -> BodyTable:
     one = gathered(table, index)
     return BodyTable(frame, one.mesh, one.half, one.radius, one.volume, np.repeat(table.vertex_starts, len(index)),
                      table.buffers, table.look)  # fmt: skip
-
-
-def _frames(a: Arrays, gizmos: np.ndarray, inner: np.ndarray) -> Frame:
-    """The frames of gizmos after an inner affine map. Shapes: gizmos (N, 3, 4), inner (3, 4)."""
-    linear = gizmos[:, :, :3]
-    matrices = np.concatenate([linear @ inner[:, :3], linear @ inner[:, 3:] + gizmos[:, :, 3:]], axis=2)
-    return Frame(*(a.put(a.W, matrices[:, :, k].T) for k in range(4)))

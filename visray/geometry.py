@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
+import numpy as np
+
+from visray.quantities import Arrays
 
 UNIT_ROUNDOFF = {"single": 2.0**-24, "double": 2.0**-53}
 
@@ -99,6 +102,11 @@ class Frame:
     y: Any
     z: Any
     o: Any
+
+    @staticmethod
+    def table(a: Arrays, matrices: np.ndarray) -> "Frame":
+        """The frames of 3 x 4 matrices in NumPy, as one table. Shape: (N, 3, 4)."""
+        return Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
 
     def then(self, outer: "Frame | Similarity | None") -> "Frame":
         """This map followed by `outer`; only this map if `outer` is None."""

@@ -145,7 +145,7 @@ def object_columns(
         object_of = a.put(a.U, np.repeat(np.arange(len(objects), dtype=np.uint32), counts))
     elif not kind.own_frames and objects[0].transform:
         matrices = composed([x.transform for x in objects])
-        outer = Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
+        outer = Frame.table(a, matrices)
     return Columns(
         kind=kind,
         names=Names(names, counts=counts),

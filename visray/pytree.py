@@ -14,6 +14,8 @@ from typing import Any
 
 import drjit as dr
 
+from visray.quantities import record
+
 
 @dataclass(frozen=True)
 class Shared:
@@ -35,11 +37,7 @@ def mapped(f: Callable, tree: Any, shared: bool = False) -> Any:
         return tuple(mapped(f, x, shared) for x in tree)
     if not is_dataclass(tree) or isinstance(tree, type) or (isinstance(tree, Shared) and not shared):
         return tree
-    # Without __init__: a kind checks its name, material and transform there, and a table has none.
-    new = object.__new__(type(tree))
-    for name in tree.__dataclass_fields__:
-        object.__setattr__(new, name, mapped(f, getattr(tree, name), shared))
-    return new
+    return record(type(tree), {name: mapped(f, getattr(tree, name), shared) for name in tree.__dataclass_fields__})
 
 
 def rows(tree: Any, index: Any, active: Any = True) -> Any:

@@ -147,14 +147,21 @@ class Arrays:
         return Arrays(backend, precision, *shading, *double, *rest)
 
 
+def record(kind: type, fields: Mapping[str, Any]) -> Any:
+    """A record of type `kind` with some fields; all others are None. It is made without __init__, because a kind checks
+    its name, material and transform there, and a table has none."""
+    made = object.__new__(kind)
+    for name in kind.__dataclass_fields__:
+        object.__setattr__(made, name, fields.get(name))
+    return made
+
+
 def stacked(a: Arrays, kind: type, records: list) -> Any:
     """Several records of type `kind` as one record of arrays. Its quantities are arrays with one entry for each record;
     its other fields are None."""
-    table = object.__new__(kind)
-    for name in kind.__dataclass_fields__:
-        object.__setattr__(table, name, None)
+    columns = {}
     for name, q in quantities(kind).items():
         number, triple = (a.D, a.W) if q.precision == "geometry" else (a.F, a.V)
         values = np.array([getattr(x, name) for x in records], float)
-        object.__setattr__(table, name, a.put(number if q.size == 1 else triple, values.T))
-    return table
+        columns[name] = a.put(number if q.size == 1 else triple, values.T)
+    return record(kind, columns)

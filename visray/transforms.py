@@ -180,6 +180,12 @@ def composed(lists: list[tuple[Transform, ...]]) -> np.ndarray:
     return matrices[:, :3]
 
 
+def product(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """The matrices of affine maps: `inner`, followed by `outer`. Shapes: outer (N, 3, 4), inner (N, 3, 4) or (3, 4)."""
+    linear = outer[:, :, :3]
+    return np.concatenate([linear @ inner[..., :3], linear @ inner[..., 3:] + outer[:, :, 3:]], axis=2)
+
+
 def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
     """The bounds of all steps together: lower and upper bound on the factor by which lengths change, and bound on the
     distance by which the origin moves."""

@@ -9,12 +9,17 @@ from pydantic_core import PydanticCustomError, core_schema
 from visray.number_table import DIGESTS, NumberTable
 
 
+def listed(column: np.ndarray) -> list:
+    """A column of numbers or of texts as a list; None for missing numbers."""
+    return [None if x != x else x for x in column.tolist()]
+
+
 class NumberColumn(NumberTable):
     """A read-only column of numbers; NaN where a number is missing. Shape: (N)."""
 
     def listed(self) -> list[float | None]:
         """The numbers as a list; None for missing ones."""
-        return [None if x != x else x for x in self.values.tolist()]
+        return listed(self.values)
 
 
 class ColumnRule:

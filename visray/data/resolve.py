@@ -95,7 +95,8 @@ def _points(s: ShownRows) -> Rows:
     sizes = {key: x[s.kept] for key, x in s.sizes.items()}
     signed = sizes.get("height", sizes["radius"])
     sign = np.where(signed < 0, -1.0, 1.0)
-    slopes = {key: x[s.kept] * sign for key, x in s.slopes.items() if key != "color"}
+    # Colours are those of the rows that are shown, and sizes those of all rows.
+    slopes = {key: x.T if key == "color" else x[s.kept] * sign for key, x in s.slopes.items()}
     lift = _lift(s, sign)
     up, east = ground.up.T, ground.east.T
     stand = Stand(ground.point.T + up * lift, up, east, np.cross(ground.up, ground.east).T,
@@ -117,20 +118,18 @@ def _lift(s: ShownRows, sign: np.ndarray) -> np.ndarray:
 
 def _lines(s: ShownRows) -> Rows:
     """The rows of lines: one for each segment."""
-    color = s.color
     radius = s.sizes["radius"]
     found = s.segments.of_rows(s.kept)
     row = found.row
     values = {key: x[row] for key, x in s.t.values.items()}
-    slopes = {key: x[row] for key, x in s.slopes.items() if key != "color"}
-    place = np.cumsum(s.kept) - 1
-    if "color" in s.slopes:
-        s.slopes["color"] = s.slopes["color"][place[row]]
+    # Colours are those of the rows that are shown, and sizes those of all rows.
+    shown = (np.cumsum(s.kept) - 1)[row]
+    slopes = {key: x[shown].T if key == "color" else x[row] for key, x in s.slopes.items()}
     one = np.ones(len(row))
     nowhere = np.zeros((3, len(row)))
     stand = Stand(nowhere, nowhere, nowhere, nowhere, one, one, radius[row], 0.0)
     shape = {"a": found.a.T, "b": found.b.T, "radius": radius[row]}
-    color = None if color is None else color[place[row]]
+    color = None if s.color is None else s.color[shown]
     return _rows(s, row, values, found.ground, stand, slopes, shape, color, np.full(len(row), s.layer.lift or 0.0))
 
 
@@ -140,8 +139,6 @@ def _rows(
 ) -> Rows:  # fmt: skip
     """The rows. row: number of each gizmo's row in the source"""
     texts = s.t.texts()
-    if "color" in s.slopes:
-        slopes["color"] = s.slopes["color"].T
     return Rows(
         s.gizmo, s.layer.geometry, s.layer.material, row, values, ground, stand, slopes, shape,
         None if color is None else color.T, None if texts is None else tuple(texts[row].tolist()), lift, s.rules,

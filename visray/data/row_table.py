@@ -13,7 +13,7 @@ from visray.geometry import Frame
 from visray.materials import colored
 from visray.primitives.primitive import Bounds
 from visray.pytree import leaves
-from visray.quantities import Arrays, quantities
+from visray.quantities import Arrays, quantities, record
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,9 @@ class RowTable:
             return a.put(a.D if x.ndim == 1 else a.W, x)
 
         kind, constant = rows.gizmo.kind, CONSTANT.get(rows.gizmo.name, {})
-        table = object.__new__(kind)
-        for name in kind.__dataclass_fields__:
-            object.__setattr__(table, name, None)
-        for name in quantities(kind):
-            x = rows.fields[name] if name in rows.fields else np.tile(np.array(constant[name])[:, None], len(rows))
-            object.__setattr__(table, name, put(x))
+        repeated = {name: np.tile(np.array(x)[:, None], len(rows)) for name, x in constant.items()}
+        columns = repeated | rows.fields
+        table = record(kind, {name: put(columns[name]) for name in quantities(kind)})
         outer = Frame(*map(put, rows.fields["frame"])) if "frame" in rows.fields else None
         values = {name: put(x) for name, x in rows.values.items() if name in RowValues.__dataclass_fields__}
         return RowTable(table, outer, RowValues(**values), lambda attached: rows.attached_fields(attached, put))
@@ -91,15 +88,7 @@ class RowTable:
         if outer is not None:
             outer = Frame(*map(dr.replace_grad, leaves(outer), fields.pop("frame")))
         new = {name: dr.replace_grad(getattr(self.table, name), x) for name, x in fields.items()}
-        return _with(self.table, new), outer
-
-
-def _with(table: Any, new: Fields) -> Any:
-    """A copy of a table with other arrays in some fields. No field is checked, as dataclasses.replace would."""
-    copy = object.__new__(type(table))
-    for name in table.__dataclass_fields__:
-        object.__setattr__(copy, name, new.get(name, getattr(table, name)))
-    return copy
+        return record(type(self.table), vars(self.table) | new), outer
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from visray.data.base import Ground
-from visray.data.gizmos import CONSTANT, GIZMOS, Fields, Gizmo, Stand
+from visray.data.gizmos import CONSTANT, Fields, Gizmo, Stand
 from visray.data.size_rule import SizeRule
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
@@ -19,8 +19,6 @@ from visray.transforms import Matrix
 
 # Reasons among the counts of rows: for rows that a note of its own counts, and for rows that are shown.
 OUTSIDE, COLORLESS = "outside of the map", "in the colour of missing values"
-# The properties of a row that have numbers of their own, if the layer takes them from columns.
-PROPERTIES = ("lon", "lat", "height", "radius", "color")
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +157,3 @@ def finite(slope: np.ndarray) -> np.ndarray:
 def _plain(x: np.ndarray, i: int) -> Any:
     """Entry i of a field as plain numbers."""
     return float(x[i]) if x.ndim == 1 else tuple(map(float, x[:, i]))
-
-
-__all__ = ["GIZMOS", "PROPERTIES", "Rows"]

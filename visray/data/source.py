@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
+from visray.data.number_column import listed
 from visray.data.table import Table
 from visray.errors import UserError
 from visray.number_table import DIGESTS, canonical
@@ -48,12 +49,7 @@ class TableValue:
             from visray.data.geojson_text import to_geojson
 
             return to_geojson(self.table)
-        return {name: _listed(self.table.columns[name]) for name in self.table.names}
-
-
-def _listed(column: np.ndarray) -> list:
-    """A column as a list; None for missing numbers."""
-    return [None if x != x else x for x in column.tolist()]
+        return {name: listed(self.table.columns[name]) for name in self.table.names}
 
 
 class SourceRule:

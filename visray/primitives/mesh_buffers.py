@@ -14,7 +14,7 @@ from visray.primitives.mesh_triangle import Corners, attached_normals
 from visray.primitives.primitive import Bounds, half_extents
 from visray.pytree import Shared
 from visray.quantities import Arrays
-from visray.transforms import Transform, composed
+from visray.transforms import Transform, composed, product
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,7 @@ def frames(a: Arrays, bodies: list[Body]) -> Frame:
     fits = {key: _fit(shape) for key, shape in _shapes(bodies).items()}
     outer = composed([x.mesh.transform + x.steps for x in bodies])
     fit = np.stack([fits[id(x.mesh)] for x in bodies])
-    matrices = np.concatenate([outer[:, :, :3] @ fit[:, :, :3], outer[:, :, :3] @ fit[:, :, 3:] + outer[:, :, 3:]], 2)
-    return Frame(*(a.put(a.W, matrices[:, :, k].T) for k in range(4)))
+    return Frame.table(a, product(outer, fit))
 
 
 def body_table(a: Arrays, bodies: list[Body]) -> BodyTable:

@@ -240,7 +240,7 @@ def _table(a: Arrays, objects: list) -> MeshRows:
         uv_corners, buffer = joined([p if s.mesh.uvs is None else s.mesh.uv_of for p, s in zip(plain, shapes)], uvs)
         u, v = (Shared(a.put(a.D, buffer[:, k])) for k in range(2))
     stacked = np.stack(matrices)
-    frames = Frame(*(a.put(a.W, stacked[:, :, k].T) for k in range(4)))
+    frames = Frame.table(a, stacked)
     return MeshRows(corners, Shared(a.put(a.W, vertex_buffer.T)), mesh_of(vertices), Shared(frames), normal_corners,
                     normal_buffer, mesh_of_normal, uv_corners, u, v)  # fmt: skip
 

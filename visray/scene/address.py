@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 from visray import camera as cameras
 from visray.arguments import checked_arguments, python_number
+from visray.data.data_scene import Data
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
 from visray.hints import hint
@@ -34,8 +35,10 @@ DECIMAL = re.compile(r"\+?\d+\.\d*|[-+]?\.\d+|-\d+\.")
 @checked_arguments
 def value(scene: Scene, address: str) -> Any:
     """Value at an address. If there is no such value, raises a UserError that lists the keys to choose from."""
-    row = _row_edit(scene, address)
-    return checked(scene).data.value(*row) if row else _value_at(scene, address)
+    if not _is_below_layer(scene, address):
+        return _value_at(scene, address)
+    data = checked(scene).data
+    return data.value(*_row_edit(data, address))
 
 
 @checked_arguments
@@ -54,10 +57,11 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
 
     Textures, materials, lights and objects that no assignment changes are the same instances in both scenes.
     """
-    raw = parts(scene)
+    raw, data = parts(scene), None
     for address, new in assignments.items():
-        if row := _row_edit(scene, address):
-            raw = raw | {"data": _with_row(raw["data"], *row, python_number(new))}
+        if _is_below_layer(scene, address):
+            data = data or checked(scene).data
+            raw = raw | {"data": _with_row(raw["data"], *_row_edit(data, address), python_number(new))}
             continue
         _value_at(raw, address)
         if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
@@ -70,14 +74,17 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     return result
 
 
-def _row_edit(scene: Scene, address: str) -> tuple[str, str, str] | None:
-    """Layer, number and property of an address of a row of data, such as `data.rain.12.height`; None for other
-    addresses. Raises UserError if there is no such number."""
+def _is_below_layer(scene: Scene, address: str) -> bool:
+    """Whether an address begins with a layer of data, such as `data.rain`, as those of its rows do."""
     head, *rest = address.split(".")
-    if head != "data" or scene.data is None or not rest or rest[0] not in scene.data.layers:
-        return None
-    layer, *rest = rest
-    rows = checked(scene).data.rows[layer]
+    return head == "data" and scene.data is not None and bool(rest) and rest[0] in scene.data.layers
+
+
+def _row_edit(data: Data, address: str) -> tuple[str, str, str]:
+    """Layer, number and property of an address of a row, such as `data.rain.12.height`. Raises UserError if there is no
+    such number. Domain: addresses below a layer of the data, which have no flaws."""
+    _, layer, *rest = address.split(".")
+    rows = data.rows[layer]
     if not rest:
         raise UserError(f"{address}: write a row and a property, as in {address}.0.lon, or data.layers.{layer}")
     if not re.fullmatch(ROW_NUMBER, rest[0]):

@@ -11,7 +11,7 @@ FLOORS = """
 clock errors warn memory drjit_import terminal arguments version pass_timer
 hints scene.garbage scene.source
 llvm
-quantities pytree output.curves
+quantities pytree output.curves operands
 ray geometry transforms
 accel.sah accel.morton accel.hierarchy accel.blocks accel.bvh accel.row_tests accel.tree_rays accel.walk_stack
 accel.bvh_step accel.bvh_walk
@@ -36,7 +36,7 @@ primitives.mesh_triangle primitives.mesh_line primitives.mesh_search primitives.
 primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.mesh
 primitives.instance
 primitives.clips
-primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus primitives
+primitives.algebraic primitives.csg primitives.polynomial primitives.polynomial_solid primitives.torus primitives
 data.column data.color_value data.vision data.palette_note data.palette
 data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend

@@ -3,9 +3,15 @@
 A new kind needs one file in this folder, its class in KINDS, and one sample in tests/samples.py (docs/extending.md).
 """
 
+from typing import Annotated, Union
+
+from pydantic import Field
+
+from visray.operands import OperandsRule
 from visray.primitives.box import Box
 from visray.primitives.capsule import Capsule
 from visray.primitives.cone import Cone
+from visray.primitives.csg import Csg
 from visray.primitives.cylinder import Cylinder
 from visray.primitives.disk import Disk
 from visray.primitives.ellipsoid import Ellipsoid
@@ -18,8 +24,11 @@ from visray.primitives.sphere import Sphere
 from visray.primitives.torus import Torus
 from visray.primitives.triangle import Triangle
 
-KINDS = (Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Ellipsoid, Capsule, Torus, Polynomial, Mesh)
+KINDS = (
+    Sphere, Plane, Rectangle, Disk, Triangle, Box, Cylinder, Cone, Ellipsoid, Capsule, Torus, Polynomial, Mesh, Csg,
+)  # fmt: skip
 # An object of the scene is of one of these kinds, or an instance of a geometry of one of them.
 OBJECTS = (*KINDS, Instance)
+OperandsRule.object_type = Annotated[Union[OBJECTS], Field(discriminator="type")]
 # The public names of this folder. They are also public names of visray.
 __all__ = [kind.__name__ for kind in OBJECTS]

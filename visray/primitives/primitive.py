@@ -40,6 +40,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from visray.geometry import Frame, Similarity
+from visray.operands import OptionalOperands
 from visray.quantities import Arrays, Name, quantities, stacked
 from visray.ray import Crossing, KnownEnds, Ray
 from visray.transforms import Transform, compose
@@ -109,12 +110,16 @@ class Primitive:
 
     material: name of the object's material.
     transform: steps of the object's transform, applied in this order.
+    cut: solids that are taken away from the object, in the object's coordinates before its transform. See csg.py.
+    cut_material: name of the material of the faces that a cut makes; None: the object's material.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
     material: Name = "default"
     transform: tuple[Transform, ...] = ()
+    cut: OptionalOperands = None
+    cut_material: Name | None = None
 
     # Facts about the kind. They have no type annotation, because an annotation would make them fields of the scene.
     closed = False  # whether the surface encloses a solid

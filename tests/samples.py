@@ -26,6 +26,7 @@ from visray.primitives import (
     Box,
     Capsule,
     Cone,
+    Csg,
     Cylinder,
     Disk,
     Ellipsoid,
@@ -575,6 +576,33 @@ def triangle_of(mesh: Mesh) -> Triangle:
     return Triangle(a=a, b=b, c=c, transform=mesh.transform)
 
 
+def csg_of(s: Sphere) -> Csg:
+    """A ball as the intersection of two balls about one centre."""
+    outer = Sphere(center=s.center, radius=4 * s.radius)
+    return Csg(op="intersection", of=(replace(s, transform=()), outer), transform=s.transform)
+
+
+def ball_of(csg: Csg) -> Sphere:
+    """The smaller ball of `csg_of`."""
+    return replace(csg.of[0], transform=csg.transform)
+
+
+class RoundCsg:
+    """That of the ball."""
+
+    @staticmethod
+    def interval(s: Csg, o: np.ndarray, d: np.ndarray, g: Any) -> tuple[np.ndarray, np.ndarray]:
+        return RoundSphere.interval(ball_of(s), o, d, g)
+
+    @staticmethod
+    def faces(s: Csg, p: np.ndarray) -> list[Face]:
+        return RoundSphere.faces(ball_of(s), p)
+
+    @staticmethod
+    def uv(s: Csg, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return RoundSphere.uv(ball_of(s), p)
+
+
 class RoundMesh(RoundFlat):
     """That of the triangle."""
 
@@ -834,6 +862,19 @@ SAMPLES = {
             ),
         ),
         Sample(
+            Csg,
+            lambda rng, scale: csg_of(_sphere(rng, scale)),
+            RoundCsg,
+            lambda s: (np.array(s.of[0].center), s.of[0].radius),
+            lambda s: exact.sphere(ball_of(s)),
+            (csg_of(Sphere(radius=0.5)),),
+            csg_of(Sphere(center=(0.1, 0.2, 0), radius=0.8)),
+            (
+                (csg_of(Sphere(radius=2)), (2, 0, 0), (0.5, 0.5)),
+                (csg_of(Sphere(radius=2)), (0, 0, -2), (0.75, 0.5)),
+            ),
+        ),
+        Sample(
             Torus,
             _torus,
             RoundTorus,
@@ -896,6 +937,8 @@ def shifted(thing: Any, by: np.ndarray) -> Any:
         return polynomial_sphere(centre, ball.radius, material=thing.material, transform=thing.transform)
     if isinstance(thing, Mesh):
         return replace(thing, vertices=thing.vertices.values + by)
+    if isinstance(thing, Csg):
+        return replace(thing, of=tuple(shifted(x, by) for x in thing.of))
     points = [k for k in ("center", "point", "a", "b", "c", "min", "max", "base") if hasattr(thing, k)]
     return replace(thing, **{k: tuple((np.array(getattr(thing, k)) + by).tolist()) for k in points})
 

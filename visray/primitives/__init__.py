@@ -6,6 +6,7 @@ A new kind needs one file in this folder, its class in KINDS, and one sample in 
 from typing import Annotated, Union
 
 from pydantic import Field
+from typing_extensions import TypeAliasType
 
 from visray.operands import OperandsRule
 from visray.primitives.box import Box
@@ -29,6 +30,7 @@ KINDS = (
 )  # fmt: skip
 # An object of the scene is of one of these kinds, or an instance of a geometry of one of them.
 OBJECTS = (*KINDS, Instance)
-OperandsRule.object_type = Annotated[Union[OBJECTS], Field(discriminator="type")]
+# An alias has one schema of its own. Without it, the schema of each kind would contain those of all later kinds.
+OperandsRule.object_type = TypeAliasType("Object", Annotated[Union[OBJECTS], Field(discriminator="type")])
 # The public names of this folder. They are also public names of visray.
 __all__ = [kind.__name__ for kind in OBJECTS]

@@ -36,7 +36,8 @@ primitives.mesh_triangle primitives.mesh_line primitives.mesh_search primitives.
 primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.mesh
 primitives.instance
 primitives.clips
-primitives.algebraic primitives.csg primitives.polynomial primitives.polynomial_solid primitives.torus primitives
+primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus
+primitives.csg primitives.csg_operands primitives
 data.column data.color_value data.vision data.palette_note data.palette
 data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend

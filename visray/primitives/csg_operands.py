@@ -1,0 +1,119 @@
+"""Operands of an object at all depths: where each is, what it is made of, and how it is placed.
+
+An object is a tree. A `csg` has operands in its field `of`, each object can have further ones in its field `cut`, which
+are taken away from it, and an instance stands for its geometry. The functions here walk through this tree. Everything
+that asks for the shapes, materials or files of objects must ask for those of the operands too, and does it here.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from visray.operands import named_operands
+from visray.primitives.csg import Csg
+from visray.primitives.instance import Instance
+from visray.primitives.plane import Plane
+from visray.primitives.primitive import Primitive
+from visray.transforms import Transform
+
+# Name of the material of objects that name none.
+NO_MATERIAL = Primitive.material
+# The operations in which the operands behind the first one cut it.
+CUTTING = ("intersection", "difference")
+
+
+@dataclass(frozen=True)
+class Operand:
+    """An object, or one of its operands at any depth.
+
+    address: its address in the scene, such as `objects.cheese.of.hole`; that of an instance's geometry is below
+        `geometries`.
+    shape: the operand as it is written.
+    material: name of the material of its faces: its own; or else the `cut_material` of the object around it, if it cuts
+        there; or else that of the object around it.
+    steps: all transforms from its own coordinates to the world: its own steps, then those of the objects around it.
+    role: "whole" for the object itself; "geometry" for that of an instance; "of" for an operand of a `csg`, "cut" for a
+        solid that is taken away.
+    first: whether it is in the place of the object around it: the first operand, or the geometry of an instance.
+    around: the operand around it; None for the object itself.
+    """
+
+    address: str
+    shape: Primitive
+    material: str
+    steps: tuple[Transform, ...]
+    role: str = "whole"
+    first: bool = True
+    around: "Operand | None" = None
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether it is a shape of its own: no `csg`, whose operands are its shapes, and no instance."""
+        return not isinstance(self.shape, (Csg, Instance))
+
+    def of_role(self, address: str, shape: Primitive, role: str, first: bool) -> "Operand":
+        """An operand of this one."""
+        material = shape.material
+        if material == NO_MATERIAL:
+            cuts = role == "cut" or (role == "of" and not first and self.shape.op in CUTTING)
+            material = (self.shape.cut_material if cuts else None) or self.material
+        return Operand(address, shape, material, shape.transform + self.steps, role, first, self)
+
+    def operands(self, geometries: Mapping[str, Primitive]) -> list["Operand"]:
+        """Its own operands, in order. geometries: as in `operands`."""
+        shape, inner = self.shape, []
+        if isinstance(shape, Instance) and shape.geometry in geometries:
+            address = f"geometries.{shape.geometry}"
+            inner.append(self.of_role(address, geometries[shape.geometry], "geometry", True))
+        for role in ("of", "cut"):
+            named = named_operands(getattr(shape, role, None)).items()
+            inner += [
+                self.of_role(f"{self.address}.{role}.{name}", x, role, role == "of" and i == 0)
+                for i, (name, x) in enumerate(named)
+            ]
+        return inner
+
+
+def operands(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Iterator[Operand]:
+    """Yields an object, and then its operands at all depths: each one before its own, in the order of the scene; those
+    of `of` before those of `cut`.
+
+    address: the object's address.
+    geometries: the scene's geometries. The operands of an instance's geometry are yielded for each instance. Without
+        geometries, the operands are those that are written in the object itself, each with an address of its own.
+
+    Domain: no geometry contains itself.
+    """
+    ahead = [Operand(address, obj, own_material(obj, geometries), obj.transform)]
+    while ahead:
+        operand = ahead.pop()
+        yield operand
+        ahead += reversed(operand.operands(geometries))
+
+
+def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:
+    """Name of an object's own material, which decides what its inside does to light: the material that it names, or
+    else that of its first operand."""
+    while obj.material == NO_MATERIAL:
+        if isinstance(obj, Csg) and obj.of:
+            obj = next(iter(named_operands(obj.of).values()))
+        elif isinstance(obj, Instance) and obj.geometry in geometries:
+            obj = geometries[obj.geometry]
+        else:
+            break
+    return obj.material
+
+
+def has_operands(obj: Primitive) -> bool:
+    """Whether an object has operands: it is a `csg`, or something is taken away from it."""
+    return isinstance(obj, Csg) or obj.cut is not None
+
+
+def is_solid(shape: Primitive, geometries: Mapping[str, Primitive]) -> bool:
+    """Whether an operand is a solid; a plane is a half-space. Domain: no geometry contains itself."""
+    while True:
+        if isinstance(shape, Csg) and shape.ends == "capped" and shape.of:
+            shape = next(iter(named_operands(shape.of).values()))
+        elif isinstance(shape, Instance) and shape.geometry in geometries:
+            shape = geometries[shape.geometry]
+        else:
+            return isinstance(shape, Plane) or (not isinstance(shape, (Csg, Instance)) and bool(shape.closed))

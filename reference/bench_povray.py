@@ -40,6 +40,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 from pathlib import Path
+from typing import Any
 
 import visray as vr  # isort: skip - first, because it chooses the LLVM that Dr.Jit and Mitsuba load
 import drjit as dr
@@ -176,7 +177,8 @@ class View:
     half: float
 
     @staticmethod
-    def of(surface: Surface) -> "View":
+    def of(surface: Any) -> "View":
+        """The view of a surface, or of anything else about the origin that has a `radius`."""
         eye = surface.radius * np.array(EYE)
         forward = -eye / np.linalg.norm(eye)
         right = np.cross(forward, UP) / np.linalg.norm(np.cross(forward, UP))
@@ -297,14 +299,22 @@ poly {{
 """
 
 
-def povray(folder: Path, text: str, threads: int, picture: str | None = None) -> Seconds:
+def povray(
+    folder: Path,
+    text: str,
+    threads: int,
+    picture: str | None = None,
+    size: int = SIZE,
+    more: tuple[str, ...] = ("-A", "+FN8"),
+) -> Seconds:
     """Runs POV-Ray. Returns the trace time that POV-Ray reports.
 
-    folder: working folder; text: the scene; picture: name of the PNG file to write, or None
+    folder: working folder; text: the scene; picture: name of the file to write, or None; size: pixels on a side
+    more: options of the samples in a pixel, and of the file's format
     """
     (folder / "scene.pov").write_text(text)
-    command = [POVRAY, "+Iscene.pov", f"+W{SIZE}", f"+H{SIZE}", f"+WT{threads}", "-A", "-J", "-D", "-V", "-UA", "+Q9"]
-    command += [f"+O{picture}", "+FN8"] if picture else ["-F"]
+    command = [POVRAY, "+Iscene.pov", f"+W{size}", f"+H{size}", f"+WT{threads}", *more, "-J", "-D", "-V", "-UA", "+Q9"]
+    command += [f"+O{picture}"] if picture else ["-F"]
     process = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     seconds = re.search(r"Trace Time:.*\(([\d.]+) seconds\)\s+using .* with ([\d.]+) CPU-seconds", process.stderr)
     if process.returncode or not seconds:

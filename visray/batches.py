@@ -10,13 +10,13 @@ part: one smooth piece of a row's surface, such as a face of a box (ray.py)
 attached, detached: with derivatives, without derivatives (pytree.py)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray.columns import Columns, Names
+from visray.columns import Columns, Looks, Names
 from visray.geometry import SimilarityInverse, gamma, l1_norm
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
@@ -43,6 +43,7 @@ class Batch:
         rank counts. None for open kinds, and in scenes without nested media
     packets: the materials once more, in packets; None if there are few, or if derivatives are asked for
     object: number of each object in the scene
+    looks: materials and textures of the operands of CSG; None for other kinds
     """
 
     kind: type[Primitive]
@@ -60,6 +61,7 @@ class Batch:
     object: Any
     rank: Any = None
     packets: Packets | None = None
+    looks: Looks | None = None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -109,14 +111,18 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         coordinate_bound = l1_norm(centre) + radius
         if columns.kind.many_rows:
             coordinate_bound = dr.max(coordinate_bound)
-    else:
+    elif not columns.kind.composite:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
-    material = rows(materials, columns.material)
+    if columns.kind.composite:
+        coordinate_bound = placed.size
+    material, looks = rows(materials, columns.material), columns.looks
+    if looks is not None:
+        looks = replace(looks, material=rows(materials, looks.material))
     if columns.color is not None:
         material = columns.color.applied(material)
     return evaluated(
         Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
-              columns.object_of, material, columns.texture, columns.object)
+              columns.object_of, material, columns.texture, columns.object, looks=looks)
     )  # fmt: skip
 
 

@@ -67,6 +67,19 @@ class Names:
 
 
 @dataclass(frozen=True)
+class Looks:
+    """What the surfaces of operands look like.
+
+    of: for each operand of all objects of a batch, the number of its look.
+    material, texture: as in Columns and Batch, with an entry for each look.
+    """
+
+    of: Any
+    material: Any
+    texture: Any
+
+
+@dataclass(frozen=True)
 class Columns:
     """Objects that share their code, as arrays with one entry for each row. They come from a scene, or from any other
     source of columns.
@@ -80,6 +93,7 @@ class Columns:
     material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
     object: number of each object, in the order of Scene.all_objects; the segments of a line of data have the same one
     color: colour of each row, in linear light; None if rows have the colours of their materials
+    looks: looks of the operands, for CSG; else None
     """
 
     kind: type[Primitive]
@@ -91,6 +105,7 @@ class Columns:
     texture: Any
     object: Any
     color: Any = None
+    looks: Looks | None = None
 
     def __len__(self) -> int:
         return len(self.names)

@@ -118,7 +118,9 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
         in_batch = batch.has(hit.row)
 
         def evaluate(*_: Any, batch: Batch = batch, in_batch: Any = in_batch) -> tuple:
-            placed, material, texture, coordinate_bound = _row_of(s, batch, in_batch, hit.row - batch.first_row)
+            placed, material, texture, coordinate_bound = _row_of(
+                s, batch, in_batch, hit.row - batch.first_row, hit.part
+            )
             attached_p, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part, bends_normals)
             return leaves((attached_p, *normals, coordinate_bound, material, texture, type(zero)(u), type(zero)(v)))
 
@@ -147,7 +149,7 @@ def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
     return dr.dot(surface_of(s, ray, hit)[0].p - ray.o, ray.d)
 
 
-def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
+def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any, part: Any) -> tuple:
     """The data of the row that each lane needs: a tuple of placed data, material, texture (None in scenes without
     textures) and coordinate bound.
 
@@ -157,6 +159,7 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
 
     in_batch: mask of the lanes that hit a row of the batch
     index: number of this row in the batch
+    part: part of its surface
     """
     texture = batch.texture if s.features["textures"] else None
     if s.attached or batch.object_of is not None or batch.kind.walks or len(batch) > policy.MAX_INLINED:
@@ -164,6 +167,9 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any) -> tuple:
         placed, bound = rows(batch.placed, index), batch.coordinate_bound
         bound = bound if batch.object_of is not None else rows(bound, index)
         number = batch.object_at(index)
+        if (looks := batch.looks) is not None:
+            look = dr.gather(s.a.U, looks.of, dr.select(in_batch, batch.kind.leaf_number(part), 0))
+            return (placed, *rows((looks.material, None if texture is None else looks.texture), look), bound)
         if batch.packets is None or s.attached:
             return (placed, *rows((batch.material, texture), number), bound)
         return placed, batch.packets.rows(batch.material, number), rows(texture, number), bound

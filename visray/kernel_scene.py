@@ -245,7 +245,8 @@ def _needed(material: Material, features: Features) -> Material:
 def _asked(materials: Material, batches: tuple[Batch, ...], attached_textures: bool) -> frozenset[str]:
     """Names of the fields of materials that carry derivatives: their own, those of the colours of rows, or those of the
     colour of a texture that changes from point to point."""
-    tables = materials, *(batch.material for batch in batches)
+    looks = (batch.looks.material for batch in batches if batch.looks is not None)
+    tables = materials, *(batch.material for batch in batches), *looks
     own = (name for name in quantities(Material) if any(dr.grad_enabled(getattr(x, name)) for x in tables))
     return frozenset(own) | (frozenset({"kd"}) if attached_textures else frozenset())
 
@@ -256,7 +257,8 @@ def _with_needed(batch: Batch, features: Features, a: Arrays, rank: Any) -> Batc
     material = _needed(batch.material, features)
     many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(material))
     packets = evaluated(Packets.of(a.Q32, material)) if many and a.F is a.F32 else None
-    return replace(batch, material=material, packets=packets, rank=rank)
+    looks = batch.looks and replace(batch.looks, material=_needed(batch.looks.material, features))
+    return replace(batch, material=material, packets=packets, rank=rank, looks=looks)
 
 
 def _needs_waves(packed: Packed, geometry: Geometry, features: Features) -> bool:

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 
 from visray.camera import Camera, OrthographicCamera
-from visray.columns import Columns, Names, materials_of, texture_rows
+from visray.columns import Columns, Looks, Names, materials_of, texture_rows
 from visray.data_columns import data_columns
 from visray.geometry import Frame
 from visray.lights.light import Light
 from visray.materials import Material
+from visray.primitives.csg_form import Leaf
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
+from visray.primitives.mesh_body import MeshBody
 from visray.primitives.mesh_buffers import Body
 from visray.primitives.primitive import Primitive
 from visray.pytree import evaluated
@@ -130,7 +132,7 @@ def object_columns(
     numbers: the kind's table for these objects; None: it is made from the scene
     """
     order, names = np.array([number for number, _ in members], np.uint32), tuple(name for _, name in members)
-    if kind.walks:
+    if issubclass(kind, MeshBody):
         objects: list = bodies_of(scene, names)
     else:
         objects = [scene.placed_shape(scene.written_objects[name]) for name in names]
@@ -138,7 +140,10 @@ def object_columns(
     index = {name: i for i, name in enumerate(materials)}
     texture_of = texture_rows(scene, kind.v_ends)
     written = scene.written_objects
-    named = [written[name].material for name in names]
+    named, looks = [written[name].material for name in names], None
+    if kind.composite:
+        named = [x.form.medium for x in objects]
+        looks = _looks(scene, a, [leaf for x in objects for leaf in x.form.leaves])
     outer = object_of = counts = None
     if kind.many_rows:
         counts = tuple(x.row_count() for x in objects)
@@ -155,7 +160,18 @@ def object_columns(
         material=a.put(a.U, np.array([index[m] for m in named], np.uint32)),
         texture=a.put(a.U, np.array([texture_of[m] for m in named], np.uint32)),
         object=a.put(a.U, order),
+        looks=looks,
     )
+
+
+def _looks(scene: Scene, a: Arrays, leaves: list[Leaf]) -> Looks:
+    """The looks of the operands of CSG objects, each look once."""
+    material = {name: i for i, name in enumerate(materials_of(scene))}
+    textures = {v_ends: texture_rows(scene, v_ends) for v_ends in (False, True)}
+    pairs = [(material[x.material], textures[x.shape.operand_kind.v_ends][x.material]) for x in leaves]
+    number = {pair: i for i, pair in enumerate(dict.fromkeys(pairs))}
+    materials, rows = np.array(list(number), np.uint32).T
+    return Looks(a.put(a.U, np.array([number[x] for x in pairs], np.uint32)), a.put(a.U, materials), a.put(a.U, rows))
 
 
 def _light_columns(scene: Scene, a: Arrays, kind: type[Light], members: list[tuple[int, str]]) -> LightColumns:

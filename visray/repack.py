@@ -13,6 +13,7 @@ from visray.data.all_objects import BASE
 from visray.data_columns import data_columns
 from visray.pack import BatchKeys, Packed, bodies_of, object_columns, pack
 from visray.primitives.mesh import Mesh
+from visray.primitives.mesh_body import MeshBody
 from visray.primitives.mesh_buffers import frames
 from visray.pytree import leaves, mapped
 from visray.pytree import rows as gathered
@@ -83,14 +84,14 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
         rows.setdefault(number, {})[row] = name
     for number, named in rows.items():
         kind = batches[number].kind
-        if kind.own_frames and not (kind.walks and _same_meshes(old, new, named.values())):
+        if kind.own_frames and not (issubclass(kind, MeshBody) and _same_meshes(old, new, named.values())):
             batches[number] = _anew(batches[number], new, a)
             if not _same_sizes(batches[number], packed.batches[number]):
                 return None
             continue
         batch, indices = batches[number], a.put(a.U, np.array(list(named), np.uint32))
         numbers = None
-        if batch.kind.walks:
+        if issubclass(batch.kind, MeshBody):
             numbers = replace(gathered(batch.numbers, indices), frame=frames(a, bodies_of(new, named.values())))
         replacement = object_columns(new, a, batch.kind, list(enumerate(named.values())), numbers)
         batches[number] = _scattered(batch, replace(replacement, object=dr.gather(a.U, batch.object, indices)), indices)

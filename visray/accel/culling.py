@@ -277,6 +277,10 @@ def plane_guard(a: Arrays, batch: Batch, o: Any) -> PlaneGuard:
     of the products and sums. Each is relative to the sum of the sizes of the three products, so a margin of 16 is
     enough.
     """
+    if batch.kind.composite:
+        # No plane: nothing is rejected.
+        zero = dr.zeros(a.F32, dr.width(batch.placed.number))
+        return PlaneGuard(a.V32(zero), zero + dr.inf)
     f, g = batch.kind.surface_at(batch.placed, o)
     on = touches(batch, f, g, o)
     normal = a.V32(g) * dr.select(on, 0, dr.rcp(a.F32(dr.select(on, 1, f))))
@@ -294,4 +298,8 @@ def touches(batch: Batch, f: Any, g: Any, p: Any, error: Any = 0) -> Any:
 
 def point_rounding(batch: Batch, p: Any) -> Any:
     """Bound on the rounding error of the distance between points p and the surfaces of rows of a batch."""
-    return gamma(32) * (l1_norm(p) + (l1_norm(batch.placed.inverse.o) if batch.radius is None else batch.radius))
+    if batch.kind.composite:
+        size = batch.placed.size
+    else:
+        size = l1_norm(batch.placed.inverse.o) if batch.radius is None else batch.radius
+    return gamma(32) * (l1_norm(p) + size)

@@ -62,9 +62,9 @@ def occludes(segment: RaySegment) -> Any:
 
     An end that is known to lie on the surface does not count as a crossing.
     """
-    if segment.kind.walks:
+    if segment.kind.own_passage:
         return segment.kind.occludes(segment.seen, segment.ray, segment.begin, segment.end, segment.known)
-    if segment.kind.finds_roots and segment.known.on_end is not None:
+    if segment.kind.turns_at_end and segment.known.on_end is not None:
         segment = segment.backwards()
     return segment.crossing().met
 
@@ -74,7 +74,7 @@ def passage(segment: RaySegment, attached_segment: RaySegment | None) -> tuple[A
 
     attached_segment: the segment with derivatives, which the length then carries; None without derivatives.
     """
-    if segment.kind.walks:
+    if segment.kind.own_passage:
         return segment.kind.passage(segment.seen, segment.ray, segment.begin, segment.end, segment.known)
     return occludes(segment), *length_inside(attached_segment or segment)
 

@@ -142,6 +142,7 @@ class Algebraic(Primitive):
     """
 
     finds_roots = True
+    turns_at_end = True
     clipped = True
     # They have no type annotations, because an annotation would make them fields of the scene.
     program = solid = loose = None

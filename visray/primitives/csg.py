@@ -1,10 +1,17 @@
 """Constructive solid geometry (CSG): objects that are made of other objects."""
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
-from visray.operands import Operands
-from visray.primitives.primitive import Primitive
+import numpy as np
+
+from visray.geometry import Frame
+from visray.operands import Operands, named_operands
+from visray.primitives.csg_body import CsgBody
+from visray.primitives.csg_bounds import box_of
+from visray.primitives.csg_form import Form, form_of
+from visray.primitives.primitive import Bounds, Primitive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,3 +30,36 @@ class Csg(Primitive):
     op: Literal["union", "intersection", "difference", "merge"]
     of: Operands
     ends: Literal["capped", "open"] = "capped"
+
+    composite = True
+
+    @cached_property
+    def form(self) -> Form:
+        """The structure of the object. Domain: objects without instances and cuts (csg_resolved.py)."""
+        return form_of(self)
+
+    @property
+    def kind(self) -> Any:
+        return CsgBody.kind_of(self.form)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the object is a solid."""
+        return self.ends == "capped" and next(iter(named_operands(self.of).values())).operand_kind.closed
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the object has a bounding box."""
+        return self.kind.bounded
+
+    def advice_for_glass(self) -> str:
+        return 'leave "ends" out, and let its first operand be a solid'
+
+    def bounds(self, outer: Frame | None) -> Bounds:
+        # This is only for bounding_box, outside of kernels; kernels use CsgTable.bounds.
+        low, high = box_of(self.form)
+        centre = 0.5 * (low + high)
+        return Bounds(low, high, centre, float(np.linalg.norm(high - centre)))
+
+    def mitsuba(self) -> str:
+        return "Mitsuba has no CSG"

@@ -17,10 +17,11 @@ from visray.meshes.topology import Topology, oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
 from visray.number_table import NumberTable, TableRule
 from visray.primitives.mesh_body import MeshBody
+from visray.primitives.mesh_buffers import Body
 from visray.primitives.mesh_triangle import MeshTriangle, SmoothMeshTriangle
 from visray.primitives.primitive import Bounds, MitsubaShapes, Primitive
 from visray.quantities import FARTHEST, Point, Real
-from visray.transforms import compose
+from visray.transforms import Transform, compose
 
 TABLES = {
     "vertices": TableRule(3, False, "world units"),
@@ -140,6 +141,10 @@ class Mesh(Primitive):
         return MeshBody.kind_of(self.closed, self.normals != "face")
 
     @property
+    def operand_kind(self) -> Any:
+        return self.body_kind
+
+    @property
     def closed(self) -> bool:
         """Whether the object is a solid."""
         return self.solid is not False and self.shape_of_file().topology.closed
@@ -194,6 +199,10 @@ class Mesh(Primitive):
         low, high = p.min(axis=0), p.max(axis=0)
         centre = 0.5 * (low + high)
         return Bounds(low, high, centre, float(np.linalg.norm(p - centre, axis=1).max()))
+
+    def body(self, steps: tuple[Transform, ...]) -> Body:
+        """The mesh at a place, as one row. steps: transform that follows that of the mesh."""
+        return Body(self, steps)
 
     def row_count(self) -> int:
         return len(self.shape_of_file().mesh.faces)

@@ -30,6 +30,7 @@ class MeshBody(Primitive):
     uses_part = True
     own_frames = True
     walks = True
+    own_passage = True
     max_crossings = 1 << 16
 
     @staticmethod

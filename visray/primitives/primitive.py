@@ -137,7 +137,10 @@ class Primitive:
     many_rows = False  # whether an object has several rows, such as the triangles of a mesh
     stores_normals = False  # whether `placed` contains the unit normal of each row, in single (unit_normal)
     own_frames = False  # whether the table of the kind contains the objects' transforms
-    walks = False  # whether the test of a row is a walk through a tree of its own
+    walks = False  # whether the test of a row is a long loop, such as a walk through a tree of its own
+    own_passage = False  # whether the kind has own methods `occludes` and `passage`, as those of accel/ray_segment.py
+    turns_at_end = False  # whether a segment that ends on the surface is searched from its end
+    composite = False  # whether the object is made of operands
     v_ends = False  # whether v is from 0 to 1 and ends at a pole: no pixel of a texture is blended in from beyond it
     axis_fields = ()  # names of the fields that turn the z axis of the frame, about which u and v are found (tangents)
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
@@ -146,6 +149,11 @@ class Primitive:
     def kind(self) -> "type[Primitive]":
         """The class whose methods serve this object. Objects of one kind share code in the kernel."""
         return type(self)
+
+    @property
+    def operand_kind(self) -> "type[Primitive]":
+        """The class whose methods serve this object as an operand of CSG."""
+        return self.kind
 
     @classmethod
     def table(cls, a: Arrays, objects: list) -> Any:

@@ -14,6 +14,7 @@ from visray.data.all_objects import AllObjects
 from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
+from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.quantities import Color, Count, Length, Name
@@ -182,13 +183,18 @@ class Scene:
         return {name: x for name, x in self.objects.items() if x.material in materials}
 
     def shape_of(self, obj: Object) -> Primitive:
-        """The geometry of an instance, without the instance's own transform; any other object itself."""
-        return self.geometries[obj.geometry] if isinstance(obj, Instance) else obj
+        """The geometry of an instance, without the instance's own transform; a difference for an object with cuts, and
+        for CSG one without instances; any other object itself."""
+        if obj.cut or obj.composite:
+            return resolved(obj, self.geometries)
+        return self.shape_of(self.geometries[obj.geometry]) if isinstance(obj, Instance) else obj
 
     def placed_shape(self, obj: Object) -> Primitive:
         """The object that is rendered for an object of the scene: for an instance, its geometry with the material and
-        the transform of the instance; any other object itself."""
-        return obj.placed_shape(self.geometries[obj.geometry]) if isinstance(obj, Instance) else obj
+        the transform of the instance; CSG as in `shape_of`; any other object itself."""
+        if obj.cut or obj.composite:
+            return resolved(obj, self.geometries)
+        return obj.placed_shape(self.shape_of(self.geometries[obj.geometry])) if isinstance(obj, Instance) else obj
 
     def hash(self) -> str:
         """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""

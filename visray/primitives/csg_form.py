@@ -1,0 +1,219 @@
+"""The structure of CSG objects: which operands they have, and how these are combined.
+
+An object is a tree of operands. It is brought into negation normal form: a difference becomes an intersection with
+complements, and complements are moved down to the leaves (De Morgan's laws), so that the inner nodes are intersections
+and unions. Nested intersections are joined into one, and so are nested unions. A leaf is an operand that is not CSG.
+
+Leaves are numbered from 0, in the order in which they are written. The number of a leaf is the part of the object's
+surface that it contributes.
+
+A site is a place in the structure of a kernel. All objects with the same sites share their code. Children of a node
+with equal sites form a group. A small group is written out, and a large one is a loop over rows, so that its size is
+data.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from visray.primitives.primitive import Primitive
+from visray.transforms import Transform
+
+# Largest number of children with equal sites that are written out in a kernel.
+MAX_WRITTEN_OUT = 4
+# The number of bits for own parts is a multiple of this one.
+PART_BITS = 4
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An operand that is not CSG.
+
+    shape: the operand, without its transform.
+    steps: its transform, followed by those of the objects around it.
+    material: name of its material.
+    negated: whether its complement is meant.
+    number: its number in the object.
+    """
+
+    shape: Primitive
+    steps: tuple[Transform, ...]
+    material: str
+    negated: bool
+    number: int
+
+    @cached_property
+    def site(self) -> "LeafSite":
+        """The site of the leaf."""
+        kind = self.shape.operand_kind
+        return LeafSite(kind, self.negated, bool(self.steps) and not kind.own_frames)
+
+
+@dataclass(frozen=True)
+class Node:
+    """The intersection of its children if `both`, else their union. groups: the children, those with equal sites side
+    by side."""
+
+    both: bool
+    groups: tuple[tuple[Any, ...], ...]
+
+    @staticmethod
+    def of(both: bool, children: list) -> Any:
+        """The node of some children. A single child stands for itself, and nested nodes of the same sort are joined."""
+        flat = [y for x in children for y in (x.children if isinstance(x, Node) and x.both == both else (x,))]
+        if len(flat) == 1:
+            return flat[0]
+        groups: dict[Any, list] = {}
+        for x in flat:
+            groups.setdefault(x.site, []).append(x)
+        # Searches of roots and walks are long. They come last, because the others often make them unnecessary.
+        ordered = sorted(groups.values(), key=lambda group: group[0].site.searches)
+        return Node(both, tuple(map(tuple, ordered)))
+
+    @property
+    def children(self) -> tuple:
+        """All children."""
+        return tuple(x for group in self.groups for x in group)
+
+    @cached_property
+    def site(self) -> "NodeSite":
+        """The site of the node."""
+        sizes = [len(g) if len(g) <= MAX_WRITTEN_OUT else None for g in self.groups]
+        return NodeSite(self.both, tuple(Group(g[0].site, size) for g, size in zip(self.groups, sizes)))
+
+
+@dataclass(frozen=True)
+class LeafSite:
+    """A place for leaves.
+
+    kind: class whose methods serve the operands.
+    negated: whether their complements are meant.
+    moved: whether they have transforms that the table of the kind does not contain.
+    """
+
+    kind: type[Primitive]
+    negated: bool
+    moved: bool
+
+    @property
+    def searches(self) -> bool:
+        """Whether crossings are found by a search, in contrast to the interval of a convex solid."""
+        return not hasattr(self.kind, "intervals")
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the points that are meant have a bounding box."""
+        return self.kind.bounded and not self.negated
+
+    @property
+    def leaves(self) -> tuple["LeafSite", ...]:
+        """All places for leaves, in order."""
+        return (self,)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Children of a node with equal sites. size: their number; None if the kernel loops over them."""
+
+    site: Any
+    size: int | None
+
+
+@dataclass(frozen=True)
+class NodeSite:
+    """A place for nodes. both, groups: as in Node."""
+
+    both: bool
+    groups: tuple[Group, ...]
+
+    @property
+    def searches(self) -> bool:
+        """Whether some leaf searches."""
+        return any(group.site.searches for group in self.groups)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the points that are meant have a bounding box."""
+        return (any if self.both else all)(group.site.bounded for group in self.groups)
+
+    @property
+    def leaves(self) -> tuple[LeafSite, ...]:
+        """All places for leaves, in order. Each child of a group that is written out has its own."""
+        return tuple(leaf for g in self.groups for _ in range(g.size or 1) for leaf in g.site.leaves)
+
+
+@dataclass(frozen=True)
+class Form:
+    """The structure of an object.
+
+    surface: tree whose surface is seen.
+    within: tree of the points at which this surface is kept; None if all of it is kept.
+    leaves: all leaves, by number.
+    material: name of the object's own material.
+    """
+
+    surface: Any
+    within: Any
+    leaves: tuple[Leaf, ...]
+    material: str
+
+    @property
+    def closed(self) -> bool:
+        """Whether the object is a solid."""
+        return self.within is None and all(leaf.shape.operand_kind.closed for leaf in self.leaves)
+
+    @property
+    def medium(self) -> str:
+        """Name of the material that says of what the object is made inside."""
+        return self.material if self.material != DEFAULT else self.leaves[0].material
+
+    @property
+    def part_bits(self) -> int:
+        """Number of bits that the operands' own parts need, rounded up so that few numbers make a new kernel."""
+        most = max(map(_own_parts, self.leaves))
+        return -(-(most - 1).bit_length() // PART_BITS) * PART_BITS
+
+
+def _own_parts(leaf: Leaf) -> int:
+    """Number of parts of a leaf's own surface that a search must tell apart."""
+    kind = leaf.shape.operand_kind
+    return leaf.shape.row_count() if kind.own_frames else kind.parts if kind.uses_part else 1
+
+
+def form_of(csg: Primitive) -> Form:
+    """The structure of a CSG object without instances and cuts (csg_resolved.py)."""
+    leaves: list[Leaf] = []
+    surface, within = _parts(csg, (), csg.material, False, leaves)
+    return Form(surface, within, tuple(leaves), csg.material)
+
+
+def _parts(obj: Primitive, steps: tuple, material: str, negated: bool, leaves: list) -> tuple[Any, Any]:
+    """(surface, within) of an object, as in Form.
+
+    steps: transform of the objects around it.
+    material: name of the material of operands that name none.
+    negated: whether the complement of the object is meant.
+    leaves: list to which the leaves are added.
+    """
+    material = material if obj.material == DEFAULT else obj.material
+    steps = obj.transform + steps
+    if not obj.composite:
+        leaf = Leaf(replace(obj, transform=()), steps, material, negated, len(leaves))
+        leaves.append(leaf)
+        return leaf, None
+    first, *others = obj.of
+    both, difference = obj.op in ("intersection", "difference"), obj.op == "difference"
+    of_others = (obj.cut_material or material) if both else material
+    surface, within = _parts(first, steps, material, negated, leaves)
+    rest = [_parts(x, steps, of_others, negated ^ difference, leaves)[0] for x in others]
+    if within is None and obj.closed:
+        return Node.of(both ^ negated, [surface, *rest]), None
+    return surface, Node.of(True, [*([] if within is None else [within]), *rest])
+
+
+def renumbered(tree: Any, first: int) -> Any:
+    """The tree with `first` added to the numbers of its leaves."""
+    if isinstance(tree, Leaf):
+        return replace(tree, number=first + tree.number)
+    return Node(tree.both, tuple(tuple(renumbered(x, first) for x in group) for group in tree.groups))

@@ -1,0 +1,52 @@
+"""Objects with operands in one form: without instances, and with a difference in place of each cut."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from visray.operands import named_operands
+from visray.primitives.csg import Csg
+from visray.primitives.csg_form import DEFAULT
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
+
+# Fields of an object that has cuts. The difference that replaces it has them.
+UNCUT = {"cut": None, "cut_material": None, "material": DEFAULT, "transform": ()}
+
+
+def resolved(obj: Primitive, geometries: Mapping[str, Primitive]) -> Primitive:
+    """The object with its geometry in place of each instance, and a difference in place of each cut, at all depths.
+
+    geometries: the geometries of the scene.
+    """
+    if isinstance(obj, Instance):
+        inner = resolved(geometries[obj.geometry], geometries)
+        if obj.cut:
+            return _cut(replace(inner, material=DEFAULT), obj, geometries)
+        return replace(inner, material=obj.material, transform=inner.transform + obj.transform)
+    if obj.cut:
+        return _cut(resolved(replace(obj, **UNCUT), geometries), obj, geometries)
+    if isinstance(obj, Csg):
+        return replace(obj, of=tuple(resolved(x, geometries) for x in named_operands(obj.of).values()))
+    return obj
+
+
+def _cut(inner: Primitive, obj: Primitive, geometries: Mapping[str, Primitive]) -> Csg:
+    """An object with cuts as a difference. inner: the object without its cuts, material and transform."""
+    cuts = (resolved(x, geometries) for x in named_operands(obj.cut).values())
+    return Csg(op="difference", of=(inner, *cuts), material=obj.material, transform=obj.transform,
+               cut_material=obj.cut_material)  # fmt: skip
+
+
+def leaf_addresses(obj: Primitive, geometries: Mapping[str, Primitive], address: str) -> list[str]:
+    """The address of each leaf of an object, by number. address: that of the object."""
+    found: list[str] = []
+    if isinstance(obj, Instance):
+        found += leaf_addresses(geometries[obj.geometry], geometries, f"geometries.{obj.geometry}")
+    elif isinstance(obj, Csg):
+        for name, x in named_operands(obj.of).items():
+            found += leaf_addresses(x, geometries, f"{address}.of.{name}")
+    else:
+        found.append(address)
+    for name, x in named_operands(obj.cut).items():
+        found += leaf_addresses(x, geometries, f"{address}.cut.{name}")
+    return found

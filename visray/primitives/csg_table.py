@@ -1,0 +1,216 @@
+"""The numbers of CSG objects as arrays: a tree of tables with the shape of the objects' sites (csg_form.py).
+
+The records of operands at a site are rows of one table. At a site that is written out, row i belongs to object i. At a
+site inside a loop, the rows of an object, or of one turn of an outer loop, lie side by side.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from visray.geometry import Frame, l1_norm
+from visray.primitives.csg_bounds import joined_box
+from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
+from visray.primitives.primitive import Bounds
+from visray.pytree import Shared, detached
+from visray.quantities import Arrays
+from visray.transforms import composed
+
+
+@dataclass(frozen=True)
+class LeafTable:
+    """Operands at one site.
+
+    kind: class whose methods serve them.
+    numbers: table of the kind.
+    outer: their transforms; None if they have none, or if `numbers` contains them.
+    number: numbers of the leaves.
+    """
+
+    kind: Any
+    numbers: Any
+    outer: Any
+    number: Any
+
+    @staticmethod
+    def of(a: Arrays, site: LeafSite, leaves: Sequence[Leaf]) -> "LeafTable":
+        """The table of several leaves at one site."""
+        shapes: list = [leaf.shape for leaf in leaves]
+        if site.kind.own_frames:
+            shapes = [leaf.shape.body(leaf.steps) for leaf in leaves]
+        outer = Frame.table(a, composed([leaf.steps for leaf in leaves])) if site.moved else None
+        number = a.put(a.U, np.array([leaf.number for leaf in leaves], np.uint32))
+        return LeafTable(site.kind, site.kind.table(a, shapes), outer, number)
+
+    def placed(self) -> "PlacedLeaf":
+        """The operands in the world."""
+        placed, bounds = self.numbers.placed(self.outer), self.bounds()
+        if bounds is None:
+            return PlacedLeaf(placed, self.number, None, None, dr.detach(l1_norm(placed.inverse.o)))
+        return PlacedLeaf(placed, self.number, bounds.centre, bounds.radius, l1_norm(bounds.centre) + bounds.radius)
+
+    def bounds(self) -> Bounds | None:
+        """As Primitive.bounds, without derivatives; None for unbounded kinds."""
+        return detached(self.numbers.bounds(self.outer)) if self.kind.bounded else None
+
+
+@dataclass(frozen=True)
+class PlacedLeaf:
+    """Operands at one site, in the world.
+
+    placed: placed data of the kind.
+    number: as in LeafTable.
+    centre, radius: bounding ball; None for unbounded kinds.
+    size: size of world coordinates, from which rounding bounds are computed, as Batch.coordinate_bound.
+    """
+
+    placed: Any
+    number: Any
+    centre: Any
+    radius: Any
+    size: Any
+
+
+@dataclass(frozen=True)
+class Looped:
+    """Children of a node that the kernel loops over.
+
+    first, count: number of the first row, and of rows, in the table.
+    table: table of all children at this site.
+    """
+
+    first: Any
+    count: Any
+    table: Shared
+
+
+def table_of(a: Arrays, site: Any, trees: Sequence[Any]) -> Any:
+    """The table of several trees with one site. For a node it is a tuple with an entry for each group: a tuple of
+    tables, or Looped."""
+    if isinstance(site, LeafSite):
+        return LeafTable.of(a, site, trees)
+    groups: list[Any] = []
+    for g, group in enumerate(site.groups):
+        children = [tree.groups[g] for tree in trees]
+        if group.size is None:
+            counts = np.array([len(x) for x in children])
+            firsts = np.cumsum(counts) - counts
+            table = table_of(a, group.site, [y for x in children for y in x])
+            groups.append(Looped(*(a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts)), Shared(table)))
+        else:
+            groups.append(tuple(table_of(a, group.site, [x[k] for x in children]) for k in range(group.size)))
+    return tuple(groups)
+
+
+def placed_tree(table: Any) -> Any:
+    """The table of a site with all operands placed in the world."""
+    if isinstance(table, LeafTable):
+        return table.placed()
+    if isinstance(table, Looped):
+        return Looped(table.first, table.count, Shared(placed_tree(table.table.value)))
+    return tuple(map(placed_tree, table))
+
+
+def leaf_tables(table: Any) -> Iterator[Any]:
+    """Yields the tables of all leaf sites in a table, in the order of `site.leaves`."""
+    if isinstance(table, tuple):
+        for part in table:
+            yield from leaf_tables(part)
+    elif isinstance(table, Looped):
+        yield from leaf_tables(table.table.value)
+    elif table is not None:
+        yield table
+
+
+@dataclass(frozen=True)
+class CsgTable:
+    """CSG objects of one kind, as arrays. Leaves are numbered through all objects.
+
+    a: array types.
+    forms: structure of each object, in Python.
+    surface, within: tables of the sites of the surface, and of the points at which it is kept; None if all of it is.
+    site_of, row_of: for each leaf, the number of its site, and its row in the table of this site.
+    """
+
+    a: Arrays
+    forms: tuple[Form, ...]
+    surface: Any
+    within: Any
+    site_of: Any
+    row_of: Any
+
+    @staticmethod
+    def of(a: Arrays, forms: Sequence[Form]) -> "CsgTable":
+        """The table of several objects with equal sites."""
+        counts = np.array([len(form.leaves) for form in forms])
+        firsts = (np.cumsum(counts) - counts).tolist()
+        surface, within = (
+            None if trees[0] is None else table_of(a, trees[0].site, [renumbered(x, i) for x, i in zip(trees, firsts)])
+            for trees in ([form.surface for form in forms], [form.within for form in forms])
+        )
+        site_of, row_of = np.zeros((2, counts.sum()), np.uint32)
+        for site, table in enumerate(leaf_tables((surface, within))):
+            numbers = np.array(table.number)
+            site_of[numbers], row_of[numbers] = site, np.arange(len(numbers))
+        return CsgTable(a, tuple(forms), surface, within, a.put(a.U, site_of), a.put(a.U, row_of))
+
+    def placed(self, outer: None) -> "PlacedCsg":
+        """The objects in the world. Their operands have transforms of their own, so `outer` is None."""
+        surface, within = (None if x is None else placed_tree(x) for x in (self.surface, self.within))
+        number = dr.arange(self.a.U, len(self.forms)) + dr.opaque(self.a.U, 0)
+        largest = np.zeros(len(self.site_of))
+        for leaf in leaf_tables((surface, within)):
+            largest[np.array(leaf.number)] = np.array(leaf.size)
+        size = self.a.put(self.a.D, np.maximum.reduceat(largest, self._firsts()))
+        return PlacedCsg(number, surface, within, size, Shared((surface, within)), Shared(self.site_of),
+                         Shared(self.row_of), Shared(dr.opaque(self.a.U, len(self.site_of))))  # fmt: skip
+
+    def _firsts(self) -> np.ndarray:
+        """Number of the first leaf of each object."""
+        counts = np.array([len(form.leaves) for form in self.forms])
+        return np.cumsum(counts) - counts
+
+    def bounds(self, outer: None) -> Bounds:
+        """As Primitive.bounds. An empty object has a box of one point."""
+        boxes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for table in leaf_tables((self.surface, self.within)):
+            if (bounds := table.bounds()) is not None:
+                numbers = np.array(table.number).tolist()
+                low, high = (
+                    np.broadcast_to(np.array(x, float).T, (len(numbers), 3)) for x in (bounds.low, bounds.high)
+                )
+                boxes.update(zip(numbers, zip(low, high)))
+        joined = []
+        for form, first in zip(self.forms, self._firsts().tolist()):
+            joined.append(joined_box(form, {i: boxes.get(first + i) for i in range(len(form.leaves))}))
+        low, high = (np.array(x) for x in zip(*joined))
+        # An empty object has low > high. Its box is then one point.
+        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 0)
+        put = self.a.put
+        low, high, middle = (put(self.a.W, x.T) for x in (middle - half, middle + half, middle))
+        return Bounds(low, high, middle, put(self.a.D, np.linalg.norm(half, axis=1)))
+
+
+@dataclass(frozen=True)
+class PlacedCsg:
+    """CSG objects in the world.
+
+    number: number of the object.
+    surface, within: tables of the sites, with their operands placed.
+    size: as PlacedLeaf.size, of the largest operand.
+    all: the tables once more, for lookups of operands by number.
+    site_of, row_of: as in CsgTable.
+    count: number of all leaves.
+    """
+
+    number: Any
+    surface: Any
+    within: Any
+    size: Any
+    all: Shared
+    site_of: Shared
+    row_of: Shared
+    count: Shared

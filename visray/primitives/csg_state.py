@@ -43,6 +43,10 @@ class State:
         return State(everywhere, everywhere, none, dr.full(a.D, dr.inf, lanes), none, dr.full(a.B, False, lanes),
                      dr.zeros(a.U, lanes))  # fmt: skip
 
+    def where(self, mask: Any, other: "State") -> "State":
+        """This state where the mask is true, and the other one elsewhere."""
+        return State(*(dr.select(mask, x, y) for x, y in zip(self.arrays(), other.arrays())))
+
     def is_open(self, both: bool) -> Any:
         """Whether the state of another set matters, beside this one, for the intersection if `both`, else the union."""
         return (self.before | self.after) if both else ~(self.before & self.after)

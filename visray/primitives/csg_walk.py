@@ -106,10 +106,18 @@ class Walk:
                 continue
             for k, child in enumerate(part):
                 own = None if ready is None else ready[g][k]
-                result = result.joined(
-                    self.state(group.site, child, own, point, needed & result.is_open(site.both)), site.both
-                )
+                result = self._with_child(result, site.both, group.site, child, own, point, needed)
         return result
+
+    def _with_child(
+        self, result: State, both: bool, site: Any, table: Any, ready: Any, point: Point, needed: Any
+    ) -> State:
+        """The state of a node after one more child. result: that before it."""
+        needed = needed & result.is_open(both)
+        state = self.state(site, table, ready, point, needed)
+        if site.searches:
+            state = state.where(needed, State.constant(both, self.types, self.lanes))
+        return result.joined(state, both)
 
     def _looped(self, both: bool, site: Any, looped: Looped, point: Point, needed: Any, result: State) -> State:
         """The state of a node after the children of a group that is looped over. result: that before them."""
@@ -123,10 +131,8 @@ class Walk:
                     outside.arrays(), self._may_meet(child, point),
                     lambda *_: self._leaf(site, child, None, point, True).arrays(), lambda *old: old, label="operand",
                 )  # fmt: skip
-                state = State(*new)
-            else:
-                state = self.state(site, child, None, point, needed & result.is_open(both))
-            return i + 1, *result.joined(state, both).arrays()
+                return i + 1, *result.joined(State(*new), both).arrays()
+            return i + 1, *self._with_child(result, both, site, child, None, point, needed).arrays()
 
         start = dr.zeros(self.types.U, self.lanes), *result.arrays()
         more = lambda i, *_: (i < looped.count) & needed  # noqa: E731 - the condition

@@ -10,6 +10,7 @@ coincide leave no film and no crack, and the visible face is that of the leaf wi
 Convex operands have an interval. All others search for their next crossing.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -157,10 +158,12 @@ class Walk:
 
     # What does not depend on the point.
 
-    def prepared(self, site: Any, table: Any) -> Any:
+    def prepared(self, site: Any, table: Any, seen: Iterator) -> Any:
         """What the leaves of a site need at each point: a tree like the table, with None for loops. For a convex leaf
-        it is its interval, for others the seen data of the kind."""
-        seen = iter(self.seen.leaves)
+        it is its interval, for others the seen data of the kind.
+
+        seen: seen data of all leaves that are not in loops, from the first one of this site on.
+        """
 
         def of(site: Any, table: Any) -> Any:
             if isinstance(table, Looped):
@@ -316,8 +319,11 @@ class Walk:
         """
         a, n, placed = self.types, self.lanes, self.seen.placed
         limit = dr.inf if end is None else end
-        surface, within = (None if site is None else self.prepared(site, table)
-                           for site, table in zip(sites, (placed.surface, placed.within)))  # fmt: skip
+        seen = iter(self.seen.leaves)
+        surface, within = (
+            None if site is None else self.prepared(site, table, seen)
+            for site, table in zip(sites, (placed.surface, placed.within))
+        )
         sheet = isinstance(sites[0], LeafSite) and not sites[0].kind.closed
 
         def step(

@@ -1062,6 +1062,7 @@ def distortion(thing: Any) -> tuple[float, float]:
     """
     # Of a polynomial only the clip has one, and of a mesh its triangle.
     framed = thing.clip if isinstance(thing, Polynomial) else triangle_of(thing) if isinstance(thing, Mesh) else thing
+    framed = ball_of(framed) if isinstance(framed, Csg) else framed
     frame = scalars(framed).frame()
     columns = np.eye(3) if not hasattr(frame, "x") else np.array([frame.x, frame.y, frame.z], float).reshape(3, 3).T
     m, _ = outer(thing)

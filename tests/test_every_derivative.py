@@ -71,6 +71,8 @@ def moved(record: Any, rng: np.random.Generator) -> Any:
         changes[name] = float(new) if new.ndim == 0 else tuple(new.tolist())
     if isinstance(record, vr.Polynomial):
         changes["parameters"] = {k: v + 0.1 * rng.uniform(0, 1) for k, v in record.parameters.items()}
+    if isinstance(record, vr.Csg):
+        changes["of"] = tuple(moved(x, rng) for x in record.of)
     if isinstance(getattr(record, "vertices", None), NumberTable):
         changes["vertices"] = record.vertices.values + 0.1 * rng.uniform(-1, 1, record.vertices.values.shape)
     return replace(record, **changes)

@@ -3,15 +3,19 @@
 An address is the dotted name of a value in a scene, such as `objects.ball.radius` (scene/address.py).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from visray.columns import Columns, materials_of
+from visray.data.all_objects import address_of
 from visray.errors import UserError
+from visray.operands import named_operands
 from visray.pack import LightColumns, Packed
-from visray.primitives.instance import Instance
+from visray.primitives.csg_operands import operands
 from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
@@ -118,11 +122,8 @@ class AddressIndex:
             table, row, field, rest = packed.camera, 0, name, parts[2:]
         elif head == "materials":
             table, row, rest = packed.materials, list(materials_of(self.scene)).index(name), parts[3:]
-        elif head == "objects":
-            return self._of_shapes(self.scene.objects[name], address, [name], parts[2:])
-        elif head == "geometries":
-            instances = [n for n, obj in self.scene.written_objects.items() if getattr(obj, "geometry", None) == name]
-            return self._of_shapes(self.scene.geometries[name], address, instances, parts[2:])
+        elif head in ("objects", "geometries"):
+            return self._of_shape(getattr(self.scene, head)[name], address, f"{head}.{name}", parts[2:])
         elif head == "data":
             return self._of_row(address, parts)
         elif head == "lights":
@@ -159,32 +160,68 @@ class AddressIndex:
         rows = range(row, row + batch.names.repeats(row))
         return Slot((array,), (tuple(rows),), None)
 
-    def _of_shapes(self, shape: Primitive, address: str, names: list[str], path: list[str]) -> Slot | TableSlot:
-        """The place of one value of an object, or of a geometry. Raises UserError if the value has no derivative.
+    @cached_property
+    def _leaves(self) -> dict[str, list[tuple[str, int]]]:
+        """The operands of CSG objects by their addresses: names of the objects, and numbers of the leaves in them."""
+        found: dict[str, list[tuple[str, int]]] = {}
+        for name, obj in self.scene.written_objects.items():
+            if self.scene.shape_of(obj).composite:
+                leaves = (x for x in operands(address_of(name), obj, self.scene.geometries) if x.is_leaf)
+                for number, leaf in enumerate(leaves):
+                    found.setdefault(leaf.address, []).append((name, number))
+        return found
 
-        shape: the object or the geometry
+    def _plain(self, own: str) -> list[str]:
+        """Names of the objects that show a shape and are not CSG. own: address of the shape."""
+        section, _, name = own.partition(".")
+        shown = self.scene.written_objects
+        names = (
+            [name] if section == "objects" else [n for n, x in shown.items() if getattr(x, "geometry", None) == name]
+        )
+        return [n for n in names if n in shown and not self.scene.shape_of(shown[n]).composite]
+
+    def _tables(self, own: str) -> Iterator[tuple[type[Primitive], Any, int]]:
+        """Yields the kind, the table and the row of each copy of a shape in the packed arrays. For meshes, a row is a
+        mesh. own: address of the shape."""
+        for name in self._plain(own):
+            number, row = self.row_of(self.packed.batches, name)
+            batch = self.packed.batches[number]
+            yield batch.kind, batch.numbers, batch.names.listed.index(name) if batch.kind.many_rows else row
+        for name, leaf in self._leaves.get(own, ()):
+            number, row = self.row_of(self.packed.batches, name)
+            table, row = self.packed.batches[number].numbers.leaf(row, leaf)
+            yield table.kind, table.numbers, row
+
+    def _of_shape(self, shape: Primitive, address: str, own: str, path: list[str]) -> Slot | TableSlot:
+        """The place of one value of an object, an operand or a geometry. Raises UserError if the value has no
+        derivative.
+
+        shape: the object, the operand or the geometry
         address: address of the value
-        names: name of the object, or names of the instances of the geometry
-        path: rest of the address after the name, split at the dots
+        own: address of the shape
+        path: rest of the address after that of the shape, split at the dots
         """
+        while len(path) > 1 and path[0] in ("of", "cut") and hasattr(shape, path[0]):
+            role, name, *path = path
+            shape, own = named_operands(getattr(shape, role))[name], f"{own}.{role}.{name}"
         if shape.many_rows:
-            return self._of_mesh(shape, address, names, path)
+            return self._of_mesh(shape, address, own, path)
         rows: dict[int, list[int]] = {}
-        for number, row in (self.row_of(self.packed.batches, name) for name in names):
-            rows.setdefault(number, []).append(row)
-        batches = [self.packed.batches[number] for number in rows]
-        columns = [batch.kind.columns(shape, batch.numbers) for batch in batches]
-        columns = [{}] if isinstance(shape, Instance) else columns
-        for field in columns[0]:
+        tables: dict[int, tuple[type[Primitive], Any]] = {}
+        for kind, table, row in self._tables(own):
+            rows.setdefault(id(table), []).append(row)
+            tables[id(table)] = kind, table
+        columns = [kind.columns(shape, table) for kind, table in tables.values()]
+        for field in columns[0] if columns else ():
             size = len(field.split("."))
             if ".".join(path[:size]) == field:
                 arrays = tuple(x[field] for x in columns)
                 return Slot(arrays, tuple(map(tuple, rows.values())), int(path[size]) if path[size:] else None)
-        known = ", ".join(columns[0]) or "none of its own"
+        known = ", ".join(columns[0] if columns else ()) or "none of its own"
         raise UserError(f"{address}: has no derivative; those of a {shape.type} are {known}")
 
-    def _of_mesh(self, mesh: Mesh, address: str, names: list[str], path: list[str]) -> TableSlot:
-        """As _of_shapes, for a mesh. Only its vertices have derivatives."""
+    def _of_mesh(self, mesh: Mesh, address: str, own: str, path: list[str]) -> TableSlot:
+        """As _of_shape, for a mesh. Only its vertices have derivatives."""
         problem = None
         if path != ["vertices"]:
             problem = "those of a mesh are vertices"
@@ -195,11 +232,10 @@ class AddressIndex:
         if problem:
             raise UserError(f"{address}: has no derivative; {problem}")
         starts: dict[int, list[int]] = {}
-        for name in names:
-            number, _ = self.row_of(self.packed.batches, name)
-            batch = self.packed.batches[number]
-            start = batch.numbers.first_vertex(batch.names.listed.index(name))
-            if start not in starts.setdefault(number, []):  # bodies with one mesh share its vertices
-                starts[number].append(start)
-        arrays = tuple(self.packed.batches[number].numbers.vertices.value for number in starts)
-        return TableSlot(arrays, tuple(map(tuple, starts.values())), len(mesh.vertices))
+        arrays = {}
+        for _, table, row in self._tables(own):
+            vertices, start = table.vertices.value, table.first_vertex(row)
+            arrays[id(table)] = vertices
+            if start not in starts.setdefault(id(table), []):  # bodies with one mesh share its vertices
+                starts[id(table)].append(start)
+        return TableSlot(tuple(arrays.values()), tuple(map(tuple, starts.values())), len(mesh.vertices))

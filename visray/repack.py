@@ -12,9 +12,11 @@ from visray.columns import Columns, materials_of
 from visray.data.all_objects import BASE
 from visray.data_columns import data_columns
 from visray.pack import BatchKeys, Packed, bodies_of, object_columns, pack
+from visray.primitives.csg_operands import operands
 from visray.primitives.mesh import Mesh
 from visray.primitives.mesh_body import MeshBody
 from visray.primitives.mesh_buffers import frames
+from visray.primitives.primitive import Primitive
 from visray.pytree import leaves, mapped
 from visray.pytree import rows as gathered
 from visray.quantities import Arrays
@@ -46,12 +48,17 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
 
 
 def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
-    """Names of the objects that change with the values at some addresses: objects, and instances of geometries."""
+    """Names of the objects that change with the values at some addresses: objects, and those that show geometries."""
     changed = {section: {rest[0] for s, *rest in paths if s == section} for section in ("objects", "geometries")}
-    geometries = changed["geometries"]
-    instances = {name for name, obj in scene.written_objects.items() if getattr(obj, "geometry", None) in geometries}
+    geometries = {f"geometries.{name}" for name in changed["geometries"]}
+
+    def shows(obj: Primitive) -> bool:
+        """Whether an object shows one of these geometries, itself or in an operand."""
+        return any(x.address in geometries for x in operands("", obj, scene.geometries))
+
+    instances = {name for name, obj in scene.written_objects.items() if shows(obj)} if geometries else set()
     base = {BASE} if any(section == "data" for section, *_ in paths) and scene.data is not None else set()
-    return changed["objects"] | (instances if geometries else set()) | base
+    return changed["objects"] | instances | base
 
 
 def _structure(scene: Scene) -> tuple:

@@ -150,23 +150,18 @@ class Form:
     surface: tree whose surface is seen.
     within: tree of the points at which this surface is kept; None if all of it is kept.
     leaves: all leaves, by number.
-    material: name of the object's own material.
+    medium: name of the object's own material, which says what its inside does to light.
     """
 
     surface: Any
     within: Any
     leaves: tuple[Leaf, ...]
-    material: str
+    medium: str
 
     @property
     def closed(self) -> bool:
         """Whether the object is a solid."""
         return self.within is None and all(leaf.shape.operand_kind.closed for leaf in self.leaves)
-
-    @property
-    def medium(self) -> str:
-        """Name of the material that says of what the object is made inside."""
-        return self.material if self.material != DEFAULT else self.leaves[0].material
 
     @property
     def part_bits(self) -> int:
@@ -184,8 +179,12 @@ def _own_parts(leaf: Leaf) -> int:
 def form_of(csg: Primitive) -> Form:
     """The structure of a CSG object without instances and cuts (csg_resolved.py)."""
     leaves: list[Leaf] = []
-    surface, within = _parts(csg, (), csg.material, False, leaves)
-    return Form(surface, within, tuple(leaves), csg.material)
+    medium, shape = csg.material, csg
+    while medium == DEFAULT and shape.composite:
+        shape = shape.of[0]
+        medium = shape.material
+    surface, within = _parts(csg, (), medium, False, leaves)
+    return Form(surface, within, tuple(leaves), medium)
 
 
 def _parts(obj: Primitive, steps: tuple, material: str, negated: bool, leaves: list) -> tuple[Any, Any]:

@@ -35,18 +35,3 @@ def _cut(inner: Primitive, obj: Primitive, geometries: Mapping[str, Primitive]) 
     cuts = (resolved(x, geometries) for x in named_operands(obj.cut).values())
     return Csg(op="difference", of=(inner, *cuts), material=obj.material, transform=obj.transform,
                cut_material=obj.cut_material)  # fmt: skip
-
-
-def leaf_addresses(obj: Primitive, geometries: Mapping[str, Primitive], address: str) -> list[str]:
-    """The address of each leaf of an object, by number. address: that of the object."""
-    found: list[str] = []
-    if isinstance(obj, Instance):
-        found += leaf_addresses(geometries[obj.geometry], geometries, f"geometries.{obj.geometry}")
-    elif isinstance(obj, Csg):
-        for name, x in named_operands(obj.of).items():
-            found += leaf_addresses(x, geometries, f"{address}.of.{name}")
-    else:
-        found.append(address)
-    for name, x in named_operands(obj.cut).items():
-        found += leaf_addresses(x, geometries, f"{address}.cut.{name}")
-    return found

@@ -168,6 +168,15 @@ class CsgTable:
         return PlacedCsg(number, surface, within, size, Shared((surface, within)), Shared(self.site_of),
                          Shared(self.row_of), Shared(dr.opaque(self.a.U, len(self.site_of))))  # fmt: skip
 
+    def leaf(self, row: int, number: int) -> tuple[LeafTable, int]:
+        """The table that contains a leaf, and its row there.
+
+        row: row of the object. number: the leaf's number in the object.
+        """
+        number += int(self._firsts()[row])
+        tables = list(leaf_tables((self.surface, self.within)))
+        return tables[int(self.site_of[number])], int(self.row_of[number])
+
     def _firsts(self) -> np.ndarray:
         """Number of the first leaf of each object."""
         counts = np.array([len(form.leaves) for form in self.forms])

@@ -14,6 +14,7 @@ from samples import (
     Lineup,
     aimed,
     array,
+    ball_of,
     direction,
     distortion,
     gap,
@@ -39,6 +40,7 @@ from visray.primitives import (
     Box,
     Capsule,
     Cone,
+    Csg,
     Cylinder,
     Ellipsoid,
     Mesh,
@@ -501,7 +503,7 @@ def _least(thing) -> float:
         return round_of(thing).radius
     if isinstance(thing, Box):
         return min(h - l for l, h in zip(thing.min, thing.max))
-    thing = triangle_of(thing) if isinstance(thing, Mesh) else thing
+    thing = triangle_of(thing) if isinstance(thing, Mesh) else ball_of(thing) if isinstance(thing, Csg) else thing
     if isinstance(thing, Triangle):
         corners = real([thing.a, thing.b, thing.c])
         sides = norm(np.roll(corners, -1, 0) - corners)

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-import numpy as np
-
 from visray.geometry import Frame
 from visray.operands import Operands, named_operands
 from visray.primitives.csg_body import CsgBody
-from visray.primitives.csg_bounds import box_of
+from visray.primitives.csg_bounds import hull_of
 from visray.primitives.csg_form import Form, form_of
 from visray.primitives.primitive import Bounds, Primitive
 
@@ -57,9 +55,8 @@ class Csg(Primitive):
 
     def bounds(self, outer: Frame | None) -> Bounds:
         # This is only for bounding_box, outside of kernels; kernels use CsgTable.bounds.
-        low, high = box_of(self.form)
-        centre = 0.5 * (low + high)
-        return Bounds(low, high, centre, float(np.linalg.norm(high - centre)))
+        hull = hull_of(self.form)
+        return Bounds(hull.low, hull.high, hull.centre, hull.radius)
 
     def mitsuba(self) -> str:
         return "Mitsuba has no CSG"

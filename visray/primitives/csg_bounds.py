@@ -1,42 +1,87 @@
 """Bounding boxes of CSG objects, in NumPy."""
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from visray.primitives.csg_form import Form, Leaf
-from visray.primitives.primitive import bounding_box
-
-EVERYWHERE = np.full(3, -np.inf), np.full(3, np.inf)
+from visray.primitives.primitive import scalars, transform_frame
 
 
-def box_of(form: Form) -> tuple[np.ndarray, np.ndarray]:
-    """(low, high) corner of the bounding box of an object; low > high in some axis if the object is empty.
+@dataclass(frozen=True)
+class Hull:
+    """A box and a ball that contain an object.
 
-    Error: rounding.
+    low, high: corners of the box; infinite where the object is unbounded, and low > high in some axis if it is empty.
+    centre, radius: the ball.
     """
-    boxes = {leaf.number: _leaf_box(leaf) for leaf in form.leaves}
-    return joined_box(form, boxes)
+
+    low: np.ndarray
+    high: np.ndarray
+    centre: np.ndarray
+    radius: float
+
+    @staticmethod
+    def of_box(low: np.ndarray, high: np.ndarray) -> "Hull":
+        """The hull of a box."""
+        if not np.isfinite([low, high]).all():
+            return Hull(low, high, np.zeros(3), np.inf)
+        return Hull(low, high, 0.5 * (low + high), float(np.linalg.norm(np.maximum(0.5 * (high - low), 0))))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the box is empty."""
+        return bool((self.low > self.high).any())
+
+    def with_ball(self, centre: np.ndarray, radius: float) -> "Hull":
+        """The same box with another ball, if this is smaller."""
+        return Hull(self.low, self.high, centre, radius) if radius < self.radius else self
+
+    def intersection(self, other: "Hull") -> "Hull":
+        """A hull of the intersection of what two hulls contain."""
+        hull = Hull.of_box(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
+        return hull.with_ball(self.centre, self.radius).with_ball(other.centre, other.radius)
+
+    @staticmethod
+    def union(hulls: Sequence["Hull"]) -> "Hull":
+        """A hull of the union of what some hulls contain."""
+        hulls = [hull for hull in hulls if not hull.is_empty] or list(hulls[:1])
+        hull = Hull.of_box(np.min([h.low for h in hulls], axis=0), np.max([h.high for h in hulls], axis=0))
+        if not np.isfinite(hull.radius):
+            return hull
+        return hull.with_ball(hull.centre, max(np.linalg.norm(h.centre - hull.centre) + h.radius for h in hulls))
 
 
-def joined_box(form: Form, boxes: dict[int, tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """As `box_of`. boxes: those of the operands, by the numbers of their leaves."""
-    low, high = _box(form.surface, boxes)
-    if form.within is not None:
-        inner_low, inner_high = _box(form.within, boxes)
-        low, high = np.maximum(low, inner_low), np.minimum(high, inner_high)
-    return low, high
+EVERYWHERE = Hull.of_box(np.full(3, -np.inf), np.full(3, np.inf))
 
 
-def _box(tree: Any, boxes: dict) -> tuple[np.ndarray, np.ndarray]:
-    """The box of a tree."""
+def hull_of(form: Form) -> Hull:
+    """The hull of an object."""
+    return joined_hull(form, {leaf.number: _leaf_hull(leaf) for leaf in form.leaves})
+
+
+def joined_hull(form: Form, hulls: Mapping[int, Hull]) -> Hull:
+    """As `hull_of`. hulls: those of the bounded operands, by the numbers of their leaves."""
+    hull = _hull(form.surface, hulls)
+    return hull if form.within is None else hull.intersection(_hull(form.within, hulls))
+
+
+def _hull(tree: Any, hulls: Mapping[int, Hull]) -> Hull:
+    """The hull of a tree."""
     if isinstance(tree, Leaf):
-        return EVERYWHERE if tree.negated or not tree.shape.operand_kind.bounded else boxes[tree.number]
-    low, high = (np.array(x) for x in zip(*(_box(x, boxes) for x in tree.children)))
-    return (low.max(0), high.min(0)) if tree.both else (low.min(0), high.max(0))
+        return EVERYWHERE if tree.negated else hulls.get(tree.number, EVERYWHERE)
+    inner = [_hull(x, hulls) for x in tree.children]
+    return reduce(Hull.intersection, inner) if tree.both else Hull.union(inner)
 
 
-def _leaf_box(leaf: Leaf) -> tuple[np.ndarray, np.ndarray]:
-    """The box of an operand."""
-    return bounding_box(replace(leaf.shape, transform=leaf.steps)) or EVERYWHERE
+def _leaf_hull(leaf: Leaf) -> Hull:
+    """The hull of an operand."""
+    shape = replace(leaf.shape, transform=leaf.steps)
+    if not shape.bounded:
+        return EVERYWHERE
+    bounds = scalars(shape).bounds(transform_frame(shape))
+    low, high, centre = (np.array(x, float) for x in (bounds.low, bounds.high, bounds.centre))
+    return Hull(low, high, centre, float(bounds.radius))

@@ -12,7 +12,7 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, l1_norm
-from visray.primitives.csg_bounds import joined_box
+from visray.primitives.csg_bounds import Hull, joined_hull
 from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
 from visray.primitives.primitive import Bounds
 from visray.pytree import Shared, detached
@@ -184,23 +184,21 @@ class CsgTable:
 
     def bounds(self, outer: None) -> Bounds:
         """As Primitive.bounds. An empty object has a box of one point."""
-        boxes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        hulls: dict[int, Hull] = {}
         for table in leaf_tables((self.surface, self.within)):
             if (bounds := table.bounds()) is not None:
-                numbers = np.array(table.number).tolist()
-                low, high = (
-                    np.broadcast_to(np.array(x, float).T, (len(numbers), 3)) for x in (bounds.low, bounds.high)
-                )
-                boxes.update(zip(numbers, zip(low, high)))
+                fields = (np.array(x, float).T for x in (bounds.low, bounds.high, bounds.centre, bounds.radius))
+                hulls.update(zip(np.array(table.number).tolist(), map(Hull, *fields)))
         joined = []
         for form, first in zip(self.forms, self._firsts().tolist()):
-            joined.append(joined_box(form, {i: boxes.get(first + i) for i in range(len(form.leaves))}))
-        low, high = (np.array(x) for x in zip(*joined))
+            own = {i: hulls[first + i] for i in range(len(form.leaves)) if first + i in hulls}
+            joined.append(joined_hull(form, own))
+        low, high, centre, radius = (np.array([getattr(h, k) for h in joined]) for k in Hull.__dataclass_fields__)
         # An empty object has low > high. Its box is then one point.
-        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 0)
+        empty = np.any(low > high, axis=1)[:, None]
+        low, high = np.where(empty, centre, low), np.where(empty, centre, high)
         put = self.a.put
-        low, high, middle = (put(self.a.W, x.T) for x in (middle - half, middle + half, middle))
-        return Bounds(low, high, middle, put(self.a.D, np.linalg.norm(half, axis=1)))
+        return Bounds(*(put(self.a.W, x.T) for x in (low, high, centre)), put(self.a.D, radius))
 
 
 @dataclass(frozen=True)

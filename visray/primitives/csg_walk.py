@@ -189,7 +189,7 @@ class Walk:
         if (starts := self.starts_on(leaf)) is not None:
             # As in ConvexSolid.crossing: only a ray that runs inside meets the leaf again, at the far end.
             inside = starts & (self.runs_inside ^ site.negated) & (far > self.begin) & valid
-            near = dr.select(starts, dr.select(inside, -dr.inf, dr.inf), near)
+            near = dr.select(starts, dr.select(inside, self.begin, dr.inf), near)
             far = dr.select(starts & ~inside, dr.inf, far)
         return Interval(near, far)
 
@@ -214,19 +214,20 @@ class Walk:
         """The state of a convex leaf: outside, inside and outside again, with the events `near` and `far`."""
         t, reach = point.t, self._reach(leaf, point)
         gaps = tuple(dr.abs(x - t) for x in (line.near, line.far))
-        close = tuple(gap <= reach for gap in gaps)
+        close, exact = tuple(gap <= reach for gap in gaps), tuple(gap == 0 for gap in gaps)
 
         def flush(*_: Any) -> tuple:
-            """Which of both events lie at the point. If both are close, but the solid is thicker than rounding between
-            them, only the nearer one does."""
+            """Which of both events lie at the point. If the point is one of them, the other is another one, however
+            near it is. If both are close, but the solid is thicker than rounding between them, only the nearer one
+            does."""
             on = self._touches(site, leaf, point, point.p)[0]
             middle = 0.5 * (line.near + line.far)
             finite = dr.abs(middle) < dr.inf
             q = dr.fma(dr.select(finite, middle, 0), self.ray.d, self.o)
             thin = finite & self._touches(site, leaf, point, q)[1]
             return (
-                (gaps[0] == 0) | (close[0] & on & (thin | (gaps[0] <= gaps[1]))),
-                (gaps[1] == 0) | (close[1] & on & (thin | (gaps[1] < gaps[0]))),
+                exact[0] | (close[0] & ~exact[1] & on & (thin | (gaps[0] <= gaps[1]))),
+                exact[1] | (close[1] & ~exact[0] & on & (thin | (gaps[1] < gaps[0]))),
             )
 
         none = dr.full(self.types.B, False, self.lanes)

@@ -11,7 +11,19 @@ from functools import lru_cache
 import numpy as np
 
 from visray import polynomials
-from visray.primitives import Box, Capsule, Cone, Cylinder, Ellipsoid, Mesh, Polynomial, Sphere, Torus
+from visray.primitives import (
+    Box,
+    Capsule,
+    Cone,
+    Csg,
+    Cylinder,
+    Ellipsoid,
+    Mesh,
+    Plane,
+    Polynomial,
+    Sphere,
+    Torus,
+)  # fmt: skip
 from visray.primitives.clips import Ball, Block
 from visray.primitives.primitive import Primitive, bounding_box
 from visray.transforms import compose
@@ -21,11 +33,12 @@ POINTS = 2**16
 
 
 def inside(primitive: Primitive, p: np.ndarray) -> np.ndarray:
-    """Whether points are inside a solid. Domain: closed objects that are no instances. Shapes: (N, 3) -> (N)."""
+    """Whether points are inside a solid, or behind a plane. Domain: no instances. Shapes: (N, 3) -> (N)."""
     matrix = compose(primitive.transform)
     if matrix is not None:
         p = np.linalg.solve(matrix[:, :3], (p - matrix[:, 3]).T).T
-    return TESTS[type(primitive)](primitive, p)
+    test = _half_space if isinstance(primitive, Plane) else TESTS[type(primitive)]
+    return test(primitive, p)
 
 
 def _along_axis(p: np.ndarray, point: tuple, axis: tuple) -> tuple[np.ndarray, np.ndarray]:
@@ -105,10 +118,23 @@ def _corners(s: Mesh) -> np.ndarray:
     return (shape.mesh.vertices * shape.scale + np.array(shape.shift))[shape.mesh.faces]
 
 
+def _half_space(s: Plane, p: np.ndarray) -> np.ndarray:
+    return (p - np.array(s.point)) @ np.array(s.normal) < 0
+
+
+def _csg(s: Csg, p: np.ndarray) -> np.ndarray:
+    """By the operation, for an object without instances and cuts."""
+    first, *others = (inside(x, p) for x in s.of)
+    if s.op == "intersection":
+        return np.logical_and.reduce([first, *others])
+    any_other = np.logical_or.reduce(others)
+    return first & ~any_other if s.op == "difference" else first | any_other
+
+
 # Test of each closed kind: a function from an object and points before its transform.
 TESTS: dict[type[Primitive], Callable] = {
     Sphere: _ball, Ellipsoid: _ellipsoid, Box: _box, Cylinder: _cylinder, Cone: _cone, Capsule: _capsule,
-    Torus: _torus, Polynomial: _polynomial, Mesh: _mesh,
+    Torus: _torus, Polynomial: _polynomial, Mesh: _mesh, Csg: _csg,
 }  # fmt: skip
 
 

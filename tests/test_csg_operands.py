@@ -3,7 +3,7 @@
 import numpy as np
 
 from visray import Box, Csg, Cylinder, Disk, Instance, Mesh, Plane, Polynomial, Sphere
-from visray.primitives.csg_operands import has_operands, is_solid, operands, own_material
+from visray.primitives.csg_operands import bodies, has_operands, is_solid, operands, own_material
 from visray.transforms import Rotate, Scale, Translate, compose
 
 MOVE, TURN, GROW = Translate(translate=(1.0, 2.0, 3.0)), Rotate(rotate=90.0), Scale(scale=2.0)
@@ -106,3 +106,23 @@ def test_what_is_a_solid():
 def test_what_has_operands():
     assert not has_operands(Sphere()) and not has_operands(Instance(geometry="g"))
     assert has_operands(Sphere(cut=[Box()])) and has_operands(Csg(op="union", of=[Sphere(), Box()]))
+
+
+def test_without_a_name_each_operand_has_the_material_of_its_own_first_operand():
+    glass = Csg(op="difference", of=[Sphere(material="glass"), Box()])
+    amber = Csg(op="difference", of=[Sphere(material="amber"), Box()])
+    assert list(materials(Csg(op="union", of=[glass, amber])).values()) == ["glass"] * 4 + ["amber"] * 3
+    assert list(materials(Csg(op="union", of=[glass, amber], material="red")).values()) == [
+        *("red", "red", "glass", "red"),
+        *("red", "amber", "red"),
+    ]
+
+
+def test_bodies_are_the_operands_of_unions():
+    pair = Csg(op="union", of=[Sphere(), Box()])
+    geometries = {"pair": pair}
+    obj = Csg(op="union", of=[Instance(geometry="pair"), Csg(op="difference", of=[pair, Box()]), Plane()])
+    found = [body.address for body in bodies("objects.a", obj, geometries)]
+    assert found == ["geometries.pair.of.0", "geometries.pair.of.1", "objects.a.of.1", "objects.a.of.2"]
+    whole = [Sphere(), Csg(op="merge", of=pair.of), Csg(op="union", of=pair.of, cut=[Box()]), Instance(geometry="x")]
+    assert [[b.address for b in bodies("objects.a", x, geometries)] for x in whole] == [["objects.a"]] * 4

@@ -55,7 +55,7 @@ def test_the_note_says_what_would_be_right() -> None:
         'write "ends": "capped", or write the ior 1 if light shall go straight through'
     )
     assert "close it: it has 3 open edges around 1 hole" in jar and 'leave "solid" out' in sheet
-    assert pane.startswith("objects.pane and 1 more: a disk") and "use a solid, such as a box or a cylinder" in pane
+    assert pane.startswith("objects.pane and 1 more: a disk") and "use a solid, such as a thin cylinder" in pane
     capped = replace(things["cup"], ends="capped")
     assert not notes(scene_of({"cup": capped}, glass=GLASS))
 

@@ -14,12 +14,14 @@ from pydantic_core import core_schema
 from visray.quantities import Name
 
 
-def _shape(given: Any) -> str:
-    """Whether operands are given by name or as a list."""
+def _shape(given: Any) -> str | None:
+    """Whether operands are given by name or as a list; None for a single object, which is neither."""
+    if isinstance(given, dict) and isinstance(given.get("type"), str):
+        return None
     return "names" if isinstance(given, dict) else "list"
 
 
-@dataclass
+@dataclass(frozen=True)
 class OperandsRule:
     """The type of a field that holds operands, as an annotation that pydantic reads.
 

@@ -189,9 +189,14 @@ def product(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
 def bounds(steps: tuple[Transform, ...]) -> tuple[float, float, float]:
     """The bounds of all steps together: lower and upper bound on the factor by which lengths change, and bound on the
     distance by which the origin moves."""
-    least, greatest, shift = 1.0, 1.0, 0.0
+    limits = 1.0, 1.0, 0.0
     for step in steps:
-        low, high, moved = step.bounds()
-        # A matrix that may be singular has no upper bound, and 0 times infinity is not a number.
-        least, greatest, shift = least * low, greatest * high, (shift * high if shift else 0.0) + moved
-    return least, greatest, shift
+        limits = joined(limits, step.bounds())
+    return limits
+
+
+def joined(inner: tuple[float, float, float], outer: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The bounds of a transform followed by another one. inner, outer: their bounds."""
+    (least, greatest, shift), (low, high, moved) = inner, outer
+    # A matrix that may be singular has no upper bound, and 0 times infinity is not a number.
+    return least * low, greatest * high, (shift * high if shift else 0.0) + moved

@@ -28,8 +28,10 @@ class Operand:
     address: its address in the scene, such as `objects.cheese.of.hole`; that of an instance's geometry is below
         `geometries`.
     shape: the operand as it is written.
-    material: name of the material of its faces: its own; or else the `cut_material` of the object around it, if it cuts
-        there; or else that of the object around it.
+    named: name of the material that it names; or else of the `cut_material` of the object around it, if it cuts there;
+        or else what is named around that; NO_MATERIAL if no name is written.
+    material: name of the material of its faces: `named`; or else that of its own first operand; or else that of the
+        object around it.
     steps: all transforms from its own coordinates to the world: its own steps, then those of the objects around it.
     role: "whole" for the object itself; "geometry" for that of an instance; "of" for an operand of a `csg`, "cut" for a
         solid that is taken away.
@@ -39,6 +41,7 @@ class Operand:
 
     address: str
     shape: Primitive
+    named: str
     material: str
     steps: tuple[Transform, ...]
     role: str = "whole"
@@ -50,27 +53,44 @@ class Operand:
         """Whether it is a shape of its own: no `csg`, whose operands are its shapes, and no instance."""
         return not isinstance(self.shape, (Csg, Instance))
 
-    def of_role(self, address: str, shape: Primitive, role: str, first: bool) -> "Operand":
+    @property
+    def owner(self) -> "Operand":
+        """The operand with the field `material` that counts: for a geometry, its instance."""
+        return self.around.owner if self.role == "geometry" else self
+
+    def _operand(
+        self, address: str, shape: Primitive, role: str, first: bool, geometries: Mapping[str, Primitive]
+    ) -> "Operand":
         """An operand of this one."""
-        material = shape.material
-        if material == NO_MATERIAL:
+        named = shape.material
+        if named == NO_MATERIAL:
             cuts = role == "cut" or (role == "of" and not first and self.shape.op in CUTTING)
-            material = (self.shape.cut_material if cuts else None) or self.material
-        return Operand(address, shape, material, shape.transform + self.steps, role, first, self)
+            named = (self.shape.cut_material if cuts else None) or self.named
+        material = named if named != NO_MATERIAL else own_material(shape, geometries)
+        material = material if material != NO_MATERIAL else self.material
+        return Operand(address, shape, named, material, shape.transform + self.steps, role, first, self)
 
     def operands(self, geometries: Mapping[str, Primitive]) -> list["Operand"]:
         """Its own operands, in order. geometries: as in `operands`."""
         shape, inner = self.shape, []
         if isinstance(shape, Instance) and shape.geometry in geometries:
             address = f"geometries.{shape.geometry}"
-            inner.append(self.of_role(address, geometries[shape.geometry], "geometry", True))
+            inner.append(self._operand(address, geometries[shape.geometry], "geometry", True, geometries))
         for role in ("of", "cut"):
-            named = named_operands(getattr(shape, role, None)).items()
+            by_key = named_operands(getattr(shape, role, None)).items()
             inner += [
-                self.of_role(f"{self.address}.{role}.{name}", x, role, role == "of" and i == 0)
-                for i, (name, x) in enumerate(named)
+                self._operand(f"{self.address}.{role}.{key}", x, role, role == "of" and i == 0, geometries)
+                for i, (key, x) in enumerate(by_key)
             ]
         return inner
+
+    def walk(self, geometries: Mapping[str, Primitive]) -> Iterator["Operand"]:
+        """Yields it, and then its operands at all depths, as `operands` does for an object."""
+        ahead = [self]
+        while ahead:
+            operand = ahead.pop()
+            yield operand
+            ahead += reversed(operand.operands(geometries))
 
 
 def operands(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Iterator[Operand]:
@@ -83,11 +103,29 @@ def operands(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) 
 
     Domain: no geometry contains itself.
     """
-    ahead = [Operand(address, obj, own_material(obj, geometries), obj.transform)]
+    yield from _whole(address, obj, geometries).walk(geometries)
+
+
+def _whole(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Operand:
+    """An object as the first entry of its walk. Arguments: as in `operands`."""
+    return Operand(address, obj, obj.material, own_material(obj, geometries), obj.transform)
+
+
+def bodies(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> list[Operand]:
+    """The operands of an object that are bodies of their own, as those of a union are at all depths; or the object
+    itself, if it is no union. Arguments and domain: as in `operands`.
+
+    Each body has one inside, with the material `Operand.material`. Its faces may have other materials.
+    """
+    found, ahead = [], [_whole(address, obj, geometries)]
     while ahead:
         operand = ahead.pop()
-        yield operand
-        ahead += reversed(operand.operands(geometries))
+        shape = operand.shape
+        joins = isinstance(shape, Instance) or (isinstance(shape, Csg) and shape.op == "union")
+        inner = operand.operands(geometries) if joins and shape.cut is None else []
+        found += [] if inner else [operand]
+        ahead += reversed(inner)
+    return found
 
 
 def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:
@@ -105,7 +143,7 @@ def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:
 
 def has_operands(obj: Primitive) -> bool:
     """Whether an object has operands: it is a `csg`, or something is taken away from it."""
-    return isinstance(obj, Csg) or obj.cut is not None
+    return obj.cut is not None or isinstance(obj, Csg)
 
 
 def is_solid(shape: Primitive, geometries: Mapping[str, Primitive]) -> bool:

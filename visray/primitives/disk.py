@@ -40,6 +40,9 @@ class Disk(Flat):
     def within(x: Any, y: Any) -> Any:
         return x * x + y * y <= 1
 
+    def advice_for_solid(self) -> str:
+        return "use a solid, such as a thin cylinder"
+
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
             [{"type": "disk", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]

@@ -47,6 +47,9 @@ class Rectangle(Flat):
     def within(x: Any, y: Any) -> Any:
         return (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
 
+    def advice_for_solid(self) -> str:
+        return "use a solid, such as a thin box"
+
     def mitsuba(self) -> MitsubaShapes | str:
         return MitsubaShapes(
             [{"type": "rectangle", "to_world": to_world_matrix(scalars(self).frame(), compose(self.transform))}]

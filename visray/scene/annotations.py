@@ -1,20 +1,35 @@
 """Type annotations of scene fields: their parts, and their description in words for error messages.
 
-A bare type is a type without Annotated around it. A kind is a dataclass of the scene, such as Sphere.
+A bare type is a type without Annotated around it, and without a name of its own. A kind is a dataclass of the scene,
+such as Sphere.
 """
 
 from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+from pydantic import Tag
+from typing_extensions import TypeAliasType
+
 from visray.data.number_column import NumberColumn
+from visray.operands import OperandsRule
 from visray.quantities import Quantity
 from visray.transforms import STEPS
 
 
 def bare(annotation: Any) -> Any:
-    """The type inside Annotated, or the annotation itself if it has no Annotated around it."""
-    return bare(get_args(annotation)[0]) if get_origin(annotation) is Annotated else annotation
+    """The type inside Annotated, or for which a name stands; the annotation itself if it is neither."""
+    if isinstance(annotation, TypeAliasType):
+        return bare(annotation.__value__)
+    if get_origin(annotation) is not Annotated:
+        return annotation
+    rule = _operands_rule(annotation)
+    return bare(get_args(annotation)[0] if rule is None else rule.type())
+
+
+def _operands_rule(annotation: Any) -> OperandsRule | None:
+    """The rule of a field that holds operands; None for any other type."""
+    return next((m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, OperandsRule)), None)
 
 
 def is_union(annotation: Any) -> bool:
@@ -39,11 +54,12 @@ def member(union: Any, tag: str) -> Any:
     tag: name that pydantic gives a member in its errors, such as "sphere" or "tuple[...]".
     """
     members = members_of(union)
+    tagged = [m for m in members if Tag(tag) in getattr(m, "__metadata__", ())]
     kinds = [m for m in members if is_dataclass(bare(m)) and tag in (tag_of(bare(m)), bare(m).__name__)]
     not_kinds = [m for m in members if not is_dataclass(bare(m))]
     same_shape = [m for m in not_kinds if (get_origin(bare(m)) is tuple) == tag.startswith("tuple")]
     same_entries = [m for m in same_shape if tag.startswith(_beginning(bare(m)))]
-    return (kinds + same_entries + same_shape + not_kinds)[0]
+    return (tagged + kinds + same_entries + same_shape + not_kinds)[0]
 
 
 def _beginning(annotation: Any) -> str:
@@ -73,6 +89,8 @@ def describe(annotation: Any) -> str:
     marks = [m for m in getattr(annotation, "__metadata__", ()) if isinstance(m, Quantity)]
     if marks:
         return f"{'a number' if marks[0].size == 1 else f'{marks[0].size} numbers'} ({marks[0].unit})"
+    if _operands_rule(annotation) is not None:
+        return "a list of objects, or objects by name"
     annotation = bare(annotation)
     if is_union(annotation):
         return _describe_union(members_of(annotation))

@@ -10,7 +10,7 @@ shortcut, to report all errors at once.
 
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,13 +22,17 @@ from visray.errors import UserError
 from visray.geometry import gamma
 from visray.hints import hint
 from visray.materials import Material
+from visray.primitives.csg_operands import operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
-from visray.scene.data_flaws import data_flaws, geometries_of_data, uv_flaw
+from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
+from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.garbage import uncollected
 from visray.scene.messages import limited, line, lines
+from visray.scene.nesting_flaws import too_deep
 from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
+from visray.scene.shape_flaws import has_unknown_name, own_flaws, shape_named, unknown_names, uv_flaw
 from visray.scene.source import wrong_texts
 from visray.scene.transform_flaws import transform_flaw, transform_lines
 from visray.scene.validated import plain, remember, validated
@@ -80,6 +84,16 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
     """
     if not isinstance(raw, dict):
         return None, [line("", raw, "is not a scene; a scene is an object {...}")]
+    try:
+        return _examined(raw)
+    except RecursionError:
+        if not (found := too_deep(raw)):
+            raise
+        return None, limited(map(printable, found))
+
+
+def _examined(raw: dict) -> tuple[Scene | None, list[str]]:
+    """As examined, for operands that are nested so deeply that Python may refuse to look at them (RecursionError)."""
     scene = _accepted(raw)
     if scene is not None:
         return scene, []
@@ -88,7 +102,7 @@ def examined(raw: Any) -> tuple[Scene | None, list[str]]:
         scene = ADAPTER.validate_python(raw)
     except ValidationError as error:
         # pydantic shows half characters and keys that are no texts as others, so its addresses would lead nowhere.
-        found = wrong_texts(raw) or lines(error, raw) + _flaws_of_the_rest(raw, error)
+        found = wrong_texts(raw) or too_deep(raw) or lines(error, raw) + _flaws_of_the_rest(raw, error)
         return None, limited(map(printable, found))
     return scene, flaws(scene)
 
@@ -120,7 +134,9 @@ def _accepted(raw: dict) -> Scene | None:
         return None
     joined = {name: _joined(entries, known[name], getattr(new, name)) for name, entries in sections.items()}
     scene = replace(new, **joined)
-    if _has_own_flaws(new) or _has_wrong_reference(scene) or _has_mesh_flaws(scene) or data_flaws(scene):
+    made = with_operands(scene)
+    wrong = _has_own_flaws(new) or _has_wrong_reference(scene, made) or _has_mesh_flaws(scene, made)
+    if wrong or data_flaws(scene):
         return None
     for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
@@ -156,30 +172,35 @@ def _has_own_flaws(scene: Scene) -> bool:
             _camera_flaws(scene.camera)
             or any(light.flaws() for light in scene.lights.values())
             or any(shape.flaws() or transform_flaw(shape.transform) for shape in shapes)
+            or any(True for shape in shapes for _ in operand_flaws("", shape))
         )
 
 
-def _has_wrong_reference(scene: Scene) -> bool:
+def _has_wrong_reference(scene: Scene, made: dict) -> bool:
     """Whether a material names a texture that does not exist, an object names a material or a geometry that does not
-    exist, no object names a geometry, a geometry has a material, or an instance cannot be placed."""
+    exist, no object names a geometry, a geometry has a material, an instance cannot be placed, or an operand has a flaw
+    that depends on other parts of the scene. made: the objects and geometries with operands (with_operands)."""
     textures_named = {m.texture for m in scene.materials.values()}
     materials_named = {x.material for x in scene.objects.values()}
     instances = [x for x in scene.objects.values() if type(x) is Instance]
     return (
         not textures_named <= {None, *scene.textures}
         or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
-        or {x.geometry for x in instances} | geometries_of_data(scene) != set(scene.geometries)
+        or any(has_unknown_name(scene, shape) for shape in made.values())
+        or named_geometries(scene, made) | geometries_of_data(scene) != set(scene.geometries)
         or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
         or any(_placement_flaw(scene, x) for x in instances)
+        or any(True for _ in reference_flaws(scene, made))
     )
 
 
-def _has_mesh_flaws(scene: Scene) -> bool:
+def _has_mesh_flaws(scene: Scene, made: dict) -> bool:
     """Whether a mesh has a flaw, or an object shows a mesh with a material that it cannot have. This is checked every
-    time, because mesh files may change."""
+    time, because mesh files may change. made: as in _has_wrong_reference."""
     shapes = [*scene.objects.values(), *scene.geometries.values()]
-    return any(shape.flaws() for shape in shapes if type(shape) is Mesh) or any(
-        uv_flaw(scene, obj) for obj in scene.objects.values()
+    inner = [o.shape for address, shape in made.items() for o in operands(address, shape, {})]
+    return any(shape.flaws() for shape in (*shapes, *inner) if type(shape) is Mesh) or any(
+        uv_flaw(scene, obj.material, shape_named(scene, obj)) for obj in scene.objects.values()
     )
 
 
@@ -217,11 +238,14 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
     for name, material in scene.materials.items():
         yield from _texture_flaws(scene, f"materials.{name}.texture", material.texture)
     for name, light in scene.lights.items():
-        yield from _own_flaws(f"lights.{name}", light)
+        yield from own_flaws(f"lights.{name}", light)
+    made = with_operands(scene)
+    named = named_geometries(scene, made) | geometries_of_data(scene)
     for name, shape in scene.geometries.items():
-        yield from _geometry_flaws(scene, name, shape)
+        yield from _geometry_flaws(scene, name, shape, name in named)
     for name, shape in scene.objects.items():
         yield from _object_flaws(scene, f"objects.{name}", shape)
+    yield from dict.fromkeys(reference_flaws(scene, made))
     yield from data_flaws(scene)
 
 
@@ -235,45 +259,33 @@ def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]
     return [line(address, texture, f"unknown texture; {hint(texture, scene.textures)}")]
 
 
-def _own_flaws(address: str, entry: Any) -> list[str]:
-    """List of the errors that a light or an object reports about itself, by its method flaws()."""
-    texts = []
-    for field, text in entry.flaws():
-        name, _, part = field.partition(".")
-        value = getattr(entry, name)
-        value = asdict(value) if is_dataclass(value) else value[int(part)] if part else value
-        texts.append(line(f"{address}.{field}", value, text))
-    return texts
-
-
 def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:
-    """List of the errors of an object: an unknown material, its own flaws, and a transform without an inverse."""
-    texts = []
-    if shape.material != DEFAULT_MATERIAL and shape.material not in scene.materials:
-        text = f"unknown material; {hint(shape.material, dict.fromkeys([*scene.materials, DEFAULT_MATERIAL]))}"
+    """List of the errors of an object: an unknown name, its own flaws, a transform without an inverse, and the flaws of
+    its operands."""
+    texts = list(unknown_names(scene, address, shape))
+    if text := uv_flaw(scene, shape.material, shape_named(scene, shape)):
         texts.append(line(f"{address}.material", shape.material, text))
-    if text := uv_flaw(scene, shape):
-        texts.append(line(f"{address}.material", shape.material, text))
-    texts += _own_flaws(address, shape)
+    texts += own_flaws(address, shape)
     flaw = transform_flaw(shape.transform)
-    if isinstance(shape, Instance):
-        if shape.geometry not in scene.geometries:
-            text = f"unknown geometry; {hint(shape.geometry, scene.geometries)}"
-            texts.append(line(f"{address}.geometry", shape.geometry, text))
-        else:
-            flaw = flaw or _placement_flaw(scene, shape)
-    return texts + transform_lines(address, shape, flaw)
+    if isinstance(shape, Instance) and shape.geometry in scene.geometries:
+        flaw = flaw or _placement_flaw(scene, shape)
+    return [*texts, *transform_lines(address, shape, flaw), *operand_flaws(address, shape)]
 
 
-def _geometry_flaws(scene: Scene, name: str, shape: Any) -> list[str]:
-    """List of the errors of a geometry: a material, its own flaws, a transform without an inverse, and no instance."""
-    address, texts = f"geometries.{name}", []
+def _geometry_flaws(scene: Scene, name: str, shape: Any, shown: bool) -> list[str]:
+    """List of the errors of a geometry: a material, its own flaws, a transform without an inverse, the flaws of its
+    operands, and no instance.
+
+    shown: whether there is an instance of it.
+    """
+    address = f"geometries.{name}"
+    texts = list(unknown_names(scene, address, shape)) if shape.material == DEFAULT_MATERIAL else []
     if shape.material != DEFAULT_MATERIAL:
         text = "a geometry has no material; give one to each of its instances"
         texts.append(line(f"{address}.material", shape.material, text))
-    texts += _own_flaws(address, shape) + transform_lines(address, shape, transform_flaw(shape.transform))
-    shown = any(getattr(obj, "geometry", None) == name for obj in scene.objects.values())
-    if not shown and name not in geometries_of_data(scene):
+    texts += own_flaws(address, shape) + transform_lines(address, shape, transform_flaw(shape.transform))
+    texts += operand_flaws(address, shape)
+    if not shown:
         problem = "no object is an instance of it" + (", and no data layer shows it" if scene.data else "")
         texts.append(f"{address}: {problem}; add one, or leave the geometry out")
     return texts

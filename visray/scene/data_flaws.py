@@ -1,13 +1,16 @@
-"""Flaws of the data of a scene, and of the textures of meshes that they show."""
+"""Flaws of the data of a scene."""
 
 from typing import Any
 
 from visray.data.data_scene import Data
 from visray.hints import hint
+from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
-from visray.primitives.mesh import Mesh
+from visray.scene.csg_flaws import material_flaws
 from visray.scene.messages import line
+from visray.scene.nesting_flaws import nesting_flaws
 from visray.scene.scene import DEFAULT_MATERIAL, Scene
+from visray.scene.shape_flaws import shape_named, uv_flaw
 from visray.scene.transform_flaws import transform_flaw, transform_lines
 
 
@@ -41,8 +44,13 @@ def data_flaws(scene: Scene) -> list[str]:
     if texts:
         return texts
     for name, rows in data.rows.items():
-        if len(rows) and (text := uv_flaw(scene, rows.object(0))):
+        if not len(rows):
+            continue
+        obj = rows.object(0)
+        if text := uv_flaw(scene, rows.material, shape_named(scene, obj)):
             texts.append(line(f"data.layers.{name}.material", rows.material, text))
+        if isinstance(obj, Instance) and has_operands(scene.geometries[obj.geometry]) and not any(nesting_flaws(scene)):
+            texts += material_flaws(scene, f"data.layers.{name}", obj)
     return texts
 
 
@@ -53,15 +61,3 @@ def _data_line(data: Data, part: str, text: str) -> str:
         value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
     shown = isinstance(value, (str, int, float)) or (isinstance(value, tuple) and value)
     return line(f"data.{part}", value, text) if shown else f"data.{part}: {text}"
-
-
-def uv_flaw(scene: Scene, obj: Any) -> str | None:
-    """What is wrong with the material of an object: it has a texture, and the object's mesh file has no texture
-    coordinates. None if nothing is wrong, or if the mesh has other flaws."""
-    texture = getattr(scene.materials.get(obj.material), "texture", None)
-    if texture is None:
-        return None
-    shape = scene.geometries.get(obj.geometry) if isinstance(obj, Instance) else obj
-    if type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
-        return None
-    return f"has the texture {texture!r}, and the mesh file has no texture coordinates; take a material without texture"

@@ -205,6 +205,8 @@ def _tag_message(place: _Place, raw: Any) -> str:
     members = [m for m in map(bare, members_of(bare(place.annotation))) if is_dataclass(m)]
     if not isinstance(value, dict):
         return _type_message(place.address, place.annotation, raw)
+    if not members:
+        return line(address, value, f"must be {describe(place.annotation)}; write [{{...}}]")
     if members[0] in STEPS.values():
         return line(address, value, f"unknown step; it has one of the keys {', '.join(STEPS)}")
     names = [tag_of(m) for m in members]

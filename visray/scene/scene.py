@@ -1,7 +1,7 @@
 """The scene as frozen dataclasses of plain numbers. A scene file has the same fields."""
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, Union
@@ -14,6 +14,7 @@ from visray.data.all_objects import AllObjects
 from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
+from visray.primitives.csg_operands import has_operands, operands
 from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
@@ -161,6 +162,16 @@ class Scene:
     def parts(self) -> Iterable[tuple[str, Object]]:
         """Names and objects in this order; in place of a line of `data`, its segments, each with a name of its own."""
         return self.objects.items() if self.data is None else self.all_objects.parts()
+
+    def shapes(self) -> Iterator[tuple[str, Primitive]]:
+        """Yields the address and the shape of each geometry and each object, and of their operands at all depths, as
+        they are written."""
+        for section, shapes in (("geometries", self.geometries), ("objects", self.objects)):
+            for name, shape in shapes.items():
+                if has_operands(shape):
+                    yield from ((x.address, x.shape) for x in operands(f"{section}.{name}", shape, {}))
+                else:
+                    yield f"{section}.{name}", shape
 
     @property
     def written_objects(self) -> Mapping[str, Object]:

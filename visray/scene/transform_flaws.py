@@ -41,10 +41,15 @@ def _clearly_invertible(steps: tuple[Transform, ...]) -> bool:
     Error: the margins of the bounds are much wider than rounding errors. With n steps, rounding changes an entry of the
     matrix by at most gamma(4 n + 6) times the largest scale factor.
     """
-    least_scale, largest_scale, largest_shift = bounds(steps)
+    return clearly_valid(bounds(steps), len(steps))
+
+
+def clearly_valid(limits: tuple[float, float, float], count: int) -> bool:
+    """As _clearly_invertible, for `count` steps with these bounds together (transforms.bounds)."""
+    least_scale, largest_scale, largest_shift = limits
     if not (least_scale > 2 / FARTHEST and max(largest_scale, largest_shift) < FARTHEST / 2):
         return False
-    return (least_scale / largest_scale) ** 3 > 100 * gamma(4 * len(steps) + 6)
+    return (least_scale / largest_scale) ** 3 > 100 * gamma(4 * count + 6)
 
 
 def transform_lines(address: str, shape: Any, flaw: str | None) -> list[str]:

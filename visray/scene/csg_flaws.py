@@ -1,0 +1,192 @@
+"""Flaws of operands: no solids where one is needed, and materials and transforms that do not go together."""
+
+from collections.abc import Iterator, Mapping
+
+from visray.materials import Material
+from visray.meshes.triangle_mesh import MeshError
+from visray.primitives.csg import Csg
+from visray.primitives.csg_operands import CUTTING, Operand, bodies, has_operands, is_solid, operands
+from visray.primitives.instance import Instance
+from visray.primitives.primitive import Primitive
+from visray.scene.messages import line
+from visray.scene.nesting_flaws import nesting_flaws
+from visray.scene.scene import DEFAULT_MATERIAL, Scene
+from visray.scene.shape_flaws import own_flaws, unknown_names, uv_flaw
+from visray.scene.transform_flaws import clearly_valid, transform_flaw, transform_lines
+from visray.transforms import bounds, joined
+
+
+def operand_flaws(address: str, obj: Primitive) -> Iterator[str]:
+    """Yields the flaws of an object's or a geometry's operands that do not depend on other parts of the scene."""
+    if not (has_operands(obj) or obj.cut_material is not None):
+        return
+    for operand in operands(address, obj, {}):
+        yield from _count_flaws(operand)
+        if operand.around is not None:
+            yield from own_flaws(operand.address, operand.shape)
+            yield from transform_lines(operand.address, operand.shape, transform_flaw(operand.shape.transform))
+
+
+def _count_flaws(operand: Operand) -> Iterator[str]:
+    """Yields the flaws of the fields of an object that is made of others: `of`, `cut`, `ends` and `cut_material`."""
+    shape, address = operand.shape, operand.address
+    if shape.cut is not None and not shape.cut:
+        yield f"{address}.cut: is empty; name at least one solid, or leave it out"
+    if isinstance(shape, Csg):
+        count = len(shape.of)
+        if count < 2:
+            has = "only one operand" if count else "no operand"
+            yield f"{address}.of: has {has}; {_article(shape.op)} {shape.op} is made of at least two"
+        if shape.ends == "open" and shape.op not in CUTTING:
+            text = f"{_article(shape.op)} {shape.op} cuts nothing open; leave ends out"
+            yield line(f"{address}.ends", shape.ends, text)
+    cuts = shape.cut is not None or (isinstance(shape, Csg) and shape.op in CUTTING)
+    if shape.cut_material is not None and not cuts:
+        yield line(f"{address}.cut_material", shape.cut_material, "nothing is cut here; leave it out")
+
+
+def _article(word: str) -> str:
+    """The indefinite article of the name of an operation."""
+    return "an" if word[0] == "i" else "a"
+
+
+def with_operands(scene: Scene) -> dict[str, Primitive]:
+    """The geometries and objects that have operands, by address."""
+    sections = (("geometries", scene.geometries), ("objects", scene.objects))
+    return {f"{section}.{name}": x for section, shapes in sections for name, x in shapes.items() if has_operands(x)}
+
+
+def reference_flaws(scene: Scene, made: Mapping[str, Primitive]) -> Iterator[str]:
+    """Yields the flaws of all operands that depend on other parts of the scene: on materials, geometries and files.
+
+    made: what `with_operands` returns.
+    """
+    if not made:
+        return
+    nesting = list(nesting_flaws(scene))
+    yield from nesting
+    geometries = {} if nesting else scene.geometries
+    for address, obj in made.items():
+        for operand in operands(address, obj, {}):
+            if operand.around is not None:
+                yield from unknown_names(scene, operand.address, operand.shape)
+                yield from _solid_flaws(operand, geometries)
+    yield from _joint_flaws(scene, geometries)
+
+
+def _solid_flaws(operand: Operand, geometries: Mapping[str, Primitive]) -> Iterator[str]:
+    """Yields a line if an operand is no solid and must be one."""
+    around = operand.around.shape
+    if operand.role == "of" and operand.first and around.op in CUTTING:
+        return
+    try:
+        part = None if is_solid(operand.shape, geometries) else _open_part(operand, geometries)
+        if part is None:
+            return
+        advice = 'write "ends": "capped"' if isinstance(part.shape, Csg) else part.shape.advice_for_solid()
+    except MeshError:
+        return  # another line says what is wrong with the mesh
+    if operand.role == "cut":
+        rule = "what is taken away must be a solid"
+    elif around.op in CUTTING:
+        rule = f"only the first operand of {_article(around.op)} {around.op} may be open"
+    else:
+        rule = f"the operands of {_article(around.op)} {around.op} must be solids"
+    what = f"an open {part.shape.type}"
+    what = what if part is operand else f"open, as {part.address} is {what}"
+    yield f"{operand.address}: is {what}, and {rule}; {advice}"
+
+
+def _open_part(operand: Operand, geometries: Mapping[str, Primitive]) -> Operand | None:
+    """The part of an open operand that makes it open; None if it has no such part, because something else is wrong."""
+    while True:
+        shape = operand.shape
+        if not operand.is_leaf and not (isinstance(shape, Csg) and shape.ends == "open"):
+            inner = [x for x in operand.operands(geometries) if x.first]
+            if not inner:
+                return None
+            operand = inner[0]
+        else:
+            return operand
+
+
+def _joint_flaws(scene: Scene, geometries: Mapping[str, Primitive]) -> Iterator[str]:
+    """Yields the flaws of operands that depend on the objects around them: transforms one after another, a texture on a
+    mesh without texture coordinates, and materials of one solid that do not go together."""
+    made = {name for name, shape in geometries.items() if has_operands(shape)}
+    limits = {name: _limits(f"geometries.{name}", geometries) for name in made}
+    seen: set[tuple[str, str]] = set()
+    for name, obj in scene.objects.items():
+        address = f"objects.{name}"
+        if has_operands(obj):
+            yield from _transform_flaws(address, obj, geometries)
+            yield from material_flaws(scene, address, obj)
+        elif isinstance(obj, Instance) and obj.geometry in made:
+            steps, count = limits[obj.geometry]
+            if not clearly_valid(joined(steps, bounds(obj.transform)), count + len(obj.transform)):
+                yield from _transform_flaws(address, obj, geometries)
+            if (obj.geometry, obj.material) not in seen:
+                seen.add((obj.geometry, obj.material))
+                yield from material_flaws(scene, address, obj)
+
+
+def _limits(address: str, geometries: Mapping[str, Primitive]) -> tuple[tuple[float, float, float], int]:
+    """Bounds on the transforms of all operands of a geometry (transforms.bounds), and the largest number of steps."""
+    every = [o.steps for o in operands(address, geometries[address.partition(".")[2]], geometries)]
+    least, largest, shift = zip(*map(bounds, every))
+    return (min(least), max(largest), max(shift)), max(map(len, every))
+
+
+def _transform_flaws(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Iterator[str]:
+    """Yields a line for each operand whose transform and those around it do not go together."""
+    wrong = set()
+    for operand in operands(address, obj, geometries):
+        around = operand.around
+        if around is None or around.address in wrong or transform_flaw(operand.shape.transform):
+            continue
+        if flaw := transform_flaw(operand.steps):
+            wrong.add(operand.address)
+            if not transform_flaw(around.steps):
+                text = f"followed by the transforms of what is around it, {flaw}"
+                yield from transform_lines(operand.address, operand.shape, text)
+
+
+def material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator[str]:
+    """Yields a line for each solid of an object whose materials do not go together, and for each mesh that has a
+    texture but no texture coordinates. Domain: no geometry contains itself."""
+    materials = {DEFAULT_MATERIAL: Material()} | scene.materials
+    for body in bodies(address, obj, scene.geometries):
+        own, disagree = materials.get(body.material), None
+        for operand in body.walk(scene.geometries):
+            if not operand.is_leaf:
+                continue
+            owner = operand.owner
+            if owner.around is not None and (text := uv_flaw(scene, operand.material, operand.shape)):
+                yield line(f"{owner.address}.material", operand.material, text)
+            other = materials.get(operand.material)
+            if own is not None and other is not None:
+                disagree = disagree or _disagreement(owner, other, body.owner, own)
+        if disagree:
+            yield disagree
+
+
+def _disagreement(operand: Operand, material: Material, body: Operand, own: Material) -> str | None:
+    """The line about an operand whose material does not go together with that of its body; None if it does."""
+    clear, own_clear = any(material.kt), any(own.kt)
+    address, of_body = f"{operand.address}.material", f'"{body.material}" of {body.address}'
+    if clear != own_clear:
+        text = f"is {'' if clear else 'not '}transparent, unlike {of_body}; in one solid all materials are, or none is"
+        return line(address, operand.material, text)
+    for field in ("ior", "dmax") if clear else ():
+        here, there = getattr(material, field), getattr(own, field)
+        if here != there:
+            text = f"has the {field} {here:g}, and {of_body} has {there:g}; a transparent solid has one {field}"
+            return line(address, operand.material, text)
+    return None
+
+
+def named_geometries(scene: Scene, made: Mapping[str, Primitive]) -> set[str]:
+    """Names of the geometries that objects and other geometries stand for or contain. made: as in reference_flaws."""
+    named = {x.geometry for x in scene.objects.values() if type(x) is Instance}
+    inner = (o.shape for address, obj in made.items() for o in operands(address, obj, {}))
+    return named | {shape.geometry for shape in inner if isinstance(shape, Instance)}

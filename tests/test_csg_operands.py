@@ -1,8 +1,10 @@
 """The walk through operands: addresses, materials and transforms of an object's operands at all depths."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from visray import Box, Csg, Cylinder, Disk, Instance, Mesh, Plane, Polynomial, Sphere
+from visray import Box, Csg, Cylinder, Disk, Instance, Mesh, Plane, Polynomial, Scene, Sphere
 from visray.primitives.csg_operands import bodies, has_operands, is_solid, operands, own_material
 from visray.transforms import Rotate, Scale, Translate, compose
 
@@ -126,3 +128,16 @@ def test_bodies_are_the_operands_of_unions():
     assert found == ["geometries.pair.of.0", "geometries.pair.of.1", "objects.a.of.1", "objects.a.of.2"]
     whole = [Sphere(), Csg(op="merge", of=pair.of), Csg(op="union", of=pair.of, cut=[Box()]), Instance(geometry="x")]
     assert [[b.address for b in bodies("objects.a", x, geometries)] for x in whole] == [["objects.a"]] * 4
+
+
+def test_the_kernel_gives_each_leaf_the_material_of_the_walk():
+    geometries = {"hollow": Csg(op="intersection", of=[Box(), Sphere()], cut=[Cylinder()], cut_material="pale")}
+    inner = Csg(op="union", of=[Instance(geometry="hollow"), Disk(material="x")], cut_material="y", cut=[Sphere()])
+    obj = Csg(op="difference", of={"a": Sphere(), "b": inner, "c": Box(cut={"d": Plane()})}, cut_material="red")
+    for whole in (obj, replace(obj, material="own"), replace(obj, cut=[Box()]), Instance(geometry="hollow")):
+        scene = Scene(geometries=geometries, objects={"a": whole})
+        leaves = [x for x in operands("objects.a", whole, geometries) if x.is_leaf]
+        form = scene.placed_shape(whole).form
+        assert [leaf.material for leaf in form.leaves] == [x.material for x in leaves]
+        assert [leaf.steps for leaf in form.leaves] == [x.steps for x in leaves]
+        assert form.medium == own_material(whole, geometries)

@@ -37,9 +37,9 @@ primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus
-primitives.csg_form primitives.csg_bounds primitives.csg_table primitives.csg_state primitives.csg_walk
-primitives.csg_body
-primitives.csg primitives.csg_resolved primitives.csg_operands primitives
+primitives.csg_operands primitives.csg_form primitives.csg_bounds primitives.csg_table primitives.csg_state
+primitives.csg_walk primitives.csg_body
+primitives.csg primitives.csg_resolved primitives
 data.column data.color_value data.vision data.palette_note data.palette
 data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend

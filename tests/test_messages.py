@@ -43,7 +43,7 @@ def test_a_fault_is_blamed_on_its_own_place(tmp_path, text, line):
 @pytest.mark.parametrize("depth", [DEEPEST + 1, 300, 600, 985, 5000])
 @pytest.mark.parametrize(("begin", "end"), ["[]", ('{"a":', "}"), ('[{"\\"}": 1}, ', "]")])
 def test_deep_nesting_is_one_line(tmp_path, depth, begin, end):
-    line = "is nested deeper than 100 objects and lists; no scene needs that"
+    line = "is nested deeper than 210 objects and lists; no scene needs that"
     assert refused(tmp_path, begin * depth + "1" + end * depth) == [line]
 
 

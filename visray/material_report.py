@@ -32,7 +32,7 @@ def sheet_notes(scene: Scene, effects: Features) -> list[str]:
     sheets: dict[tuple, list[str]] = {}
     for name, obj in scene.representatives.items() if bending else ():
         if obj.material in bending and not (shape := scene.shape_of(obj)).closed:
-            sheets.setdefault((obj.material, shape.type, shape.advice_for_solid()), []).append(name)
+            sheets.setdefault((obj.material, shape.type, shape.advice_for_glass()), []).append(name)
     return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
 
 

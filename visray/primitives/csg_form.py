@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from visray.primitives.csg_operands import CUTTING, operands, own_material
 from visray.primitives.primitive import Primitive
 from visray.transforms import Transform
 
@@ -23,7 +24,6 @@ from visray.transforms import Transform
 MAX_WRITTEN_OUT = 4
 # The number of bits for own parts is a multiple of this one.
 PART_BITS = 4
-DEFAULT = "default"
 
 
 @dataclass(frozen=True)
@@ -179,33 +179,28 @@ def _own_parts(leaf: Leaf) -> int:
 def form_of(csg: Primitive) -> Form:
     """The structure of a CSG object without instances and cuts (csg_resolved.py)."""
     leaves: list[Leaf] = []
-    medium, shape = csg.material, csg
-    while medium == DEFAULT and shape.composite:
-        shape = shape.of[0]
-        medium = shape.material
-    surface, within = _parts(csg, (), medium, False, leaves)
-    return Form(surface, within, tuple(leaves), medium)
+    materials = [x.material for x in operands("", csg, {}) if x.is_leaf]
+    surface, within = _parts(csg, (), materials, False, leaves)
+    return Form(surface, within, tuple(leaves), own_material(csg, {}))
 
 
-def _parts(obj: Primitive, steps: tuple, material: str, negated: bool, leaves: list) -> tuple[Any, Any]:
+def _parts(obj: Primitive, steps: tuple, materials: list[str], negated: bool, leaves: list) -> tuple[Any, Any]:
     """(surface, within) of an object, as in Form.
 
     steps: transform of the objects around it.
-    material: name of the material of operands that name none.
+    materials: names of the materials of all leaves, by number.
     negated: whether the complement of the object is meant.
     leaves: list to which the leaves are added.
     """
-    material = material if obj.material == DEFAULT else obj.material
     steps = obj.transform + steps
     if not obj.composite:
-        leaf = Leaf(replace(obj, transform=()), steps, material, negated, len(leaves))
+        leaf = Leaf(replace(obj, transform=()), steps, materials[len(leaves)], negated, len(leaves))
         leaves.append(leaf)
         return leaf, None
     first, *others = obj.of
-    both, difference = obj.op in ("intersection", "difference"), obj.op == "difference"
-    of_others = (obj.cut_material or material) if both else material
-    surface, within = _parts(first, steps, material, negated, leaves)
-    rest = [_parts(x, steps, of_others, negated ^ difference, leaves)[0] for x in others]
+    both, difference = obj.op in CUTTING, obj.op == "difference"
+    surface, within = _parts(first, steps, materials, negated, leaves)
+    rest = [_parts(x, steps, materials, negated ^ difference, leaves)[0] for x in others]
     if within is None and obj.closed:
         return Node.of(both ^ negated, [surface, *rest]), None
     return surface, Node.of(True, [*([] if within is None else [within]), *rest])

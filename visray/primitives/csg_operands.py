@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from visray.operands import named_operands
-from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
 from visray.primitives.plane import Plane
 from visray.primitives.primitive import Primitive
@@ -51,7 +50,7 @@ class Operand:
     @property
     def is_leaf(self) -> bool:
         """Whether it is a shape of its own: no `csg`, whose operands are its shapes, and no instance."""
-        return not isinstance(self.shape, (Csg, Instance))
+        return not (self.shape.composite or isinstance(self.shape, Instance))
 
     @property
     def owner(self) -> "Operand":
@@ -121,7 +120,7 @@ def bodies(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) ->
     while ahead:
         operand = ahead.pop()
         shape = operand.shape
-        joins = isinstance(shape, Instance) or (isinstance(shape, Csg) and shape.op == "union")
+        joins = isinstance(shape, Instance) or (shape.composite and shape.op == "union")
         inner = operand.operands(geometries) if joins and shape.cut is None else []
         found += [] if inner else [operand]
         ahead += reversed(inner)
@@ -132,7 +131,7 @@ def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:
     """Name of an object's own material, which decides what its inside does to light: the material that it names, or
     else that of its first operand."""
     while obj.material == NO_MATERIAL:
-        if isinstance(obj, Csg) and obj.of:
+        if obj.composite and obj.of:
             obj = next(iter(named_operands(obj.of).values()))
         elif isinstance(obj, Instance) and obj.geometry in geometries:
             obj = geometries[obj.geometry]
@@ -143,15 +142,15 @@ def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:
 
 def has_operands(obj: Primitive) -> bool:
     """Whether an object has operands: it is a `csg`, or something is taken away from it."""
-    return obj.cut is not None or isinstance(obj, Csg)
+    return obj.cut is not None or obj.composite
 
 
 def is_solid(shape: Primitive, geometries: Mapping[str, Primitive]) -> bool:
     """Whether an operand is a solid; a plane is a half-space. Domain: no geometry contains itself."""
     while True:
-        if isinstance(shape, Csg) and shape.ends == "capped" and shape.of:
+        if shape.composite and shape.ends == "capped" and shape.of:
             shape = next(iter(named_operands(shape.of).values()))
         elif isinstance(shape, Instance) and shape.geometry in geometries:
             shape = geometries[shape.geometry]
         else:
-            return isinstance(shape, Plane) or (not isinstance(shape, (Csg, Instance)) and bool(shape.closed))
+            return isinstance(shape, Plane) or (not (shape.composite or isinstance(shape, Instance)) and shape.closed)

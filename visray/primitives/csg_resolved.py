@@ -5,12 +5,13 @@ from dataclasses import replace
 
 from visray.operands import named_operands
 from visray.primitives.csg import Csg
-from visray.primitives.csg_form import DEFAULT
+from visray.primitives.csg_operands import NO_MATERIAL
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 
-# Fields of an object that has cuts. The difference that replaces it has them.
-UNCUT = {"cut": None, "cut_material": None, "material": DEFAULT, "transform": ()}
+# Fields of an object that has cuts. The difference that replaces it has them. An intersection or a difference also
+# needs the cut_material itself.
+UNCUT = {"cut": None, "material": NO_MATERIAL, "transform": ()}
 
 
 def resolved(obj: Primitive, geometries: Mapping[str, Primitive]) -> Primitive:
@@ -21,7 +22,7 @@ def resolved(obj: Primitive, geometries: Mapping[str, Primitive]) -> Primitive:
     if isinstance(obj, Instance):
         inner = resolved(geometries[obj.geometry], geometries)
         if obj.cut:
-            return _cut(replace(inner, material=DEFAULT), obj, geometries)
+            return _cut(replace(inner, material=NO_MATERIAL), obj, geometries)
         return replace(inner, material=obj.material, transform=inner.transform + obj.transform)
     if obj.cut:
         return _cut(resolved(replace(obj, **UNCUT), geometries), obj, geometries)

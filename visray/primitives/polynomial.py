@@ -61,7 +61,7 @@ class Polynomial(Algebraic):
         """Whether the object is a solid."""
         return self.ends == "capped"
 
-    def advice_for_solid(self) -> str:
+    def advice_for_glass(self) -> str:
         return 'write "ends": "capped"'
 
     @property

@@ -110,8 +110,8 @@ class Primitive:
 
     material: name of the object's material.
     transform: steps of the object's transform, applied in this order.
-    cut: solids that are taken away from the object, in the object's coordinates before its transform. See csg.py.
-    cut_material: name of the material of the faces that a cut makes; None: the object's material.
+    cut: solids that are taken away from the object before it is transformed: a list, or solids by name.
+    cut_material: name of the material of the faces that are made by cutting; by default, the object's material.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -291,7 +291,7 @@ class Primitive:
         """The unit normal with which a surface point p is shaded. Domain: kinds with `bends_normals`."""
         raise TypeError("no normal of its own for shading")
 
-    def advice_for_solid(self) -> str:
+    def advice_for_glass(self) -> str:
         """What to write where a solid is needed and the object is none. Domain: open objects."""
         return "use a solid, such as a box or a cylinder"
 

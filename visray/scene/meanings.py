@@ -10,6 +10,7 @@ from visray.lights.light import AreaLight
 from visray.materials import Material
 from visray.modes import MODES
 from visray.polynomials.catalogue import SURFACES
+from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import FitBox, Mesh
 from visray.primitives.polynomial import Polynomial
@@ -80,6 +81,15 @@ MEANINGS: dict[type, dict[str, str]] = {
     Primitive: {
         "material": "the name of one of the scene's materials, or default",
         "transform": "transformation steps; the first one is applied first",
+        "cut": "solids that are taken away from the object, which move with it: a list of objects, or objects by name",
+        "cut_material": "the name of the material of faces that are made by cutting; default: that of the object",
+    },
+    Csg: {
+        "op": "union: all points of any operand; merge: the same, and transparent solids become one; intersection: the "
+        "points of all operands; difference: the points of the first operand that are in no other one",
+        "of": "the operands, at least two, each an object of any type: a list, or objects by name; a plane is the "
+        "half-space that its normal points away from",
+        "ends": "capped: a solid; open: only the surface of the first operand, with holes where it is cut",
     },
     Polynomial: {
         "expression": 'f, as in "x^2 + y^2 - z^2 - a", made of x, y, z, numbers, parameters, sqrt(number), pi and '

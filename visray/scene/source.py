@@ -13,8 +13,9 @@ from visray.scene.garbage import uncollected
 
 # A whole number of at most this many digits fits a double. A longer one is read as a float, which may be infinite.
 LONGEST_INTEGER = 300
-# Largest number of objects and lists around a value. Python's own limit depends on who calls.
-DEEPEST = 100
+# Largest number of objects and lists around a value: two for each of a hundred levels of operands, and a few more.
+# Python's own limit depends on who calls.
+DEEPEST = 210
 # Bytes of a JSON text other than brackets, and a table that makes all brackets square.
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _SQUARE = bytes.maketrans(b"{}", b"[]")

@@ -51,7 +51,9 @@ KINDS = (
     *STEPS.values(),
 )
 # Fields that every object has. They are written last, because an object's other fields say more about it.
-LAST = ("material", "transform")
+LAST = ("material", "transform", "cut", "cut_material")
+# Fields in which the order of names has a meaning: the first operand is the one that others cut.
+ORDERED = ("of", "cut")
 
 
 @checked_arguments
@@ -115,22 +117,25 @@ def _relative_path(folder: str | Path, file: str) -> str:
     return Path(os.path.relpath(os.path.realpath(parent), os.path.realpath(folder)), name).as_posix()
 
 
-def _json_tree(value: Any, like: Any = None) -> Any:
+def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
     """A part of a scene as dicts and lists.
 
     like: the same part of an existing file, or None. Its order and the defaults that it writes out are kept.
+    ordered: whether the order of the keys has a meaning, so that it is not that of the file.
     """
     previous = like if isinstance(like, dict) else {}
+    place = {key: i for i, key in enumerate(previous)}
     if is_dataclass(value):
         kept = {*previous, "type"} if type(value) in TYPED else {*previous}
-        written = [f for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]
-        written.sort(key=lambda f: (f.name != "type", f.name in LAST))
-        value = {f.name: getattr(value, f.name) for f in written}
+        written = [f.name for f in fields(value) if f.name in kept or getattr(value, f.name) != _default(f)]
+        written.sort(key=lambda name: (name != "type", name in LAST))
+        written.sort(key=lambda name: place.get(name, len(place)))
+        return {x: _json_tree(getattr(value, x), previous.get(x), x in ORDERED) for x in written}
     if isinstance(value, (TableValue, NumberColumn)):
         value = value.listed()
         value = tuple(value) if isinstance(value, list) else value
     if isinstance(value, dict):
-        names = sorted(value, key=lambda k: list(previous).index(k) if k in previous else len(previous))
+        names = list(value) if ordered else sorted(value, key=lambda k: place.get(k, len(place)))
         return {k: _json_tree(value[k], previous.get(k)) for k in names}
     tree = value.values.tolist() if isinstance(value, NumberTable) else value
     if isinstance(value, tuple):
@@ -174,14 +179,13 @@ def schema() -> dict:
             definition["properties"][name]["description"] = meaning
         for field in definition["properties"].values():
             field.pop("title", None)  # a title only repeats the field's name
-            if "patternProperties" in field:
-                field["additionalProperties"] = False
         if kind in TYPED:
             definition["required"] = ["type", *definition.get("required", ())]
+    definitions["Object"]["description"] = "An object of any type."
     scene_schema["properties"]["$schema"] = {"type": "string"}
     scene_schema["title"] = "visray scene"
     scene_schema["$defs"] = scene_schema.pop("$defs")  # moves the definitions behind the scene itself
-    return {"$schema": DIALECT, "$id": "urn:visray:scene", **_with_uniform_items(scene_schema)}
+    return {"$schema": DIALECT, "$id": "urn:visray:scene", **_tidy(scene_schema)}
 
 
 def _description(kind: type) -> str:
@@ -197,13 +201,16 @@ def _meanings(kind: type) -> dict[str, str]:
     return texts | {name: quantity.unit for name, quantity in quantities(kind).items()}
 
 
-def _with_uniform_items(tree: Any) -> Any:
-    """The schema with lists of equal entries described once (`items`), not entry by entry (`prefixItems`)."""
+def _tidy(tree: Any) -> Any:
+    """The schema with lists of equal entries described once (`items`), not entry by entry (`prefixItems`), and without
+    entries whose names are not valid."""
     if isinstance(tree, list):
-        return [_with_uniform_items(v) for v in tree]
+        return [_tidy(v) for v in tree]
     if not isinstance(tree, dict):
         return tree
     entries = tree.get("prefixItems")
     if entries and all(v == entries[0] for v in entries):
         tree = {("items" if k == "prefixItems" else k): (v[0] if k == "prefixItems" else v) for k, v in tree.items()}
-    return {k: _with_uniform_items(v) for k, v in tree.items()}
+    if "patternProperties" in tree:
+        tree = tree | {"additionalProperties": False}
+    return {k: _tidy(v) for k, v in tree.items()}

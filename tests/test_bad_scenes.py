@@ -53,7 +53,7 @@ def all_effects(folder: Path) -> vr.Scene:
             "glass": GLASS,
             "water": replace(GLASS, ior=1.33, kr=(0.2, 0.2, 0.2)),
             "mirror": replace(plain(kr=(0.9, 0.8, 0.7)), ks=WHITE),
-            "sign": vr.Material(kd=(0.6, 0.7, 0.1), shading="unlit"),
+            "sign": vr.Material(kd=(0.6, 0.7, 0.1), shading="unlit", back="box"),
         },
         lights=LIGHTS,
         objects={

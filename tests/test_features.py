@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from visray import direct, indirect, integrator, media, occlusion, shading, warp
+from visray import direct, indirect, integrator, interaction, media, occlusion, shading, warp
 from visray.camera import Camera
 from visray.feature_rules import RULES
 from visray.features import features
@@ -128,7 +128,7 @@ ALL = both(
     lambda s: replace(s, lights=s.lights | {"panel": PANEL}),
     settings(occlusion=Occlusion(sky=3, near=2), scatter=Scatter(rays=2, depth=2)),
     lens(0.2),
-    lambda s: replace(s, materials=s.materials | {"lamp": Material(kd=(2.0, 1.5, 1.0), shading="unlit")}),
+    lambda s: replace(s, materials=s.materials | {"lamp": Material(kd=(2.0, 1.5, 1.0), shading="unlit", back="wall")}),
     lambda s: replace(s, objects=s.objects | {"leaf": replace(s.objects["leaf"], material="lamp")}),
 )
 
@@ -202,6 +202,13 @@ CASES = {
     "unlit at dawn": (material(shading="unlit"), "ambient", False, "no ambient light falls on a material with ka"),
     "unlit matte": (both(material(shading="unlit"), settings(scatter=Scatter(rays=2, depth=2))), "scatter", False,
                     "settings.scatter has no rays, or no material is matte"),
+    "leaf with a back": (both(lambda s: replace(s, materials=s.materials | {"leaf": Material(back="wall")}),
+                              lambda s: replace(s, objects=s.objects | {"leaf": Triangle(
+                                  a=(-1, 0, 1.5), b=(-0.5, 1, 1.2), c=(0.3, 0.1, 1.6), material="leaf")})),
+                         "two-sided", True, "needed by materials.leaf"),
+    "backs of mirrors": (both(material("gloss", kr=(0.5, 0.6, 0.7)), material("wall", back="gloss")), "two-sided", True,
+                         "needed by materials.wall"),
+    "no backs": (whole(), "two-sided", False, "no material has a back"),
     "squares": (painted("wall", CheckerTexture()), "textures", True, "needed by materials.wall"),
     "no textures": (lens(0.2), "textures", False, "the scene has no textures"),
     "textures that nothing has": (whole(textures={"t": CheckerTexture()}), "textures", False,
@@ -349,6 +356,7 @@ STEPS = {
     "nested media": (material("one", kt=(0.5, 0.7, 0.9)), material("one", "two", kt=(0.5, 0.7, 0.9))),
     "scatter": (whole(), settings(scatter=Scatter(rays=2, depth=2))),
     "unlit": (whole(), material("one", shading="unlit")),
+    "two-sided": (whole(), material("one", back="two")),
     "textures": (whole(), painted("one", CheckerTexture())),
     "bilinear": (painted("one", ImageTexture(file=DOTS, filter="nearest")), painted("one", ImageTexture(file=DOTS))),
     "defocus": (whole(), lens(0.2)),
@@ -423,6 +431,7 @@ PARTS = {
     (direct, "transmittance"): {"coloured shadows"},
     (shading, "power"): {"specular"},
     (shading, "receiving"): {"unlit"},
+    (interaction, "_seen_side"): {"two-sided"},
     (texturing, "colour"): {"textures"},
     (texturing, "_around"): {"bilinear"},
     (integrator, "lens_ray"): {"defocus"},

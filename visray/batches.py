@@ -16,7 +16,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.columns import Columns, Looks, Names
+from visray.columns import BackSide, Columns, Looks, Names
 from visray.geometry import SimilarityInverse, gamma, l1_norm
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
@@ -41,8 +41,10 @@ class Batch:
     texture: number of each object's texture, or NO_TEXTURE
     rank: place of each row in the order of solids (nesting.py): where transparent solids overlap, that with the lowest
         rank counts. None for open kinds, and in scenes without nested media
-    packets: the materials once more, in packets; None if there are few, or if derivatives are asked for
+    packets: the materials once more, in packets, and then those of the backs; None if there are few, or if derivatives
+        are asked for
     object: number of each object in the scene
+    back: what each object shows on its back; None if this is what it shows on its front
     looks: materials and textures of the operands of CSG; None for other kinds
     """
 
@@ -61,6 +63,7 @@ class Batch:
     object: Any
     rank: Any = None
     packets: Packets | None = None
+    back: BackSide | None = None
     looks: Looks | None = None
 
     def __len__(self) -> int:
@@ -117,13 +120,22 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         coordinate_bound = placed.size
     material, looks = rows(materials, columns.material), columns.looks
     if looks is not None:
-        looks = replace(looks, material=rows(materials, looks.material))
+        looks = replace(looks, material=rows(materials, looks.material), back=_back(looks, materials))
     if columns.color is not None:
         material = columns.color.applied(material)
     return evaluated(
         Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
-              columns.object_of, material, columns.texture, columns.object, looks=looks)
+              columns.object_of, material, columns.texture, columns.object,
+              back=_back(columns, materials), looks=looks)
     )  # fmt: skip
+
+
+def _back(columns: Columns | Looks, materials: Material) -> BackSide | None:
+    """The backs of objects or looks, placed; None if they are all as the fronts. materials: as in place"""
+    back = columns.back
+    if back is None or np.array_equal(back.material, columns.material):
+        return None
+    return BackSide(rows(materials, back.material), back.texture)
 
 
 def boxes(batch: Batch) -> tuple[np.ndarray, np.ndarray]:

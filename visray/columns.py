@@ -1,5 +1,6 @@
 """Columns: objects that share their code, as arrays with one entry for each row. Batches are made of them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from visray.geometry import Frame
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
+from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.textures import row_number
 
@@ -67,16 +69,29 @@ class Names:
 
 
 @dataclass(frozen=True)
+class BackSide:
+    """What objects show on the side that their normals point away from (Material.back). An object whose material has no
+    back has the same there as on the front.
+
+    material, texture: as in Columns; in a Batch, `material` is a table of materials
+    """
+
+    material: Any
+    texture: Any
+
+
+@dataclass(frozen=True)
 class Looks:
     """What the surfaces of operands look like.
 
     of: for each operand of all objects of a batch, the number of its look.
-    material, texture: as in Columns and Batch, with an entry for each look.
+    material, texture, back: as in Columns and Batch, with an entry for each look.
     """
 
     of: Any
     material: Any
     texture: Any
+    back: BackSide | None
 
 
 @dataclass(frozen=True)
@@ -91,6 +106,7 @@ class Columns:
     object_of: number of each row's object among the objects of the batch, if rows are parts of objects, such as the
         triangles of meshes; None if each row is an object
     material, texture: number of each object's material, and of its texture's row in the atlas (textures.row_number)
+    back: what each object shows on its back; None if no material of the scene has a back
     object: number of each object, in the order of Scene.all_objects; the segments of a line of data have the same one
     color: colour of each row, in linear light; None if rows have the colours of their materials
     looks: looks of the operands, for CSG; else None
@@ -103,6 +119,7 @@ class Columns:
     object_of: Any
     material: Any
     texture: Any
+    back: BackSide | None
     object: Any
     color: Any = None
     looks: Looks | None = None
@@ -114,6 +131,26 @@ class Columns:
 def materials_of(scene: Scene) -> dict[str, Material]:
     """The materials by name; the default material is the first."""
     return {"default": Material()} | scene.materials
+
+
+def sides(scene: Scene, a: Arrays, named: Iterable[tuple[str, bool]], repeats: int = 1) -> dict[str, Any]:
+    """The fields `material`, `texture` and `back` of Columns or Looks, as a dict.
+
+    named: for each object or look the name of its material, and whether v ends at poles (Primitive.v_ends)
+    repeats: how many objects in a row have each of these
+    """
+    named, materials = list(named), materials_of(scene)
+    index = {name: i for i, name in enumerate(materials)}
+    texture_of = {v_ends: texture_rows(scene, v_ends) for v_ends in {v_ends for _, v_ends in named}}
+
+    def numbers(names: Iterable[str]) -> tuple[Any, Any]:
+        pairs = [(index[name], texture_of[v_ends][name]) for name, (_, v_ends) in zip(names, named)]
+        return tuple(a.put(a.U, x) for x in np.repeat(np.array(pairs, np.uint32), repeats, axis=0).T)
+
+    material, texture = numbers(name for name, _ in named)
+    two_sided = any(m.back for m in materials.values())
+    back = BackSide(*numbers(materials[name].back or name for name, _ in named)) if two_sided else None
+    return {"material": material, "texture": texture, "back": back}
 
 
 def texture_rows(scene: Scene, v_ends: bool) -> dict[str, int]:

@@ -5,7 +5,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from visray.columns import Columns, Names, materials_of, texture_rows
+from visray.columns import Columns, Names, materials_of, sides
 from visray.data.row_table import RowColors, RowTable
 from visray.data.rows import Rows
 from visray.geometry import Frame
@@ -48,8 +48,6 @@ def _columns(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Colu
     first: number of its first object among all objects
     """
     kind, count = layer_kind(scene, rows), len(rows)
-    materials = materials_of(scene)
-    material, texture = list(materials).index(rows.material), texture_rows(scene, kind.v_ends)[rows.material]
     numbers, outer = (RowTable.of(a, rows), None) if rows.geometry is None else _copies(scene, a, kind, rows)
     return Columns(
         kind=kind,
@@ -57,11 +55,10 @@ def _columns(scene: Scene, a: Arrays, name: str, rows: Rows, first: int) -> Colu
         numbers=numbers,
         outer=outer,
         object_of=None,
-        material=a.put(a.U, np.full(count, material, np.uint32)),
-        texture=a.put(a.U, np.full(count, texture, np.uint32)),
+        **sides(scene, a, [(rows.material, kind.v_ends)], count),
         # The segments of a line have the number of the line.
         object=a.put(a.U, (first + np.cumsum(np.diff(rows.number, prepend=-1) > 0) - 1).astype(np.uint32)),
-        color=RowColors.of(a, rows, materials[rows.material].colored),
+        color=RowColors.of(a, rows, materials_of(scene)[rows.material].colored),
     )
 
 

@@ -80,7 +80,10 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
         return "at 0, which means the distance of the target; write that distance" if not scene.camera.focus else None
     if head == "materials" and name in scene.materials and field in ("kr", "kt"):
         scatter = scene.settings.scatter
-        if used_materials(scene).get(name, scene.materials[name]).scatters and scatter.rays and scatter.depth:
+        material = used_materials(scene).get(name, scene.materials[name])
+        if field == "kt" and (material.back or name in {m.back for m in scene.materials.values()}):
+            return "as the two sides of a two-sided material are opaque"
+        if material.scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):
         return _upright_flaw(scene, head, name, field)
@@ -107,7 +110,8 @@ def _upright_flaw(scene: Scene, head: str, name: str, field: str) -> str | None:
     shape = getattr(scene, head).get(name)
     if shape is None or field not in shape.axis_fields:
         return None
-    textured = any(scene.materials[m].texture for n in names if (m := scene.objects[n].material) in scene.materials)
+    sides = [side for n in names for side in scene.sides_of(scene.objects[n].material)]
+    textured = any(scene.material(side).texture for side in sides)
     z = np.array(scalars(shape).frame().z, float)
     upright = max(abs(z[0]), abs(z[2])) < UPRIGHT["double"] * np.linalg.norm(z)
     if upright and (textured or scene.settings.shading == "uv"):

@@ -178,10 +178,6 @@ class EdgesInView:
         """Number of the visible objects; what is behind all objects counts as one."""
         return len(self._visible) + bool((self._shown[0][1] == NO_ROW).any())
 
-    def _material(self, obj: Primitive) -> Any:
-        """The material of an object; None if it is the default material and the scene does not define it."""
-        return self.scene.materials.get(obj.material)
-
     def _kind(self, name: str) -> tuple[type[Primitive], bool]:
         """The class of an object in the kernel, and whether the object is made of several primitives: of triangles, or
         of the segments of a line."""
@@ -212,10 +208,9 @@ class EdgesInView:
 
     def _has_steps(self, name: str) -> bool:
         """Whether the colour of an object's texture jumps, between the squares of a checker or between pixels."""
-        material = self._material(self.scene.all_objects[name])
-        if material is None or material.texture is None or not self.s.features["textures"]:
-            return False
-        return getattr(self.scene.textures[material.texture], "filter", "nearest") == "nearest"
+        scene, on = self.scene, self.s.features["textures"]
+        named = [scene.material(side).texture for side in scene.sides_of(scene.all_objects[name].material) if on]
+        return any(getattr(scene.textures[x], "filter", "nearest") == "nearest" for x in named if x is not None)
 
     @cached_property
     def _moving_lights(self) -> list[str]:

@@ -48,17 +48,20 @@ PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
-    """Materials that at least one object has, as a dict by name.
+    """Materials that at least one object has, on its front or its back, as a dict by name.
 
     A material that rows of data have in colours is here with the largest numbers that it has in any of them.
     """
-    used = {o.material for o in scene.representatives.values()}
-    materials = {n: m for n, m in ({"default": Material()} | scene.materials).items() if n in used}
+    known = {"default": Material()} | scene.materials
+    fronts = {o.material for o in scene.representatives.values()}
+    backs = {m.back for n, m in known.items() if n in fronts}
+    materials = {n: m for n, m in known.items() if n in fronts | backs}
     if scene.data is None:
         return materials
     layers = [rows for rows in scene.data.rows.values() if len(rows)]
     coloured = [rows for rows in layers if rows.color is not None]
     plain = {x.material for x in scene.written_objects.values()} | {x.material for x in layers if x.color is None}
+    plain |= backs
     looks = {name: [m] if name in plain else [] for name, m in materials.items()}
     for rows in coloured:
         looks[rows.material].append(materials[rows.material].with_color(rows.color.max(1)))
@@ -213,6 +216,7 @@ RULES = (
     Rule("scatter", _if_lit(_scatter), "settings.scatter has no rays, or no material is matte", ("kd",),
          lambda s: s.settings.scatter.rays and s.settings.scatter.depth and _some_lit(s)),
     Rule("unlit", _if_lit(lambda s: _materials(s, lambda m: m.unlit)), "no material is unlit", ()),
+    Rule("two-sided", lambda s: _materials(s, lambda m: m.back), "no material has a back", ()),
     Rule("textures", lambda s: _materials(s, lambda m: m.texture), "no material has a texture", ()),
     Rule("bilinear", _bilinear, "no texture blends its pixels", (), needs="textures"),
     Rule("defocus", lambda s: ["camera.aperture"] if s.camera.aperture else [], "camera.aperture is 0",

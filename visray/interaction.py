@@ -12,7 +12,7 @@ import drjit as dr
 from visray.accel import policy
 from visray.accel.origin import RayOrigin
 from visray.batches import Batch
-from visray.columns import NO_TEXTURE
+from visray.columns import NO_TEXTURE, Looks
 from visray.geometry import face_forward, gamma, l1_norm
 from visray.images import lookup as texturing
 from visray.kernel_scene import KernelScene
@@ -73,7 +73,7 @@ class Interaction:
 def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = None) -> Interaction:
     """The interaction at the hit of a ray. sample: random numbers of the sample, if further rays start there."""
     surface, material, u, v = surface_of(s, ray, hit)
-    d = s.a.V(ray.d if ray.d_single is None else ray.d_single)
+    d = _direction(s, ray)
     face, from_inside = face_forward(surface.n, d)
     n, shading = face, surface.shading
     if shading is None:
@@ -82,6 +82,11 @@ def interact(s: KernelScene, ray: Ray, hit: Hit, sample: SampleState | None = No
         n = s.a.V(dr.select(from_inside, -shading, shading))
     origin = RayOrigin(s.geometry, surface.p, shared=False) if s.rays_leave_surfaces and sample is not None else None
     return Interaction(ray.o, d, hit, surface, n, face, from_inside, material, u, v, origin, sample)
+
+
+def _direction(s: KernelScene, ray: Ray) -> Any:
+    """Direction of a ray, in the precision of shading."""
+    return s.a.V(ray.d if ray.d_single is None else ray.d_single)
 
 
 def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, Any, Any]:
@@ -118,10 +123,9 @@ def surface_of(s: KernelScene, ray: Ray, hit: Hit) -> tuple[Surface, Material, A
         in_batch = batch.has(hit.row)
 
         def evaluate(*_: Any, batch: Batch = batch, in_batch: Any = in_batch) -> tuple:
-            placed, material, texture, coordinate_bound = _row_of(
-                s, batch, in_batch, hit.row - batch.first_row, hit.part
-            )
+            placed, front, back, coordinate_bound = _row_of(s, batch, in_batch, hit.row - batch.first_row, hit.part)
             attached_p, *normals, u, v = _surface(s, batch, placed, ray, t, p, hit.part, bends_normals)
+            material, texture = front if back is None else _seen_side(front, back, normals[0], _direction(s, ray))
             return leaves((attached_p, *normals, coordinate_bound, material, texture, type(zero)(u), type(zero)(v)))
 
         if len(s.batches) == 1:
@@ -150,8 +154,8 @@ def attached_distance(s: KernelScene, ray: Ray, hit: Hit) -> Any:
 
 
 def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any, part: Any) -> tuple:
-    """The data of the row that each lane needs: a tuple of placed data, material, texture (None in scenes without
-    textures) and coordinate bound.
+    """The data of the row that each lane needs: a tuple of placed data, front, back and coordinate bound. Front and
+    back are as `_sides` returns them.
 
     A small table is read by branches, because the lanes of a packet need few of its rows. A large table is gathered
     from memory, and so is every table if derivatives are asked for: Dr.Jit 1.5 returns zero derivatives for values from
@@ -161,7 +165,7 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any, part: Any) 
     index: number of this row in the batch
     part: part of its surface
     """
-    texture = batch.texture if s.features["textures"] else None
+    front, back = _sides(s, batch)
     if s.attached or batch.object_of is not None or batch.kind.walks or len(batch) > policy.MAX_INLINED:
         index = dr.select(in_batch, index, 0)
         placed, bound = rows(batch.placed, index), batch.coordinate_bound
@@ -169,15 +173,33 @@ def _row_of(s: KernelScene, batch: Batch, in_batch: Any, index: Any, part: Any) 
         number = batch.object_at(index)
         if (looks := batch.looks) is not None:
             look = dr.gather(s.a.U, looks.of, dr.select(in_batch, batch.kind.leaf_number(part), 0))
-            return (placed, *rows((looks.material, None if texture is None else looks.texture), look), bound)
-        if batch.packets is None or s.attached:
-            return (placed, *rows((batch.material, texture), number), bound)
-        return placed, batch.packets.rows(batch.material, number), rows(texture, number), bound
-    u, table = s.a.U, (batch.placed, batch.material, texture, batch.coordinate_bound)
+            return (placed, *rows(_sides(s, looks), look), bound)
+        gathered = rows if batch.packets is None or s.attached else batch.packets.rows
+        return (placed, *gathered((front, back), number), bound)
+    u, table = s.a.U, (batch.placed, front, back, batch.coordinate_bound)
     row = leaves(rows(table, u(0)))
     for i in range(1, len(batch)):
         row = dr.if_stmt(row, index == i, lambda *_, i=i: leaves(rows(table, u(i))), lambda *old: old, label="row")
     return rebuilt(table, row)
+
+
+def _sides(s: KernelScene, shown: Batch | Looks) -> tuple:
+    """What the objects of a batch, or some looks, show on the front and on the back: each a tuple of materials and
+    textures (None in scenes without textures). The back is None if the kernel has no code for it."""
+    textured, back = s.features["textures"], shown.back
+    front = shown.material, shown.texture if textured else None
+    return front, back and (back.material, back.texture if textured else None)
+
+
+def _seen_side(front: tuple, back: tuple, n: Any, d: Any) -> tuple:
+    """Material and texture of the side that rays see.
+
+    front, back: material and texture of each side
+    n: outward normal
+    d: direction of the rays
+    """
+    _, from_inside = face_forward(n, d)
+    return rebuilt(front, tuple(dr.select(from_inside, b, f) for f, b in zip(leaves(front), leaves(back))))
 
 
 def _surface(

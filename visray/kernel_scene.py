@@ -19,6 +19,7 @@ from visray.accel.origin import Geometry, RayOrigin
 from visray.accel.parallel_lists import ParallelLists
 from visray.batches import Batch, place
 from visray.camera import ParallelView, View
+from visray.columns import BackSide, Columns, Looks
 from visray.features import Features
 from visray.images import Atlas
 from visray.materials import Material
@@ -143,7 +144,7 @@ def kernel_scene(
     settings, occlusion, scatter = scene.settings, scene.settings.occlusion, scene.settings.scatter
     geometry = _geometry(packed, a, settings, previous)
     ranks = _ranks(packed, scene, features, a, previous)
-    looks = (_with_needed(b, features, a, rank) for b, rank in zip(geometry.batches, ranks))
+    looks = (_with_needed(*pair, features, a, rank) for *pair, rank in zip(geometry.batches, packed.batches, ranks))
     geometry = geometry.with_looks(tuple(looks))
     view = packed.camera.view(scene.film.width, scene.film.height, a)
     lights_ambient = ambient_of_lights(packed.lights, a)
@@ -251,14 +252,25 @@ def _asked(materials: Material, batches: tuple[Batch, ...], attached_textures: b
     return frozenset(own) | (frozenset({"kd"}) if attached_textures else frozenset())
 
 
-def _with_needed(batch: Batch, features: Features, a: Arrays, rank: Any) -> Batch:
+def _with_needed(batch: Batch, columns: Columns, features: Features, a: Arrays, rank: Any) -> Batch:
     """The batch with the ranks of its rows, and with only those numbers of its materials that effects of the scene
     read."""
-    material = _needed(batch.material, features)
-    many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(material))
-    packets = evaluated(Packets.of(a.Q32, material)) if many and a.F is a.F32 else None
-    looks = batch.looks and replace(batch.looks, material=_needed(batch.looks.material, features))
-    return replace(batch, material=material, packets=packets, rank=rank, looks=looks)
+    sides = _needed_sides(batch, columns, features)
+    tables = sides["material"], sides["back"] and sides["back"].material
+    many = dr.width(batch.object) > policy.MAX_INLINED and not dr.grad_enabled(leaves(tables))
+    packets = evaluated(Packets.of(a.Q32, tables)) if many and a.F is a.F32 else None
+    looks = batch.looks and replace(batch.looks, **_needed_sides(batch.looks, columns.looks, features))
+    return replace(batch, packets=packets, rank=rank, looks=looks, **sides)
+
+
+def _needed_sides(shown: Batch | Looks, columns: Columns | Looks, features: Features) -> dict[str, Any]:
+    """The fields `material` and `back` of a batch or of looks, as a dict, with what effects of the scene read."""
+    back = None
+    if features["two-sided"]:
+        # If the effect is forced although no material of the scene has a back, the back is as the front.
+        back = BackSide(shown.material, shown.texture) if columns.back is None else shown.back
+    back = back and replace(back, material=_needed(back.material, features))
+    return {"material": _needed(shown.material, features), "back": back}
 
 
 def _needs_waves(packed: Packed, geometry: Geometry, features: Features) -> bool:

@@ -37,6 +37,9 @@ class Material:
     kt add to it as in other materials.
 
     `colored` names the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others.
+
+    `back` names the material of the side that the normal points away from, such as the inside of a bowl. Both materials
+    must be opaque, and the back's must have no `back` itself. A palette colour changes the front only.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -55,6 +58,7 @@ class Material:
     textured: Literal["ka and kd", "kd"] = "ka and kd"
     shading: Literal["lit", "unlit"] = "lit"
     colored: Annotated[tuple[Literal[COLORED], ...], AfterValidator(_once)] = ("ka", "kd")
+    back: Name | None = None
 
     @property
     def keeps_ka(self) -> bool:

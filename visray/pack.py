@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from visray.camera import Camera, OrthographicCamera
-from visray.columns import Columns, Looks, Names, materials_of, texture_rows
+from visray.columns import Columns, Looks, Names, materials_of, sides
 from visray.data_columns import data_columns
 from visray.geometry import Frame
 from visray.lights.light import Light
@@ -136,11 +136,7 @@ def object_columns(
         objects: list = bodies_of(scene, names)
     else:
         objects = [scene.placed_shape(scene.written_objects[name]) for name in names]
-    materials = materials_of(scene)
-    index = {name: i for i, name in enumerate(materials)}
-    texture_of = texture_rows(scene, kind.v_ends)
-    written = scene.written_objects
-    named, looks = [written[name].material for name in names], None
+    named, looks = [scene.written_objects[name].material for name in names], None
     if kind.composite:
         named = [x.form.medium for x in objects]
         looks = _looks(scene, a, [leaf for x in objects for leaf in x.form.leaves])
@@ -157,8 +153,7 @@ def object_columns(
         numbers=kind.table(a, objects) if numbers is None else numbers,
         outer=outer,
         object_of=object_of,
-        material=a.put(a.U, np.array([index[m] for m in named], np.uint32)),
-        texture=a.put(a.U, np.array([texture_of[m] for m in named], np.uint32)),
+        **sides(scene, a, [(material, kind.v_ends) for material in named]),
         object=a.put(a.U, order),
         looks=looks,
     )
@@ -166,12 +161,9 @@ def object_columns(
 
 def _looks(scene: Scene, a: Arrays, leaves: list[Leaf]) -> Looks:
     """The looks of the operands of CSG objects, each look once."""
-    material = {name: i for i, name in enumerate(materials_of(scene))}
-    textures = {v_ends: texture_rows(scene, v_ends) for v_ends in (False, True)}
-    pairs = [(material[x.material], textures[x.shape.operand_kind.v_ends][x.material]) for x in leaves]
+    pairs = [(x.material, x.shape.operand_kind.v_ends) for x in leaves]
     number = {pair: i for i, pair in enumerate(dict.fromkeys(pairs))}
-    materials, rows = np.array(list(number), np.uint32).T
-    return Looks(a.put(a.U, np.array([number[x] for x in pairs], np.uint32)), a.put(a.U, materials), a.put(a.U, rows))
+    return Looks(a.put(a.U, np.array([number[x] for x in pairs], np.uint32)), **sides(scene, a, number))
 
 
 def _light_columns(scene: Scene, a: Arrays, kind: type[Light], members: list[tuple[int, str]]) -> LightColumns:

@@ -63,12 +63,12 @@ def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
 
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
-    of lights, names of materials with their textures and with what colours change in them, the materials that make
-    meshes bodies, and the kinds of background and camera."""
+    of lights, names of materials with their textures, with what colours change in them and with their backs, the
+    materials that make meshes bodies, and the kinds of background and camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
-        [(name, m.texture, m.textured, m.colored) for name, m in materials_of(scene).items()],
+        [(name, m.texture, m.textured, m.colored, m.back) for name, m in materials_of(scene).items()],
         BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.objects.values()) else None,
         isinstance(scene.background, SkyGradient),
         scene.data is None,

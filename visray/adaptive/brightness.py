@@ -27,7 +27,8 @@ from visray.textures import CheckerTexture
 class Brightness:
     """Upper bounds of brightness in a scene.
 
-    objects: brightness of each material, as a dict by its name: of its surfaces, with all that they mirror.
+    objects: brightness of each material, as a dict by its name: of its surfaces, with all that they mirror, seen from
+        any side.
     hidden: brightness of light that may fall on a small part of what the camera sees, wherever that is.
     cause: what is so bright, as part of a sentence.
     """
@@ -68,7 +69,8 @@ class Brightness:
         sky = max(map(rms, (sky.top, sky.bottom) if isinstance(sky, SkyGradient) else (sky,)))
         brightest = max(shown, key=shown.get)
         passed_on = {key: _passed_on(prepared, m) for key, m in materials.items()}
-        objects = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
+        sides = {key: shown[key] + passed_on[key] * max(shown[brightest], sky) for key in materials}
+        objects = {key: max(sides[key], sides[m.back or key]) for key, m in materials.items()}
         causes = {f"light of lights.{name} on materials.{key}": x for (name, key), x in lit.items()} | {"": 0.0}
         causes |= {f"the texture of materials.{n}": shown[n] for n, m in materials.items() if m.unlit and m.texture}
         causes[f"materials.{brightest} in mirrors, glass or scattered light"] = (

@@ -1,14 +1,16 @@
 """Evidence in a picture that light reaches something, or that nothing is seen."""
 
 from dataclasses import replace
+from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from visray.batches import Batch
-from visray.columns import NO_TEXTURE
+from visray.columns import NO_TEXTURE, BackSide, Looks
 from visray.feature_rules import used_materials
 from visray.geometry import gamma
+from visray.materials import Material
 from visray.passes import expose, subset
 from visray.progress import Interrupts
 from visray.pytree import Packets, evaluated
@@ -111,9 +113,22 @@ def is_lit(prepared: Prepared, interrupts: Interrupts | None = None) -> bool:
 
 def _without_unlit(batch: Batch) -> Batch:
     """The batch with black materials in place of unlit ones."""
-    m = batch.material
+    sides = _with_black_sides(batch)
+    tables = sides["material"], sides["back"] and sides["back"].material
+    packets = batch.packets and Packets.of(batch.packets.four, tables)
+    looks = batch.looks and replace(batch.looks, **_with_black_sides(batch.looks))
+    return evaluated(replace(batch, packets=packets, looks=looks, **sides))
+
+
+def _with_black_sides(shown: Batch | Looks) -> dict[str, Any]:
+    """The fields `material`, `texture` and `back` of a batch or of looks, as a dict, with black in place of unlit
+    materials."""
+    back = shown.back and BackSide(*_black_if_unlit(shown.back.material, shown.back.texture))
+    material, texture = _black_if_unlit(shown.material, shown.texture)
+    return {"material": material, "texture": texture, "back": back}
+
+
+def _black_if_unlit(m: Material, texture: Any) -> tuple[Material, Any]:
+    """Materials and their textures, with black ones without texture in place of unlit ones."""
     unlit = m.shading > 0
-    material = replace(m, kd=dr.select(unlit, 0, m.kd))
-    texture = dr.select(unlit, NO_TEXTURE, batch.texture)
-    packets = batch.packets and Packets.of(batch.packets.four, material)
-    return evaluated(replace(batch, material=material, texture=texture, packets=packets))
+    return replace(m, kd=dr.select(unlit, 0, m.kd)), dr.select(unlit, NO_TEXTURE, texture)

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -76,7 +77,7 @@ def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]
     if len(set(seen.objects)) == 1 and seen.from_inside.all() and rays.hit.all():
         where = f"camera.origin lies inside or behind {address_of(names[seen.objects[0]])}"
         return [f"{what}: {where}, and no light reaches its inner side; move the camera or a light"]
-    if not black and all(any(m.kr + m.kt) for m in _materials(scene, seen)):
+    if not black and all(any(m.kr + m.kt) for m in map(scene.material, _materials(scene, seen))):
         return []  # mirrors and glass show the background
     causes = _without_probes(scene) if not seen.probes else [
         _cause(scene, name, light, seen, i, prepared) for i, (name, light) in enumerate(scene.lights.items())
@@ -89,10 +90,10 @@ def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]
     return [f"{what}: nothing that is seen sends light to the camera"] if black else []
 
 
-def _materials(scene: Scene, seen: SeenPoints) -> list[Material]:
-    """The materials of the objects that are seen."""
-    names = scene.materials_of_objects()
-    return [scene.materials.get(names[k], Material()) for k in set(seen.objects)]
+def _materials(scene: Scene, seen: SeenPoints, points: Any = slice(None)) -> list[str]:
+    """Names of the materials that are seen at some of the points, in alphabetical order. points: their indices"""
+    names, sides = scene.materials_of_objects(), zip(seen.objects[points], seen.from_inside[points])
+    return sorted({scene.sides_of(names[k])[int(inside)] for k, inside in sides})
 
 
 def _without_probes(scene: Scene) -> list[str]:
@@ -127,8 +128,8 @@ def _cause(scene: Scene, name: str, light: Light, seen: SeenPoints, number: int,
         if light.intensity * max(light.Id + light.Is) < FAINT:
             return f"{address} has intensity {light.intensity:g}; raise it"
         if not (probe.diffuse + probe.specular).any():
-            dull = {f"materials.{scene.all_objects[names[k]].material}" for k in seen.objects[passes]}
-            return f"{address} arrives, but {', '.join(sorted(dull))} reflects none of it"
+            dull = ", ".join(f"materials.{material}" for material in _materials(scene, seen, passes))
+            return f"{address} arrives, but {dull} reflects none of it"
         return None
     return f"{address} {_hidden(probe, seen, names)}; move it"
 

@@ -20,7 +20,6 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
-from visray.hints import hint
 from visray.materials import Material
 from visray.primitives.csg_operands import operands
 from visray.primitives.instance import Instance
@@ -29,6 +28,7 @@ from visray.quantities import Name
 from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
 from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.garbage import uncollected
+from visray.scene.material_flaws import material_flaws
 from visray.scene.messages import limited, line, lines
 from visray.scene.nesting_flaws import too_deep
 from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
@@ -177,14 +177,13 @@ def _has_own_flaws(scene: Scene) -> bool:
 
 
 def _has_wrong_reference(scene: Scene, made: dict) -> bool:
-    """Whether a material names a texture that does not exist, an object names a material or a geometry that does not
-    exist, no object names a geometry, a geometry has a material, an instance cannot be placed, or an operand has a flaw
-    that depends on other parts of the scene. made: the objects and geometries with operands (with_operands)."""
-    textures_named = {m.texture for m in scene.materials.values()}
+    """Whether a material has a flaw, an object names a material or a geometry that does not exist, no object names a
+    geometry, a geometry has a material, an instance cannot be placed, or an operand has a flaw that depends on other
+    parts of the scene. made: the objects and geometries with operands (with_operands)."""
     materials_named = {x.material for x in scene.objects.values()}
     instances = [x for x in scene.objects.values() if type(x) is Instance]
     return (
-        not textures_named <= {None, *scene.textures}
+        any(material_flaws(scene))
         or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
         or any(has_unknown_name(scene, shape) for shape in made.values())
         or named_geometries(scene, made) | geometries_of_data(scene) != set(scene.geometries)
@@ -235,8 +234,7 @@ def flaws(scene: Scene) -> list[str]:
 def _all_flaws(scene: Scene) -> Iterator[str]:
     """The flaws of a scene. They are found one after another, because a message about a name takes a while."""
     yield from _camera_flaws(scene.camera)
-    for name, material in scene.materials.items():
-        yield from _texture_flaws(scene, f"materials.{name}.texture", material.texture)
+    yield from material_flaws(scene)
     for name, light in scene.lights.items():
         yield from own_flaws(f"lights.{name}", light)
     made = with_operands(scene)
@@ -247,16 +245,6 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
         yield from _object_flaws(scene, f"objects.{name}", shape)
     yield from dict.fromkeys(reference_flaws(scene, made))
     yield from data_flaws(scene)
-
-
-def _texture_flaws(scene: Scene, address: str, texture: str | None) -> list[str]:
-    """List with the error of a material that names an unknown texture; empty if there is no error.
-
-    address: address of the material's field `texture`.
-    """
-    if texture is None or texture in scene.textures:
-        return []
-    return [line(address, texture, f"unknown texture; {hint(texture, scene.textures)}")]
 
 
 def _object_flaws(scene: Scene, address: str, shape: Any) -> list[str]:

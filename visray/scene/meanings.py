@@ -66,6 +66,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "textured": "what the texture colours: it replaces kd and multiplies ka, or it only replaces kd",
         "colored": "the fields that a palette colour of a data layer changes: it replaces kd and multiplies the others",
         "shading": "lit, or unlit: the surface shows kd or its texture as it is, whatever light falls on it",
+        "back": "the name of the material of the side that the normal points away from, or null: the same one",
     },
     Texture: {
         "scale": "repetitions of the texture per unit of u and of v, each from -1e6 to 1e6",

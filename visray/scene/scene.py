@@ -193,6 +193,14 @@ class Scene:
             return self.all_objects.of_materials(materials)
         return {name: x for name, x in self.objects.items() if x.material in materials}
 
+    def sides_of(self, material: str) -> tuple[str, str]:
+        """Names of the materials that surfaces of a material show on the front and on the back."""
+        return material, getattr(self.materials.get(material), "back", None) or material
+
+    def material(self, name: str) -> Material:
+        """The material with a name. Domain: it exists."""
+        return self.materials[name] if name in self.materials or name != DEFAULT_MATERIAL else Material()
+
     def shape_of(self, obj: Object) -> Primitive:
         """The geometry of an instance, without the instance's own transform; a difference for an object with cuts, and
         for CSG one without instances; any other object itself."""

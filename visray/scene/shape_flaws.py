@@ -51,12 +51,15 @@ def shape_named(scene: Scene, obj: Primitive) -> Primitive | None:
 
 
 def uv_flaw(scene: Scene, material: str, shape: Primitive | None) -> str | None:
-    """What is wrong with the material of a shape: it has a texture, and the shape is a mesh whose file has no texture
-    coordinates. None if nothing is wrong, or if the mesh has other flaws.
+    """What is wrong with the material of a shape: it or its back has a texture, and the shape is a mesh whose file has
+    no texture coordinates. None if nothing is wrong, or if the mesh or the materials have other flaws.
 
     material: name of the material.
     """
-    texture = getattr(scene.materials.get(material), "texture", None)
-    if texture is None or type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
+    front = scene.materials.get(material)
+    back = scene.materials.get(front and front.back)
+    textures = [f"{m.texture!r}{side}" for m, side in ((front, ""), (back, " on its back")) if m and m.texture]
+    if not textures or type(shape) is not Mesh or shape.file is None or shape.flaws() or shape.textured:
         return None
-    return f"has the texture {texture!r}, and the mesh file has no texture coordinates; take a material without texture"
+    problem = f"has the texture {textures[0]}, and the mesh file has no texture coordinates"
+    return f"{problem}; take a material without texture"

@@ -20,7 +20,6 @@ from visray.integrator import camera_origin, object_of
 from visray.interaction import Interaction
 from visray.light_probe import LightProbe, centre_sample, interaction_of, numbers, prepared_lights, probed
 from visray.lights.light import Light
-from visray.materials import Material
 from visray.media import Interface, interface_at, local_weight
 from visray.modes import BY_NAME
 from visray.pytree import evaluated
@@ -136,11 +135,12 @@ class _Walk:
         )  # fmt: skip
 
     def material(self, name: str, si: Interaction) -> dict[str, Any]:
-        """The material of an object at a surface point: its address, its texture and its numbers."""
+        """The material of an object at a surface point, on the side that is seen: its address, its texture and its
+        numbers."""
         scene = self.prepared.scene
-        given = scene.all_objects[name].material
-        material = scene.materials.get(given, Material())
-        values = {field: getattr(material, field) for field in quantities(Material)}
+        given = scene.sides_of(scene.all_objects[name].material)[int(self.first(si.from_inside))]
+        material = scene.material(given)
+        values = {field: getattr(material, field) for field in quantities(type(material))}
         # A texture, and the colour of a row of data, change these numbers.
         changed = ("ka", "kd", *(material.colored if "." in name else ()))
         values |= {f: self.first(x) for f in changed if (x := getattr(si.material, f)) is not None}

@@ -393,8 +393,9 @@ def test_twins_are_plain() -> None:
 
 
 def test_the_bsdf_is_blinn_phong_and_samples_what_it_evaluates() -> None:
-    kd, ks, shininess = np.array([0.5, 0.4, 0.3]), np.array([0.2, 0.3, 0.4]), 12.5
-    bsdf = mi.load_dict({"type": "blinn_phong", "kd": kd.tolist(), "ks": ks.tolist(), "shininess": shininess})
+    kd, front, back = np.array([0.5, 0.4, 0.3]), ([0.2, 0.3, 0.4], 12.5), ([0.5, 0.1, 0.2], 30.5)
+    names = "ks", "shininess", "back_ks", "back_shininess"
+    bsdf = mi.load_dict({"type": "blinn_phong", "kd": kd.tolist()} | dict(zip(names, front + back)))
     rng = np.random.default_rng(3)
     v, l = (w / np.linalg.norm(w, axis=0) for w in rng.normal(size=(2, 3, 1000)))
     si = dr.zeros(mi.SurfaceInteraction3f, 1000)
@@ -402,8 +403,9 @@ def test_the_bsdf_is_blinn_phong_and_samples_what_it_evaluates() -> None:
     # By the formula, in world terms: the normal is on the viewer's side, and there is no light from below.
     side = np.sign(v[2])
     h = (v + l) / np.linalg.norm(v + l, axis=0)
+    ks, shininess = (np.where(side > 0, np.array([x]).T, np.array([y]).T) for x, y in zip(front, back))
     cosine, gloss = side * l[2], np.maximum(side * h[2], 0) ** shininess
-    expected = np.where(cosine > 0, kd[:, None] * cosine + ks[:, None] * gloss, 0)
+    expected = np.where(cosine > 0, kd[:, None] * cosine + ks * gloss, 0)
     context = mi.BSDFContext()
     assert np.allclose(np.array(bsdf.eval(context, si, mi.Vector3f(l))), expected, atol=1e-5)
     sample, weight = bsdf.sample(context, si, mi.Float(0.5), mi.Point2f(rng.uniform(size=(2, 1000))))

@@ -19,7 +19,8 @@ DIFFUSE, GLOSSY = 0, 1
 class BlinnPhong(mi.BSDF):
     """Blinn-Phong BSDF. Component 0 is the diffuse part, component 1 the highlight.
 
-    Properties: kd, ks (three numbers each), shininess.
+    Properties: kd, ks (three numbers each), shininess; back_ks, back_shininess: on the side that the normal points away
+    from.
     As in visray, neither part is divided by pi, and there is no highlight in lanes where the light is below the
     surface. The methods have the parameters that Mitsuba prescribes: `si` is the hit, `wo` the direction to the light,
     `active` the mask of lanes to evaluate.
@@ -27,8 +28,10 @@ class BlinnPhong(mi.BSDF):
 
     def __init__(self, props: Any):
         mi.BSDF.__init__(self, props)
-        self.kd, self.ks = mi.Color3f(props["kd"]), mi.Color3f(props["ks"])
-        self.shininess = mi.Float(props["shininess"])
+        self.kd = mi.Color3f(props["kd"])
+        # Of the front and of the back.
+        self.ks = [mi.Color3f(props[name]) for name in ("ks", "back_ks")]
+        self.shininess = [mi.Float(props[name]) for name in ("shininess", "back_shininess")]
         sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         components = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
         self.m_components = [int(component | sides) for component in components]
@@ -41,8 +44,9 @@ class BlinnPhong(mi.BSDF):
         if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, DIFFUSE):
             colour += self.kd * l.z
         if ctx.is_enabled(mi.BSDFFlags.GlossyReflection, GLOSSY):
-            h = dr.normalize(v + l)
-            colour += self.ks * _power(dr.maximum(h.z, 0), self.shininess)
+            h, inside = dr.normalize(v + l), dr.dot(si.n, si.to_world(si.wi)) < 0
+            ks, shininess = (dr.select(inside, back, front) for front, back in (self.ks, self.shininess))
+            colour += ks * _power(dr.maximum(h.z, 0), shininess)
         return dr.select(active & (l.z > 0), colour, 0)
 
     def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:

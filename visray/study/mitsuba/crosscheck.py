@@ -157,7 +157,8 @@ def _compare_pictures(
     theirs, uv = comparison.theirs, comparison.our_hits.uv
     their_colours = theirs.colours(comparison.rays, comparison.si, comparison.their_hits, uv, transmittances)
     uv_error = gamma(2, "single") * np.abs(uv).max(1)
-    near_texture_edge = theirs.surface_colours.uncertain(comparison.their_hits.index, uv, uv_error)
+    side = theirs.surface_colours.seen(comparison.their_hits.index, comparison.their_hits.inside(comparison.rays.d))
+    near_texture_edge = theirs.surface_colours.uncertain(side, uv, uv_error)
     excluded = comparison.allowed.edge | comparison.beyond | comparison.tied | near_edge | near_texture_edge
     compared = ~excluded
     difference = (our_colours - their_colours)[compared]

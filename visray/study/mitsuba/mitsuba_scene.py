@@ -46,7 +46,8 @@ class MitsubaScene:
 
     def _children(self, names: tuple[str, ...]) -> dict:
         """The objects with the given names, as a dict for Mitsuba's load_dict."""
-        bsdfs = {name: _bsdf(m) for name, m in self.materials.items()}
+        sides = {name: map(self.scene.material, self.scene.sides_of(name)) for name in self.materials}
+        bsdfs = {name: _bsdf(*both) for name, both in sides.items()}
         children: dict = {"type": "scene", "embree_use_robust_intersections": True}
         for name in names:
             i, bsdf = self.names.index(name), bsdfs[self.scene.objects[name].material]
@@ -144,7 +145,8 @@ class MitsubaScene:
         transmittances: for each light, the fraction of its light that arrives at the hit, (N, 1) or (N, 3)
         """
         scene = self.scene
-        kd, ka = self.surface_colours.both(hits.index, uv)
+        side = self.surface_colours.seen(hits.index, hits.inside(rays.d))
+        kd, ka = self.surface_colours.both(side, uv)
         ambient = np.array(scene.ambient, float) + sum(l.intensity * np.array(l.Ia) for l in scene.lights.values())
         colour = np.where(hits.hit[:, None], ambient * ka, _sky(scene, rays))
         p = np.array(si.p, float).T
@@ -154,7 +156,7 @@ class MitsubaScene:
             reflected = self._reflected(light, si, to_light.l, kd)
             arrives = hits.hit & ~(self.is_mesh[hits.index] & _behind_triangle(si, to_light.l))
             colour += np.where(arrives[:, None], reflected * (share * falloff[:, None]), 0)
-        return np.where(self.surface_colours.unlit[hits.index][:, None], kd, colour)
+        return np.where(self.surface_colours.unlit[side][:, None], kd, colour)
 
     def _reflected(self, light: Light, si: Any, l: np.ndarray, kd: np.ndarray) -> np.ndarray:
         """Reflected light of one light: Id times the diffuse part plus Is times the highlight. Shapes: (N, 3).
@@ -200,9 +202,11 @@ def _loaded(children: dict) -> Any:
         mi.set_log_level(level)
 
 
-def _bsdf(m: Material) -> Any:
+def _bsdf(front: Material, back: Material) -> Any:
     """The BSDF of a material, with kd = 1: `_reflected` multiplies the diffuse part by the colour at (u, v)."""
-    return mi.load_dict({"type": "blinn_phong", "kd": [1.0, 1.0, 1.0], "ks": list(m.ks), "shininess": m.shininess})
+    sides = {"ks": list(front.ks), "shininess": front.shininess, "back_ks": list(back.ks),
+             "back_shininess": back.shininess}  # fmt: skip
+    return mi.load_dict({"type": "blinn_phong", "kd": [1.0, 1.0, 1.0]} | sides)
 
 
 def _shape(shape: dict, name: str, bsdf: Any) -> Any:

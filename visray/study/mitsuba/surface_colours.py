@@ -9,35 +9,45 @@ from math import ceil, floor
 import numpy as np
 
 from visray.images import read_image
-from visray.materials import Material
 from visray.scene.scene import Scene
 from visray.study.mitsuba.rounding import UNRESOLVED
 from visray.textures import CheckerTexture, ImageTexture, Texture
 
 
 class SurfaceColours:
-    """The diffuse colours kd and ambient colours ka of a scene's objects. Index i stands for the object names[i].
+    """The diffuse colours kd and ambient colours ka of a scene's objects. Index i stands for the front of the object
+    names[i], and index N + i for its back, where N is the number of objects.
 
+    count: number of objects
     unlit: whether each object shows kd as it is; the last entry is False, for index -1
     """
 
     def __init__(self, scene: Scene, names: tuple[str, ...]):
-        materials = {"default": Material()} | scene.materials
-        materials_of_objects = [materials[scene.objects[name].material] for name in names]
+        sides = [scene.sides_of(scene.objects[name].material) for name in names]
+        materials_of_objects = [scene.material(name) for side in zip(*sides) for name in side]
+        self.count = len(names)
         self.kd, self.ka = (
             np.array([getattr(m, field) for m in materials_of_objects] + [(0, 0, 0)], float) for field in ("kd", "ka")
         )
         self.unlit = np.array([*(m.unlit for m in materials_of_objects), False])
         self.scales_ka = [m.textured == "ka and kd" for m in materials_of_objects]
-        self.v_ends = [scene.shape_of(scene.objects[name]).kind.v_ends for name in names]
+        self.v_ends = 2 * [scene.shape_of(scene.objects[name]).kind.v_ends for name in names]
         self.textures = [m.texture and scene.textures[m.texture] for m in materials_of_objects]
         images = {n: t for n, t in scene.textures.items() if isinstance(t, ImageTexture)}
         self.pixels = {id(t): read_image(t.file, t.encoding, f"textures.{n}.file") for n, t in images.items()}
 
+    def seen(self, objects: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """The index of the side that is seen of objects; -1 for the object -1.
+
+        inside: whether it is the back
+        Shapes: (N), (N) -> (N).
+        """
+        return np.where(inside & (objects >= 0), self.count + objects, objects)
+
     def diffuse(self, index: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """kd of objects at (u, v); black for index -1.
 
-        index: the object in each lane
+        index: the object's side in each lane
         Shapes: (N), (N, 2) -> (N, 3).
         """
         return self.both(index, uv)[0]
@@ -45,7 +55,7 @@ class SurfaceColours:
     def both(self, index: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """kd and ka of objects at (u, v); black for index -1.
 
-        index: the object in each lane
+        index: the object's side in each lane
         Shapes: (N), (N, 2) -> (N, 3), (N, 3).
         """
         kd, ka = self.kd[index], self.ka[index]

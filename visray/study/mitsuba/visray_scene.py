@@ -57,6 +57,10 @@ class FirstHits:
     def hit(self) -> np.ndarray:
         return self.index >= 0
 
+    def inside(self, d: np.ndarray) -> np.ndarray:
+        """Whether each ray reaches its surface from inside the object. d: directions, (N, 3). Shapes: (N)."""
+        return (self.n * d).sum(1) > 0
+
 
 @dataclass(frozen=True)
 class TracedRays:
@@ -73,7 +77,7 @@ class TracedRays:
 
     def inside(self) -> np.ndarray:
         """Whether each ray reaches its surface from inside the object. Shapes: (N)."""
-        return (self.first_hits.n * np.array(self.ray.d).T).sum(1) > 0
+        return self.first_hits.inside(np.array(self.ray.d).T)
 
 
 def to_numpy(v: Any) -> np.ndarray:

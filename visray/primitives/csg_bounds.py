@@ -65,15 +65,15 @@ def hull_of(form: Form) -> Hull:
 
 def joined_hull(form: Form, hulls: Mapping[int, Hull]) -> Hull:
     """As `hull_of`. hulls: those of the bounded operands, by the numbers of their leaves."""
-    hull = _hull(form.surface, hulls)
-    return hull if form.within is None else hull.intersection(_hull(form.within, hulls))
+    hull = hull_of_tree(form.surface, hulls)
+    return hull if form.within is None else hull.intersection(hull_of_tree(form.within, hulls))
 
 
-def _hull(tree: Any, hulls: Mapping[int, Hull]) -> Hull:
-    """The hull of a tree."""
+def hull_of_tree(tree: Any, hulls: Mapping[int, Hull], either: bool = False) -> Hull:
+    """The hull of a tree. either: whether the hull of a leaf's complement is that of the leaf."""
     if isinstance(tree, Leaf):
-        return EVERYWHERE if tree.negated else hulls.get(tree.number, EVERYWHERE)
-    inner = [_hull(x, hulls) for x in tree.children]
+        return EVERYWHERE if tree.negated and not either else hulls.get(tree.number, EVERYWHERE)
+    inner = [hull_of_tree(x, hulls) for x in tree.children]
     return reduce(Hull.intersection, inner) if tree.both else Hull.union(inner)
 
 

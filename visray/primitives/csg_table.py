@@ -4,20 +4,27 @@ The records of operands at a site are rows of one table. At a site that is writt
 site inside a loop, the rows of an object, or of one turn of an outer loop, lie side by side.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, l1_norm
-from visray.primitives.csg_bounds import Hull, joined_hull
+from visray.primitives.csg_bounds import Hull, hull_of_tree, joined_hull
 from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
 from visray.primitives.primitive import Bounds
-from visray.pytree import Shared, detached
+from visray.pytree import Packets, Shared, detached
 from visray.quantities import Arrays
 from visray.transforms import composed
+
+
+class Structure:
+    """Something in Python that belongs to a table, and that functions of tables (pytree.py) leave alone."""
+
+    def __init__(self, value: Any):
+        self.value = value
 
 
 @dataclass(frozen=True)
@@ -80,11 +87,16 @@ class Looped:
 
     first, count: number of the first row, and of rows, in the table.
     table: table of all children at this site.
+    trees: the children, in Python.
+    balls: balls that contain the children, or the operands whose complements they are: packets of centre and radius, in
+        single. None before the children are placed, and for unbounded ones.
     """
 
     first: Any
     count: Any
     table: Shared
+    trees: Structure
+    balls: Shared | None = None
 
 
 def table_of(a: Arrays, site: Any, trees: Sequence[Any]) -> Any:
@@ -98,20 +110,27 @@ def table_of(a: Arrays, site: Any, trees: Sequence[Any]) -> Any:
         if group.size is None:
             counts = np.array([len(x) for x in children])
             firsts = np.cumsum(counts) - counts
-            table = table_of(a, group.site, [y for x in children for y in x])
-            groups.append(Looped(*(a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts)), Shared(table)))
+            inner = [y for x in children for y in x]
+            table = table_of(a, group.site, inner)
+            numbers = (a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts))
+            groups.append(Looped(*numbers, Shared(table), Structure(inner)))
         else:
             groups.append(tuple(table_of(a, group.site, [x[k] for x in children]) for k in range(group.size)))
     return tuple(groups)
 
 
-def placed_tree(table: Any) -> Any:
-    """The table of a site with all operands placed in the world."""
+def placed_tree(a: Arrays, table: Any, hulls: Mapping[int, Hull]) -> Any:
+    """The table of a site with all operands placed in the world. hulls: as in joined_hull."""
     if isinstance(table, LeafTable):
         return table.placed()
-    if isinstance(table, Looped):
-        return Looped(table.first, table.count, Shared(placed_tree(table.table.value)))
-    return tuple(map(placed_tree, table))
+    if not isinstance(table, Looped):
+        return tuple(placed_tree(a, x, hulls) for x in table)
+    inner = [hull_of_tree(tree, hulls, True) for tree in table.trees.value]
+    balls = None
+    if all(np.isfinite(hull.radius) for hull in inner):
+        centre, radius = np.array([h.centre for h in inner]), np.array([h.radius for h in inner])
+        balls = Shared(Packets.of(a.Q32, (a.put(a.V32, centre.T), a.put(a.F32, radius))))
+    return replace(table, table=Shared(placed_tree(a, table.table.value, hulls)), balls=balls)
 
 
 def leaf_tables(table: Any) -> Iterator[Any]:
@@ -130,13 +149,13 @@ class CsgTable:
     """CSG objects of one kind, as arrays. Leaves are numbered through all objects.
 
     a: array types.
-    forms: structure of each object, in Python.
+    forms: structure of each object.
     surface, within: tables of the sites of the surface, and of the points at which it is kept; None if all of it is.
     site_of, row_of: for each leaf, the number of its site, and its row in the table of this site.
     """
 
     a: Arrays
-    forms: tuple[Form, ...]
+    forms: Structure
     surface: Any
     within: Any
     site_of: Any
@@ -155,12 +174,13 @@ class CsgTable:
         for site, table in enumerate(leaf_tables((surface, within))):
             numbers = np.array(table.number)
             site_of[numbers], row_of[numbers] = site, np.arange(len(numbers))
-        return CsgTable(a, tuple(forms), surface, within, a.put(a.U, site_of), a.put(a.U, row_of))
+        return CsgTable(a, Structure(list(forms)), surface, within, a.put(a.U, site_of), a.put(a.U, row_of))
 
     def placed(self, outer: None) -> "PlacedCsg":
         """The objects in the world. Their operands have transforms of their own, so `outer` is None."""
-        surface, within = (None if x is None else placed_tree(x) for x in (self.surface, self.within))
-        number = dr.arange(self.a.U, len(self.forms)) + dr.opaque(self.a.U, 0)
+        hulls = self._hulls()
+        surface, within = (None if x is None else placed_tree(self.a, x, hulls) for x in (self.surface, self.within))
+        number = dr.arange(self.a.U, len(self.forms.value)) + dr.opaque(self.a.U, 0)
         largest = np.zeros(len(self.site_of))
         for leaf in leaf_tables((surface, within)):
             largest[np.array(leaf.number)] = np.array(leaf.size)
@@ -177,20 +197,25 @@ class CsgTable:
         tables = list(leaf_tables((self.surface, self.within)))
         return tables[int(self.site_of[number])], int(self.row_of[number])
 
-    def _firsts(self) -> np.ndarray:
-        """Number of the first leaf of each object."""
-        counts = np.array([len(form.leaves) for form in self.forms])
-        return np.cumsum(counts) - counts
-
-    def bounds(self, outer: None) -> Bounds:
-        """As Primitive.bounds. An empty object has a box of one point."""
+    def _hulls(self) -> dict[int, Hull]:
+        """The hulls of all bounded operands, by the numbers of their leaves."""
         hulls: dict[int, Hull] = {}
         for table in leaf_tables((self.surface, self.within)):
             if (bounds := table.bounds()) is not None:
                 fields = (np.array(x, float).T for x in (bounds.low, bounds.high, bounds.centre, bounds.radius))
                 hulls.update(zip(np.array(table.number).tolist(), map(Hull, *fields)))
+        return hulls
+
+    def _firsts(self) -> np.ndarray:
+        """Number of the first leaf of each object."""
+        counts = np.array([len(form.leaves) for form in self.forms.value])
+        return np.cumsum(counts) - counts
+
+    def bounds(self, outer: None) -> Bounds:
+        """As Primitive.bounds. An empty object has a box of one point."""
+        hulls = self._hulls()
         joined = []
-        for form, first in zip(self.forms, self._firsts().tolist()):
+        for form, first in zip(self.forms.value, self._firsts().tolist()):
             own = {i: hulls[first + i] for i in range(len(form.leaves)) if first + i in hulls}
             joined.append(joined_hull(form, own))
         low, high, centre, radius = (np.array([getattr(h, k) for h in joined]) for k in Hull.__dataclass_fields__)

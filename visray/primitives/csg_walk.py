@@ -16,7 +16,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.geometry import gamma, l1_norm
+from visray.geometry import UNIT_ROUNDOFF, gamma, l1_norm
 from visray.primitives.convex import Interval
 from visray.primitives.csg_form import LeafSite
 from visray.primitives.csg_state import NO_LEAF, State
@@ -68,6 +68,9 @@ class Walk:
         self.lanes = max(dr.width(x) for x in arrays if x is not None)
         self.begin = d(begin) + dr.zeros(d, self.lanes)
         self.origin_size = l1_norm(seen.o)
+        v32, f32 = dr.float32_array_t(type(ray.d)), dr.float32_array_t(d)
+        # Origin and direction in single, and the bound on the error of coordinates in single (`_may_meet`).
+        self.single = v32(seen.o), v32(ray.d), UNIT_ROUNDOFF["single"] * f32(self.origin_size + seen.placed.size)
         # The leaf on whose surface the rays start, if it is known.
         self.start = None if known.start_part is None else known.on_start
         self.start_code, self.runs_inside = known.start_part, known.inside
@@ -126,26 +129,34 @@ class Walk:
         def step(i: Any, *arrays: Any) -> tuple:
             result = State(*arrays)
             child = rows(looped.table.value, looped.first + i)
-            if isinstance(site, LeafSite) and not site.searches and site.kind.bounded:
-                outside = State.constant(site.negated, self.types, self.lanes)
-                new = dr.if_stmt(
-                    outside.arrays(), self._may_meet(child, point),
-                    lambda *_: self._leaf(site, child, None, point, True).arrays(), lambda *old: old, label="operand",
-                )  # fmt: skip
-                return i + 1, *result.joined(State(*new), both).arrays()
-            return i + 1, *self._with_child(result, both, site, child, None, point, needed).arrays()
+            if looped.balls is None:
+                return i + 1, *self._with_child(result, both, site, child, None, point, needed).arrays()
+            # A ray that misses the ball of a child is outside of it; or inside its complement, for such a leaf.
+            missed = State.constant(isinstance(site, LeafSite) and site.negated, self.types, self.lanes)
+            new = dr.if_stmt(
+                missed.arrays(), self._may_meet(looped, looped.first + i, point),
+                lambda *_: self.state(site, child, None, point, needed).arrays(), lambda *old: old, label="operand",
+            )  # fmt: skip
+            return i + 1, *result.joined(State(*new), both).arrays()
 
+        # The node is known as soon as no other child matters.
         start = dr.zeros(self.types.U, self.lanes), *result.arrays()
-        more = lambda i, *_: (i < looped.count) & needed  # noqa: E731 - the condition
+        more = lambda i, *arrays: (i < looped.count) & needed & State(*arrays).is_open(both)  # noqa: E731 - condition
         return State(*dr.while_loop(start, more, step, label="operands")[1:])
 
-    def _may_meet(self, leaf: PlacedLeaf, point: Point) -> Any:
-        """Whether a ray may meet the bounding ball of a leaf at the point, behind it, or within rounding before it."""
-        to_centre = leaf.centre - self.o
-        middle = dr.dot(to_centre, self.ray.d)
-        radius = leaf.radius + self._flush(leaf, point)
-        misses = dr.squared_norm(to_centre - middle * self.ray.d) > dr.square(radius)
-        return ~misses & (middle + radius + self._reach(leaf, point) >= point.t)
+    def _may_meet(self, looped: Looped, row: Any, point: Point) -> Any:
+        """Whether a ray may meet the ball of a child at the point, or behind it. row: that of the child.
+
+        Error: as in accel/row_tests.test_ball, with p = o, so that e = u (|o|_1 + R), and R is the size of the largest
+        operand. The distances along the ray have one more rounding.
+        """
+        balls, (o, d, error) = looped.balls.value, self.single
+        x, y, z, radius = dr.gather(balls.four, balls.numbers, row)
+        to_centre, w = type(o)(x, y, z) - o, 32 * error
+        middle = dr.dot(to_centre, d)
+        reach = radius + w
+        meets = dr.squared_norm(to_centre - middle * d) <= dr.square(reach)
+        return meets & (middle + reach >= type(w)(point.t) * (1 - 4 * UNIT_ROUNDOFF["single"]))
 
     def _leaf(self, site: LeafSite, leaf: PlacedLeaf, ready: Any, point: Point, needed: Any) -> State:
         """The state of a leaf."""

@@ -68,6 +68,49 @@ def test_outside_files_are_refused_alike_whether_they_exist_or_not(place: Path, 
         load(scene(place, section, file))
 
 
+TETRAHEDRON = "OFF\n4 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+
+
+def nested(place: Path, files: list[str]) -> Path:
+    """A scene in which operands at several depths are meshes: in a list, by name, and in what is cut away."""
+    a, b, c = ({"type": "mesh", "file": file} for file in files)
+    body = {"type": "sphere", "cut": [{"type": "csg", "op": "merge", "of": {"x": a, "y": {"type": "box", "cut": [b]}}}]}
+    solid = {"type": "csg", "op": "difference", "of": [body, c]}
+    path = place / "nested.json"
+    path.write_text(json.dumps({"objects": {"solid": solid}, "film": {"width": 2, "height": 2}}))
+    return path
+
+
+def test_files_of_operands_are_read_below_the_folder_alone(place: Path) -> None:
+    for folder in (place, place.parent):
+        (folder / "solid.off").write_text(TETRAHEDRON)
+    addresses = [f"objects.solid.of.{x}" for x in ("0.cut.0.of.x", "0.cut.0.of.y.cut.0", "1")]
+    for file in ("../solid.off", "../nothing", "link/solid.off"):
+        path = nested(place, [file] * 3)
+        with pytest.raises(UserError) as caught:
+            load(path)
+        assert [line.split(": ")[1] for line in caught.value.lines] == [
+            f'{address}.file = "{file}"' for address in addresses
+        ]
+    load(nested(place, ["../solid.off"] * 3), allow_outside=True)
+    load(nested(place, ["solid.off"] * 3))
+
+
+def test_files_of_operands_are_written_relative_to_the_folder(place: Path) -> None:
+    files = ["deep/a.off", "b.off", "deep/c.off"]
+    for file in files:
+        (place / file).write_text(TETRAHEDRON)
+    loaded = load(nested(place, files))
+    with pytest.warns(OutsideWarning, match="b.off: is outside of the folder"):
+        text = dump(loaded, place / "deep")
+    (place / "deep" / "again.json").write_text(text)
+    body, c = json.loads(text)["objects"]["solid"]["of"]
+    merged = body["cut"][0]["of"]
+    found = [merged["x"]["file"], merged["y"]["cut"][0]["file"], c["file"]]
+    assert found == ["a.off", "../b.off", "c.off"]
+    assert dump(load(place / "deep" / "again.json", allow_outside=True), place) == dump(loaded, place)
+
+
 def test_the_other_errors_of_the_scene_are_told_too(place: Path) -> None:
     path = scene(place, "objects", "../mesh.off")
     raw = json.loads(path.read_text())

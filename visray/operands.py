@@ -47,8 +47,17 @@ Operands = Annotated[Any, OperandsRule(False)]
 OptionalOperands = Annotated[Any, OperandsRule(True)]
 
 
+# Names of the fields that hold operands.
+ROLES = ("of", "cut")
+
+
 def named_operands(operands: Any) -> dict[str, Any]:
     """Operands by the last part of their addresses: their name, or their number in the list. None has none."""
     if operands is None:
         return {}
     return dict(operands) if isinstance(operands, dict) else {str(i): x for i, x in enumerate(operands)}
+
+
+def like_operands(named: dict[str, Any], operands: Any) -> Any:
+    """Operands by the last part of their addresses in the form that others have: by name, or as a list or tuple."""
+    return named if isinstance(operands, dict) else type(operands)(named.values())

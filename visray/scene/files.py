@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from visray.operands import ROLES, like_operands, named_operands
 from visray.scene.messages import line
 from visray.terminal import printable
 
@@ -58,12 +59,23 @@ def placed(raw: Any, folder: Path, allow_outside: bool) -> tuple[Any, list[str]]
             return stand_in(entry)
         return entry | {key: path}
 
+    def moved_entry(address: str, entry: Any, stand_in: dict) -> Any:
+        """An entry, and its operands at all depths, with the right paths. stand_in: as in WITH_FILES."""
+        entry = moved(address, entry, "file", lambda _: stand_in)
+        if not isinstance(entry, dict):
+            return entry
+        inner = {}
+        for role in ROLES:
+            if isinstance(operands := entry.get(role), dict | list):
+                named = named_operands(operands).items()
+                inner[role] = like_operands(
+                    {name: moved_entry(f"{address}.{role}.{name}", x, stand_in) for name, x in named}, operands
+                )
+        return entry | inner
+
     sections = {section: raw[section] for section in WITH_FILES if isinstance(raw.get(section), dict)}
     new = {
-        section: {
-            name: moved(f"{section}.{name}", entry, "file", lambda _, s=section: WITH_FILES[s])
-            for name, entry in entries.items()
-        }
+        section: {name: moved_entry(f"{section}.{name}", x, WITH_FILES[section]) for name, x in entries.items()}
         for section, entries in sections.items()
     }
     data = raw.get("data")

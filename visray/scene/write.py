@@ -22,6 +22,7 @@ from visray.data.size_rule import SizeRule
 from visray.data.source import TableValue
 from visray.materials import Material
 from visray.number_table import NumberTable
+from visray.operands import ROLES, like_operands, named_operands
 from visray.primitives.clips import Ball, Block
 from visray.primitives.mesh import FitBox
 from visray.quantities import quantities
@@ -53,7 +54,7 @@ KINDS = (
 # Fields that every object has. They are written last, because an object's other fields say more about it.
 LAST = ("material", "transform", "cut", "cut_material")
 # Fields in which the order of names has a meaning: the first operand is the one that others cut.
-ORDERED = ("of", "cut")
+ORDERED = ROLES
 
 
 @checked_arguments
@@ -97,9 +98,15 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
     """
 
     def moved(entries: dict[str, Any]) -> dict[str, Any]:
-        return {
-            name: replace(x, file=renamed(x.file)) if getattr(x, "file", None) else x for name, x in entries.items()
-        }
+        return {name: moved_entry(x) for name, x in entries.items()}
+
+    def moved_entry(entry: Any) -> Any:
+        """An entry, and its operands at all depths, with other paths."""
+        new = {"file": renamed(entry.file)} if getattr(entry, "file", None) else {}
+        for role in ROLES:
+            if (operands := getattr(entry, role, None)) is not None:
+                new[role] = like_operands(moved(named_operands(operands)), operands)
+        return replace(entry, **new) if new else entry
 
     data = scene.data
     if data is not None:

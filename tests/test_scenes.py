@@ -90,6 +90,40 @@ def test_the_field_is_what_its_script_writes():
     assert json.loads(made["text"](made["plants"]())) == json.loads((SCENES[0].parent / "field.json").read_text())
 
 
+@pytest.mark.parametrize("name", script("make_csg")["SCENES"])
+def test_the_scenes_of_many_operands_are_what_their_script_writes(name):
+    assert script("make_csg")["text"](name) == (SCENES[0].parent / f"csg-{name}.json").read_text()
+
+
+@pytest.mark.slow
+def test_the_lens_shows_the_sun_where_the_formula_of_thin_lenses_puts_it():
+    """Turned over and smaller: 1/f = 1/s + 1/s', and the image is s'/s times as large. The formula leaves out the
+    thickness of the lens and rays far from its axis, so the centre of the image is within the image of the sun."""
+    scene, (width, height) = vr.load(SCENES[0].parent / "csg-lens.json"), (192, 144)
+    lens, painting = scene.objects["lens"], scene.objects["painting"]
+    centre = np.array(lens.transform[0].translate)
+    focal_length = lens.of["front"].radius / (2 * (scene.materials["glass"].ior - 1))
+    # Centre and radius of the sun in painting.png, which has 480 x 600 pixels.
+    u, v, radius = 314 / 480, 1 - 202 / 600, 80 / 480 * painting.width[0]
+    sun = np.add(painting.center, [(u - 0.5) * painting.width[0], (v - 0.5) * painting.height[1], 0])
+    distance = centre[2] - sun[2]
+    shrinks = 1 / (distance / focal_length - 1)
+    image = centre - shrinks * (sun - centre)
+
+    forward = np.subtract(scene.camera.target, scene.camera.origin)
+    right = np.cross(forward, scene.camera.up)
+    forward, right, up = (a / np.linalg.norm(a) for a in (forward, right, np.cross(right, forward)))
+    depth = (image - scene.camera.origin) @ forward
+    pixel = 2 * np.tan(np.radians(scene.camera.fov) / 2) / height * depth
+    x = 0.5 * (width - 1) + (image - scene.camera.origin) @ right / pixel
+    y = 0.5 * (height - 1) - (image - scene.camera.origin) @ up / pixel
+
+    seen = vr.render(scene, size=(width, height), spp=9)
+    red, green, _ = np.moveaxis(seen["RGB"], -1, 0)
+    rows, columns = np.nonzero((seen["id"] == 1 + list(scene.objects).index("lens")) & (red > 4 * green) & (red > 0.1))
+    assert len(rows) > 9 and np.hypot(columns.mean() - x, rows.mean() - y) < radius * shrinks / pixel
+
+
 @pytest.mark.parametrize("name", PAIRS)
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_scene_of_the_original(name):

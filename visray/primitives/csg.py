@@ -8,6 +8,7 @@ from visray.geometry import Frame
 from visray.operands import Operands, named_operands
 from visray.primitives.csg_body import CsgBody
 from visray.primitives.csg_bounds import hull_of
+from visray.primitives.csg_clusters import clustered
 from visray.primitives.csg_form import Form, form_of
 from visray.primitives.primitive import Bounds, Primitive
 
@@ -34,7 +35,7 @@ class Csg(Primitive):
     @cached_property
     def form(self) -> Form:
         """The structure of the object. Domain: objects without instances and cuts (csg_resolved.py)."""
-        return form_of(self)
+        return clustered(form_of(self))
 
     @property
     def kind(self) -> Any:

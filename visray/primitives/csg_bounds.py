@@ -60,24 +60,26 @@ EVERYWHERE = Hull.of_box(np.full(3, -np.inf), np.full(3, np.inf))
 
 def hull_of(form: Form) -> Hull:
     """The hull of an object."""
-    return joined_hull(form, {leaf.number: _leaf_hull(leaf) for leaf in form.leaves})
+    return joined_hull(form, {leaf.number: leaf_hull(leaf) for leaf in form.leaves})
 
 
 def joined_hull(form: Form, hulls: Mapping[int, Hull]) -> Hull:
     """As `hull_of`. hulls: those of the bounded operands, by the numbers of their leaves."""
-    hull = hull_of_tree(form.surface, hulls)
-    return hull if form.within is None else hull.intersection(hull_of_tree(form.within, hulls))
+    hulls = [EVERYWHERE if tree is None or tree.site.outside else hull_of_tree(tree, hulls)
+             for tree in (form.surface, form.within)]  # fmt: skip
+    return hulls[0].intersection(hulls[1])
 
 
-def hull_of_tree(tree: Any, hulls: Mapping[int, Hull], either: bool = False) -> Hull:
-    """The hull of a tree. either: whether the hull of a leaf's complement is that of the leaf."""
+def hull_of_tree(tree: Any, hulls: Mapping[int, Hull]) -> Hull:
+    """The hull of a tree; that of its complement, if points far away are meant."""
     if isinstance(tree, Leaf):
-        return EVERYWHERE if tree.negated and not either else hulls.get(tree.number, EVERYWHERE)
-    inner = [hull_of_tree(x, hulls) for x in tree.children]
-    return reduce(Hull.intersection, inner) if tree.both else Hull.union(inner)
+        return hulls.get(tree.number, EVERYWHERE)
+    outside = tree.site.outside
+    inner = [hull_of_tree(x, hulls) for x in tree.children if x.site.outside == outside]
+    return reduce(Hull.intersection, inner) if tree.both != outside else Hull.union(inner)
 
 
-def _leaf_hull(leaf: Leaf) -> Hull:
+def leaf_hull(leaf: Leaf) -> Hull:
     """The hull of an operand."""
     shape = replace(leaf.shape, transform=leaf.steps)
     if not shape.bounded:

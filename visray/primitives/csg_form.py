@@ -52,11 +52,15 @@ class Leaf:
 
 @dataclass(frozen=True)
 class Node:
-    """The intersection of its children if `both`, else their union. groups: the children, those with equal sites side
-    by side."""
+    """The intersection of its children if `both`, else their union.
+
+    groups: the children, those with equal sites side by side.
+    looped: whether the kernel loops over groups of any size. If not, it loops over large ones only.
+    """
 
     both: bool
     groups: tuple[tuple[Any, ...], ...]
+    looped: bool = False
 
     @staticmethod
     def of(both: bool, children: list) -> Any:
@@ -79,7 +83,8 @@ class Node:
     @cached_property
     def site(self) -> "NodeSite":
         """The site of the node."""
-        sizes = [len(g) if len(g) <= MAX_WRITTEN_OUT else None for g in self.groups]
+        limit = 0 if self.looped else MAX_WRITTEN_OUT
+        sizes = [len(g) if len(g) <= limit else None for g in self.groups]
         return NodeSite(self.both, tuple(Group(g[0].site, size) for g, size in zip(self.groups, sizes)))
 
 
@@ -102,9 +107,14 @@ class LeafSite:
         return not hasattr(self.kind, "intervals")
 
     @property
-    def bounded(self) -> bool:
-        """Whether the points that are meant have a bounding box."""
-        return self.kind.bounded and not self.negated
+    def outside(self) -> bool:
+        """Whether points far away are meant."""
+        return self.negated
+
+    @property
+    def localized(self) -> bool:
+        """Whether all points are meant, or none, outside of some ball."""
+        return self.kind.bounded
 
     @property
     def leaves(self) -> tuple["LeafSite", ...]:
@@ -133,9 +143,17 @@ class NodeSite:
         return any(group.site.searches for group in self.groups)
 
     @property
-    def bounded(self) -> bool:
-        """Whether the points that are meant have a bounding box."""
-        return (any if self.both else all)(group.site.bounded for group in self.groups)
+    def outside(self) -> bool:
+        """As LeafSite.outside."""
+        return (all if self.both else any)(group.site.outside for group in self.groups)
+
+    @property
+    def localized(self) -> bool:
+        """As LeafSite.localized. An intersection is bounded if one of its sets is, and a union has a bounded complement
+        if one of its sets has."""
+        one_is_enough = self.outside != self.both
+        of_this_side = [g.site.localized for g in self.groups if g.site.outside == self.outside]
+        return any(of_this_side) if one_is_enough else all(of_this_side)
 
     @property
     def leaves(self) -> tuple[LeafSite, ...]:
@@ -210,4 +228,5 @@ def renumbered(tree: Any, first: int) -> Any:
     """The tree with `first` added to the numbers of its leaves."""
     if isinstance(tree, Leaf):
         return replace(tree, number=first + tree.number)
-    return Node(tree.both, tuple(tuple(renumbered(x, first) for x in group) for group in tree.groups))
+    groups = tuple(tuple(renumbered(x, first) for x in group) for group in tree.groups)
+    return Node(tree.both, groups, tree.looped)

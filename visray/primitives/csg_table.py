@@ -88,8 +88,8 @@ class Looped:
     first, count: number of the first row, and of rows, in the table.
     table: table of all children at this site.
     trees: the children, in Python.
-    balls: balls that contain the children, or the operands whose complements they are: packets of centre and radius, in
-        single. None before the children are placed, and for unbounded ones.
+    balls: balls that contain the children, or their complements: packets of centre and radius, in single. None before
+        the children are placed, and for children that are unbounded, and so are their complements.
     """
 
     first: Any
@@ -125,12 +125,16 @@ def placed_tree(a: Arrays, table: Any, hulls: Mapping[int, Hull]) -> Any:
         return table.placed()
     if not isinstance(table, Looped):
         return tuple(placed_tree(a, x, hulls) for x in table)
-    inner = [hull_of_tree(tree, hulls, True) for tree in table.trees.value]
-    balls = None
-    if all(np.isfinite(hull.radius) for hull in inner):
-        centre, radius = np.array([h.centre for h in inner]), np.array([h.radius for h in inner])
-        balls = Shared(Packets.of(a.Q32, (a.put(a.V32, centre.T), a.put(a.F32, radius))))
+    balls = packed_balls(a, [hull_of_tree(tree, hulls) for tree in table.trees.value])
     return replace(table, table=Shared(placed_tree(a, table.table.value, hulls)), balls=balls)
+
+
+def packed_balls(a: Arrays, hulls: Sequence[Hull]) -> Shared | None:
+    """The balls of children of one site, as in Looped."""
+    if not np.isfinite([hull.radius for hull in hulls]).all():
+        return None
+    centre, radius = np.array([h.centre for h in hulls]), np.array([h.radius for h in hulls])
+    return Shared(Packets.of(a.Q32, (a.put(a.V32, centre.T), a.put(a.F32, radius))))
 
 
 def leaf_tables(table: Any) -> Iterator[Any]:

@@ -11,7 +11,7 @@ Convex operands have an interval. All others search for their next crossing.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -126,16 +126,18 @@ class Walk:
     def _looped(self, both: bool, site: Any, looped: Looped, point: Point, needed: Any, result: State) -> State:
         """The state of a node after the children of a group that is looped over. result: that before them."""
 
+        def child(i: Any) -> Any:
+            return rows(looped.table.value, looped.first + i)
+
         def step(i: Any, *arrays: Any) -> tuple:
             result = State(*arrays)
-            child = rows(looped.table.value, looped.first + i)
             if looped.balls is None:
-                return i + 1, *self._with_child(result, both, site, child, None, point, needed).arrays()
-            # A ray that misses the ball of a child is outside of it; or inside its complement, for such a leaf.
-            missed = State.constant(isinstance(site, LeafSite) and site.negated, self.types, self.lanes)
+                return i + 1, *self._with_child(result, both, site, child(i), None, point, needed).arrays()
+            near, missed = self._by_ball(both, site, looped, looped.first + i, point)
+            # The child is read inside the branch, because few lanes need it.
             new = dr.if_stmt(
-                missed.arrays(), self._may_meet(looped, looped.first + i, point),
-                lambda *_: self.state(site, child, None, point, needed).arrays(), lambda *old: old, label="operand",
+                missed.arrays(), near, lambda *_: self.state(site, child(i), None, point, needed).arrays(),
+                lambda *old: old, label="operand",
             )  # fmt: skip
             return i + 1, *result.joined(State(*new), both).arrays()
 
@@ -144,19 +146,28 @@ class Walk:
         more = lambda i, *arrays: (i < looped.count) & needed & State(*arrays).is_open(both)  # noqa: E731 - condition
         return State(*dr.while_loop(start, more, step, label="operands")[1:])
 
-    def _may_meet(self, looped: Looped, row: Any, point: Point) -> Any:
-        """Whether a ray may meet the ball of a child at the point, or behind it. row: that of the child.
+    def _by_ball(self, both: bool, site: Any, looped: Looped, row: Any, point: Point) -> tuple[Any, State]:
+        """(mask of the rays for which a child must be looked at, its state for the other rays). row: that of the child.
 
-        Error: as in accel/row_tests.test_ball, with p = o, so that e = u (|o|_1 + R), and R is the size of the largest
-        operand. The distances along the ray have one more rounding.
+        A ray that misses the child's ball, or has left it, is outside of the child for good. One that is before the
+        ball is outside up to there. If children are taken away, this is enough, because the ray often ends here. If
+        they are put together, the ray goes on to the first of them; so those ahead are looked at at once.
+
+        Error: as in accel/row_tests.test_ball, with p = o, so that e = u (|o|_1 + R), where R is the size of the
+        largest operand. The distance of the point has one more rounding.
         """
-        balls, (o, d, error) = looped.balls.value, self.single
+        balls, (o, d, error), n = looped.balls.value, self.single, self.lanes
         x, y, z, radius = dr.gather(balls.four, balls.numbers, row)
-        to_centre, w = type(o)(x, y, z) - o, 32 * error
+        to_centre, w, t = type(o)(x, y, z) - o, 32 * error, type(error)(point.t)
         middle = dr.dot(to_centre, d)
-        reach = radius + w
-        meets = dr.squared_norm(to_centre - middle * d) <= dr.square(reach)
-        return meets & (middle + reach >= type(w)(point.t) * (1 - 4 * UNIT_ROUNDOFF["single"]))
+        squared = dr.square(radius + w) - dr.squared_norm(to_centre - middle * d)
+        half, slack = dr.sqrt(dr.maximum(squared, 0)) + w, 4 * UNIT_ROUNDOFF["single"] * t
+        near = (squared >= 0) & (middle + half >= t - slack)
+        following = dr.full(self.types.D, dr.inf, n)
+        if both and site.outside:
+            ahead = near & (middle - half > t + slack)
+            near, following = near & ~ahead, dr.select(ahead, self.types.D(middle - half), following)
+        return near, replace(State.constant(site.outside, self.types, n), next=following)
 
     def _leaf(self, site: LeafSite, leaf: PlacedLeaf, ready: Any, point: Point, needed: Any) -> State:
         """The state of a leaf."""

@@ -1,0 +1,65 @@
+"""The kernel of CSG: what only makes it faster changes no bit of a picture."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import visray as vr
+from visray.primitives import csg_clusters, csg_form, csg_table
+
+MATERIALS = {"skin": vr.Material(kd=(0.8, 0.2, 0.1)), "inner": vr.Material(kd=(0.1, 0.3, 0.9))}
+
+
+def balls(count: int) -> tuple[vr.Sphere, ...]:
+    """Balls of many sizes in and around the unit cube; some contain others, some lie apart."""
+    rng = np.random.default_rng(3)
+    return tuple(
+        vr.Sphere(center=tuple(rng.uniform(-1, 1, 3).tolist()), radius=float(rng.uniform(0.05, 0.4)))
+        for _ in range(count)
+    )
+
+
+def wedges(count: int) -> tuple[vr.Csg, ...]:
+    """Parts of two operands each, around the y axis."""
+    ball = vr.Sphere(center=(0.8, 0, 0), radius=0.5)
+    box = vr.Box(min=(0.2, -0.3, -0.05), max=(1.2, 0.3, 0.05))
+    turns = [(vr.Rotate(rotate=360.0 * i / count, axis=(0, 1, 0)),) for i in range(count)]
+    return tuple(vr.Csg(op="intersection", of=(box, ball), transform=turn) for turn in turns)
+
+
+BOX = vr.Box(min=(-0.9, -0.9, -0.9), max=(0.9, 0.9, 0.9))
+SOLIDS = {
+    "holes": vr.Csg(op="difference", of=(BOX, *balls(50)), cut_material="inner"),
+    "union": vr.Csg(op="merge", of=balls(50)),
+    "wedges": vr.Csg(op="merge", of=wedges(20)),
+    "slots": vr.Csg(op="difference", of=(BOX, *wedges(20)), cut_material="inner"),
+    "nested": vr.Csg(op="intersection", of=(BOX, vr.Csg(op="difference", of=(vr.Sphere(radius=1.2), *balls(30))))),
+}
+
+
+def picture(solid: vr.Csg) -> np.ndarray:
+    scene = vr.Scene(
+        camera=vr.Camera(origin=(2.0, 1.7, 3.0), target=(0, 0, 0), fov=40.0),
+        film=vr.Film(width=96, height=72),
+        materials=MATERIALS,
+        lights={"key": vr.PointLight(position=(3.0, 4.0, 2.0))},
+        objects={"floor": vr.Plane(point=(0, -1, 0)), "solid": vr.Csg(**vars(solid) | {"material": "skin"})},
+    )
+    return np.array(vr.render(scene, spp=4))
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_clusters_and_loops_and_balls_change_no_bit(name: str, monkeypatch: Any) -> None:
+    """Against kernels in which every operand is written out, or is in one loop without balls."""
+    fast = picture(SOLIDS[name])
+    assert fast.std() > 0.05
+    with monkeypatch.context() as slow:
+        slow.setattr(csg_clusters, "UNSPLIT", 10**6)
+        assert np.array_equal(picture(SOLIDS[name]), fast)
+        slow.setattr(csg_table, "packed_balls", lambda *_: None)
+        assert np.array_equal(picture(SOLIDS[name]), fast)
+    with monkeypatch.context() as slow:
+        slow.setattr(csg_clusters, "UNSPLIT", 10**6)
+        slow.setattr(csg_form, "MAX_WRITTEN_OUT", 10**6)
+        assert np.array_equal(picture(SOLIDS[name]), fast)

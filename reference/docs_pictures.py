@@ -32,17 +32,25 @@ PICTURES = {
     "heart": {"size": LARGE, "error": 0.01},
     "showcase": {"size": (640, 360)},
 }
-# Pages whose first scene has a picture, by the name of the picture, with the options of `visray render`.
+# Scenes of pages that have a picture, by the name of the picture: the page, the number of the scene among those of the
+# page, and the options of `visray render`.
 SCENES = {
-    "materials": ("docs/materials-and-lights.md", "--size 480x320 --spp 64"),
-    "data": ("docs/data.md", "--spp 64 --allow-outside"),
-    "legends": ("docs/legends.md", "--size 720x450 --spp 64 --allow-outside"),
+    "materials": ("docs/materials-and-lights.md", 0, "--size 480x320 --spp 64"),
+    "csg": ("docs/csg.md", 0, "--spp 64"),
+    "csg-open": ("docs/csg.md", 1, "--spp 64"),
+    "data": ("docs/data.md", 0, "--spp 64 --allow-outside"),
+    "legends": ("docs/legends.md", 0, "--size 720x450 --spp 64 --allow-outside"),
 }
 
 
-def first_block(page: str, language: str) -> str:
-    """The first code block in a language (such as "json") on a page. page: path of the page in the repository."""
-    return re.search(rf"^```{language}\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)[1]
+def block(page: str, language: str, number: int = 0) -> str:
+    """A code block of a page.
+
+    page: path of the page in the repository.
+    language: language of the block, such as "json".
+    number: its number among the blocks in this language, from 0.
+    """
+    return re.findall(rf"^```{language}\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)[number]
 
 
 def scenes_of_pages() -> None:
@@ -52,14 +60,14 @@ def scenes_of_pages() -> None:
     lines = [
         command,
         f"{table} --spp 64",
-        *(f"visray render {name}.json -o {name}.png {options}" for name, (_, options) in SCENES.items()),
+        *(f"visray render {name}.json -o {name}.png {options}" for name, (*_, options) in SCENES.items()),
     ]
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "first.json").write_text(first_block("README.md", "json"))
-        (Path(folder) / "spiral.py").write_text(first_block("README.md", "python"))
+        (Path(folder) / "first.json").write_text(block("README.md", "json"))
+        (Path(folder) / "spiral.py").write_text(block("README.md", "python"))
         (Path(folder) / "scenes").symlink_to(ROOT / "scenes")
-        for name, (page, _) in SCENES.items():
-            (Path(folder) / f"{name}.json").write_text(first_block(page, "json"))
+        for name, (page, number, _) in SCENES.items():
+            (Path(folder) / f"{name}.json").write_text(block(page, "json", number))
         for words in (["spiral.py"], *(["-m", *line.split()] for line in lines)):
             subprocess.run([sys.executable, *words], cwd=folder, check=True)
         for name in ("first", "spiral", "rain", *SCENES):

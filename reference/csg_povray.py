@@ -9,7 +9,8 @@ Time: the programs alternate; the median of the rounds' ratios is reported. POV-
 reports, without parsing and writing. It takes 4 or 16 samples in each pixel in two ways: as antialiasing that leaves no
 pixel out (+A0.0 +AM1 +R2 or +R4; this adds one ray a pixel), and as one sample in each pixel of a picture 2 or 4 times
 as large. The faster of both counts in each round. visray's time is that from the prepared scene to the picture in
-memory, with compiled kernels and a new seed; the compile time is reported separately.
+memory, with compiled kernels and a new seed; the compile time is reported separately. The ratio of the seconds of the
+processor, summed over the threads, is reported as well: it hardly depends on other programs on the machine.
 
 Centres: one ray through the centre of each pixel, in both programs, as a picture with light and shadow. All colours are
 compared with those of a third implementation in extended precision (csg_truth.py). A pixel that differs from them by
@@ -44,7 +45,7 @@ from visray.passes import expose
 from visray.setup import prepare
 from visray.study.ablation import UncachedPicture
 
-RUNS, SIDES = 9, (2, 4)
+RUNS, SIDES, CLOCKS = 9, (2, 4), ("wall", "cpu")
 EDGE, POINTS = 1e-9, 32
 # POV-Ray's files: binary PPM of 16 bits for each colour, without gamma.
 PPM = ("+FP16", "File_Gamma=1.0")
@@ -83,10 +84,10 @@ def ppm(path: Path) -> np.ndarray:
 # --- time
 
 
-def calls(solid: Solid, folder: Path) -> dict[str, TimedCall]:
+def calls(solid: Solid, folder: Path, sides: list[int]) -> dict[str, TimedCall]:
     """Functions that render a picture and return its seconds, by program and number of samples."""
     text, made = for_povray(solid), {}
-    for side in SIDES:
+    for side in sides:
         n = side * side
         prepared, seeds = prepare(solid.ours(SIZE, n)), iter(range(1000))
         supersampled = ("+A0.0", "+AM1", f"+R{side}")
@@ -96,20 +97,22 @@ def calls(solid: Solid, folder: Path) -> dict[str, TimedCall]:
     return made
 
 
-def speed(solid: Solid, folder: Path, runs: int) -> dict:
-    """A dict with seconds and ratios of both programs."""
-    work = calls(solid, folder)
+def speed(solid: Solid, folder: Path, runs: int, sides: list[int]) -> dict:
+    """A dict with seconds and ratios of both programs, by clock."""
+    work = calls(solid, folder, sides)
     for call in work.values():
         call()
-    rounds = [{name: call()[0] for name, call in work.items()} for _ in range(runs)]
-    report: dict = {"s": {name: median(r[name] for r in rounds) for name in work}}
-    for side in SIDES:
-        n = side * side
-        ratios = sorted(min(r[f"povray {n}"], r[f"povray larger {n}"]) / r[f"visray {n}"] for r in rounds)
-        report[f"ratio_{n}"] = median(ratios)
-        report[f"ratio_{n}_quartiles"] = [ratios[len(ratios) // 4], ratios[-1 - len(ratios) // 4]]
-    operations, seconds = UncachedPicture.of(prepare(solid.ours(SIZE, 4))).compiled()
-    return report | {"operations": operations, "compile_s": seconds}
+    rounds = [{name: call() for name, call in work.items()} for _ in range(runs)]
+    operations, compile_seconds = UncachedPicture.of(prepare(solid.ours(SIZE, 4))).compiled()
+    report: dict = {"operations": operations, "compile_s": compile_seconds}
+    for clock, name in enumerate(CLOCKS):
+        seconds = [{key: s[clock] for key, s in r.items()} for r in rounds]
+        report[name] = {"s": {key: median(r[key] for r in seconds) for key in work}}
+        for n in (side * side for side in sides):
+            ratios = sorted(min(r[f"povray {n}"], r[f"povray larger {n}"]) / r[f"visray {n}"] for r in seconds)
+            quartiles = [ratios[len(ratios) // 4], ratios[-1 - len(ratios) // 4]]
+            report[name] |= {f"ratio_{n}": median(ratios), f"ratio_{n}_quartiles": quartiles}
+    return report
 
 
 # --- who is right
@@ -189,6 +192,7 @@ def verdict(solid: Solid, folder: Path, out: Path | None) -> dict:
 def main() -> None:
     parser = report_parser(__doc__)
     parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--sides", nargs="*", type=int, choices=SIDES, default=SIDES, help="samples: side x side")
     parser.add_argument("--solids", nargs="*", choices=SOLIDS, default=list(SOLIDS))
     parser.add_argument("--only", choices=("speed", "verdict"))
     parser.add_argument("--pictures", type=Path, help="a folder for the pictures, side by side: POV-Ray, visray")
@@ -202,7 +206,7 @@ def main() -> None:
             solid = SOLIDS[name]()
             row = {"solid": name, "operands": len(solid.node.leaves())}
             if chosen.only != "verdict":
-                row |= speed(solid, folder, chosen.runs)
+                row |= speed(solid, folder, chosen.runs, chosen.sides)
             if chosen.only != "speed":
                 row |= verdict(solid, folder, chosen.pictures and chosen.pictures / f"{name}.png")
             print(json.dumps(row), file=sys.stderr, flush=True)

@@ -105,6 +105,16 @@ def penumbra(text: str) -> None:
     assert all((row[1:] < 0.8 * independent[1:]).all() for row in map(np.array, table.values()))
 
 
+def slices(text: str) -> None:
+    """The radius of the core in each picture is the true one, to half the diagonal of a pixel; both are rounded."""
+    rows = [numbers(line) for line in text.splitlines()]
+    assert [z for z, *_ in rows] == [0.6, 0.3, 0]
+    for z, seen, true in rows:
+        exact = max(0.45**2 - z * z, 0) ** 0.5
+        assert abs(true - exact) <= 0.0005 and abs(seen - exact) <= 0.5**0.5 * 2.4 / 240 + 0.0005
+    assert rows[0][1] == 0 < rows[1][1] < rows[2][1]
+
+
 def to_an_error(text: str) -> None:
     """Each picture's error is at most the one asked for, and within its own limits; finer ones take more samples."""
     *rows, last = text.splitlines()
@@ -125,8 +135,8 @@ def what_is_simulated(text: str) -> None:
 
 
 JUDGES = (
-    data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, to_an_error,
-    what_is_simulated,
+    data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, slices,
+    to_an_error, what_is_simulated,
 )  # fmt: skip
 JUDGES = {judge.__name__: judge for judge in JUDGES}
 

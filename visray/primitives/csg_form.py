@@ -3,13 +3,15 @@
 An object is a tree of operands. It is brought into negation normal form: a difference becomes an intersection with
 complements, and complements are moved down to the leaves (De Morgan's laws), so that the inner nodes are intersections
 and unions. Nested intersections are joined into one, and so are nested unions. A leaf is an operand that is not CSG.
+An example, with complements as ~x: a - ((b | c) - d) is a & (~(b | c) | d), and that is a & ((~b & ~c) | d).
 
 Leaves are numbered from 0, in the order in which they are written. The number of a leaf is the part of the object's
 surface that it contributes.
 
-A site is a place in the structure of a kernel. All objects with the same sites share their code. Children of a node
-with equal sites form a group. A small group is written out, and a large one is a loop over rows, so that its size is
-data.
+A site is a place in the structure of a kernel: what is known of an operand when code is generated, such as that it is a
+sphere that is taken away, in contrast to its numbers. All objects with the same sites share their code. Children of a
+node with equal sites form a group. A small group is written out, and a large one is a loop over rows, so that its size
+is data.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,12 @@
 """States of operands and of their combinations at one point of a ray, as a walk along the ray needs them.
 
 An event is a crossing of the ray with the surface of an operand. Events that lie at one point, to within rounding,
-count as one. At an event, each operand has a state before it and after it: whether the ray is inside. So has each node.
+count as one. At an event, each operand has a state before it and after it: whether the ray is inside. So has each node
+of the tree (csg_form.py).
+
+The states of two operands give that of their intersection or union, and also a distance up to which it certainly does
+not change. An example: a ray is outside of two balls, and will enter one after 2 and the other after 5. Their
+intersection is certainly empty up to 5, and their union up to 2.
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +22,7 @@ class State:
     """The state of an operand, or of a node, at a point of each ray.
 
     before, after: whether the ray is inside before the point and behind it.
-    owner: code of the leaf whose surface is seen if `before` and `after` differ; NO_LEAF if they do not.
+    owner: code (csg_walk.py) of the leaf whose surface is seen if `before` and `after` differ; NO_LEAF if they do not.
     next: a distance behind the point, up to which the state certainly stays as it is; inf if it never changes again.
     event: code of the leaf that has an event there.
     enters: whether that event leads into the leaf's operand.
@@ -48,7 +53,8 @@ class State:
         return State(*(dr.select(mask, x, y) for x, y in zip(self.arrays(), other.arrays())))
 
     def is_open(self, both: bool) -> Any:
-        """Whether the state of another set matters, beside this one, for the intersection if `both`, else the union."""
+        """Whether the state of a second set matters for its intersection with this one if `both`, else for its union
+        with it. It does not if this set alone decides: outside of it an intersection is empty."""
         return (self.before | self.after) if both else ~(self.before & self.after)
 
     def complement(self) -> "State":
@@ -58,9 +64,11 @@ class State:
     def joined(self, other: "State", both: bool) -> "State":
         """The state of the intersection of two sets if `both`, else of their union.
 
-        An intersection stays empty until both sets are inside, so the later of their next events counts if both are
-        outside, and that of the outer one if one is. It stays full until the first event. A union is the complement of
-        the intersection of the complements.
+        An intersection is empty as long as the ray is outside of one set. So if it is outside of both, the later of
+        their next events counts; if it is outside of one, the next event of that one; if of none, the first event. A
+        union is the complement of the intersection of the complements.
+
+        Of two surfaces at one point, that with the lower code is seen.
         """
         x, y = self, other
         before, after = (x.before & y.before, x.after & y.after) if both else (x.before | y.before, x.after | y.after)

@@ -1,13 +1,20 @@
 """The walk of rays through CSG objects, from event to event, until the boolean expression changes.
 
-At a point of a ray, each operand has a state and a next event. From these follow the state of the object, and a
-distance up to which it certainly stays as it is (csg_state.py). The walk goes there at once: it skips all events that
-cannot change the object. It ends, because each step goes forward to an event.
+An event is a crossing of a ray with the surface of an operand. Other ray tracers sort all events of a ray into a list.
+Here is no list, so none can overflow. At a point of a ray, each operand tells its state (inside or outside) and its
+next event. From these follow the state of the object, and a distance up to which it certainly stays as it is
+(csg_state.py). The walk goes there at once, and skips all events that cannot change the object. It ends, because each
+step goes forward to an event.
 
 Two events count as one if the point of the first lies on the surface of the second to within rounding. So faces that
 coincide leave no film and no crack, and the visible face is that of the leaf with the lower number.
 
-Convex operands have an interval. All others search for their next crossing.
+There are three sorts of operands. A convex one has an interval, which is computed once for each ray. Other solids
+search for their next crossing at each point of the walk. A sheet, such as a disk, has no inside; it can only be the
+first operand.
+
+A code tells a leaf and a part of its surface, such as a triangle of a mesh: the leaf's number, followed by some bits
+for the part.
 """
 
 from collections.abc import Iterator
@@ -57,7 +64,7 @@ class Point:
 class Walk:
     """A walk. Its parameters are those of Primitive.crossing.
 
-    bits: number of low bits of a code that contain the operand's own part. The others contain the number of the leaf.
+    bits: number of low bits of a code that contain the leaf's own part. The others contain the number of the leaf.
     """
 
     def __init__(self, bits: int, seen: Any, ray: Ray, begin: Any, known: KnownEnds):
@@ -69,7 +76,7 @@ class Walk:
         self.begin = d(begin) + dr.zeros(d, self.lanes)
         self.origin_size = l1_norm(seen.o)
         v32, f32 = dr.float32_array_t(type(ray.d)), dr.float32_array_t(d)
-        # Origin and direction in single, and the bound on the error of coordinates in single (`_may_meet`).
+        # Origin and direction in single, and the bound on the error of coordinates in single (`_by_ball`).
         self.single = v32(seen.o), v32(ray.d), UNIT_ROUNDOFF["single"] * f32(self.origin_size + seen.placed.size)
         # The leaf on whose surface the rays start, if it is known.
         self.start = None if known.start_part is None else known.on_start
@@ -149,9 +156,10 @@ class Walk:
     def _by_ball(self, both: bool, site: Any, looped: Looped, row: Any, point: Point) -> tuple[Any, State]:
         """(mask of the rays for which a child must be looked at, its state for the other rays). row: that of the child.
 
-        A ray that misses the child's ball, or has left it, is outside of the child for good. One that is before the
-        ball is outside up to there. If children are taken away, this is enough, because the ray often ends here. If
-        they are put together, the ray goes on to the first of them; so those ahead are looked at at once.
+        Outside of a child's ball, a ray is outside of the child; or inside of it, if the ball contains its complement.
+        A ray that misses the ball, or has left it, stays so. One that is before the ball stays so up to there. If
+        solids are taken away, that is all that is needed, because the ray often ends here. If they are put together,
+        the ray goes on to the first of them; so those ahead are looked at at once.
 
         Error: as in accel/row_tests.test_ball, with p = o, so that e = u (|o|_1 + R), where R is the size of the
         largest operand. The distance of the point has one more rounding.

@@ -951,7 +951,7 @@ def outer(thing: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def inverse(m: np.ndarray) -> np.ndarray:
     """The inverse of a 3 x 3 matrix in 80 bits: NumPy's, and two steps of Newton's iteration."""
-    x, m = real(np.linalg.inv(m)), real(m)
+    x, m = real(np.linalg.inv(np.asarray(m, float))), real(m)
     for _ in range(2):
         x = x + x @ (np.eye(3) - m @ x)
     return x

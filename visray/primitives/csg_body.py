@@ -135,6 +135,10 @@ class CsgBody(Primitive):
         def of(site: LeafSite, leaf: PlacedLeaf) -> tuple:
             f, g = _surface_at(site, leaf.placed, p, None)
             unknown = (1 << cls.bits) - 1 if site.kind.own_frames else 0
+            if site.kind.walks and site.kind.closed:
+                # Far from a mesh, f is infinite, and its sign says nothing (MeshBody.surface_at).
+                inside = site.kind.inside(leaf.placed, p) ^ site.negated
+                f = dr.select(dr.abs(f) < dr.inf, f, dr.select(inside, -dr.inf, dr.inf))
             return f / dr.norm(g), (leaf.number << cls.bits) | u(unknown)
 
         def join(both: bool, x: tuple, y: tuple) -> tuple:
@@ -185,13 +189,14 @@ class CsgBody(Primitive):
 
         p: a point of the surface.
         part: the part on which it lies; None for the nearest part.
-        value(site, placed, own): function that returns the values of a leaf. own: the leaf's own part, or None.
+        value(site, placed, own): function that returns the values of a leaf. own: the leaf's own part; None for the
+            nearest one.
         """
-        part = cls.part_at(placed, p) if part is None else part
+        nearest = part is None
+        part = cls.part_at(placed, p) if nearest else part
         number, sites = cls.leaf_number(part), cls.leaf_sites()
         number = dr.select(number < placed.count.value, number, 0)
         u = type(number)
-        own = part & ((1 << cls.bits) - 1)
         site_of, row_of = (dr.gather(u, x.value, number) for x in (placed.site_of, placed.row_of))
         found = None
         for k, (site, table) in enumerate(zip(sites, leaf_tables(placed.all.value))):
@@ -199,7 +204,9 @@ class CsgBody(Primitive):
 
             def of(*_: Any, site: LeafSite = site, table: Any = table, there: Any = there) -> tuple:
                 leaf = rows(table.placed, dr.select(there, row_of, 0))
-                return tuple(value(site, leaf, own if site.kind.uses_part else None))
+                # Parts of other leaves may be none of this one: there, memory behind its triangles would be read.
+                own = None if nearest or not site.kind.uses_part else dr.select(there, part & ((1 << cls.bits) - 1), 0)
+                return tuple(value(site, leaf, own))
 
             if found is None:
                 found = of()

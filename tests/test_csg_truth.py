@@ -1,0 +1,188 @@
+"""CSG against the truth (csg_truth.py): random trees of all kinds of operands, at all depths, with transforms at each.
+
+A disagreement is a ray that the truth is sure of and the kernel answers otherwise. None is allowed. Rays that rounding
+leaves open are counted, and must be few.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pytest
+from csg_edges import near_edges
+from csg_sets import IN, OUT, UNKNOWN
+from csg_traced import Found, Traced
+from csg_trees import OPERANDS, rays, tree
+from csg_truth import Solid
+from samples import norm, unit
+
+# Share of the rays that rounding may leave open. A bound of the slack is 1e-12 of the size of a tree, so that a ray is
+# open by chance once in a billion; but rays come from up to 1,000 sizes away, and some graze.
+MOST_OPEN = 1e-3
+# The same for rays that are aimed at points as near as 10^-12 to cut edges: two of nine decades.
+MOST_OPEN_AT_EDGES = 0.25
+# Normals that change by more than this within the slack are not judged: at singular points of polynomials.
+STEEP = 1e-3
+
+
+@dataclass
+class Tally:
+    """Numbers of rays. open: left open by rounding. hits: hits that are sure. Others are disagreements."""
+
+    rays: int = 0
+    open: int = 0
+    hits: int = 0
+    hit_or_miss: int = 0
+    distance: int = 0
+    side: int = 0
+    operand: int = 0
+    normal: int = 0
+    occluded: int = 0
+
+    @property
+    def wrong(self) -> dict[str, int]:
+        """The disagreements that are not 0."""
+        names = [f.name for f in fields(self)][3:]
+        return {name: getattr(self, name) for name in names if getattr(self, name)}
+
+    def judge(self, traced: Traced, o: np.ndarray, d: np.ndarray) -> tuple[Found, np.ndarray, np.ndarray]:
+        """Adds the first hits of rays. Returns the right hits on one leaf, its number, and the outward unit normals."""
+        found, truth = traced.first(o, d), traced.solid.on(o, d)
+        b = truth.first
+        met = b.sure & b.hit & found.hit
+        # Of t, rounding to a double comes on top.
+        low, high, t = (np.where(met, x, 0) for x in (b.low, b.high, found.t))
+        near = met & (t >= low - 2.0**-52 * high) & (t <= high + 2.0**-52 * high)
+        one = near & (truth.leaf >= 0)
+        ends = [truth.normal_at(t) for t in (b.low, b.high)]
+        change = norm(ends[1] - ends[0])
+        bent = norm(ends[0] - found.n) > 2 * change + 1e-9
+        self.rays += len(o)
+        self.open += int((~b.sure).sum())
+        self.hits += int(met.sum())
+        self.hit_or_miss += int((b.sure & (b.hit != found.hit)).sum())
+        self.distance += int((met & ~near).sum())
+        self.side += int((near & (found.inside == b.enters)).sum())
+        self.operand += int((one & (traced.material_of[truth.leaf] != found.leaf)).sum())
+        self.normal += int((one & (change < STEEP) & bent).sum())
+        return found.at(one), truth.leaf[one], ends[0][one]
+
+    def judge_leaving(self, rng: np.random.Generator, traced: Traced, start: Found, leaf: np.ndarray, n: np.ndarray):
+        """Adds rays that leave hits on both sides, half of them at less than 3 degrees, and shadow rays along them."""
+        count = len(leaf)
+        cosine = rng.random(count) * np.where(rng.random(count) < 0.5, 0.05, 1) * rng.choice([-1, 1], count)
+        across = unit(np.cross(n, rng.normal(size=n.shape)))
+        d = unit(cosine[:, None] * n + np.sqrt(1 - cosine**2)[:, None] * across).astype(float)
+        truth, sure = traced.solid.leaving(start.p, d, leaf, n)
+        b, found = truth.first, traced.first_from(start, d)
+        sure &= b.sure
+        both = sure & b.hit & found.hit
+        # The start is off by its error, and the end by as much over its own slope, which the unknown piece says.
+        low, high, t = (np.where(both, x, 0) for x in (b.low, b.high, found.t))
+        slack = 2 * start.error + (high - low) + 2.0**-52 * high
+        self.rays += count
+        self.open += int((~sure).sum())
+        self.hits += int(both.sum())
+        self.hit_or_miss += int((sure & (b.hit != found.hit)).sum())
+        self.distance += int((both & ((t < low - slack) | (t > high + slack))).sum())
+        light = start.p + 10 ** rng.uniform(-2, 1.5, (count, 1)) * d
+        length = norm(light - start.p)
+        clear = sure & (~b.hit | (b.high < length * (1 - 1e-12)) | (b.low > length * (1 + 1e-12)))
+        # Only lights on the side that is seen shine on a point.
+        clear &= (cosine > 0) != start.inside
+        for occluded in (traced.occluded_to(start, light), traced.occluded_from(light, start)):
+            self.occluded += int((clear & (occluded != (b.hit & (b.high < length)))).sum())
+
+
+def traced_trees(seed: int, count: int, depth: int, **how: str) -> Iterator[tuple[np.random.Generator, Traced]]:
+    """Random trees that hold each kind of operand about equally often."""
+    rng, names = np.random.default_rng(seed), []
+    for _ in range(count):
+        names = names or list(rng.permutation(list(OPERANDS)))
+        yield rng, Traced(tree(rng, depth, names), **how)
+
+
+def test_the_truth_is_that_of_points() -> None:
+    """20 trees, 16,000 points: whether they are inside, from the crossings along a ray, and from the point alone."""
+    rng, names, unknown = np.random.default_rng(1), [], 0
+    for _ in range(20):
+        names = names or list(rng.permutation(list(OPERANDS)))
+        solid = Solid(tree(rng, 3, names))
+        o, d = rays(rng, solid, 100)
+        crossed = solid.on(o, d)
+        for t in 10 ** rng.uniform(-1, 1, (8, len(o))):
+            along, alone = crossed.whole.at(t[None])[0], solid.at(o + t[:, None] * d)
+            known = (along != UNKNOWN) & (alone != UNKNOWN)
+            assert np.array_equal(along[known], alone[known])
+            unknown += (~known).sum()
+    assert unknown < 10
+
+
+@pytest.mark.parametrize("seed, trees, per", [
+    pytest.param(2, 10, 500, id="quick"),
+    pytest.param(3, 200, 5000, id="a million", marks=pytest.mark.nightly),
+])  # fmt: skip
+def test_first_hits_are_those_of_the_truth(seed: int, trees: int, per: int) -> None:
+    """Hit or miss, distance, side, operand and normal."""
+    tally = Tally()
+    for rng, traced in traced_trees(seed, trees, 3):
+        tally.judge(traced, *rays(rng, traced.solid, per))
+    assert tally.wrong == {} and tally.open <= MOST_OPEN * tally.rays and tally.hits > tally.rays / 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [{"precision": "single"}, {"brute_force": True}], ids=["single", "brute force"])
+def test_first_hits_in_single_and_without_guards_are_the_same(how: dict) -> None:
+    for rng, traced in traced_trees(4, 10, 3):
+        o, d = rays(rng, traced.solid, 2000)
+        one, other = traced.first(o, d), Traced(traced.obj, **how).first(o, d)
+        for name in ("hit", "t", "leaf", "part"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.mark.parametrize("seed, trees, per, times", [
+    pytest.param(5, 5, 100, 1, id="quick"),
+    pytest.param(6, 100, 1000, 12, id="a million", marks=pytest.mark.nightly),
+])  # fmt: skip
+def test_nothing_is_met_again_and_nothing_leaks_at_cut_edges(seed: int, trees: int, per: int, times: int) -> None:
+    """Rays from points as near as 10^-12 to edges, on both sides, and shadow rays in both directions."""
+    first, leaving = Tally(), Tally()
+    for rng, traced in traced_trees(seed, trees, 1):
+        p, n, _ = near_edges(rng, traced.solid, per)
+        if not len(p):
+            continue
+        away = unit(n + 0.9 * unit(rng.normal(size=n.shape)))
+        o = (p + 10 ** rng.uniform(-1, 2, (len(p), 1)) * away).astype(float)
+        start, leaf, n = first.judge(traced, o, unit(p - o).astype(float))
+        for _ in range(times):
+            leaving.judge_leaving(rng, traced, start, leaf, n)
+    assert first.wrong == {} and first.open <= MOST_OPEN_AT_EDGES * first.rays and first.hits > trees * per / 10
+    assert leaving.wrong == {} and leaving.open <= MOST_OPEN_AT_EDGES * leaving.rays and leaving.hits > 0
+
+
+@pytest.mark.parametrize("seed, trees, per", [
+    pytest.param(7, 4, 500, id="quick"),
+    pytest.param(8, 100, 3000, id="all", marks=pytest.mark.nightly),
+])  # fmt: skip
+def test_shadows_lengths_and_points_inside_are_those_of_the_truth(seed: int, trees: int, per: int) -> None:
+    """Segments that start and end in free space: whether they cross the surface, and how long they are inside."""
+    judged = 0
+    for rng, traced in traced_trees(seed, trees, 2):
+        o, d = rays(rng, traced.solid, per)
+        length = norm(rng.uniform(0.2, 1.8, (per, 1)) * o)
+        crossed, end = traced.solid.on(o, d), traced.solid.at(o + length[:, None] * d)
+        ends = np.stack([crossed.whole.state[0], end])
+        clear = (ends != UNKNOWN).all(0) & ~crossed.whole.unknown_between(length, length)
+        b = crossed.first
+        sure = clear & b.sure & ((b.high < length) | (b.low > length))
+        assert np.array_equal(traced.between(o, d, length)[sure], (b.hit & (b.high < length))[sure])
+        states = [crossed.whole.length(state, length) for state in (IN, UNKNOWN)]
+        free = clear & (ends == OUT).all(0)
+        found = traced.lengths_inside(o, d, length)
+        # Pieces that rounding leaves open, such as where the ray grazes, may be inside or not.
+        slack = states[1] + 2.0**-50 * length
+        assert (np.abs(found - states[0])[free] <= slack[free]).all()
+        inside = traced.inside(o + length[:, None] * d)
+        assert np.array_equal(inside[end != UNKNOWN], end[end != UNKNOWN] == IN)
+        judged += int((free & (states[0] > 0)).sum())
+    assert judged > trees * per / 20

@@ -195,19 +195,20 @@ def shell() -> dict:
         "camera": {"origin": [1.2, 2.2, 6.6], "target": [0, 1.2, -0.3], "fov": 33},
         "film": {"width": 640, "height": 480},
         "background": [0.02, 0.02, 0.03],
-        "ambient": [0.12, 0.12, 0.15],
+        "ambient": [0.08, 0.09, 0.14],
         "settings": {"spp": 64, "sampler": "sobol"},
         "materials": {
             "floor": {"ka": [0.4, 0.38, 0.36], "kd": [0.62, 0.56, 0.5]},
             "outside": {
-                "ka": [0.2, 0.35, 0.5], "kd": [0.1, 0.2, 0.35], "ks": [0.5, 0.5, 0.5], "shininess": 60,
+                "ka": [0.3, 0.5, 0.7], "kd": [0.3, 0.5, 0.8], "ks": [0.5, 0.5, 0.5], "shininess": 60,
                 "back": "inside",
             },
             "inside": {"ka": [0.6, 0.4, 0.1], "kd": [0.75, 0.5, 0.12]},
+            "cord": {"kd": [0.1, 0.1, 0.1]},
         },
         "lights": {
             "bulb": {"type": "point", "position": [0, 1.3, 0], "Id": [1.2, 1.05, 0.8], "Is": [0, 0, 0]},
-            "moon": {"type": "point", "position": [-3, 5, 5], "Id": [0.3, 0.33, 0.4], "Is": [0.4, 0.4, 0.45]},
+            "moon": {"type": "point", "position": [-3, 5, 5], "Id": [0.15, 0.18, 0.26], "Is": [0.4, 0.4, 0.45]},
         },
         "objects": {
             "floor": {"type": "plane", "material": "floor"},
@@ -217,6 +218,7 @@ def shell() -> dict:
                 "of": {"ball": {"type": "sphere"}, **dict(holes_of_shell())},
                 "transform": [{"translate": [0, 1.3, 0]}],
             },
+            "cord": {"type": "cylinder", "center": [0, 4.3, 0], "radius": 0.02, "height": 4, "material": "cord"},
         },
     }  # fmt: skip
 

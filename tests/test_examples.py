@@ -20,6 +20,16 @@ def numbers(text: str) -> list[float]:
     return [float(x) for x in re.findall(NUMBER, text)]
 
 
+def csg_in_python(text: str) -> None:
+    """A level leaves 8 of 9 squares: no pixel of the pictures is wrong. Both materials are in the large picture."""
+    rows = [numbers(line) for line in text.splitlines()]
+    assert [row[0] for row in rows] == [1, 2, 3]
+    assert [row[1] for row in rows] == [round((8 / 9) ** level, 6) for level in (1, 2, 3)]
+    red, green, blue = np.moveaxis(np.asarray(Pillow.open("sponge.png")).astype(int), -1, 0)
+    clay, sand = (green < 1.25 * blue) & (red > 1.6 * blue), (green > 1.27 * blue) & (red > 1.4 * blue)
+    assert clay.mean() > 0.1 and sand.mean() > 0.05
+
+
 def data_on_a_globe(text: str) -> None:
     """The numbers are those of the table; Istanbul is seen north-west of Delhi."""
     table = (Path(__file__).resolve().parents[1] / "scenes" / "data" / "cities.csv").read_text().splitlines()[1:]
@@ -135,8 +145,8 @@ def what_is_simulated(text: str) -> None:
 
 
 JUDGES = (
-    data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise, penumbra, slices,
-    to_an_error, what_is_simulated,
+    csg_in_python, data_on_a_globe, fit_colour, fit_glass, hello, layers, mesh_from_numpy, moving_light, noise,
+    penumbra, slices, to_an_error, what_is_simulated,
 )  # fmt: skip
 JUDGES = {judge.__name__: judge for judge in JUDGES}
 

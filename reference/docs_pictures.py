@@ -25,6 +25,7 @@ GALLERY = {
     "mirror-hall": 64, "defocus-blur": 400, "scatter": 900, "toon": 64,
     "teapot": 100, "bowl": 64, "mesh-in-glass": 144,
     "data-globe": 64, "data-europe": 64, "data-metal": 100,
+    "csg-lens": 64, "csg-heart": 100, "csg-shell": 64, "csg-cheese": 100, "csg-die": 100, "csg-gear": 64,
 }  # fmt: skip
 # Larger pictures of docs/, each with the options of vr.render.
 PICTURES = {

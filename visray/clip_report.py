@@ -61,9 +61,8 @@ def clip_notes(scene: Scene) -> list[str]:
 
 
 def _polynomials(scene: Scene) -> Iterator[tuple[str, Polynomial]]:
-    """Yields the address and the shape of each geometry and each object that is a polynomial surface."""
-    for section, shapes in (("geometries", scene.geometries), ("objects", scene.objects)):
-        yield from ((f"{section}.{name}", shape) for name, shape in shapes.items() if isinstance(shape, Polynomial))
+    """Yields the address and the shape of each geometry, object and operand that is a polynomial surface."""
+    yield from ((address, shape) for address, shape in scene.shapes() if isinstance(shape, Polynomial))
 
 
 def _note(shape: Polynomial) -> str | None:

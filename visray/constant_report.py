@@ -10,10 +10,9 @@ SHOWN = 4
 def constant_notes(scene: Scene) -> list[str]:
     """List of sentences about the polynomials with constants, such as sin(1), that have no exact form here."""
     notes = []
-    for section, shapes in (("geometries", scene.geometries), ("objects", scene.objects)):
-        for name, shape in shapes.items():
-            if isinstance(shape, Polynomial) and (texts := shape.rounded_constants()):
-                listed = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
-                verb = "is" if len(texts) == 1 else "are"
-                notes.append(f"{section}.{name}: {listed} {verb} rounded to 53 bits, the nearest double")
+    for address, shape in scene.shapes():
+        if isinstance(shape, Polynomial) and (texts := shape.rounded_constants()):
+            listed = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
+            verb = "is" if len(texts) == 1 else "are"
+            notes.append(f"{address}: {listed} {verb} rounded to 53 bits, the nearest double")
     return notes

@@ -13,6 +13,7 @@ import numpy as np
 from visray import modes
 from visray.data.all_objects import address_of
 from visray.materials import COLORED, Material
+from visray.primitives.csg_operands import bodies
 from visray.primitives.flat import Flat
 from visray.scene.scene import Scene, SkyGradient
 
@@ -48,20 +49,21 @@ PASSING_ON = ("reflection", "refraction", "nested media", "scatter")
 
 
 def used_materials(scene: Scene) -> dict[str, Material]:
-    """Materials that at least one object has, on its front or its back, as a dict by name.
+    """Materials that at least one object or operand has, on its front or its back, as a dict by name.
 
     A material that rows of data have in colours is here with the largest numbers that it has in any of them.
     """
     known = {"default": Material()} | scene.materials
-    fronts = {o.material for o in scene.representatives.values()}
+    fronts = {name for obj in scene.representatives.values() for name in scene.materials_of(obj)}
     backs = {m.back for n, m in known.items() if n in fronts}
     materials = {n: m for n, m in known.items() if n in fronts | backs}
     if scene.data is None:
         return materials
     layers = [rows for rows in scene.data.rows.values() if len(rows)]
     coloured = [rows for rows in layers if rows.color is not None]
-    plain = {x.material for x in scene.written_objects.values()} | {x.material for x in layers if x.color is None}
-    plain |= backs
+    plain = {name for obj in scene.written_objects.values() for name in scene.materials_of(obj)} | backs
+    # The colours of rows change their own material, not those that operands name.
+    plain |= {m for x in layers for m in scene.materials_of(x.object(0)) if x.color is None or m != x.material}
     looks = {name: [m] if name in plain else [] for name, m in materials.items()}
     for rows in coloured:
         looks[rows.material].append(materials[rows.material].with_color(rows.color.max(1)))
@@ -145,11 +147,12 @@ def _coloured(scene: Scene) -> list[str]:
 
 
 def _nested(scene: Scene) -> list[str]:
-    """Addresses of the transparent objects; empty if there are fewer than two, or if none of them is closed (the
+    """Addresses of the transparent objects; empty if they are fewer than two bodies, or if none of them is closed (the
     surface of a solid)."""
     transparent = {n for n, m in scene.materials.items() if any(m.kt)}
     objects = scene.objects_of(transparent)
-    can_nest = len(objects) > 1 and any(scene.shape_of(o).closed for o in objects.values())
+    several = len(objects) > 1 or any(len(bodies("", o, scene.geometries)) > 1 for o in objects.values())
+    can_nest = several and any(scene.shape_of(o).closed for o in objects.values())
     return [address_of(n) for n in objects] if can_nest else []
 
 

@@ -92,7 +92,9 @@ def _check_coloured_shadows(scene: Scene, s: KernelScene, wrt: Sequence[str]) ->
         name for b in s.batches if (b.kind.finds_roots or b.kind.walks) and b.kind.closed for name in b.names
     ]
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
-    transmissive_solids = [name for name in searched_solids if scene.all_objects[name].material in transmissive]
+    transmissive_solids = [
+        name for name in searched_solids if not transmissive.isdisjoint(scene.materials_of(scene.all_objects[name]))
+    ]
     if transmissive_solids and any(moves_edges(scene, w) for w in wrt):
         name = transmissive_solids[0]
         problem = "no derivative with respect to motion passes through its coloured shadow"

@@ -31,8 +31,9 @@ def sheet_notes(scene: Scene, effects: Features) -> list[str]:
     bending = {name for name, m in used_materials(scene).items() if any(m.kt) and m.ior != 1}
     sheets: dict[tuple, list[str]] = {}
     for name, obj in scene.representatives.items() if bending else ():
-        if obj.material in bending and not (shape := scene.shape_of(obj)).closed:
-            sheets.setdefault((obj.material, shape.type, shape.advice_for_glass()), []).append(name)
+        material = scene.materials_of(obj)[0]
+        if material in bending and not (shape := scene.shape_of(obj)).closed:
+            sheets.setdefault((material, shape.type, shape.advice_for_glass()), []).append(name)
     return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
 
 

@@ -64,9 +64,8 @@ def mesh_notes(scene: Scene) -> list[str]:
 
 
 def _meshes(scene: Scene) -> Iterator[tuple[str, Mesh]]:
-    """Yields the address and the mesh of each geometry and each object that is a mesh."""
-    for section, shapes in (("geometries", scene.geometries), ("objects", scene.objects)):
-        yield from ((f"{section}.{name}", shape) for name, shape in shapes.items() if isinstance(shape, Mesh))
+    """Yields the address and the mesh of each geometry, object and operand that is a mesh."""
+    yield from ((address, shape) for address, shape in scene.shapes() if isinstance(shape, Mesh))
 
 
 def _facts(address: str, mesh: Mesh, shape: MeshShape) -> MeshFacts:

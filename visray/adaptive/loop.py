@@ -200,7 +200,7 @@ class AdaptiveRun:
         names, materials = list(prepared.scene.all_objects), prepared.scene.materials_of_objects()
 
         def bright(number: int) -> float:
-            return brightness.objects[materials[number]]
+            return max(brightness.objects[name] for name in materials[number])
 
         missed = list(cells.missed)
         if len(cells.pixels):

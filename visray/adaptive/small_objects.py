@@ -108,7 +108,7 @@ def _without_textures(prepared: Prepared, found: list) -> list:
     areas = np.zeros(len(objects))
     areas[index] = np.concatenate([x[2] for x in found])
     names = prepared.scene.materials_of_objects()
-    _, material = np.unique([names[k] for k in objects], return_inverse=True)
+    _, material = np.unique([names[k][0] for k in objects], return_inverse=True)
     count, total = np.bincount(material), np.bincount(material, areas)
     as_texture = objects[((count >= MANY) & (total >= MANY * SMALL))[material]]
     rest = []

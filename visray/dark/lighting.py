@@ -91,9 +91,9 @@ def unlit_notes(prepared: Prepared, rays: PictureRays, black: bool) -> list[str]
 
 
 def _materials(scene: Scene, seen: SeenPoints, points: Any = slice(None)) -> list[str]:
-    """Names of the materials that are seen at some of the points, in alphabetical order. points: their indices"""
+    """Names of the materials that may be seen at some of the points, in alphabetical order. points: their indices"""
     names, sides = scene.materials_of_objects(), zip(seen.objects[points], seen.from_inside[points])
-    return sorted({scene.sides_of(names[k])[int(inside)] for k, inside in sides})
+    return sorted({scene.sides_of(name)[int(inside)] for k, inside in sides for name in names[k]})
 
 
 def _without_probes(scene: Scene) -> list[str]:
@@ -114,7 +114,7 @@ def _cause(scene: Scene, name: str, light: Light, seen: SeenPoints, number: int,
     if not light.intensity or not any(light.Id + light.Is):
         return f"{address} has {'intensity 0' if not light.intensity else 'neither Id nor Is'}"
     for k in _around(prepared, light):
-        if not any(scene.materials.get(scene.all_objects[names[k]].material, Material()).kt):
+        if not any(scene.materials.get(scene.materials_of(scene.all_objects[names[k]])[0], Material()).kt):
             return f"{address} lies inside {address_of(names[k])}, which lets no light out; move it"
     outside = probe.falloff == 0
     if outside.all():

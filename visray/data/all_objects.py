@@ -8,7 +8,7 @@ segments count, they are the parts `data.roads.3:0`, `data.roads.3:1` and so on;
 """
 
 import re
-from collections.abc import Collection, ItemsView, Iterator, Mapping, ValuesView
+from collections.abc import Callable, Collection, ItemsView, Iterator, Mapping, ValuesView
 
 import numpy as np
 
@@ -84,18 +84,21 @@ class AllObjects(Mapping[str, Primitive]):
         for layer, rows in self.layers.items():
             yield from _parts(layer, rows)
 
-    def of_materials(self, materials: Collection[str]) -> dict[str, Primitive]:
-        """The parts with one of these materials, by name, in order."""
-        found = {name: x for name, x in self.written.items() if x.material in materials}
+    def of_materials(
+        self, materials: Collection[str], materials_of: Callable[[Primitive], tuple[str, ...]]
+    ) -> dict[str, Primitive]:
+        """The parts with one of these materials, by name, in order. materials_of: says which materials an object has"""
+        found = {name: x for name, x in self.written.items() if not set(materials_of(x)).isdisjoint(materials)}
         for layer, rows in self.layers.items():
-            if rows.material in materials:
+            if len(rows) and not set(materials_of(rows.object(0))).isdisjoint(materials):
                 found.update(_parts(layer, rows))
         return found
 
-    def materials(self) -> list[str]:
-        """Name of the material of each object, in order."""
-        own = [x.material for x in self.written.values()]
-        return own + [m for rows in self.layers.values() for m in [rows.material] * len(rows.first)]
+    def materials(self, materials_of: Callable[[Primitive], tuple[str, ...]]) -> list[tuple[str, ...]]:
+        """Names of the materials of each object, in order. materials_of: as in of_materials"""
+        own = [materials_of(x) for x in self.written.values()]
+        layers = [rows for rows in self.layers.values() if len(rows)]
+        return own + [m for rows in layers for m in [materials_of(rows.object(0))] * len(rows.first)]
 
 
 def _objects(layer: str, rows: Rows) -> Iterator[tuple[str, Primitive]]:

@@ -5,8 +5,8 @@ are taken away from it, and an instance stands for its geometry. The functions h
 that asks for the shapes, materials or files of objects must ask for those of the operands too, and does it here.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from visray.operands import named_operands
 from visray.primitives.instance import Instance
@@ -125,6 +125,28 @@ def bodies(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) ->
         found += [] if inner else [operand]
         ahead += reversed(inner)
     return found
+
+
+def materials_of(obj: Primitive, geometries: Mapping[str, Primitive]) -> tuple[str, ...]:
+    """Names of the materials that an object has, each once: its own one, then those of its operands. Arguments and
+    domain: as in `operands`."""
+    inner = geometries.get(obj.geometry) if isinstance(obj, Instance) else None
+    if not (has_operands(obj) or (inner is not None and has_operands(inner))):
+        return (obj.material,)
+    leaves = (x.material for x in operands("", obj, geometries) if x.is_leaf)
+    return tuple(dict.fromkeys((own_material(obj, geometries), *leaves)))
+
+
+def mapped(obj: Primitive, change: Callable[[Primitive], Primitive]) -> Primitive:
+    """The object with a change to it and to its operands at all depths, as they are written. The operands are changed
+    first."""
+    inner = {role: getattr(obj, role) for role in ("of", "cut") if getattr(obj, role, None)}
+    if not inner:
+        return change(obj)
+    new = {role: {key: mapped(x, change) for key, x in named_operands(given).items()} for role, given in inner.items()}
+    return change(
+        replace(obj, **{role: x if isinstance(inner[role], dict) else tuple(x.values()) for role, x in new.items()})
+    )
 
 
 def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:

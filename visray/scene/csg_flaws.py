@@ -120,14 +120,14 @@ def _joint_flaws(scene: Scene, geometries: Mapping[str, Primitive]) -> Iterator[
         address = f"objects.{name}"
         if has_operands(obj):
             yield from _transform_flaws(address, obj, geometries)
-            yield from material_flaws(scene, address, obj)
+            yield from solid_material_flaws(scene, address, obj)
         elif isinstance(obj, Instance) and obj.geometry in made:
             steps, count = limits[obj.geometry]
             if not clearly_valid(joined(steps, bounds(obj.transform)), count + len(obj.transform)):
                 yield from _transform_flaws(address, obj, geometries)
             if (obj.geometry, obj.material) not in seen:
                 seen.add((obj.geometry, obj.material))
-                yield from material_flaws(scene, address, obj)
+                yield from solid_material_flaws(scene, address, obj)
 
 
 def _limits(address: str, geometries: Mapping[str, Primitive]) -> tuple[tuple[float, float, float], int]:
@@ -151,7 +151,7 @@ def _transform_flaws(address: str, obj: Primitive, geometries: Mapping[str, Prim
                 yield from transform_lines(operand.address, operand.shape, text)
 
 
-def material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator[str]:
+def solid_material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator[str]:
     """Yields a line for each solid of an object whose materials do not go together, and for each mesh that has a
     texture but no texture coordinates. Domain: no geometry contains itself."""
     materials = {DEFAULT_MATERIAL: Material()} | scene.materials

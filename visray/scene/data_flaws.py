@@ -6,7 +6,7 @@ from visray.data.data_scene import Data
 from visray.hints import hint
 from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
-from visray.scene.csg_flaws import material_flaws
+from visray.scene.csg_flaws import solid_material_flaws
 from visray.scene.messages import line
 from visray.scene.nesting_flaws import nesting_flaws
 from visray.scene.scene import DEFAULT_MATERIAL, Scene
@@ -50,7 +50,7 @@ def data_flaws(scene: Scene) -> list[str]:
         if text := uv_flaw(scene, rows.material, shape_named(scene, obj)):
             texts.append(line(f"data.layers.{name}.material", rows.material, text))
         if isinstance(obj, Instance) and has_operands(scene.geometries[obj.geometry]) and not any(nesting_flaws(scene)):
-            texts += material_flaws(scene, f"data.layers.{name}", obj)
+            texts += solid_material_flaws(scene, f"data.layers.{name}", obj)
     return texts
 
 

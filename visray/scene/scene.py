@@ -2,8 +2,9 @@
 
 import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
@@ -14,7 +15,7 @@ from visray.data.all_objects import AllObjects
 from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
-from visray.primitives.csg_operands import has_operands, operands
+from visray.primitives.csg_operands import has_operands, materials_of, operands
 from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
@@ -164,14 +165,14 @@ class Scene:
         return self.objects.items() if self.data is None else self.all_objects.parts()
 
     def shapes(self) -> Iterator[tuple[str, Primitive]]:
-        """Yields the address and the shape of each geometry and each object, and of their operands at all depths, as
-        they are written."""
+        """Yields the address and the shape of each geometry and each object, and of their operands at all depths. These
+        have the transforms of what is around them too."""
         for section, shapes in (("geometries", self.geometries), ("objects", self.objects)):
             for name, shape in shapes.items():
+                yield f"{section}.{name}", shape
                 if has_operands(shape):
-                    yield from ((x.address, x.shape) for x in operands(f"{section}.{name}", shape, {}))
-                else:
-                    yield f"{section}.{name}", shape
+                    inner = islice(operands(f"{section}.{name}", shape, {}), 1, None)
+                    yield from ((x.address, replace(x.shape, transform=x.steps)) for x in inner)
 
     @property
     def written_objects(self) -> Mapping[str, Object]:
@@ -183,15 +184,21 @@ class Scene:
         """Objects of all kinds and materials that the scene has: of the rows of a layer, only the first."""
         return self.objects if self.data is None else self.all_objects.representatives
 
-    def materials_of_objects(self) -> list[str]:
-        """Name of the material of each object, in the order of all_objects."""
-        return [x.material for x in self.objects.values()] if self.data is None else self.all_objects.materials()
+    def materials_of(self, obj: Object) -> tuple[str, ...]:
+        """Names of the materials that an object has: its own one, then those of its operands."""
+        return materials_of(obj, self.geometries)
+
+    def materials_of_objects(self) -> list[tuple[str, ...]]:
+        """What `materials_of` says of each object, in the order of all_objects."""
+        if self.data is not None:
+            return self.all_objects.materials(self.materials_of)
+        return [self.materials_of(x) for x in self.objects.values()]
 
     def objects_of(self, materials: Collection[str]) -> dict[str, Object]:
         """The parts with one of these materials, by name, in the order of `parts`."""
         if self.data is not None:
-            return self.all_objects.of_materials(materials)
-        return {name: x for name, x in self.objects.items() if x.material in materials}
+            return self.all_objects.of_materials(materials, self.materials_of)
+        return {name: x for name, x in self.objects.items() if not set(self.materials_of(x)).isdisjoint(materials)}
 
     def sides_of(self, material: str) -> tuple[str, str]:
         """Names of the materials that surfaces of a material show on the front and on the back."""

@@ -94,8 +94,7 @@ def knobs(scene: Scene) -> tuple[Knob, ...]:
     if on["reflection"] or on["refraction"]:
         turned.append(_depth(settings.depth))
     turned.append(_of_values("precision", "step", scene, [PRECISION], ("single", "double")))
-    shapes = {"objects": scene.objects, "geometries": scene.geometries}
-    if curved := [f"{section}.{n}.tolerance" for section in shapes for n, o in shapes[section].items() if _searched(o)]:
+    if curved := [f"{address}.tolerance" for address, shape in scene.shapes() if _searched(shape)]:
         turned.append(_of_values("roots", "bias", scene, curved, *TOLERANCES))
     if scene.all_objects:
         ways = "auto", "none", "lists", "tree"

@@ -13,9 +13,8 @@ import numpy as np
 from visray.columns import Columns, materials_of
 from visray.data.all_objects import address_of
 from visray.errors import UserError
-from visray.operands import named_operands
 from visray.pack import LightColumns, Packed
-from visray.primitives.csg_operands import operands
+from visray.primitives.csg_operands import operand_at, operands
 from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
@@ -123,7 +122,7 @@ class AddressIndex:
         elif head == "materials":
             table, row, rest = packed.materials, list(materials_of(self.scene)).index(name), parts[3:]
         elif head in ("objects", "geometries"):
-            return self._of_shape(getattr(self.scene, head)[name], address, f"{head}.{name}", parts[2:])
+            return self._of_shape(getattr(self.scene, head)[name], address, parts[2:])
         elif head == "data":
             return self._of_row(address, parts)
         elif head == "lights":
@@ -192,18 +191,16 @@ class AddressIndex:
             table, row = self.packed.batches[number].numbers.leaf(row, leaf)
             yield table.kind, table.numbers, row
 
-    def _of_shape(self, shape: Primitive, address: str, own: str, path: list[str]) -> Slot | TableSlot:
+    def _of_shape(self, shape: Primitive, address: str, path: list[str]) -> Slot | TableSlot:
         """The place of one value of an object, an operand or a geometry. Raises UserError if the value has no
         derivative.
 
-        shape: the object, the operand or the geometry
+        shape: the object or the geometry
         address: address of the value
-        own: address of the shape
         path: rest of the address after that of the shape, split at the dots
         """
-        while len(path) > 1 and path[0] in ("of", "cut") and hasattr(shape, path[0]):
-            role, name, *path = path
-            shape, own = named_operands(getattr(shape, role))[name], f"{own}.{role}.{name}"
+        shape, path = operand_at(shape, path)
+        own = address.removesuffix("." + ".".join(path))
         if shape.many_rows:
             return self._of_mesh(shape, address, own, path)
         rows: dict[int, list[int]] = {}

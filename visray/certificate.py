@@ -52,7 +52,6 @@ def warn_of_roots(facts: dict[str, Any], prepared: Prepared) -> None:
     if facts.get("residual_ulps", 0) <= LARGEST_RESIDUAL:
         return
     # If an object has a `tolerance`, the user has chosen to be less exact.
-    shapes = *prepared.scene.objects.values(), *prepared.scene.geometries.values()
-    if not any(getattr(shape, "tolerance", 0) for shape in shapes):
+    if not any(getattr(shape, "tolerance", 0) for _, shape in prepared.scene.shapes()):
         text = f"what is seen is up to {facts['residual_ulps']:.2g} ulp off its surface; {ADVICE}"
         warnings.warn(text, RootWarning, stacklevel=4)

@@ -16,10 +16,11 @@ from visray.feature_rules import used_materials
 from visray.geometry import UPRIGHT
 from visray.lights.light import Light
 from visray.polynomials import PolynomialError
+from visray.primitives.csg_operands import has_operands, mapped, operand_at, operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.polynomial import Polynomial
-from visray.primitives.primitive import scalars
+from visray.primitives.primitive import Primitive, scalars
 from visray.scene.scene import Scene
 
 
@@ -35,12 +36,13 @@ def differentiable(scene: Scene, wrt: Sequence[str]) -> Scene:
     for address in wrt:
         if flaw := _flaw(scene, address, wrt):
             raise UserError(f"{address}: has no derivative {flaw}")
+    scene = _with_varied_operands(scene, wrt)
     objects, geometries = {}, {}
     for name, obj in scene.objects.items():
         shape, prefix = scene.shape_of(obj), _prefix(scene, name)
-        varied = [a for w in wrt if (a := w.removeprefix(f"{prefix}.parameters.")) != w]
-        if isinstance(shape, Polynomial) and varied and set(varied) <= set(shape.parameters):
-            objects[name] = _varied(scene.placed_shape(obj), varied, prefix)
+        if isinstance(shape, Polynomial):
+            varied = _varied(scene.placed_shape(obj), wrt, prefix)
+            objects |= {name: varied} if varied.varied else {}
         if isinstance(shape, Mesh) and shape is obj and _asked(wrt, f"materials.{obj.material}.kt"):
             # An instance is a body, as all transparent meshes are. No name of a geometry has a dot.
             geometries[prefix] = obj
@@ -61,13 +63,34 @@ def _asked(wrt: Sequence[str], address: str) -> bool:
     return any(w == address or w.startswith(f"{address}.") for w in wrt)
 
 
-def _varied(polynomial: Polynomial, names: list[str], prefix: str) -> Polynomial:
-    """The polynomial, with the right derivatives by some of its parameters. prefix: address of the polynomial"""
+def _with_varied_operands(scene: Scene, wrt: Sequence[str]) -> Scene:
+    """The scene, with the right derivatives by parameters of polynomials that are operands."""
+    if not any(".parameters." in address for address in wrt):
+        return scene
+
+    def change(address: str, shape: Primitive) -> Primitive:
+        return _varied(shape, wrt, address) if isinstance(shape, Polynomial) else shape
+
+    changed = {
+        section: {
+            name: mapped(f"{section}.{name}", shape, change) if has_operands(shape) else shape
+            for name, shape in getattr(scene, section).items()
+        }
+        for section in ("objects", "geometries")
+    }
+    return replace(scene, **changed)
+
+
+def _varied(polynomial: Polynomial, wrt: Sequence[str], address: str) -> Polynomial:
+    """The polynomial, with the right derivatives by some of its parameters. address: that of the polynomial"""
+    names = [x for w in wrt if (x := w.removeprefix(f"{address}.parameters.")) != w]
+    if not (names and set(names) <= set(polynomial.parameters)):
+        return polynomial
     try:
         return polynomial.varied_by(names)
     except PolynomialError as error:
         values = ", ".join(f"{name} = {polynomial.parameters[name]:g}" for name in names)
-        raise UserError(f"{prefix}.parameters.{names[0]}: has no derivative at {values}: {error}") from None
+        raise UserError(f"{address}.parameters.{names[0]}: has no derivative at {values}: {error}") from None
 
 
 def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
@@ -86,7 +109,7 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
         if material.scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):
-        return _upright_flaw(scene, head, name, field)
+        return _upright_flaw(scene, address)
     return None
 
 
@@ -101,19 +124,25 @@ def _light_flaw(light: Light, field: str) -> str | None:
     return None
 
 
-def _upright_flaw(scene: Scene, head: str, name: str, field: str) -> str | None:
-    """As _flaw, for a field of an object or a geometry that turns its axis, if the axis is upright and something in the
-    picture depends on the directions of u and v."""
-    names = (
-        [name] if head == "objects" else [n for n, x in scene.objects.items() if _prefix(scene, n) == f"{head}.{name}"]
-    )
-    shape = getattr(scene, head).get(name)
-    if shape is None or field not in shape.axis_fields:
+def _upright_flaw(scene: Scene, address: str) -> str | None:
+    """As _flaw, for a field of an object, an operand or a geometry that turns its axis, if the axis is upright and
+    something in the picture depends on the directions of u and v."""
+    head, name, *path = address.split(".")
+    if name not in getattr(scene, head):
         return None
-    sides = [side for n in names for side in scene.sides_of(scene.objects[n].material)]
-    textured = any(scene.material(side).texture for side in sides)
+    shape, path = operand_at(getattr(scene, head)[name], path)
+    if not path or path[0] not in shape.axis_fields:
+        return None
     z = np.array(scalars(shape).frame().z, float)
     upright = max(abs(z[0]), abs(z[2])) < UPRIGHT["double"] * np.linalg.norm(z)
-    if upright and (textured or scene.settings.shading == "uv"):
+    own = address.removesuffix("." + ".".join(path))
+    if upright and (scene.settings.shading == "uv" or _is_textured(scene, own)):
         return "where the axis is upright, as the directions of u and v jump there; tilt it a little"
     return None
+
+
+def _is_textured(scene: Scene, address: str) -> bool:
+    """Whether a shape has a texture on any side. address: that of an object, an operand or a geometry"""
+    every = (x for n, obj in scene.objects.items() for x in operands(f"objects.{n}", obj, scene.geometries))
+    sides = {side for x in every if x.address == address for side in scene.sides_of(x.material)}
+    return any(scene.material(side).texture for side in sides)

@@ -208,12 +208,10 @@ class EdgesInView:
 
     def _has_steps(self, name: str) -> bool:
         """Whether the colour of an object's texture jumps, between the squares of a checker or between pixels."""
-        scene, on = self.scene, self.s.features["textures"]
-        sides = (
-            [x for material in scene.materials_of(scene.all_objects[name]) for x in scene.sides_of(material)]
-            if on
-            else []
-        )
+        if not self.s.features["textures"]:
+            return False
+        scene = self.scene
+        sides = (side for x in scene.materials_of(scene.all_objects[name]) for side in scene.sides_of(x))
         named = [scene.material(side).texture for side in sides]
         return any(getattr(scene.textures[x], "filter", "nearest") == "nearest" for x in named if x is not None)
 

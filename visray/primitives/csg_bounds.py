@@ -1,7 +1,7 @@
 """Bounding boxes of CSG objects, in NumPy."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -81,7 +81,7 @@ def hull_of_tree(tree: Any, hulls: Mapping[int, Hull]) -> Hull:
 
 def leaf_hull(leaf: Leaf) -> Hull:
     """The hull of an operand."""
-    shape = replace(leaf.shape, transform=leaf.steps)
+    shape = leaf.shape.with_fields(transform=leaf.steps)
     if not shape.bounded:
         return EVERYWHERE
     bounds = scalars(shape).bounds(transform_frame(shape))

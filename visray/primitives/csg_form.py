@@ -214,7 +214,7 @@ def _parts(obj: Primitive, steps: tuple, materials: list[str], negated: bool, le
     """
     steps = obj.transform + steps
     if not obj.composite:
-        leaf = Leaf(replace(obj, transform=()), steps, materials[len(leaves)], negated, len(leaves))
+        leaf = Leaf(obj.with_fields(transform=()), steps, materials[len(leaves)], negated, len(leaves))
         leaves.append(leaf)
         return leaf, None
     first, *others = obj.of

@@ -6,7 +6,8 @@ that asks for the shapes, materials or files of objects must ask for those of th
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 from visray.operands import named_operands
 from visray.primitives.instance import Instance
@@ -137,16 +138,29 @@ def materials_of(obj: Primitive, geometries: Mapping[str, Primitive]) -> tuple[s
     return tuple(dict.fromkeys((own_material(obj, geometries), *leaves)))
 
 
-def mapped(obj: Primitive, change: Callable[[Primitive], Primitive]) -> Primitive:
-    """The object with a change to it and to its operands at all depths, as they are written. The operands are changed
-    first."""
-    inner = {role: getattr(obj, role) for role in ("of", "cut") if getattr(obj, role, None)}
-    if not inner:
-        return change(obj)
-    new = {role: {key: mapped(x, change) for key, x in named_operands(given).items()} for role, given in inner.items()}
-    return change(
-        replace(obj, **{role: x if isinstance(inner[role], dict) else tuple(x.values()) for role, x in new.items()})
-    )
+def mapped(address: str, obj: Primitive, change: Callable[[str, Primitive], Primitive]) -> Primitive:
+    """The object with a change to it and to its operands at all depths, as they are written.
+
+    address: the object's address.
+    change: function of an address and the shape there, whose operands are changed already.
+    """
+    new: dict[str, Any] = {}
+    for role in ("of", "cut"):
+        if given := getattr(obj, role, None):
+            parts = {k: mapped(f"{address}.{role}.{k}", x, change) for k, x in named_operands(given).items()}
+            new[role] = parts if isinstance(given, dict) else tuple(parts.values())
+    return change(address, obj.with_fields(**new) if new else obj)
+
+
+def operand_at(obj: Primitive, path: list[str]) -> tuple[Primitive, list[str]]:
+    """The innermost operand to which a path leads, and the rest of the path.
+
+    path: parts of an address behind that of the object, such as of, hole, radius.
+    """
+    while len(path) > 1 and path[0] in ("of", "cut") and hasattr(obj, path[0]):
+        role, key, *path = path
+        obj = named_operands(getattr(obj, role))[key]
+    return obj, path
 
 
 def own_material(obj: Primitive, geometries: Mapping[str, Primitive]) -> str:

@@ -1,7 +1,6 @@
 """Objects with operands in one form: without instances, and with a difference in place of each cut."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from visray.operands import named_operands
 from visray.primitives.csg import Csg
@@ -22,12 +21,12 @@ def resolved(obj: Primitive, geometries: Mapping[str, Primitive]) -> Primitive:
     if isinstance(obj, Instance):
         inner = resolved(geometries[obj.geometry], geometries)
         if obj.cut:
-            return _cut(replace(inner, material=NO_MATERIAL), obj, geometries)
-        return replace(inner, material=obj.material, transform=inner.transform + obj.transform)
+            return _cut(inner.with_fields(material=NO_MATERIAL), obj, geometries)
+        return inner.with_fields(material=obj.material, transform=inner.transform + obj.transform)
     if obj.cut:
-        return _cut(resolved(replace(obj, **UNCUT), geometries), obj, geometries)
+        return _cut(resolved(obj.with_fields(**UNCUT), geometries), obj, geometries)
     if isinstance(obj, Csg):
-        return replace(obj, of=tuple(resolved(x, geometries) for x in named_operands(obj.of).values()))
+        return obj.with_fields(of=tuple(resolved(x, geometries) for x in named_operands(obj.of).values()))
     return obj
 
 

@@ -1,6 +1,6 @@
 """Instances: objects that take their shape from one of the scene's geometries."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from visray.primitives.primitive import Primitive
@@ -19,4 +19,4 @@ class Instance(Primitive):
 
     def placed_shape(self, geometry: Primitive) -> Primitive:
         """The geometry as an object of its own kind, with the material of the instance and both transforms."""
-        return replace(geometry, material=self.material, transform=geometry.transform + self.transform)
+        return geometry.with_fields(material=self.material, transform=geometry.transform + self.transform)

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 
@@ -98,6 +98,11 @@ class Polynomial(Algebraic):
         varied = copy(self)
         object.__setattr__(varied, "varied", frozenset(names))
         return varied
+
+    def with_fields(self, **changes: Any) -> "Polynomial":
+        changed = replace(self, **changes)
+        object.__setattr__(changed, "varied", self.varied)
+        return changed
 
     def rounded_constants(self) -> tuple[str, ...]:
         """Texts of the functions in the polynomial that have no exact form here, such as "sin(1)"."""

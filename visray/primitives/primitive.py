@@ -168,6 +168,11 @@ class Primitive:
         """
         return {name: getattr(table, name) for name in quantities(cls)}
 
+    def with_fields(self, **changes: Any) -> "Primitive":
+        """A copy of the object with other values in some fields. Unlike dataclasses.replace, it keeps what else an
+        object may know, such as Polynomial.varied."""
+        return replace(self, **changes)
+
     def flaws(self) -> list[tuple[str, str]]:
         """A list of errors (field, message) that concern several fields together; empty if there is no error."""
         return []

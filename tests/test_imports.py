@@ -50,7 +50,7 @@ data.number_column data.source data.gizmos data.layer data.layer_table data.outl
 data.shown_rows data.resolve data.data_scene data.all_objects
 scene.scene
 scene
-data_report mesh_report clip_report constant_report
+data_report mesh_report clip_report constant_report csg_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output

@@ -23,6 +23,7 @@ from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
+from visray.csg_report import csg_notes
 from visray.dark import dark_notes, warn_of_dark
 from visray.data.all_objects import address_of
 from visray.data_report import data_notes
@@ -239,12 +240,12 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
 @checked_arguments
 def explain(scene: Scene) -> Features:
     """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
-    about meshes; which transparent solids count where they overlap; and what is odd about materials
-    and clips."""
+    about meshes; which transparent solids count where they overlap; of what CSG objects are made; and what is odd about
+    materials, clips and CSG."""
     scene = checked(scene)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    of_scene = (*constant_notes(scene), *clip_notes(scene), *data_notes(scene))
+    of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))
     notes = (*sheet_notes(scene, on), *energy_notes(scene), *of_scene)
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)

@@ -11,6 +11,7 @@ from visray import film as films
 from visray import images, llvm
 from visray.arguments import checked_arguments
 from visray.clip_report import warn_of_clips
+from visray.csg_report import warn_of_empty_csg
 from visray.data_report import warn_of_data
 from visray.differentiable import differentiable
 from visray.errors import UserError
@@ -113,6 +114,7 @@ def prepare(
     films.check_memory(width, height)
     warn_of_meshes(scene)
     warn_of_clips(scene)
+    warn_of_empty_csg(scene)
     warn_of_data(scene)
     effects, packed = features(scene, wrt, everything, without), pack(differentiable(scene, wrt) if wrt else scene, a)
     warn_of_sheets(scene, effects)

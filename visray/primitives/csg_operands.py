@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from visray.operands import named_operands
+from visray.operands import ROLES, like_operands, named_operands
 from visray.primitives.instance import Instance
 from visray.primitives.plane import Plane
 from visray.primitives.primitive import Primitive
@@ -76,7 +76,7 @@ class Operand:
         if isinstance(shape, Instance) and shape.geometry in geometries:
             address = f"geometries.{shape.geometry}"
             inner.append(self._operand(address, geometries[shape.geometry], "geometry", True, geometries))
-        for role in ("of", "cut"):
+        for role in ROLES:
             by_key = named_operands(getattr(shape, role, None)).items()
             inner += [
                 self._operand(f"{self.address}.{role}.{key}", x, role, role == "of" and i == 0, geometries)
@@ -145,10 +145,10 @@ def mapped(address: str, obj: Primitive, change: Callable[[str, Primitive], Prim
     change: function of an address and the shape there, whose operands are changed already.
     """
     new: dict[str, Any] = {}
-    for role in ("of", "cut"):
+    for role in ROLES:
         if given := getattr(obj, role, None):
             parts = {k: mapped(f"{address}.{role}.{k}", x, change) for k, x in named_operands(given).items()}
-            new[role] = parts if isinstance(given, dict) else tuple(parts.values())
+            new[role] = like_operands(parts, given)
     return change(address, obj.with_fields(**new) if new else obj)
 
 
@@ -157,7 +157,7 @@ def operand_at(obj: Primitive, path: list[str]) -> tuple[Primitive, list[str]]:
 
     path: parts of an address behind that of the object, such as of, hole, radius.
     """
-    while len(path) > 1 and path[0] in ("of", "cut") and hasattr(obj, path[0]):
+    while len(path) > 1 and path[0] in ROLES and hasattr(obj, path[0]):
         role, key, *path = path
         obj = named_operands(getattr(obj, role))[key]
     return obj, path

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from visray.operands import named_operands
+from visray.operands import ROLES, named_operands
 from visray.primitives.csg_operands import has_operands, operands
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
@@ -124,8 +124,8 @@ def _is_too_deep(entry: Any) -> bool:
         x, level = ahead.pop()
         if level > MOST_LEVELS:
             return True
-        for field in ("of", "cut"):
-            inner = x.get(field) if isinstance(x, dict) else getattr(x, field, None)
+        for role in ROLES:
+            inner = x.get(role) if isinstance(x, dict) else getattr(x, role, None)
             if isinstance(inner, (dict, list, tuple)):
                 ahead += ((y, level + 1) for y in named_operands(inner).values())
     return False

@@ -35,7 +35,7 @@ KINDS, LIGHTS = (
     for kinds in (primitives.OBJECTS, lights.KINDS)
 )
 TEXTURES = "image, checker"
-MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, priority, texture, textured, shading, colored"
+MATERIAL = "ka, kd, ks, shininess, kr, kt, ior, dmax, priority, texture, textured, shading, colored, back"
 
 
 def write(folder: Path, content: object) -> Path:

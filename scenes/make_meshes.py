@@ -193,6 +193,17 @@ def blossom(top: np.ndarray) -> Part:
     return Part("blossom", rings.reshape(-1, 3), tube(rings) + base)
 
 
+def ribbon() -> list[Part]:
+    """A ribbon that is wound around the x axis, ever wider, with gaps between its turns. Its front is on the outside."""
+    share = np.linspace(0, 1, 121)
+    turn, radius = 7 * np.pi * share, 0.22 + 0.22 * share
+    middle = np.stack([2.1 * share, radius * np.sin(turn), radius * np.cos(turn)], axis=-1)
+    rows = middle[:, None] + np.array([-0.15, 0.15])[:, None] * np.array([1, 0, 0])
+    number = np.arange(rows.size // 3).reshape(-1, 2)
+    quads = np.stack([number[:-1, 0], number[:-1, 1], number[1:, 1], number[1:, 0]], axis=-1)
+    return [Part("ribbon", rows.reshape(-1, 3), quads.tolist())]
+
+
 def joined(name: str, parts: list[Part]) -> Part:
     """Several parts as one."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -224,7 +235,7 @@ def write_ply(path: Path, parts: list[Part]) -> None:
     path.write_bytes(head.encode() + numbers.tobytes() + faces.tobytes())
 
 
-MESHES: dict[str, Callable[[], list[Part]]] = {"teapot.obj": teapot, "knot.ply": knot, "tulip.obj": tulip}
+MESHES: dict[str, Callable[[], list[Part]]] = {"teapot.obj": teapot, "knot.ply": knot, "tulip.obj": tulip, "ribbon.obj": ribbon}
 
 
 def main() -> None:

@@ -194,7 +194,7 @@ def blossom(top: np.ndarray) -> Part:
 
 
 def ribbon() -> list[Part]:
-    """A ribbon that is wound around the x axis, ever wider, with gaps between its turns. Its front is on the outside."""
+    """A ribbon that is wound around the x axis, ever wider, with gaps between its turns. Its front is outside."""
     share = np.linspace(0, 1, 121)
     turn, radius = 7 * np.pi * share, 0.22 + 0.22 * share
     middle = np.stack([2.1 * share, radius * np.sin(turn), radius * np.cos(turn)], axis=-1)
@@ -235,7 +235,12 @@ def write_ply(path: Path, parts: list[Part]) -> None:
     path.write_bytes(head.encode() + numbers.tobytes() + faces.tobytes())
 
 
-MESHES: dict[str, Callable[[], list[Part]]] = {"teapot.obj": teapot, "knot.ply": knot, "tulip.obj": tulip, "ribbon.obj": ribbon}
+MESHES: dict[str, Callable[[], list[Part]]] = {
+    "teapot.obj": teapot,
+    "knot.ply": knot,
+    "tulip.obj": tulip,
+    "ribbon.obj": ribbon,
+}
 
 
 def main() -> None:

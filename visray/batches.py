@@ -17,6 +17,7 @@ import drjit as dr
 import numpy as np
 
 from visray.columns import BackSide, Columns, Looks, Names
+from visray.data.row_table import NO_ROW
 from visray.geometry import SimilarityInverse, gamma, l1_norm
 from visray.materials import Material
 from visray.primitives.primitive import Primitive
@@ -118,16 +119,27 @@ def place(columns: Columns, first_row: int, materials: Material) -> Batch:
         coordinate_bound = dr.detach(l1_norm(placed.inverse.o))
     if columns.kind.composite:
         coordinate_bound = placed.size
-    material, looks = rows(materials, columns.material), columns.looks
-    if looks is not None:
-        looks = replace(looks, material=rows(materials, looks.material), back=_back(looks, materials))
+    material = rows(materials, columns.material)
     if columns.color is not None:
         material = columns.color.applied(material)
     return evaluated(
         Batch(columns.kind, columns.names, first_row, placed, low, high, centre, radius, coordinate_bound,
               columns.object_of, material, columns.texture, columns.object,
-              back=_back(columns, materials), looks=looks)
+              back=_back(columns, materials), looks=columns.looks and _placed_looks(columns, materials))
     )  # fmt: skip
+
+
+def _placed_looks(columns: Columns, materials: Material) -> Looks:
+    """The looks of operands, placed, with the colours of rows. materials: as in place"""
+    looks, color = columns.looks, columns.color
+    front, back = rows(materials, looks.material), _back(looks, materials)
+    if color is not None:
+        front = color.applied(front, looks.row)
+        if back is not None:
+            # A back that is as the front has the same colour.
+            same = looks.back.material == looks.material
+            back = replace(back, material=color.applied(back.material, dr.select(same, looks.row, NO_ROW)))
+    return replace(looks, material=front, back=back, row=None)
 
 
 def _back(columns: Columns | Looks, materials: Material) -> BackSide | None:

@@ -86,12 +86,15 @@ class Looks:
 
     of: for each operand of all objects of a batch, the number of its look.
     material, texture, back: as in Columns and Batch, with an entry for each look.
+    row: for each look the row that has its colour (Columns.color), or NO_ROW (data/row_table.py); None if
+        rows have no colours.
     """
 
     of: Any
     material: Any
     texture: Any
     back: BackSide | None
+    row: Any = None
 
 
 @dataclass(frozen=True)

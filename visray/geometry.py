@@ -108,6 +108,10 @@ class Frame:
         """The frames of 3 x 4 matrices in NumPy, as one table. Shape: (N, 3, 4)."""
         return Frame(*(a.put(a.W, matrices[:, :, column].T) for column in range(4)))
 
+    def matrices(self) -> np.ndarray:
+        """The 3 x 4 matrices of a table of frames, without derivatives. Shape: (N, 3, 4)."""
+        return np.stack([np.array(v, float).T for v in (self.x, self.y, self.z, self.o)], axis=2)
+
     def then(self, outer: "Frame | Similarity | None") -> "Frame":
         """This map followed by `outer`; only this map if `outer` is None."""
         if outer is None:

@@ -1,7 +1,7 @@
 """The rows of a data layer as tables of Dr.Jit arrays, with one entry for each row."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -14,6 +14,9 @@ from visray.materials import colored
 from visray.primitives.primitive import Bounds
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities, record
+
+# In place of a row's number: the material keeps its own colour.
+NO_ROW = 0xFFFFFFFF
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,16 @@ class RowColors:
         shift = type(self.color.x)(self.value - dr.detach(self.value))
         return dr.replace_grad(self.color, self.color + self.slope() * shift)
 
-    def applied(self, material: Any) -> Any:
-        """The materials of the rows with the colours. material: table of materials with one entry for each row"""
-        return colored(material, self.now(), self.fields)
+    def applied(self, material: Any, row: Any = None) -> Any:
+        """A table of materials with the colours.
+
+        material: table of materials
+        row: for each entry the row whose colour it gets, or NO_ROW; None: entry i gets that of row i
+        """
+        if row is None:
+            return colored(material, self.now(), self.fields)
+        has_row = row != NO_ROW
+        color = self.now()
+        new = colored(material, dr.gather(type(color), color, dr.select(has_row, row, 0)), self.fields)
+        chosen = {name: dr.select(has_row, getattr(new, name), getattr(material, name)) for name in self.fields}
+        return replace(material, **chosen)

@@ -163,13 +163,13 @@ class CsgBody(Primitive):
         (tests/test_nesting.py).
         """
         if not cls.bounded:
-            endless = np.full(len(table.forms.value), np.inf)
+            endless = np.full(len(table), np.inf)
             return endless, 0 * endless
         a, placed, bounds = table.a, detached(table.placed(None)), table.bounds(None)
         low, side = bounds.low, bounds.high - bounds.low
         point = a.put(a.W, even_points(VOLUME_POINTS).T)
         shares = []
-        for i in range(len(table.forms.value)):
+        for i in range(len(table)):
             row = dr.full(a.U, i, VOLUME_POINTS)
             p = rows(low, row) + rows(side, row) * point
             shares.append(float(dr.mean(dr.select(cls.inside(rows(placed, row), p), a.D(1), 0))[0]))

@@ -5,12 +5,13 @@ operands of those whose ball the ray meets. Clusters change only how the kernel 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from visray.primitives.csg_bounds import hull_of_tree, leaf_hull
+from visray.primitives.csg_bounds import Hull, Trees, hulls_of
 from visray.primitives.csg_form import Form, Leaf, Node
 
 # Largest number of children in a cluster, and in a group that is not split.
@@ -19,34 +20,40 @@ CLUSTER, UNSPLIT = 8, 16
 
 def clustered(form: Form) -> Form:
     """The structure with its large groups split."""
-    within = None if form.within is None else _clustered(form.within)
-    return replace(form, surface=_clustered(form.surface), within=within)
+    centres = _Centres(form)
+    within = None if form.within is None else _clustered(form.within, centres)
+    return replace(form, surface=_clustered(form.surface, centres), within=within)
 
 
-def _clustered(tree: Any) -> Any:
+@dataclass(frozen=True)
+class _Centres:
+    """Where the operands of an object are. form: its structure."""
+
+    form: Form
+
+    @cached_property
+    def hulls(self) -> Hull:
+        """The hulls of all operands, by the numbers of their leaves."""
+        return hulls_of(self.form.leaves)
+
+    def of(self, trees: Sequence[Any]) -> np.ndarray:
+        """Centres of the balls of trees. Shape: (N, 3)."""
+        return Trees.of(trees).hulls(self.hulls).centre
+
+
+def _clustered(tree: Any, centres: _Centres) -> Any:
     """The tree with its large groups split."""
     if isinstance(tree, Leaf):
         return tree
-    groups = tuple(_levels(tree.both, tuple(map(_clustered, group))) for group in tree.groups)
+    groups = tuple(_levels(tree.both, tuple(_clustered(x, centres) for x in group), centres) for group in tree.groups)
     return replace(tree, groups=groups)
 
 
-def _levels(both: bool, group: tuple) -> tuple:
+def _levels(both: bool, group: tuple, centres: _Centres) -> tuple:
     """The children of a group, in clusters of clusters if there are many."""
     while len(group) > UNSPLIT and group[0].site.localized:
-        centres = np.array([_hull(x).centre for x in group])
-        group = tuple(Node(both, (tuple(group[i] for i in part),), True) for part in split(centres))
+        group = tuple(Node(both, (tuple(group[i] for i in part),), True) for part in split(centres.of(group)))
     return group
-
-
-def _hull(tree: Any) -> Any:
-    """The hull of a tree, as hull_of_tree."""
-    return hull_of_tree(tree, {leaf.number: leaf_hull(leaf) for leaf in _leaves(tree)})
-
-
-def _leaves(tree: Any) -> list[Leaf]:
-    """The leaves of a tree."""
-    return [tree] if isinstance(tree, Leaf) else [leaf for x in tree.children for leaf in _leaves(x)]
 
 
 def split(centres: np.ndarray) -> Sequence[np.ndarray]:

@@ -4,7 +4,7 @@ The records of operands at a site are rows of one table. At a site that is writt
 site inside a loop, the rows of an object, or of one turn of an outer loop, lie side by side.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ import drjit as dr
 import numpy as np
 
 from visray.geometry import Frame, l1_norm
-from visray.primitives.csg_bounds import Hull, hull_of_tree, joined_hull
+from visray.primitives.csg_bounds import Hull, Trees
 from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
 from visray.primitives.primitive import Bounds
 from visray.pytree import Packets, Shared, detached
@@ -87,7 +87,7 @@ class Looped:
 
     first, count: number of the first row, and of rows, in the table.
     table: table of all children at this site.
-    trees: the children, in Python.
+    trees: the children, in Python: Trees.
     balls: balls that contain the children, or their complements: packets of centre and radius, in single. None before
         the children are placed, and for children that are unbounded, and so are their complements.
     """
@@ -113,28 +113,27 @@ def table_of(a: Arrays, site: Any, trees: Sequence[Any]) -> Any:
             inner = [y for x in children for y in x]
             table = table_of(a, group.site, inner)
             numbers = (a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts))
-            groups.append(Looped(*numbers, Shared(table), Structure(inner)))
+            groups.append(Looped(*numbers, Shared(table), Structure(Trees.of(inner))))
         else:
             groups.append(tuple(table_of(a, group.site, [x[k] for x in children]) for k in range(group.size)))
     return tuple(groups)
 
 
-def placed_tree(a: Arrays, table: Any, hulls: Mapping[int, Hull]) -> Any:
-    """The table of a site with all operands placed in the world. hulls: as in joined_hull."""
+def placed_tree(a: Arrays, table: Any, hulls: Hull) -> Any:
+    """The table of a site with all operands placed in the world. hulls: those of all leaves, by number."""
     if isinstance(table, LeafTable):
         return table.placed()
     if not isinstance(table, Looped):
         return tuple(placed_tree(a, x, hulls) for x in table)
-    balls = packed_balls(a, [hull_of_tree(tree, hulls) for tree in table.trees.value])
+    balls = packed_balls(a, table.trees.value.hulls(hulls))
     return replace(table, table=Shared(placed_tree(a, table.table.value, hulls)), balls=balls)
 
 
-def packed_balls(a: Arrays, hulls: Sequence[Hull]) -> Shared | None:
+def packed_balls(a: Arrays, hulls: Hull) -> Shared | None:
     """The balls of children of one site, as in Looped."""
-    if not np.isfinite([hull.radius for hull in hulls]).all():
+    if not np.isfinite(hulls.radius).all():
         return None
-    centre, radius = np.array([h.centre for h in hulls]), np.array([h.radius for h in hulls])
-    return Shared(Packets.of(a.Q32, (a.put(a.V32, centre.T), a.put(a.F32, radius))))
+    return Shared(Packets.of(a.Q32, (a.put(a.V32, hulls.centre.T), a.put(a.F32, hulls.radius))))
 
 
 def leaf_tables(table: Any) -> Iterator[Any]:
@@ -149,17 +148,34 @@ def leaf_tables(table: Any) -> Iterator[Any]:
 
 
 @dataclass(frozen=True)
+class Objects:
+    """The structures of CSG objects of one kind, in Python.
+
+    surface, within: trees of the surfaces, and of the points at which these are kept; None if all of them is.
+    counts: number of leaves of each object.
+    """
+
+    surface: Trees
+    within: Trees | None
+    counts: np.ndarray
+
+    def firsts(self) -> np.ndarray:
+        """Number of the first leaf of each object."""
+        return np.cumsum(self.counts) - self.counts
+
+
+@dataclass(frozen=True)
 class CsgTable:
     """CSG objects of one kind, as arrays. Leaves are numbered through all objects.
 
     a: array types.
-    forms: structure of each object.
+    objects: structures of the objects: Objects.
     surface, within: tables of the sites of the surface, and of the points at which it is kept; None if all of it is.
     site_of, row_of: for each leaf, the number of its site, and its row in the table of this site.
     """
 
     a: Arrays
-    forms: Structure
+    objects: Structure
     surface: Any
     within: Any
     site_of: Any
@@ -170,25 +186,27 @@ class CsgTable:
         """The table of several objects with equal sites."""
         counts = np.array([len(form.leaves) for form in forms])
         firsts = (np.cumsum(counts) - counts).tolist()
-        surface, within = (
-            None if trees[0] is None else table_of(a, trees[0].site, [renumbered(x, i) for x, i in zip(trees, firsts)])
+        both = [
+            None if trees[0] is None else [renumbered(tree, first) for tree, first in zip(trees, firsts)]
             for trees in ([form.surface for form in forms], [form.within for form in forms])
-        )
+        ]
+        surface, within = (trees and table_of(a, trees[0].site, trees) for trees in both)
+        objects = Objects(*(trees and Trees.of(trees) for trees in both), counts)
         site_of, row_of = np.zeros((2, counts.sum()), np.uint32)
         for site, table in enumerate(leaf_tables((surface, within))):
             numbers = np.array(table.number)
             site_of[numbers], row_of[numbers] = site, np.arange(len(numbers))
-        return CsgTable(a, Structure(list(forms)), surface, within, a.put(a.U, site_of), a.put(a.U, row_of))
+        return CsgTable(a, Structure(objects), surface, within, a.put(a.U, site_of), a.put(a.U, row_of))
 
     def placed(self, outer: None) -> "PlacedCsg":
         """The objects in the world. Their operands have transforms of their own, so `outer` is None."""
         hulls = self._hulls()
         surface, within = (None if x is None else placed_tree(self.a, x, hulls) for x in (self.surface, self.within))
-        number = dr.arange(self.a.U, len(self.forms.value)) + dr.opaque(self.a.U, 0)
+        number = dr.arange(self.a.U, len(self)) + dr.opaque(self.a.U, 0)
         largest = np.zeros(len(self.site_of))
         for leaf in leaf_tables((surface, within)):
             largest[np.array(leaf.number)] = np.array(leaf.size)
-        size = self.a.put(self.a.D, np.maximum.reduceat(largest, self._firsts()))
+        size = self.a.put(self.a.D, np.maximum.reduceat(largest, self.objects.value.firsts()))
         return PlacedCsg(number, surface, within, size, Shared((surface, within)), Shared(self.site_of),
                          Shared(self.row_of), Shared(dr.opaque(self.a.U, len(self.site_of))))  # fmt: skip
 
@@ -197,37 +215,33 @@ class CsgTable:
 
         row: row of the object. number: the leaf's number in the object.
         """
-        number += int(self._firsts()[row])
+        number += int(self.objects.value.firsts()[row])
         tables = list(leaf_tables((self.surface, self.within)))
         return tables[int(self.site_of[number])], int(self.row_of[number])
 
-    def _hulls(self) -> dict[int, Hull]:
-        """The hulls of all bounded operands, by the numbers of their leaves."""
-        hulls: dict[int, Hull] = {}
+    def __len__(self) -> int:
+        return len(self.objects.value.counts)
+
+    def _hulls(self) -> Hull:
+        """The hulls of all leaves, by number."""
+        hulls = Hull.everywhere(len(self.site_of))
         for table in leaf_tables((self.surface, self.within)):
             if (bounds := table.bounds()) is not None:
-                fields = (np.array(x, float).T for x in (bounds.low, bounds.high, bounds.centre, bounds.radius))
-                hulls.update(zip(np.array(table.number).tolist(), map(Hull, *fields)))
+                number = np.array(table.number)
+                for name, x in vars(hulls).items():
+                    x[number] = np.array(getattr(bounds, name), float).T
         return hulls
-
-    def _firsts(self) -> np.ndarray:
-        """Number of the first leaf of each object."""
-        counts = np.array([len(form.leaves) for form in self.forms.value])
-        return np.cumsum(counts) - counts
 
     def bounds(self, outer: None) -> Bounds:
         """As Primitive.bounds. An empty object has a box of one point."""
-        hulls = self._hulls()
-        joined = []
-        for form, first in zip(self.forms.value, self._firsts().tolist()):
-            own = {i: hulls[first + i] for i in range(len(form.leaves)) if first + i in hulls}
-            joined.append(joined_hull(form, own))
-        low, high, centre, radius = (np.array([getattr(h, k) for h in joined]) for k in Hull.__dataclass_fields__)
+        objects, of_leaves = self.objects.value, self._hulls()
+        trees = [x for x in (objects.surface, objects.within) if x is not None]
+        hull = Hull.beside([x.hulls(of_leaves, complements=False) for x in trees]).intersection()
         # An empty object has low > high. Its box is then one point.
-        empty = np.any(low > high, axis=1)[:, None]
-        low, high = np.where(empty, centre, low), np.where(empty, centre, high)
+        empty = hull.is_empty()[:, None]
+        low, high = np.where(empty, hull.centre, hull.low), np.where(empty, hull.centre, hull.high)
         put = self.a.put
-        return Bounds(*(put(self.a.W, x.T) for x in (low, high, centre)), put(self.a.D, radius))
+        return Bounds(*(put(self.a.W, x.T) for x in (low, high, hull.centre)), put(self.a.D, hull.radius))
 
 
 @dataclass(frozen=True)

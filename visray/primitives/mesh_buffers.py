@@ -13,6 +13,7 @@ from visray.primitives.mesh_search import MeshBuffers, MeshRows
 from visray.primitives.mesh_triangle import Corners, attached_normals
 from visray.primitives.primitive import Bounds, half_extents
 from visray.pytree import Shared
+from visray.pytree import rows as gathered
 from visray.quantities import Arrays
 from visray.transforms import Transform, composed, product
 
@@ -74,6 +75,10 @@ class BodyTable:
     def first_vertex(self, body: int) -> int:
         """Number of the first vertex of a body's mesh. body: its number."""
         return int(self.vertex_starts[body])
+
+    def moved(self, index: Any, frame: Frame) -> "BodyTable":
+        """The bodies with the numbers `index`, one for each of them, in other frames."""
+        return replace(gathered(self, index), frame=frame, vertex_starts=self.vertex_starts[np.array(index)])
 
     def placed(self, outer: Frame | None) -> "PlacedBody":
         """The bodies in the world. Their frames contain their transforms, so `outer` is None."""

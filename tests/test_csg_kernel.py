@@ -1,5 +1,6 @@
 """The kernel of CSG: what only makes it faster changes no bit of a picture."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,9 @@ import pytest
 
 import visray as vr
 from visray.primitives import csg_clusters, csg_form, csg_table
+from visray.primitives.csg_body import CsgBody
+from visray.primitives.mesh_buffers import Body
+from visray.setup import arrays
 
 MATERIALS = {"skin": vr.Material(kd=(0.8, 0.2, 0.1)), "inner": vr.Material(kd=(0.1, 0.3, 0.9))}
 
@@ -63,3 +67,32 @@ def test_clusters_and_loops_and_balls_change_no_bit(name: str, monkeypatch: Any)
         slow.setattr(csg_clusters, "UNSPLIT", 10**6)
         slow.setattr(csg_form, "MAX_WRITTEN_OUT", 10**6)
         assert np.array_equal(picture(SOLIDS[name]), fast)
+
+
+TETRAHEDRON = vr.Mesh(
+    vertices=[[1, 0, 0], [-0.5, 0, 0.8], [-0.5, 0, -0.8], [0, 1, 0]], faces=[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+)
+
+
+@pytest.mark.parametrize("op", ["intersection", "difference"])
+def test_a_point_on_a_surface_without_a_known_part_lies_on_the_right_operand(op: str) -> None:
+    """A camera or a light on the surface knows no part of it, and no triangle of a mesh."""
+    a, rng = arrays("llvm", "single"), np.random.default_rng(5)
+    large, small = (replace(TETRAHEDRON, transform=(vr.Scale(scale=s),)) for s in (2.0, 0.3))
+    mesh = small if op == "difference" else large
+    box = vr.Box(min=(-0.3, -0.5, -0.3), max=(0.3, 0.4, 0.3))
+    made = vr.Csg(op=op, of=(box, mesh))
+    placed = CsgBody.table(a, [made]).placed(None)
+    alone = mesh.body_kind.table(a, [Body(mesh)]).placed(None)
+    for side in range(20):
+        on_box = np.array([rng.uniform(-0.3, 0.3), 0.4, rng.uniform(-0.3, 0.3)])
+        p = a.put(a.W, on_box[:, None])
+        assert made.kind.leaf_number(made.kind.part_at(placed, p)) == 0
+        f, g = made.kind.surface_at(placed, p)
+        assert abs(f[0]) < 1e-15 and np.array_equal(np.array(g)[:, 0] > 0, (False, True, False))
+        triangle = np.array(mesh.vertices.values)[np.array(mesh.faces.values)[side % 4]] * mesh.transform[0].scale
+        on_mesh = rng.dirichlet((1, 1, 1)) @ triangle
+        p = a.put(a.W, on_mesh[:, None])
+        assert op == "intersection" or made.kind.leaf_number(made.kind.part_at(placed, p)) == 1
+        for x, y in zip(made.kind.surface_at(placed, p), mesh.body_kind.surface_at(alone, p)):
+            assert op == "intersection" or np.array_equal(x, -y)

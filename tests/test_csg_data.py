@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
 import pytest
 from samples import NAMES, SAMPLES
@@ -120,3 +121,119 @@ def test_tables_are_those_of_written_out_rows(name: str) -> None:
         row = mine.looks.row[int(i)]
         assert (here, row) == (there, 0xFFFFFFFF) or (here, there) == ("paint", f"data:rain:{row}")
         assert row in (0xFFFFFFFF, leaf // (len(mine.looks.of) // N))
+
+
+def with_rows(shape: vr.Csg, **fields) -> tuple[vr.Scene, vr.Image, list[str]]:
+    """A scene of pixels with one sample, its picture, and the names of the objects by their numbers."""
+    made = replace(scene(shape, **fields), settings=vr.Settings(spp=1))
+    return made, vr.render(made, progress=False), [None, *made.all_objects]
+
+
+def test_palettes_colour_the_operands_in_the_material_of_the_layer() -> None:
+    """The others keep their own: that of the operand, and that of the faces that are cut."""
+    made, image, names = with_rows(DRILLED)
+    colors = dict(zip(made.data.rows["rain"].number.tolist(), made.data.rows["rain"].color.T))
+    ids, albedo = np.array(image["id"]).reshape(36, 48), image["albedo"]
+    seen = set()
+    for pixel in zip(*np.nonzero(ids)):
+        name = names[ids[pixel]]
+        if not name.startswith("data.rain."):
+            continue
+        row = int(name.removeprefix("data.rain."))
+        found = {"paint": colors[row], "red": MATERIALS["red"].kd, "blue": MATERIALS["blue"].kd}
+        (material,) = [m for m, kd in found.items() if np.allclose(albedo[pixel], kd, atol=1e-6)]
+        seen.add((material, row))
+    assert {material for material, _ in seen} == {"paint", "red", "blue"}
+    assert len({row for material, row in seen if material == "paint"}) > 3
+
+
+def test_rows_without_colours_have_the_materials_of_the_operands() -> None:
+    """Those of the geometry, if the layer names no material; else that of the layer where an operand names none."""
+    inner = replace(DRILLED, of=DRILLED.of | {"block": replace(BLOCK, material="red")}, cut_material=None)
+    for fields, others in (({"material": "default"}, "default"), ({}, "paint")):
+        of_data = scene(inner, color=None, **fields)
+        assert not differences(of_data, written_out(of_data))
+        (columns,) = data_columns(of_data, arrays("llvm", "single"))
+        names = ["default", *of_data.materials]
+        looks = [names[int(columns.looks.material[int(i)])] for i in columns.looks.of]
+        # The bore has the material of its own object, which is that of the first operand if the layer has none.
+        assert looks == ["red", "red" if others == "default" else others, "red"] * N and columns.looks.row is None
+        assert {names[i] for i in np.array(columns.material)} == {"red" if others == "default" else others}
+
+
+def test_the_derivative_by_a_rows_colour_is_that_of_differences() -> None:
+    """Only the operands in the layer's material depend on it."""
+    made = replace(scene(DRILLED), settings=vr.Settings(spp=1, precision="double", shadows=False))
+    seen = [name for name in made.all_objects if name.startswith("data.rain.")]
+    address = f"{seen[N // 2]}.color"
+    attached = vr.derivative(made, address, progress=False)
+    assert np.abs(attached).max() > 1e-3
+    assert attached == pytest.approx(vr.difference(made, address), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("data.rain.6.height", "; those of data are a row's lon, lat, height, radius and color, where the layer takes "
+         "them from columns, and are no geometries"),
+        ("geometries.shape.of.bore.radius", ", as rows of data.layers.rain show this geometry"),
+        ("geometries.shape.of.dent.center", ", as rows of data.layers.rain show this geometry"),
+    ],
+)  # fmt: skip
+def test_numbers_without_a_derivative_are_refused(address: str, reason: str) -> None:
+    """An object that shows the geometry, too, does not make up for the rows."""
+    made = scene(DRILLED)
+    made = replace(made, objects=made.objects | {"one": vr.Instance(geometry="shape")})
+    with pytest.raises(vr.UserError) as caught:
+        vr.gradient(made, [address])
+    assert caught.value.lines == (f"{address}: has no derivative{reason}",)
+
+
+CHANGES = {
+    "data.rain.6.height": 4.0,
+    "data.rain.6.color": 3.0,
+    "data.layers.rain.radius.range": (0.1, 0.4),
+    "materials.blue.kd": (0.1, 0.5, 0.6),
+    "geometries.shape.of.bore.radius": 0.4,
+    "geometries.shape.of.dent.transform": TURNED,
+}
+
+
+def test_updates_have_the_bits_of_new_scenes_and_compile_nothing() -> None:
+    prepared = vr.prepare(scene(DRILLED))
+    for address, value in CHANGES.items():
+        if address != "geometries.shape.of.dent.transform":
+            vr.render(prepared.updated({address: value}), progress=False)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        pictures = {a: vr.render(prepared.updated({a: value}), progress=False)["RGB"] for a, value in CHANGES.items()}
+        missed = [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT and not k["cache_hit"]]
+    assert not missed
+    plain = vr.render(prepared, progress=False)["RGB"]
+    for address, value in CHANGES.items():
+        assert np.array_equal(
+            pictures[address], vr.render(vr.replaced(scene(DRILLED), address, value), progress=False)["RGB"]
+        )
+        assert not np.array_equal(pictures[address], plain), address
+
+
+def test_rows_have_names_and_labels() -> None:
+    made, image, names = with_rows(DRILLED)
+    seen = {names[i] for i in np.unique(image["id"]) if i}
+    rows = {name for name in seen if name.startswith("data.rain.")}
+    assert len(rows) > 3 and rows < {f"data.rain.{i}" for i in range(N)}
+    assert made.data.row("rain", "row 7") == 7
+    x = vr.render(replace(made, data=replace(made.data, legend=vr.Legend())), progress=False)
+    assert x.legend is not None
+
+
+def test_rows_of_glass_are_nested_as_written_out_ones() -> None:
+    """Where two overlap, the smaller counts; a copy has the volume of its original times that of its frame."""
+    glass = {
+        "paint": vr.Material(kt=(0.9, 0.9, 0.9), ior=1.4, colored=("ks",)),
+        "red": vr.Material(kt=(0.5, 0.9, 0.9), ior=1.4),
+    }
+    shape = vr.Csg(op="difference", of=(BLOCK, vr.Sphere(center=(0, 1, 0), radius=0.5, material="red")))
+    of_data = scene(shape, glass, lon=np.linspace(30, 60, N), lat=np.full(N, 30.0), material="paint", color=None)
+    a, b = (vr.render(s, progress=False) for s in (of_data, written_out(of_data)))
+    assert np.array_equal(a["RGB"], b["RGB"])

@@ -15,6 +15,7 @@ from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.pack import LightColumns, Packed
 from visray.primitives.csg_operands import operand_at, operands
+from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.primitive import Primitive
 from visray.quantities import quantities
@@ -174,9 +175,11 @@ class AddressIndex:
         """Names of the objects that show a shape and are not CSG. own: address of the shape."""
         section, _, name = own.partition(".")
         shown = self.scene.written_objects
-        names = (
-            [name] if section == "objects" else [n for n, x in shown.items() if getattr(x, "geometry", None) == name]
-        )
+        if section == "objects":
+            # The numbers of an instance's shape are those of its geometry.
+            names = [] if isinstance(shown.get(name), Instance) else [name]
+        else:
+            names = [n for n, x in shown.items() if getattr(x, "geometry", None) == name]
         return [n for n in names if n in shown and not self.scene.shape_of(shown[n]).composite]
 
     def _tables(self, own: str) -> Iterator[tuple[type[Primitive], Any, int]]:
@@ -191,6 +194,19 @@ class AddressIndex:
             table, row = self.packed.batches[number].numbers.leaf(row, leaf)
             yield table.kind, table.numbers, row
 
+    def _layer_of(self, own: str) -> str | None:
+        """Name of a data layer whose rows show a shape of a geometry; None if there is none. own: address of the shape.
+
+        The rows have copies of its numbers, which are not packed one by one.
+        """
+        layers = self.scene.data.rows.items() if self.scene.data is not None else ()
+        for name, rows in layers:
+            if rows.geometry is not None and len(rows):
+                shown = operands("", rows.object(0), self.scene.geometries)
+                if any(x.address == own for x in shown):
+                    return name
+        return None
+
     def _of_shape(self, shape: Primitive, address: str, path: list[str]) -> Slot | TableSlot:
         """The place of one value of an object, an operand or a geometry. Raises UserError if the value has no
         derivative.
@@ -201,6 +217,8 @@ class AddressIndex:
         """
         shape, path = operand_at(shape, path)
         own = address.removesuffix("." + ".".join(path))
+        if layer := self._layer_of(own):
+            raise UserError(f"{address}: has no derivative, as rows of data.layers.{layer} show this geometry")
         if shape.many_rows:
             return self._of_mesh(shape, address, own, path)
         rows: dict[int, list[int]] = {}

@@ -145,7 +145,10 @@ def test_an_unknown_address_in_a_nested_part_lists_what_is_there(address: str, e
         ("objects.ball.radius.0.1", "objects.ball.radius is a single value; leave .0.1 out"),
         ("objects.plate.transform.0", "objects.plate.transform has no '0'; there is none"),
         ("objects.ball.transform.0.scale", "objects.ball.transform.0 has no 'scale'; one of translate"),
-        ("objects.ball.hash", "objects.ball has no 'hash'; one of material, transform, type, center, radius"),
+        (
+            "objects.ball.hash",
+            "objects.ball has no 'hash'; one of material, transform, cut, cut_material, type, center, radius",
+        ),
         ("camra.fov", "the scene has no 'camra'; did you mean \"camera\"? "),
         ("", "the scene has no ''; one of camera, film, "),
         ("objects..radius", "objects has no ''; one of ball, plate"),

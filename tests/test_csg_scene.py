@@ -1,11 +1,25 @@
 """CSG in scenes: what may be written, what is said where it is wrong, and how it is addressed, changed and written."""
 
+import json
+import random
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import visray as vr
 from visray import primitives
+from visray.cli import main
+from visray.csg_report import CsgWarning, csg_notes
+from visray.feature_rules import used_materials
+from visray.features import features
+from visray.operands import named_operands
+from visray.primitives.csg_operands import operands
+from visray.primitives.primitive import Primitive
+from visray.scene.address import changed, numeric_addresses, replaced, value
 from visray.scene.check import checked, examined
 from visray.scene.load import dump, load
 from visray.scene.nesting_flaws import MOST_LEVELS, MOST_OPERANDS
@@ -318,3 +332,272 @@ def test_too_many_operands() -> None:
     assert said({"type": "instance", "geometry": "g59"}, geometries) == [
         "geometries.g13: has 16,384 operands; at most 10,000 are possible, so make several objects"
     ]
+
+
+NAMED = {
+    "c": {
+        "type": "csg",
+        "op": "difference",
+        "of": {
+            "rest": {"type": "box", "min": [-1, -2, -3]},
+            "hole": {"type": "sphere", "radius": 0.5, "transform": [{"translate": [0, 1, 0]}]},
+            "both": csg("intersection", ball(radius=2), {"type": "plane", "normal": [0, 1, 0]}),
+        },
+    },
+    "b": {"type": "sphere", "cut": [{"type": "box", "max": [0, 2, 3]}]},
+}
+
+
+def named() -> vr.Scene:
+    return examined({"objects": NAMED})[0]
+
+
+def test_values_have_addresses_at_any_depth() -> None:
+    scene = named()
+    assert value(scene, "objects.c.of.hole.radius") == 0.5
+    assert value(scene, "objects.c.of.both.of.0.radius") == 2
+    assert value(scene, "objects.b.cut.0.max.1") == 2
+    assert value(scene, "objects.c.of.hole.transform.0.translate.1") == 1
+    new = changed(scene, {"objects.c.of.both.of.0.radius": 3.0, "objects.b.cut.0.max.1": 5.0})
+    assert value(new, "objects.c.of.both.of") == (vr.Sphere(radius=3.0), vr.Plane())
+    assert value(new, "objects.b.cut.0.max") == (0, 5, 3)
+    assert list(new.objects["c"].of) == ["rest", "hole", "both"] and new.objects["c"].of["hole"].radius == 0.5
+    assert replaced(scene, "objects.b.cut", None).objects["b"] == vr.Sphere()
+    assert replaced(scene, "objects.c.of.hole", vr.Box(cut=[vr.Sphere()])).objects["c"].of["hole"].cut == (vr.Sphere(),)
+
+
+def test_all_numbers_of_operands_are_listed() -> None:
+    listed = numeric_addresses(named())
+    own = {a.removeprefix("objects."): x.size for a, x in listed.items() if a.startswith("objects.")}
+    assert own == {
+        "c.of.rest.min": 3,
+        "c.of.rest.max": 3,
+        "c.of.hole.center": 3,
+        "c.of.hole.radius": 1,
+        "c.of.hole.transform.0.translate": 3,
+        "c.of.both.of.0.center": 3,
+        "c.of.both.of.0.radius": 1,
+        "c.of.both.of.1.point": 3,
+        "c.of.both.of.1.normal": 3,
+        "b.center": 3,
+        "b.radius": 1,
+        "b.cut.0.min": 3,
+        "b.cut.0.max": 3,
+    }
+    for address in listed:
+        assert value(named(), address) is not None
+
+
+@pytest.mark.parametrize(
+    ("address", "what"),
+    [
+        ("c.of.hol.radius", "c.of has no 'hol'; did you mean \"hole\"? (one of rest, hole, both)"),
+        ("c.of.both.of.2.radius", "c.of.both.of has no '2'; one of 0, 1"),
+        ("c.of.hole.radus", "c.of.hole has no 'radus'; did you mean \"radius\"? "
+         "(one of material, transform, cut, cut_material, type, center, radius)"),
+        ("c.cut.0.radius", "c.cut is null, as there are no operands; assign a list of objects to it"),
+        ("c.op.0", "c.op is a single value; leave .0 out"),
+    ],
+)  # fmt: skip
+def test_a_wrong_address_gets_a_hint(address: str, what: str) -> None:
+    with pytest.raises(vr.UserError) as caught:
+        value(named(), f"objects.{address}")
+    assert caught.value.lines == (f"objects.{address}: objects.{what}",)
+
+
+def test_a_wrong_new_value_of_an_operand_is_named() -> None:
+    with pytest.raises(vr.UserError, match=r"^objects\.c\.of\.hole\.radius = -1: must be greater than 0$"):
+        replaced(named(), "objects.c.of.hole.radius", -1)
+    with pytest.raises(vr.UserError, match=r"^objects\.b\.cut\.0: is an open disk, and what is taken away must be"):
+        replaced(named(), "objects.b.cut.0", {"type": "disk"})
+
+
+def test_set_reaches_operands_and_cuts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"objects": NAMED}))
+    for assignment, expected in (
+        ("objects.c.of.hole.radius=-1", "objects.c.of.hole.radius = -1: must be greater than 0"),
+        ("objects.c.of.hol.radius=1", "objects.c.of.hol.radius: objects.c.of has no 'hol'; did you mean"),
+        ('objects.b.cut=[{"type": "disk"}]', "objects.b.cut.0: is an open disk"),
+        ('objects.b.cut={"type": "box"}', 'objects.b.cut = {"type": "box"}: must be a list of objects, or objects by'),
+    ):
+        assert main(["explain", str(path), "--set", assignment]) == 2
+        assert expected in " ".join(capsys.readouterr().err.split())
+
+
+def grown(rng: random.Random, levels: int, solid: bool = True) -> Primitive:
+    """A random object with operands at random depths."""
+    if levels == 0 or rng.random() < 0.2:
+        kinds = [vr.Sphere, vr.Box, vr.Plane, vr.Cylinder, vr.Torus] if solid else [vr.Disk, vr.Rectangle]
+        obj = rng.choice(kinds)()
+    else:
+        op = rng.choice(("intersection", "difference") if not solid else ("union", "merge", "intersection"))
+        of = [grown(rng, levels - 1, solid or i > 0) for i in range(rng.randint(2, 4))]
+        obj = vr.Csg(op=op, of=by_name(rng, of), ends="capped" if solid else rng.choice(("capped", "open")))
+    fields = {}
+    if rng.random() < 0.3:
+        fields["transform"] = (
+            vr.Rotate(rotate=rng.uniform(-180, 180)),
+            vr.Translate(translate=(rng.random(), 1.0, 2.0)),
+        )
+    if rng.random() < 0.3:
+        fields["cut"] = by_name(rng, [grown(rng, 0) for _ in range(rng.randint(1, 2))])
+        fields |= {"cut_material": "red"} if rng.random() < 0.5 else {}
+    return replace(obj, material=rng.choice(("default", "red")), **fields)
+
+
+def by_name(rng: random.Random, of: list) -> dict | tuple:
+    """Operands as a list, or by names that are in no order."""
+    return {rng.choice("abc") + str(rng.random())[2:]: x for x in of} if rng.random() < 0.5 else tuple(of)
+
+
+def ordered(obj: Primitive) -> list:
+    """The operands of an object at all depths, in order."""
+    return [(x.address, type(x.shape), x.material) for x in operands("", obj, {})]
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32), st.booleans())
+def test_what_is_written_is_read(seed: int, solid: bool) -> None:
+    rng = random.Random(seed)
+    scene = checked(vr.Scene(objects={"c": grown(rng, 3, solid)}, materials={"red": MATERIALS["red"]}))
+    text = dump(scene)
+    again = examined(json.loads(text))[0]
+    assert again == scene and again.hash() == scene.hash()
+    assert ordered(again.objects["c"]) == ordered(scene.objects["c"])
+    # Defaults are left out, and the type of each operand is written.
+    found = [json.loads(text)["objects"]["c"]]
+    for entry in found:
+        assert "type" in entry and entry.get("material") != "default" and None not in entry.values()
+        found += [x for role in ("of", "cut") for x in named_operands(entry.get(role)).values()]
+
+
+def test_the_order_of_operands_is_kept_beside_that_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"objects": {"c": csg("union", NAMED["c"], BOX)}}))
+    scene = load(path)
+    inner = scene.objects["c"].of[0]
+    turned = replace(inner, of=dict(reversed(inner.of.items())))
+    scene = replaced(scene, "objects.c.of.0", turned)
+    assert list(json.loads(dump(scene, like=path))["objects"]["c"]["of"][0]["of"]) == ["both", "hole", "rest"]
+    # The two differ in which operand is cut, and so do their hashes.
+    assert scene.hash() != load(path).hash()
+
+
+def test_materials_of_operands_are_in_use() -> None:
+    scene = examined(
+        {
+            "materials": {n: {} for n in ("body", "hole", "pale", "of geometry", "own", "back", "unused")}
+            | {"body": {"back": "back"}},
+            "geometries": {"g": csg("union", BOX, ball(material="of geometry"))},
+            "objects": {
+                "c": csg("difference", box(material="body"), ball(material="hole"), BOX, cut_material="pale"),
+                "i": {"type": "instance", "geometry": "g", "material": "own"},
+            },
+        }
+    )[0]
+    assert set(used_materials(scene)) == {"body", "hole", "pale", "of geometry", "own", "back"}
+    assert scene.materials_of_objects() == [("body", "hole", "pale"), ("own", "of geometry")]
+    assert list(scene.objects_of({"pale"})) == ["c"] and list(scene.objects_of({"of geometry", "body"})) == ["c", "i"]
+
+
+def test_effects_that_only_operands_need() -> None:
+    def on(name: str, obj: dict, **materials: dict) -> bool:
+        lights = {"l": {"type": "point", "position": [0, 9, 0]}}
+        raw = {"objects": {"c": obj}, "materials": materials, "textures": {"t": {"type": "checker"}}, "lights": lights}
+        return features(examined(raw)[0])[name]
+
+    inner, plain = csg("difference", BOX, csg("union", BALL, ball(material="m"))), csg("difference", BOX, BALL)
+    for name, material in (
+        ("textures", {"texture": "t"}),
+        ("reflection", {"kr": [1, 1, 1]}),
+        ("specular", {"ks": [1, 1, 1]}),
+        ("unlit", {"shading": "unlit"}),
+    ):
+        assert on(name, inner, m=material) and not on(name, plain, m=material)
+        assert on(name, box(cut=[BALL], cut_material="m"), m=material)
+    glass = {"kt": [1, 1, 1]}
+    assert on("nested media", csg("union", box(material="m"), ball(material="m")), m=glass)
+    assert not on("nested media", csg("merge", box(material="m"), ball(material="m")), m=glass)
+    assert on("coloured shadows", csg("merge", BOX, BALL, material="m"), m=glass)
+    # A disk that a solid cuts can hide a light from itself no more than a disk, but visray does not look so far.
+    assert not on("shadows", DISK) and on("shadows", DISK | {"cut": [BALL]})
+
+
+FAR = box(transform=[{"translate": [9, 0, 0]}])
+
+
+def notes(**objects: dict) -> list[str]:
+    geometries = {"g": csg("merge", FAR, FAR, {"type": "torus", "transform": FAR["transform"]})}
+    used = {"use": {"type": "instance", "geometry": "g"}}
+    return csg_notes(examined({"objects": objects | used, "geometries": geometries})[0])[1:]
+
+
+@pytest.mark.parametrize(
+    ("obj", "what"),
+    [
+        (csg("difference", BOX, *[BALL] * 1100), ["a difference of 1,101 shapes: 1 box, 1,100 spheres"]),
+        (csg("intersection", BOX, csg("merge", BALL, BALL)), ["an intersection of 3 shapes: 1 box, 2 spheres"]),
+        (ball(cut=[BOX]), ["a sphere, from which 1 box is taken away"]),
+        (
+            csg("union", BALL, BALL, cut=[BOX, csg("union", BOX, BALL)]),
+            ["a union of 2 shapes: 2 spheres, from which 2 boxes, 1 sphere are taken away"],
+        ),
+        (
+            {"type": "instance", "geometry": "g", "cut": [BALL]},
+            ["an instance of geometries.g, from which 1 sphere is taken away"],
+        ),
+        ({"type": "plane", "cut": [BALL]}, ["a plane, from which 1 sphere is taken away; it is unbounded"]),
+        (csg("union", {"type": "plane"}, BALL), ["a union of 2 shapes: 1 plane, 1 sphere; it is unbounded"]),
+        (csg("intersection", {"type": "plane"}, BALL), ["an intersection of 2 shapes: 1 plane, 1 sphere"]),
+        (csg("intersection", BALL, BALL, FAR), [..., ": is empty, as the boxes of objects.c.of.0 and objects.c.of.2 "]),
+        (csg("intersection", BALL, csg("union", FAR, FAR)), [..., ": is empty, as the boxes of objects.c.of.0 and "]),
+        (
+            csg("union", BALL, csg("intersection", BALL, FAR)),
+            [..., ".of.1: is empty, as the boxes of objects.c.of.1.of.0 and objects.c.of.1.of.1 do not meet"],
+        ),
+        (
+            csg("difference", csg("union", csg("intersection", BALL, FAR), csg("intersection", FAR, BALL)), BOX),
+            [..., ": is empty, as the boxes of objects.c.of.0.of.0.of.0 and objects.c.of.0.of.0.of.1 do not meet"],
+        ),
+        (
+            ball(cut=[csg("intersection", BALL, {"type": "instance", "geometry": "g"})]),
+            [..., ".cut.0: is empty, as the boxes of objects.c.cut.0.of.0 and objects.c.cut.0.of.1 do not meet"],
+        ),
+        # Boxes that touch have a face in common.
+        (csg("intersection", box(min=[0, 0, 0]), box(min=[-1, 0, 0], max=[0, 1, 1])), [...]),
+        (csg("intersection", {"type": "plane"}, {"type": "plane", "normal": [0, -1, 0], "point": [0, 9, 0]}), [...]),
+    ],
+)
+def test_what_is_said_about_an_object(obj: dict, what: list) -> None:
+    """Of what it is made, and whether it is unbounded or empty."""
+    said = notes(c=obj)
+    assert len(said) == len(what)
+    for text, expected in zip(said, what):
+        assert expected is ... or text.startswith(
+            f"objects.c{expected}" if expected[0] in ".:" else f"objects.c: {expected}"
+        )
+
+
+def test_many_objects_are_counted() -> None:
+    said = notes(**{f"c{i}": ball(cut=[BOX]) for i in range(1000)})
+    assert len(said) == 50 and said[-1] == "objects: 951 CSG objects more are not listed here"
+
+
+def test_an_empty_object_is_said_once_when_it_is_prepared() -> None:
+    scene = examined({"objects": {"nothing": csg("intersection", BALL, FAR)}})[0]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        for _ in range(2):
+            vr.prepare(scene)
+        vr.prepare(examined({"objects": {"something": csg("intersection", BALL, BOX)}})[0])
+    (warning,) = caught
+    assert warning.category is CsgWarning and warning.filename == __file__
+    assert str(warning.message).startswith("objects.nothing: is empty, as the boxes of objects.nothing.of.0 and ")
+
+
+def test_explain_says_of_what_objects_are_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"objects": {"c": csg("difference", BOX, BALL)}}))
+    assert main(["explain", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["notes"] == ["objects.c: a difference of 2 shapes: 1 box, 1 sphere"]

@@ -15,6 +15,7 @@ from visray.data.data_scene import Data
 from visray.data.layer import ROW_NUMBER
 from visray.errors import UserError
 from visray.hints import hint
+from visray.operands import ROLES
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
 from visray.scene.check import checked, examined, parts
@@ -174,6 +175,8 @@ def _value_at(root: Any, address: str) -> Any:
                 text = f"no number of row {key} is replaced; for a number of the source, write {_of_row(keys)}"
             if not choices and not isinstance(node, (dict, tuple)):
                 text = f"{owner} is a single value; leave .{'.'.join(keys[i:])} out"
+                if node is None and keys[i - 1] in ROLES:
+                    text = f"{owner} is null, as there are no operands; assign a list of objects to it"
             raise UserError(printable(f"{address}: {text}"))
         node = _entry(node, key)
     return node

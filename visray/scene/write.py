@@ -148,6 +148,8 @@ def _json_tree(value: Any, like: Any = None, ordered: bool = False) -> Any:
     if isinstance(value, tuple):
         like_parts = like if isinstance(like, list) and len(like) == len(value) else [None] * len(value)
         tree = [_json_tree(v, part) for v, part in zip(value, like_parts)]
+        if any(isinstance(part, dict) for part in tree):
+            return tree
     # An equal value keeps its spelling: a file's 2 is not written as 2.0.
     return like if tree == like else tree
 

@@ -187,7 +187,7 @@ GLOSSY = Material(kd=(0.5, 0.4, 0.3), ks=(0.3, 0.3, 0.3), shininess=7.5, kr=(0.2
 RICH = Scene(
     camera=Camera(origin=(0.5, 2, 6), target=(0, 0.5, 0)),
     film=Film(width=12, height=8),
-    materials={"m": GLOSSY, "f": Material(texture="c"), "u": Material(shading="unlit")},
+    materials={"m": GLOSSY, "f": Material(texture="c"), "u": Material(shading="unlit", back="f")},
     textures={"c": CheckerTexture()},
     objects={
         "floor": Plane(material="f"),
@@ -207,7 +207,7 @@ def in_mode(scene: Scene, shading: str) -> Scene:
 @pytest.mark.parametrize("shading", UNLIT)
 def test_modes_without_light_say_so(shading: str) -> None:
     """Everything that light goes through is off, even where it is forced or a derivative by it is asked for."""
-    kept = {"textures", "bilinear", "defocus", "background", "coverage"}
+    kept = {"two-sided", "textures", "bilinear", "defocus", "background", "coverage"}
     lit = {f.name: f.on for f in features(RICH).listed}
     assert all(on for name, on in lit.items() if name not in kept)
     for more in ({}, {"everything": True}, {"wrt": ("lights.key.Id", "materials.m.kr", "ambient")}):

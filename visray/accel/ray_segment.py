@@ -45,11 +45,15 @@ class RaySegment:
         back = known.on_end & (self.end < dr.inf)
         length = dr.select(back, self.end, 0)
         o, d = self.ray.o + length * self.ray.d, dr.select(back, -self.ray.d, self.ray.d)
+        end_part = known.end_part
         if on_start is None:
-            turned = KnownEnds(back, known.inward, known.end_part)
+            turned = KnownEnds(back, known.inward, end_part)
         else:
-            known_parts = known.end_part is not None and known.start_part is not None
-            part = dr.select(back, known.end_part, known.start_part) if known_parts else None
+            if end_part is None and known.start_part is not None and self.kind.composite:
+                # Rays that start on the row keep the part on which they start.
+                end_part = self.kind.part_at(self.placed, o)
+            known_parts = end_part is not None and known.start_part is not None
+            part = dr.select(back, end_part, known.start_part) if known_parts else None
             inside = dr.select(back, known.inward, known.inside)
             turned = KnownEnds(back | on_start, inside, part, back & on_start, known.inside, known.start_part)
         ends = dr.select(back, 0, begin), dr.select(back, self.end - begin, self.end)

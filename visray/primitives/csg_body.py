@@ -135,10 +135,10 @@ class CsgBody(Primitive):
         def of(site: LeafSite, leaf: PlacedLeaf) -> tuple:
             f, g = _surface_at(site, leaf.placed, p, None)
             unknown = (1 << cls.bits) - 1 if site.kind.own_frames else 0
-            if site.kind.walks and site.kind.closed:
-                # Far from a mesh, f is infinite, and its sign says nothing (MeshBody.surface_at).
+            if site.kind.closed:
+                # f has the right sign only near the surface: a cone has a mirror image, and a mesh is endlessly far.
                 inside = site.kind.inside(leaf.placed, p) ^ site.negated
-                f = dr.select(dr.abs(f) < dr.inf, f, dr.select(inside, -dr.inf, dr.inf))
+                f = dr.select(inside, -dr.abs(f), dr.abs(f))
             return f / dr.norm(g), (leaf.number << cls.bits) | u(unknown)
 
         def join(both: bool, x: tuple, y: tuple) -> tuple:

@@ -14,6 +14,7 @@ import visray as vr
 from visray import primitives
 from visray.cli import main
 from visray.csg_report import CsgWarning, csg_notes
+from visray.dark import DarkWarning
 from visray.feature_rules import used_materials
 from visray.features import features
 from visray.operands import named_operands
@@ -601,3 +602,19 @@ def test_explain_says_of_what_objects_are_made(tmp_path: Path, capsys: pytest.Ca
     path.write_text(json.dumps({"objects": {"c": csg("difference", BOX, BALL)}}))
     assert main(["explain", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["notes"] == ["objects.c: a difference of 2 shapes: 1 box, 1 sphere"]
+
+
+@pytest.mark.parametrize(
+    ("obj", "what"),
+    [
+        (csg("intersection", BALL, FAR), "all objects are empty"),
+        (csg("difference", BALL, box(min=[-2, -2, -2], max=[2, 2, 2])), "without meeting its surface; it may be empty"),
+    ],
+)
+def test_a_picture_of_nothing_says_so(obj: dict, what: str) -> None:
+    scene = replace(examined({"objects": {"c": obj}})[0], film=vr.Film(width=8, height=6))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        vr.render(scene, layers=["RGB"], progress=False)
+    (text,) = (str(x.message) for x in caught if x.category is DarkWarning)
+    assert text.startswith("nothing is seen: ") and text.endswith(what)

@@ -57,6 +57,7 @@ class Box:
     behind, beside: whether the whole box is behind the camera, and whether it is beyond one edge of the picture
     angle: angle of its middle off the camera's view, in degrees
     pixels: width of the box in pixels
+    made: whether the object is made of others, and so may be smaller than its box, and even empty
     """
 
     address: str
@@ -65,10 +66,11 @@ class Box:
     beside: bool
     angle: float
     pixels: float
+    made: bool
 
 
 def boxes(prepared: Prepared) -> list[Box]:
-    """The boxes of the objects and of the segments of lines, but not of unbounded objects."""
+    """The boxes of the objects and of the segments of lines, but not of objects that are unbounded or empty."""
     view, scene = prepared.kernel.view, prepared.scene
     o, forward, right, down = (
         np.array(v, float)[:, 0] for v in (view.o, view.forward, view.pixel_right, view.pixel_down)
@@ -76,8 +78,11 @@ def boxes(prepared: Prepared) -> list[Box]:
     parallel = isinstance(view, ParallelView)
     found = []
     for name, obj in islice(scene.parts(), MOST_OBJECTS):
-        if (corners := _corners(scene, obj)) is None:
+        shape = scene.placed_shape(obj)
+        low, high = map(np.ravel, bounding_box(shape) or (np.inf, -np.inf))
+        if (low > high).any():
             continue
+        corners = np.stack(np.meshgrid(*zip(low, high), indexing="ij"), -1).reshape(-1, 3)
         p = corners - o
         depth = p @ forward
         # Points behind the camera are not seen; what they are divided by does not matter.
@@ -90,17 +95,9 @@ def boxes(prepared: Prepared) -> list[Box]:
         across = np.linalg.norm(middle - (middle @ forward) * forward)
         angle = degrees(np.arctan2(across, middle @ forward))
         pixels = hypot(np.ptp(x), np.ptp(y)) if seen.all() else np.inf
-        found.append(Box(address_of(name), corners.mean(0), not seen.any(), any(beyond), angle, pixels))
+        place = corners.mean(0), not seen.any(), any(beyond), angle, pixels
+        found.append(Box(address_of(name), *place, shape.composite))
     return found
-
-
-def _corners(scene: Scene, obj: Any) -> np.ndarray | None:
-    """The corners of an object's bounding box in the world; None for unbounded objects. Shape: (8, 3)."""
-    box = bounding_box(scene.placed_shape(obj))
-    if box is None:
-        return None
-    low, high = (np.ravel(v) for v in box)
-    return np.stack(np.meshgrid(*zip(low, high), indexing="ij"), -1).reshape(-1, 3)
 
 
 def empty_notes(prepared: Prepared) -> list[str]:
@@ -109,8 +106,11 @@ def empty_notes(prepared: Prepared) -> list[str]:
     if not scene.all_objects:
         return ["the scene has no objects: the picture shows only the background"]
     found = boxes(prepared)
-    if name := next((n for n, o in scene.representatives.items() if _corners(scene, o) is None), None):
+    endless = (n for n, o in scene.representatives.items() if not scene.placed_shape(o).bounded)
+    if name := next(endless, None):
         return [f"nothing is seen: the camera looks past {address_of(name)}; turn camera.target to it"]
+    if not found:
+        return ["nothing is seen: all objects are empty"]
     in_front = [box for box in found if not box.behind]
     middle = listed(np.mean([box.middle for box in (in_front or found)], 0))
     if not in_front:
@@ -126,7 +126,9 @@ def empty_notes(prepared: Prepared) -> list[str]:
     if largest.pixels < 1:
         size = f"{largest.pixels:.2g} pixels wide"
         return [f"nothing is seen: {largest.address} is only {size}; go nearer, or lower camera.fov"]
-    return [f"nothing is seen: rays pass {largest.address}, whose bounding box is in view, without meeting its surface"]
+    advice = "; it may be empty" if largest.made else ""
+    where = f"{largest.address}, whose bounding box is in view"
+    return [f"nothing is seen: rays pass {where}, without meeting its surface{advice}"]
 
 
 def _limits(scene: Scene) -> str:

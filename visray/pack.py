@@ -75,6 +75,9 @@ class BatchKeys:
 
     def __call__(self, obj: Primitive) -> tuple[type[Primitive], bool]:
         shape = self.scene.shape_of(obj)
+        if shape.composite:
+            # The transform of an instance decides, too, which operands are moved.
+            return self.scene.placed_shape(obj).kind, False
         if isinstance(shape, Mesh) and (shape is not obj or obj.material in self.transparent):
             if id(shape) not in self.body_kinds:
                 self.body_kinds[id(shape)] = shape.body_kind

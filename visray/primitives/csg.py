@@ -7,7 +7,7 @@ from typing import Any, Literal
 from visray.geometry import Frame
 from visray.operands import Operands, named_operands
 from visray.primitives.csg_body import CsgBody
-from visray.primitives.csg_bounds import hull_of
+from visray.primitives.csg_bounds import Hull, hull_of
 from visray.primitives.csg_clusters import clustered
 from visray.primitives.csg_form import Form, form_of
 from visray.primitives.primitive import Bounds, Primitive
@@ -37,6 +37,11 @@ class Csg(Primitive):
         """The structure of the object. Domain: objects without instances and cuts (csg_resolved.py)."""
         return clustered(form_of(self))
 
+    @cached_property
+    def hull(self) -> Hull:
+        """A box and a ball that contain the object, after its transform. Domain: as for `form`."""
+        return hull_of(self.form)
+
     @property
     def kind(self) -> Any:
         return CsgBody.kind_of(self.form)
@@ -56,8 +61,7 @@ class Csg(Primitive):
 
     def bounds(self, outer: Frame | None) -> Bounds:
         # This is only for bounding_box, outside of kernels; kernels use CsgTable.bounds.
-        hull = hull_of(self.form)
-        return Bounds(hull.low, hull.high, hull.centre, hull.radius)
+        return Bounds(self.hull.low, self.hull.high, self.hull.centre, self.hull.radius)
 
     def mitsuba(self) -> str:
         return "Mitsuba has no CSG"

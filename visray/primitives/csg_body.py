@@ -157,7 +157,8 @@ class CsgBody(Primitive):
 
     @classmethod
     def volumes(cls, table: CsgTable, outer: None) -> tuple[Any, Any]:
-        """As Primitive.volumes: the share of points of the bounding box that are inside.
+        """As Primitive.volumes: the share of points of the bounding box that are inside. Objects that differ by their
+        transforms alone are measured once.
 
         Error: five standard errors of as many random points. The points are more even than random ones
         (tests/test_nesting.py).
@@ -168,15 +169,18 @@ class CsgBody(Primitive):
         a, placed, bounds = table.a, detached(table.placed(None)), table.bounds(None)
         low, side = bounds.low, bounds.high - bounds.low
         point = a.put(a.W, even_points(VOLUME_POINTS).T)
-        shares = []
-        for i in range(len(table)):
-            row = dr.full(a.U, i, VOLUME_POINTS)
+        originals, factors = table.objects.value.originals(), table.objects.value.factors
+        share = np.zeros(len(table))
+        for i in np.unique(originals):
+            row = dr.opaque(a.U, int(i), VOLUME_POINTS)
             p = rows(low, row) + rows(side, row) * point
-            shares.append(float(dr.mean(dr.select(cls.inside(rows(placed, row), p), a.D(1), 0))[0]))
-        share, box = np.array(shares), np.array(side.x * side.y * side.z)
+            share[i] = dr.mean(dr.select(cls.inside(rows(placed, row), p), a.D(1), 0))[0]
         # Two points inside and two outside are added, so that the error is not 0 if there are none of one kind.
         likely = (share * VOLUME_POINTS + 2) / (VOLUME_POINTS + 4)
-        return share * box, 5 * np.sqrt(likely * (1 - likely) / VOLUME_POINTS) * box
+        box = np.array(side.x * side.y * side.z)
+        error = 5 * np.sqrt(likely * (1 - likely) / VOLUME_POINTS)
+        scale = factors / factors[originals]
+        return tuple((x * box)[originals] * scale for x in (share, error))
 
     @staticmethod
     def _lanes(placed: PlacedCsg, p: Any) -> int:

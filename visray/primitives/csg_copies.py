@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from visray.geometry import Frame
-from visray.primitives.csg_table import CsgTable, LeafTable, Looped, Objects, Structure
+from visray.primitives.csg_table import CsgTable, LeafTable, Looped, Structure
 from visray.primitives.mesh_buffers import BodyTable
 from visray.pytree import Shared, rows
 from visray.quantities import Arrays
@@ -18,16 +18,15 @@ def copies(table: CsgTable, frames: np.ndarray) -> CsgTable:
     table: table of this object. Its operands have transforms, or kinds with frames of their own (csg_form.LeafSite).
     frames: affine maps that follow the transforms of the operands. Shape: (copies, 3, 4).
     """
-    a, one, count = table.a, table.objects.value, len(frames)
+    a, count = table.a, len(frames)
     size = len(table.site_of)
     surface, within = (None if x is None else _copied(a, x, frames, size) for x in (table.surface, table.within))
-    trees = (None if x is None else x.repeated(count, 1, size) for x in (one.surface, one.within))
     turn = np.repeat(np.arange(count), size)
     site_of = np.tile(np.array(table.site_of), count)
     # At each site, the copies lie one after another.
     rows_of_site = np.bincount(np.array(table.site_of))
     row_of = np.tile(np.array(table.row_of), count) + turn * rows_of_site[site_of]
-    return CsgTable(a, Structure(Objects(*trees, np.repeat(one.counts, count))), surface, within,
+    return CsgTable(a, Structure(table.objects.value.repeated(frames)), surface, within,
                     *(a.put(a.U, x.astype(np.uint32)) for x in (site_of, row_of)))  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from visray.primitives.csg_operands import CUTTING, operands, own_material
+from visray.primitives.csg_operands import CUTTING, NO_MATERIAL, operands, own_material
 from visray.primitives.primitive import Primitive
 from visray.transforms import Transform
 
@@ -171,12 +171,16 @@ class Form:
     within: tree of the points at which this surface is kept; None if all of it is kept.
     leaves: all leaves, by number.
     medium: name of the object's own material, which says what its inside does to light.
+    steps: the object's own transform, which all leaves have last.
+    body: the object without it and without a material: objects with equal bodies differ by their transforms alone.
     """
 
     surface: Any
     within: Any
     leaves: tuple[Leaf, ...]
     medium: str
+    steps: tuple[Transform, ...]
+    body: Primitive
 
     @property
     def closed(self) -> bool:
@@ -201,7 +205,8 @@ def form_of(csg: Primitive) -> Form:
     leaves: list[Leaf] = []
     materials = [x.material for x in operands("", csg, {}) if x.is_leaf]
     surface, within = _parts(csg, (), materials, False, leaves)
-    return Form(surface, within, tuple(leaves), own_material(csg, {}))
+    body = csg.with_fields(transform=(), material=NO_MATERIAL)
+    return Form(surface, within, tuple(leaves), own_material(csg, {}), csg.transform, body)
 
 
 def _parts(obj: Primitive, steps: tuple, materials: list[str], negated: bool, leaves: list) -> tuple[Any, Any]:

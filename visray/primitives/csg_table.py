@@ -15,7 +15,7 @@ from visray.geometry import Frame, l1_norm
 from visray.primitives.csg_bounds import Hull, Trees
 from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
 from visray.primitives.primitive import Bounds
-from visray.pytree import Packets, Shared, detached
+from visray.pytree import Packets, Shared, detached, evaluated
 from visray.quantities import Arrays
 from visray.transforms import composed
 
@@ -153,15 +153,54 @@ class Objects:
 
     surface, within: trees of the surfaces, and of the points at which these are kept; None if all of them is.
     counts: number of leaves of each object.
+    bodies: the objects without their transforms, as Form.body.
+    factors: factor by which the transform of each object changes volumes.
     """
 
     surface: Trees
     within: Trees | None
     counts: np.ndarray
+    bodies: Sequence[Any]
+    factors: np.ndarray
+
+    @staticmethod
+    def of(forms: Sequence[Form], surface: Sequence[Any], within: Sequence[Any] | None) -> "Objects":
+        """The structures of several objects. surface, within: their trees, with leaves numbered through all objects."""
+        trees = (None if x is None else Trees.of(x) for x in (surface, within))
+        counts = np.array([len(form.leaves) for form in forms])
+        factors = volume_factors(composed([form.steps for form in forms]))
+        return Objects(*trees, counts, [form.body for form in forms], factors)
+
+    def repeated(self, frames: np.ndarray) -> "Objects":
+        """Copies of one object, each moved by one of the frames. Shape: (copies, 3, 4)."""
+        count, leaves = len(frames), int(self.counts[0])
+        trees = (None if x is None else x.repeated(count, 1, leaves) for x in (self.surface, self.within))
+        factors = volume_factors(frames) * self.factors
+        return Objects(*trees, np.repeat(self.counts, count), self.bodies * count, factors)
+
+    def originals(self) -> np.ndarray:
+        """For each object the number of the first one that differs from it by its transform alone."""
+        first: dict[Any, int] = {}
+        return np.array([first.setdefault(_key(body), i) for i, body in enumerate(self.bodies)])
 
     def firsts(self) -> np.ndarray:
         """Number of the first leaf of each object."""
         return np.cumsum(self.counts) - self.counts
+
+
+def _key(body: Any) -> Any:
+    """A key that is the same only for equal bodies."""
+    try:
+        hash(body)
+    except TypeError:
+        # Operands with tables or dicts in them. All instances of a geometry have the same operands.
+        return body.op, body.ends, tuple(map(id, body.of))
+    return body
+
+
+def volume_factors(matrices: np.ndarray) -> np.ndarray:
+    """The factors by which affine maps change volumes. Shapes: (N, 3, 4) and (N)."""
+    return np.abs(np.linalg.det(matrices[:, :, :3]))
 
 
 @dataclass(frozen=True)
@@ -191,7 +230,7 @@ class CsgTable:
             for trees in ([form.surface for form in forms], [form.within for form in forms])
         ]
         surface, within = (trees and table_of(a, trees[0].site, trees) for trees in both)
-        objects = Objects(*(trees and Trees.of(trees) for trees in both), counts)
+        objects = Objects.of(forms, *both)
         site_of, row_of = np.zeros((2, counts.sum()), np.uint32)
         for site, table in enumerate(leaf_tables((surface, within))):
             numbers = np.array(table.number)
@@ -226,10 +265,13 @@ class CsgTable:
         """The hulls of all leaves, by number."""
         hulls = Hull.everywhere(len(self.site_of))
         for table in leaf_tables((self.surface, self.within)):
-            if (bounds := table.bounds()) is not None:
+            if (bounds := evaluated(table.bounds())) is not None:
                 number = np.array(table.number)
-                for name, x in vars(hulls).items():
-                    x[number] = np.array(getattr(bounds, name), float).T
+                hulls.radius[number] = np.array(bounds.radius)
+                for name in ("low", "high", "centre"):
+                    # Component by component, because a whole matrix would compile a kernel for each number of rows.
+                    for axis, x in enumerate(getattr(bounds, name)):
+                        getattr(hulls, name)[number, axis] = np.array(x)
         return hulls
 
     def bounds(self, outer: None) -> Bounds:

@@ -314,8 +314,8 @@ def scalars(record: Any) -> Any:
 
     So methods that are written for kernels, such as `frame`, also run on plain numbers outside of kernels.
     """
-    sizes = quantities(type(record))
-    return replace(record, **{k: dr.scalar.Array3f64(*getattr(record, k)) for k, q in sizes.items() if q.size == 3})
+    triples = [name for name, q in quantities(type(record)).items() if q.size == 3]
+    return replace(record, **{k: dr.scalar.Array3f64(*getattr(record, k)) for k in triples}) if triples else record
 
 
 def transform_frame(primitive: Primitive) -> Frame | None:

@@ -218,9 +218,10 @@ class Scene:
     def placed_shape(self, obj: Object) -> Primitive:
         """The object that is rendered for an object of the scene: for an instance, its geometry with the material and
         the transform of the instance; CSG as in `shape_of`; any other object itself."""
-        if obj.cut or obj.composite:
-            return resolved(obj, self.geometries)
-        return obj.placed_shape(self.shape_of(self.geometries[obj.geometry])) if isinstance(obj, Instance) else obj
+        shape = self.shape_of(obj)
+        if isinstance(obj, Instance) and not shape.composite:
+            return obj.placed_shape(shape)
+        return resolved(obj, self.geometries)
 
     def hash(self) -> str:
         """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""

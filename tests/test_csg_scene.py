@@ -321,6 +321,30 @@ def test_as_many_levels_as_there_may_be(tmp_path: Path) -> None:
     assert load(path) == scene
 
 
+@pytest.mark.parametrize(("count", "wrong"), [(MOST_LEVELS, False), (MOST_LEVELS + 1, True), (3 * MOST_LEVELS, True)])
+def test_levels_go_on_through_geometries(count: int, wrong: bool) -> None:
+    geometries = {"g0": BOX}
+    for i in range(1, count + 1):
+        geometries[f"g{i}"] = csg("union", BALL, {"type": "instance", "geometry": f"g{i - 1}"})
+    line = (
+        "geometries.g101: its operands are nested deeper than 100 levels, or it contains itself; write them as one list"
+    )
+    assert said({"type": "instance", "geometry": f"g{count}"}, geometries) == [line] * wrong
+
+
+def test_transforms_go_on_through_geometries() -> None:
+    small = [{"scale": 1e-5}]
+    flaw = "the steps together scale below 1e-09 or reach beyond 1e+09"
+    geometries = {"g": csg("union", BALL, box(transform=small))}
+    assert said({"type": "instance", "geometry": "g", "transform": [{"scale": 1e-3}]}, geometries) == []
+    assert said({"type": "instance", "geometry": "g", "transform": small}, geometries) == [
+        f'geometries.g.of.1.transform = [{{"scale": 1e-05}}]: followed by the transforms of what is around it, {flaw}'
+    ]
+    assert said(csg("union", BOX, {"type": "instance", "geometry": "g"}, transform=small), geometries) == [
+        f'geometries.g.of.1.transform = [{{"scale": 1e-05}}]: followed by the transforms of what is around it, {flaw}'
+    ]
+
+
 def test_too_many_operands() -> None:
     many = vr.Csg(op="union", of=[vr.Sphere()] * (MOST_OPERANDS + 1))
     with pytest.raises(vr.UserError, match=r"^objects.c: has 10,001 operands; at most 10,000 are possible"):

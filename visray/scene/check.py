@@ -21,7 +21,6 @@ from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
-from visray.primitives.csg_operands import operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
@@ -185,7 +184,7 @@ def _has_wrong_reference(scene: Scene, made: dict) -> bool:
     return (
         any(material_flaws(scene))
         or not materials_named <= {DEFAULT_MATERIAL, *scene.materials}
-        or any(has_unknown_name(scene, shape) for shape in made.values())
+        or any(has_unknown_name(scene, walk[0].shape) for walk in made.values())
         or named_geometries(scene, made) | geometries_of_data(scene) != set(scene.geometries)
         or any(shape.material != DEFAULT_MATERIAL for shape in scene.geometries.values())
         or any(_placement_flaw(scene, x) for x in instances)
@@ -197,7 +196,7 @@ def _has_mesh_flaws(scene: Scene, made: dict) -> bool:
     """Whether a mesh has a flaw, or an object shows a mesh with a material that it cannot have. This is checked every
     time, because mesh files may change. made: as in _has_wrong_reference."""
     shapes = [*scene.objects.values(), *scene.geometries.values()]
-    inner = [o.shape for address, shape in made.items() for o in operands(address, shape, {})]
+    inner = [x.shape for walk in made.values() for x in walk]
     return any(shape.flaws() for shape in (*shapes, *inner) if type(shape) is Mesh) or any(
         uv_flaw(scene, obj.material, shape_named(scene, obj)) for obj in scene.objects.values()
     )

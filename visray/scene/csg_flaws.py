@@ -50,28 +50,29 @@ def _article(word: str) -> str:
     return "an" if word[0] == "i" else "a"
 
 
-def with_operands(scene: Scene) -> dict[str, Primitive]:
-    """The geometries and objects that have operands, by address."""
+def with_operands(scene: Scene) -> dict[str, list[Operand]]:
+    """The geometries and objects that have operands, by address: each with its operands, as they are written."""
     sections = (("geometries", scene.geometries), ("objects", scene.objects))
-    return {f"{section}.{name}": x for section, shapes in sections for name, x in shapes.items() if has_operands(x)}
+    made = {f"{section}.{name}": x for section, shapes in sections for name, x in shapes.items() if has_operands(x)}
+    return {address: list(operands(address, obj, {})) for address, obj in made.items()}
 
 
-def reference_flaws(scene: Scene, made: Mapping[str, Primitive]) -> Iterator[str]:
+def reference_flaws(scene: Scene, made: Mapping[str, list[Operand]]) -> Iterator[str]:
     """Yields the flaws of all operands that depend on other parts of the scene: on materials, geometries and files.
 
     made: what `with_operands` returns.
     """
     if not made:
         return
-    nesting = list(nesting_flaws(scene))
+    nesting = list(nesting_flaws(scene, made))
     yield from nesting
     geometries = {} if nesting else scene.geometries
-    for address, obj in made.items():
-        for operand in operands(address, obj, {}):
-            if operand.around is not None:
-                yield from unknown_names(scene, operand.address, operand.shape)
-                yield from _solid_flaws(operand, geometries)
-    yield from _joint_flaws(scene, geometries)
+    for walk in made.values():
+        for operand in walk[1:]:
+            yield from unknown_names(scene, operand.address, operand.shape)
+            yield from _solid_flaws(operand, geometries)
+    if not nesting:
+        yield from _joint_flaws(scene, made)
 
 
 def _solid_flaws(operand: Operand, geometries: Mapping[str, Primitive]) -> Iterator[str]:
@@ -110,45 +111,51 @@ def _open_part(operand: Operand, geometries: Mapping[str, Primitive]) -> Operand
             return operand
 
 
-def _joint_flaws(scene: Scene, geometries: Mapping[str, Primitive]) -> Iterator[str]:
+def _joint_flaws(scene: Scene, made: Mapping[str, list[Operand]]) -> Iterator[str]:
     """Yields the flaws of operands that depend on the objects around them: transforms one after another, a texture on a
     mesh without texture coordinates, and materials of one solid that do not go together."""
-    made = {name for name, shape in geometries.items() if has_operands(shape)}
-    limits = {name: _limits(f"geometries.{name}", geometries) for name in made}
+    geometries, limits = scene.geometries, {}
+    for address, walk in made.items():
+        whole = _whole_walk(walk, geometries)
+        yield from _transform_flaws(whole)
+        if address.startswith("objects."):
+            yield from solid_material_flaws(scene, address, walk[0].shape)
+        else:
+            limits[address] = _limits(whole)
     seen: set[tuple[str, str]] = set()
     for name, obj in scene.objects.items():
-        address = f"objects.{name}"
-        if has_operands(obj):
-            yield from _transform_flaws(address, obj, geometries)
+        if not isinstance(obj, Instance) or has_operands(obj) or f"geometries.{obj.geometry}" not in made:
+            continue
+        address, (steps, count) = f"objects.{name}", limits[f"geometries.{obj.geometry}"]
+        if not clearly_valid(joined(steps, bounds(obj.transform)), count + len(obj.transform)):
+            yield from _transform_flaws(list(operands(address, obj, geometries)))
+        if (obj.geometry, obj.material) not in seen:
+            seen.add((obj.geometry, obj.material))
             yield from solid_material_flaws(scene, address, obj)
-        elif isinstance(obj, Instance) and obj.geometry in made:
-            steps, count = limits[obj.geometry]
-            if not clearly_valid(joined(steps, bounds(obj.transform)), count + len(obj.transform)):
-                yield from _transform_flaws(address, obj, geometries)
-            if (obj.geometry, obj.material) not in seen:
-                seen.add((obj.geometry, obj.material))
-                yield from solid_material_flaws(scene, address, obj)
 
 
-def _limits(address: str, geometries: Mapping[str, Primitive]) -> tuple[tuple[float, float, float], int]:
-    """Bounds on the transforms of all operands of a geometry (transforms.bounds), and the largest number of steps."""
-    every = [o.steps for o in operands(address, geometries[address.partition(".")[2]], geometries)]
-    least, largest, shift = zip(*map(bounds, every))
-    return (min(least), max(largest), max(shift)), max(map(len, every))
+def _whole_walk(walk: list[Operand], geometries: Mapping[str, Primitive]) -> list[Operand]:
+    """The operands of an object and of the geometries in it. walk: its operands, as they are written"""
+    whole = walk[0]
+    instances = any(isinstance(x.shape, Instance) for x in walk)
+    return list(operands(whole.address, whole.shape, geometries)) if instances else walk
 
 
-def _transform_flaws(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Iterator[str]:
-    """Yields a line for each operand whose transform and those around it do not go together."""
-    wrong = set()
-    for operand in operands(address, obj, geometries):
-        around = operand.around
-        if around is None or around.address in wrong or transform_flaw(operand.shape.transform):
+def _limits(walk: list[Operand]) -> tuple[tuple[float, float, float], int]:
+    """Bounds on the transforms of all operands of a walk (transforms.bounds), and the largest number of steps."""
+    least, largest, shift = zip(*(bounds(x.steps) for x in walk))
+    return (min(least), max(largest), max(shift)), max(len(x.steps) for x in walk)
+
+
+def _transform_flaws(walk: list[Operand]) -> Iterator[str]:
+    """Yields a line for each operand of a walk whose transform and those around it do not go together."""
+    for operand in walk[1:]:
+        # A flaw of its own transform is another one, and what is in it has the same flaw.
+        if transform_flaw(operand.shape.transform) or transform_flaw(operand.around.steps):
             continue
         if flaw := transform_flaw(operand.steps):
-            wrong.add(operand.address)
-            if not transform_flaw(around.steps):
-                text = f"followed by the transforms of what is around it, {flaw}"
-                yield from transform_lines(operand.address, operand.shape, text)
+            text = f"followed by the transforms of what is around it, {flaw}"
+            yield from transform_lines(operand.address, operand.shape, text)
 
 
 def solid_material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator[str]:
@@ -185,8 +192,7 @@ def _disagreement(operand: Operand, material: Material, body: Operand, own: Mate
     return None
 
 
-def named_geometries(scene: Scene, made: Mapping[str, Primitive]) -> set[str]:
+def named_geometries(scene: Scene, made: Mapping[str, list[Operand]]) -> set[str]:
     """Names of the geometries that objects and other geometries stand for or contain. made: as in reference_flaws."""
     named = {x.geometry for x in scene.objects.values() if type(x) is Instance}
-    inner = (o.shape for address, obj in made.items() for o in operands(address, obj, {}))
-    return named | {shape.geometry for shape in inner if isinstance(shape, Instance)}
+    return named | {x.shape.geometry for walk in made.values() for x in walk if isinstance(x.shape, Instance)}

@@ -6,7 +6,7 @@ from visray.data.data_scene import Data
 from visray.hints import hint
 from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
-from visray.scene.csg_flaws import solid_material_flaws
+from visray.scene.csg_flaws import solid_material_flaws, with_operands
 from visray.scene.messages import line
 from visray.scene.nesting_flaws import nesting_flaws
 from visray.scene.scene import DEFAULT_MATERIAL, Scene
@@ -49,9 +49,16 @@ def data_flaws(scene: Scene) -> list[str]:
         obj = rows.object(0)
         if text := uv_flaw(scene, rows.material, shape_named(scene, obj)):
             texts.append(line(f"data.layers.{name}.material", rows.material, text))
-        if isinstance(obj, Instance) and has_operands(scene.geometries[obj.geometry]) and not any(nesting_flaws(scene)):
-            texts += solid_material_flaws(scene, f"data.layers.{name}", obj)
+        if isinstance(obj, Instance) and has_operands(scene.geometries[obj.geometry]):
+            texts += _of_operands(scene, f"data.layers.{name}", obj)
     return texts
+
+
+def _of_operands(scene: Scene, address: str, obj: Instance) -> list[str]:
+    """List of the errors of the materials of a geometry with operands; empty if it contains itself, which is another
+    error."""
+    contains_itself = any(nesting_flaws(scene, with_operands(scene)))
+    return [] if contains_itself else list(solid_material_flaws(scene, address, obj))
 
 
 def _data_line(data: Data, part: str, text: str) -> str:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from visray.operands import ROLES, named_operands
-from visray.primitives.csg_operands import has_operands, operands
+from visray.primitives.csg_operands import Operand
 from visray.primitives.instance import Instance
-from visray.primitives.primitive import Primitive
 from visray.scene.messages import line
 from visray.scene.scene import Scene
 
@@ -29,12 +28,10 @@ class _Size:
     instances: tuple[tuple[str, str, int], ...]
 
     @staticmethod
-    def of(address: str, shape: Primitive) -> "_Size":
-        """Size of the object or the geometry at an address."""
-        if not (has_operands(shape) or isinstance(shape, Instance)):
-            return _Size(1, 0, ())
+    def of(walk: list[Operand]) -> "_Size":
+        """Size of an object or a geometry. walk: its operands, as they are written"""
         level, shapes, instances = {}, 0, []
-        for o in operands(address, shape, {}):
+        for o in walk:
             level[o.address] = 0 if o.around is None else level[o.around.address] + 1
             shapes += o.is_leaf
             if isinstance(o.shape, Instance):
@@ -49,10 +46,18 @@ class _Size:
         return shapes, max([self.levels, *(level + levels for _, levels, level in inner)])
 
 
-def nesting_flaws(scene: Scene) -> Iterator[str]:
+# A shape without operands.
+SIMPLE = _Size(1, 0, ())
+
+
+def nesting_flaws(scene: Scene, made: Mapping[str, list[Operand]]) -> Iterator[str]:
     """Yields a line for the first geometry that contains itself, or for the first one with too many operands or levels
-    of operands; without these, a line for each such object."""
-    sizes = {name: _Size.of(f"geometries.{name}", x) for name, x in scene.geometries.items()}
+    of operands; without these, a line for each such object.
+
+    made: the objects and geometries with operands, each with its operands as they are written, by address.
+    """
+    sizes = dict.fromkeys(scene.geometries, SIMPLE)
+    sizes |= {address.partition(".")[2]: _Size.of(made[address]) for address in made if address.startswith("geom")}
     whole, cycles = _whole(sizes)
     yield from cycles
     if cycles:
@@ -62,22 +67,24 @@ def nesting_flaws(scene: Scene) -> Iterator[str]:
     yield from large[:1]
     if large:
         return
-    for name, obj in scene.objects.items():
-        if has_operands(obj):
-            address = f"objects.{name}"
-            if text := _too_large(address, *_Size.of(address, obj).joined(whole)):
-                yield text
+    for address, walk in made.items():
+        if address.startswith("objects.") and (text := _too_large(address, *_Size.of(walk).joined(whole))):
+            yield text
 
 
 def _whole(sizes: Mapping[str, _Size]) -> tuple[dict[str, tuple[int, int]], list[str]]:
     """Number of shapes and levels of each geometry, with those of all geometries in it; and a list with a line about
-    the first geometry that contains itself, if there is one."""
+    the first geometry that contains itself or that has far too many levels, if there is one."""
     whole: dict[str, tuple[int, int]] = {}
-    left = dict(sizes)
+    left, rounds = dict(sizes), 0
     while left:
         ready = [name for name, size in left.items() if not any(at in left for _, at, _ in size.instances)]
         if not ready:
             return whole, [_cycle(left)]
+        # What is ready in the n-th round has at least n levels below it.
+        rounds += 1
+        if rounds > MOST_LEVELS + 1:
+            return whole, [f"geometries.{ready[0]}: {TOO_DEEP}"]
         for name in ready:
             whole[name] = left.pop(name).joined(whole)
     return whole, []

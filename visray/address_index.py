@@ -14,6 +14,7 @@ from visray.columns import Columns, materials_of
 from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.pack import LightColumns, Packed
+from visray.primitives.csg_bodies import Body
 from visray.primitives.csg_operands import operand_at, operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
@@ -162,17 +163,27 @@ class AddressIndex:
 
     @cached_property
     def _leaves(self) -> dict[str, list[tuple[str, int]]]:
-        """The operands of CSG objects by their addresses: names of the objects, and numbers of the leaves in them."""
+        """The operands of CSG by their addresses: names of objects and bodies, and numbers of the leaves in them."""
         found: dict[str, list[tuple[str, int]]] = {}
-        for name, obj in self.scene.written_objects.items():
-            if self.scene.shape_of(obj).composite:
-                leaves = (x for x in operands(address_of(name), obj, self.scene.geometries) if x.is_leaf)
-                for number, leaf in enumerate(leaves):
-                    found.setdefault(leaf.address, []).append((name, number))
+        scene = self.scene
+        walks = {
+            name: operands(address_of(name), obj, scene.geometries)
+            for name, obj in scene.written_objects.items()
+            if scene.shape_of(obj).composite and name not in scene.unions
+        }
+        walks |= {body: x.operand.walk(scene.geometries) for body, x in self._bodies if scene.shape_of(x.obj).composite}
+        for name, walk in walks.items():
+            for number, leaf in enumerate(x for x in walk if x.is_leaf):
+                found.setdefault(leaf.address, []).append((name, number))
         return found
 
+    @property
+    def _bodies(self) -> Iterator[tuple[str, Body]]:
+        """Yields the bodies of all unions that are drawn as several, by name."""
+        yield from (item for bodies in self.scene.unions.values() for item in bodies.items())
+
     def _plain(self, own: str) -> list[str]:
-        """Names of the objects that show a shape and are not CSG. own: address of the shape."""
+        """Names of the objects and bodies that show a shape and are not CSG. own: address of the shape."""
         section, _, name = own.partition(".")
         shown = self.scene.written_objects
         if section == "objects":
@@ -180,7 +191,9 @@ class AddressIndex:
             names = [] if isinstance(shown.get(name), Instance) else [name]
         else:
             names = [n for n, x in shown.items() if getattr(x, "geometry", None) == name]
-        return [n for n in names if n in shown and not self.scene.shape_of(shown[n]).composite]
+        names = [n for n in names if n in shown and not self.scene.shape_of(shown[n]).composite]
+        bodies = (body for body, x in self._bodies if x.operand.address == own)
+        return names + [body for body in bodies if not self.scene.shape_of(self.scene.bodies[body]).composite]
 
     def _tables(self, own: str) -> Iterator[tuple[type[Primitive], Any, int]]:
         """Yields the kind, the table and the row of each copy of a shape in the packed arrays. For meshes, a row is a

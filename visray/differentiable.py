@@ -16,7 +16,7 @@ from visray.feature_rules import used_materials
 from visray.geometry import UPRIGHT
 from visray.lights.light import Light
 from visray.polynomials import PolynomialError
-from visray.primitives.csg_operands import has_operands, mapped, operand_at, operands
+from visray.primitives.csg_operands import bodies, has_operands, mapped, operand_at, operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.primitives.polynomial import Polynomial
@@ -106,11 +106,19 @@ def _flaw(scene: Scene, address: str, wrt: Sequence[str]) -> str | None:
         material = used_materials(scene).get(name, scene.materials[name])
         if field == "kt" and (material.back or name in {m.back for m in scene.materials.values()}):
             return "as the two sides of a two-sided material are opaque"
+        if field == "kt" and not any(scene.materials[name].kt) and _in_union(scene, name):
+            return "at 0, as an opaque union is one solid and a transparent one is not; write a merge"
         if material.scatters and scatter.rays and scatter.depth:
             return "at 0 while settings.scatter has rays: a matte material scatters, and one with kr or kt does not"
     if head in ("objects", "geometries"):
         return _upright_flaw(scene, address)
     return None
+
+
+def _in_union(scene: Scene, material: str) -> bool:
+    """Whether an operand of a union, which is a body of its own if it is transparent, has a material."""
+    found = (bodies("", obj, scene.geometries) for obj in scene.objects.values())
+    return any(len(each) > 1 and any(x.material == material for x in each) for each in found)
 
 
 def _light_flaw(light: Light, field: str) -> str | None:

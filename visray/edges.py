@@ -20,7 +20,7 @@ from visray.data.all_objects import address_of
 from visray.direct import LightSample, light_sample
 from visray.interaction import interact
 from visray.kernel_scene import KernelScene
-from visray.primitives.instance import Instance
+from visray.primitives.csg_operands import operands
 from visray.primitives.primitive import Primitive
 from visray.ray import NO_ROW
 from visray.scene.scene import Scene, Settings
@@ -131,11 +131,14 @@ class EdgesInView:
     def moved_shapes(self) -> set[str]:
         """Names of the objects that move in the scene."""
         heads = {".".join(w.split(".")[: 3 if w.startswith("data.") else 2]) for w in self.movers}
-        return {
-            name
-            for name, x in self.scene.all_objects.items()
-            if address_of(name) in heads or (isinstance(x, Instance) and f"geometries.{x.geometry}" in heads)
-        }
+        shows = any(head.startswith("geometries.") for head in heads)
+
+        def moves(name: str, obj: Primitive) -> bool:
+            """Whether an object moves: itself, or a geometry that it or one of its operands shows."""
+            walk = operands(address_of(name), obj, self.scene.geometries) if shows else ()
+            return address_of(name) in heads or any(x.address in heads for x in walk)
+
+        return {name for name, obj in self.scene.all_objects.items() if moves(name, obj)}
 
     @cached_property
     def moving(self) -> list[str]:
@@ -178,22 +181,30 @@ class EdgesInView:
         """Number of the visible objects; what is behind all objects counts as one."""
         return len(self._visible) + bool((self._shown[0][1] == NO_ROW).any())
 
-    def _kind(self, name: str) -> tuple[type[Primitive], bool]:
-        """The class of an object in the kernel, and whether the object is made of several primitives: of triangles, or
-        of the segments of a line."""
-        batch, row = next((b, row) for b in self.s.batches if (row := b.names.row(name)) is not None)
-        return batch.kind, batch.kind.many_rows or batch.names.repeats(row) > 1
+    def _kinds(self, name: str) -> tuple[list[type[Primitive]], bool, bool]:
+        """The classes of the shapes in the kernel of which an object is made; whether there are several primitives: of
+        triangles, of the segments of a line, or of operands; and whether there are operands."""
+        bodies = self.scene.unions.get(name, (name,))
+        found = [(b, row) for n in bodies for b in self.s.batches if (row := b.names.row(n)) is not None]
+        joined = len(bodies) > 1 or any(b.kind.composite for b, _ in found)
+        several = joined or any(b.kind.many_rows or b.names.repeats(row) > 1 for b, row in found)
+        shapes = (x.kind for b, _ in found for x in (b.kind.leaf_sites() if b.kind.composite else (b,)))
+        return list(dict.fromkeys(shapes)), several, joined
 
     def _hides_itself(self, name: str) -> bool:
         """Whether a visible object may hide a part of itself."""
-        kind, several = self._kind(name)
-        if several or kind.walks:
-            return self._visible[name] > 1
-        return kind.max_crossings > (2 if kind.closed else 1)
+        kinds, several, _ = self._kinds(name)
+        if self._visible[name] > 1 and (several or any(kind.walks for kind in kinds)):
+            return True
+        return any(kind.max_crossings > (2 if kind.closed else 1) for kind in kinds if not kind.walks)
 
     def _is_creased(self, name: str) -> bool:
         """Whether a visible object may have a crease in view."""
-        kind, several = self._kind(name)
+        kinds, several, joined = self._kinds(name)
+        if joined:
+            # Where operands meet there are creases. What counts as one face of an operand may have more, as of a box.
+            return self._visible[name] > 1 or any(not (kind.smooth or kind.bends_normals) for kind in kinds)
+        (kind,) = kinds
         if kind.bends_normals or (kind.smooth and not several):
             return False
         # A polynomial of degree 2 that has no factors is smooth, or a cone, which is smooth but for its apex.

@@ -88,19 +88,16 @@ def _check_coloured_shadows(scene: Scene, s: KernelScene, wrt: Sequence[str]) ->
     if any(len(b) > MAX_UNROLLED for b in s.batches):
         limit = f"derivatives through coloured shadows work for up to {MAX_UNROLLED} objects or triangles of a kind"
         raise UserError(f"objects: {limit}; take fewer objects, or materials without kt")
-    searched_solids = [
-        name for b in s.batches if (b.kind.finds_roots or b.kind.walks) and b.kind.closed for name in b.names
-    ]
+    names = [name for b in s.batches if (b.kind.finds_roots or b.kind.walks) and b.kind.closed for name in b.names]
+    searched_solids = {name: scene.bodies.get(name) or scene.all_objects[name] for name in names}
     transmissive = {name for name, material in scene.materials.items() if any(material.kt)}
-    transmissive_solids = [
-        name for name in searched_solids if not transmissive.isdisjoint(scene.materials_of(scene.all_objects[name]))
-    ]
-    if transmissive_solids and any(moves_edges(scene, w) for w in wrt):
-        name = transmissive_solids[0]
+    transmissive_solids = (
+        (name, x) for name, x in searched_solids.items() if not transmissive.isdisjoint(scene.materials_of(x))
+    )
+    name, obj = next(transmissive_solids, (None, None))
+    if obj is not None and any(moves_edges(scene, w) for w in wrt):
         problem = "no derivative with respect to motion passes through its coloured shadow"
-        raise UserError(
-            f"{address_of(name)}: {problem}; give this {scene.all_objects[name].type} a material without kt"
-        )
+        raise UserError(f"{address_of(name)}: {problem}; give this {obj.type} a material without kt")
 
 
 @checked_arguments

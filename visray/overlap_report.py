@@ -46,7 +46,8 @@ class _Bounds:
 def overlaps(scene: Scene) -> tuple[tuple[Overlap, ...], int]:
     """The pairs of transparent solids of a scene that may overlap: the first DESCRIBED of them, and their number."""
     clear = {name for name, m in used_materials(scene).items() if any(m.kt)}
-    solids = {n: o for n, o in scene.objects_of(clear).items() if scene.shape_of(o).closed}
+    bodies = scene.apart(scene.objects_of(clear).items())
+    solids = {n: o for n, o in bodies if scene.materials_of(o)[0] in clear and scene.shape_of(o).closed}
     if len(solids) < 2:
         return (), 0
     scene = replace(scene, objects=solids, data=None)

@@ -91,8 +91,9 @@ def pack(scene: Scene, a: Arrays) -> Packed:
     materials = materials_of(scene)
     objects: dict[tuple, list[tuple[int, str]]] = {}
     batch_key = BatchKeys(scene)
-    for number, (name, obj) in enumerate(scene.written_objects.items()):
-        objects.setdefault(batch_key(obj), []).append((number, name))
+    for number, name in enumerate(scene.written_objects):
+        for body in scene.unions.get(name, (name,)):
+            objects.setdefault(batch_key(scene.bodies[body]), []).append((number, body))
     lights: dict[type, list[tuple[int, str]]] = {}
     for number, (name, light) in enumerate(scene.lights.items()):
         lights.setdefault(type(light), []).append((number, name))
@@ -122,7 +123,7 @@ def _material_table(a: Arrays, materials: list[Material]) -> Material:
 
 def bodies_of(scene: Scene, names: Iterable[str]) -> list[Body]:
     """Objects that are bodies, with their meshes and transforms."""
-    objects = [scene.written_objects[name] for name in names]
+    objects = [scene.bodies[name] for name in names]
     return [Body(scene.shape_of(x), x.transform if isinstance(x, Instance) else ()) for x in objects]
 
 
@@ -138,8 +139,8 @@ def object_columns(
     if issubclass(kind, MeshBody):
         objects: list = bodies_of(scene, names)
     else:
-        objects = [scene.placed_shape(scene.written_objects[name]) for name in names]
-    named, looks = [scene.written_objects[name].material for name in names], None
+        objects = [scene.placed_shape(scene.bodies[name]) for name in names]
+    named, looks = [scene.bodies[name].material for name in names], None
     if kind.composite:
         named = [x.form.medium for x in objects]
         looks = _looks(scene, a, [leaf for x in objects for leaf in x.form.leaves])

@@ -17,7 +17,7 @@ def ray_families(scene: Scene, features: Features) -> tuple[RayFamily, ...]:
     kinds = [type(light) for light in scene.lights.values()]
     batch_sizes: Counter = Counter()
     batch_key = BatchKeys(scene)
-    for obj in scene.written_objects.values():
+    for obj in scene.bodies.values():
         key = batch_key(obj)
         batch_sizes[key] += obj.row_count() if key[0].many_rows else 1
     sizes = [policy.BatchSize(n, kind.bounded) for (kind, _), n in batch_sizes.items()]

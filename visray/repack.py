@@ -64,12 +64,13 @@ def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
     of lights, names of materials with their textures, with what colours change in them and with their backs, the
-    materials that make meshes bodies, and the kinds of background and camera."""
+    materials that make meshes bodies, the bodies of unions, and the kinds of background and camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
         [(name, m.texture, m.textured, m.colored, m.back) for name, m in materials_of(scene).items()],
-        BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.objects.values()) else None,
+        BatchKeys(scene).transparent if any(isinstance(x, Mesh) for x in scene.bodies.values()) else None,
+        {name: list(bodies) for name, bodies in scene.unions.items()},
         isinstance(scene.background, SkyGradient),
         scene.data is None,
         type(scene.camera),
@@ -83,8 +84,8 @@ def _updated_batches(packed: Packed, old: Scene, new: Scene, names: set[str], a:
     """
     index, batches, rows = AddressIndex(old, packed), list(packed.batches), {}
     old_key, new_key = BatchKeys(old), BatchKeys(new)
-    for name in names:
-        before, after = old.written_objects[name], new.written_objects[name]
+    for name in (body for obj in names for body in new.unions.get(obj, (obj,))):
+        before, after = old.bodies[name], new.bodies[name]
         if old_key(before) != new_key(after):
             return None
         number, row = index.row_of(packed.batches, name)
@@ -131,14 +132,14 @@ def _updated_layers(
 
 def _same_meshes(old: Scene, new: Scene, names: Iterable[str]) -> bool:
     """Whether the objects with these names have the same meshes in both scenes, apart from their transforms."""
-    pairs = ((old.shape_of(old.written_objects[name]), new.shape_of(new.written_objects[name])) for name in names)
+    pairs = ((old.shape_of(old.bodies[name]), new.shape_of(new.bodies[name])) for name in names)
     return all(x is y or x.shape_of_file() is y.shape_of_file() for x, y in pairs)
 
 
 def _anew(columns: Columns, scene: Scene, a: Arrays) -> Columns:
     """The columns of the same objects, packed again."""
-    order = list(scene.written_objects)
-    return object_columns(scene, a, columns.kind, [(order.index(name), name) for name in columns.names.listed])
+    members = zip(np.array(columns.object).tolist(), columns.names.listed)
+    return object_columns(scene, a, columns.kind, list(members))
 
 
 def _same_sizes(x: Columns, y: Columns) -> bool:

@@ -19,8 +19,10 @@ class Csg(Primitive):
     kind, a plane (the half-space that its normal points away from), or CSG again.
 
     `op`: `union` and `merge` are all points of any operand, `intersection` the points of all operands, `difference` the
-    points of the first operand that are in no other one. Where operands are transparent, `union` keeps the surfaces
-    inside, and `merge` does not.
+    points of the first operand that are in no other one.
+    A `union` is one solid, as a `merge` is, unless an operand is transparent or there are more than 64 operands. Then
+    each operand is drawn as a body of its own, with its surfaces inside the others; all bodies have the union's name.
+    Where faces of one solid coincide, that of the first operand is seen. Where faces of bodies coincide, either may be.
     `ends`: if "capped", the result is a solid. If "open", only the surface of the first operand is kept, with a hole
     wherever the others cut it; so is a first operand that is no solid, such as a disk.
     """

@@ -165,7 +165,7 @@ class CsgBody(Primitive):
         """
         if not cls.bounded:
             endless = np.full(len(table), np.inf)
-            return endless, 0 * endless
+            return endless, np.zeros_like(endless)
         a, placed, bounds = table.a, detached(table.placed(None)), table.bounds(None)
         low, side = bounds.low, bounds.high - bounds.low
         point = a.put(a.W, even_points(VOLUME_POINTS).T)

@@ -15,6 +15,7 @@ from visray.data.all_objects import AllObjects
 from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
+from visray.primitives.csg_bodies import Body, separate_bodies
 from visray.primitives.csg_operands import has_operands, materials_of, operands
 from visray.primitives.csg_resolved import resolved
 from visray.primitives.instance import Instance
@@ -161,8 +162,34 @@ class Scene:
         return self.objects if self.data is None else AllObjects(self.objects, self.data)
 
     def parts(self) -> Iterable[tuple[str, Object]]:
-        """Names and objects in this order; in place of a line of `data`, its segments, each with a name of its own."""
-        return self.objects.items() if self.data is None else self.all_objects.parts()
+        """Names and objects in this order; in place of a line of `data`, its segments, and in place of a union that is
+        drawn as several bodies, these, each with a name of its own."""
+        return self.apart(self.objects.items() if self.data is None else self.all_objects.parts())
+
+    def apart(self, objects: Iterable[tuple[str, Object]]) -> Iterator[tuple[str, Object]]:
+        """Yields names and objects, with its bodies in place of each union that is drawn as several."""
+        for name, obj in objects:
+            if name in self.unions:
+                yield from ((body, x.obj) for body, x in self.unions[name].items())
+            else:
+                yield name, obj
+
+    @cached_property
+    def unions(self) -> Mapping[str, Mapping[str, Body]]:
+        """The unions that are drawn as several bodies (csg_bodies.py), by name, with their bodies by name."""
+        transparent = {name for name, m in self.materials.items() if any(m.kt)}
+        composite = {name for name, x in self.geometries.items() if x.composite}
+        found = {
+            name: separate_bodies(name, obj, self.geometries, transparent)
+            for name, obj in self.objects.items()
+            if obj.composite or (isinstance(obj, Instance) and obj.geometry in composite)
+        }
+        return {name: bodies for name, bodies in found.items() if bodies}
+
+    @cached_property
+    def bodies(self) -> Mapping[str, Object]:
+        """The written objects, with its bodies in place of each union that is drawn as several."""
+        return dict(self.apart(self.written_objects.items())) if self.unions else self.written_objects
 
     def shapes(self) -> Iterator[tuple[str, Primitive]]:
         """Yields the address and the shape of each geometry and each object, and of their operands at all depths. These

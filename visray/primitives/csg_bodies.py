@@ -1,0 +1,69 @@
+"""Unions whose operands are drawn as bodies of their own, each a row of the kernel like any other object.
+
+A union of transparent solids keeps the surfaces inside it, which one solid does not have. Rays find very many solids
+faster as rows in lists or in a tree. All bodies of a union have the number and the name of the union.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+from visray.primitives.csg import Csg
+from visray.primitives.csg_operands import NO_MATERIAL, Operand, bodies
+from visray.primitives.instance import Instance
+from visray.primitives.plane import Plane
+from visray.primitives.primitive import Primitive
+
+# Largest number of opaque operands of a union that is one solid. More rows than these are in lists or in a tree
+# (accel.policy.MAX_UNROLLED), which makes bodies several times as fast as one solid (docs/csg.md).
+MOST_JOINED = 64
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body of a union.
+
+    operand: the operand of the union.
+    obj: the same as an object, with the operand's material, and all transforms from its coordinates to the world.
+    """
+
+    operand: Operand
+    obj: Primitive
+
+
+def separate_bodies(
+    name: str, obj: Primitive, geometries: Mapping[str, Primitive], transparent: Collection[str]
+) -> dict[str, Body]:
+    """The bodies of an object that is drawn as several, by name; empty for all other objects. The name of a body is its
+    address, such as `objects.lens.of.front`; below an instance it begins with the address of the instance.
+
+    name: name of the object.
+    geometries: the scene's geometries.
+    transparent: names of the transparent materials.
+    """
+    shape = geometries.get(obj.geometry, obj) if isinstance(obj, Instance) else obj
+    if not (shape.composite and shape.op == "union"):
+        return {}
+    found = bodies(f"objects.{name}", obj, geometries)
+    if len(found) == 1 or (len(found) <= MOST_JOINED and not any(x.material in transparent for x in found)):
+        return {}
+    return {_name(x): Body(x, _as_object(x)) for x in found}
+
+
+def _name(operand: Operand) -> str:
+    """The name of a body: its address, with that of an instance in place of that of the geometry."""
+    around = operand.around
+    if around is None:
+        return operand.address
+    return _name(around) + ("" if operand.role == "geometry" else operand.address[len(around.address) :])
+
+
+def _as_object(operand: Operand) -> Primitive:
+    """An operand as an object. An instance stays one, so that all instances of a mesh share it; a plane, which is a
+    half-space as an operand, becomes CSG of this operand alone."""
+    if operand.role == "geometry" and not isinstance(operand.shape, Plane):
+        return replace(operand.around.shape, material=operand.material, transform=operand.around.steps)
+    shape = replace(operand.shape, material=operand.material, transform=operand.steps)
+    if not isinstance(shape, Plane):
+        return shape
+    plane = replace(shape, material=NO_MATERIAL, transform=())
+    return Csg(op="merge", of=(plane,), material=operand.material, transform=operand.steps)

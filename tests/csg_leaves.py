@@ -15,6 +15,9 @@ from samples import ROUNDINGS, SAMPLES, Real, dot, half_space, inverse, norm, re
 from visray.geometry import gamma
 from visray.transforms import Matrix, Transform
 
+# Two faces count as one if they are nearer to each other than this number of roundings of their coordinates.
+TIE = 64
+
 
 def affine(linear: np.ndarray, offset: np.ndarray) -> Matrix:
     """An affine map as a step of a transform."""
@@ -67,8 +70,21 @@ class Leaf:
         return replace(self.thing, transform=(affine(*self.to_world),) if self.steps else ())
 
     def slack(self, o: np.ndarray, d: np.ndarray, t: Any) -> np.ndarray:
-        """The bound, in its own units, within which a kernel's ray passes it, t from its origin. `o`, `d`: local."""
-        return (2 + len(self.steps)) * rounding(self.placed, o, d, t)
+        """The bound, in its own units, within which a kernel's ray passes it, t from its origin, and within which faces
+        count as one. `o`, `d`: local."""
+        middle, reach = self.hull()
+        linear, offset = self.to_world
+        stretch = np.linalg.svd(linear.astype(float), compute_uv=False)
+        size = np.abs(linear @ real(middle) + offset).sum() + stretch[0] * reach
+        start = o @ linear.T + offset
+        far = norm(start - linear @ real(middle) - offset) + stretch[0] * reach
+        tie = gamma(TIE) * (np.abs(start).sum(1) + np.maximum(far, t) + size) / stretch[-1]
+        return np.maximum((2 + len(self.steps)) * self.rounding(o, d, t), tie)
+
+    def rounding(self, o: np.ndarray, d: np.ndarray, t: Any) -> np.ndarray:
+        """The bound, in its own units, within which a kernel's ray passes it if the transforms were one. `o`, `d`:
+        local."""
+        return rounding(self.placed, o, d, t)
 
     def sets(self, o: np.ndarray, d: np.ndarray) -> Sets:
         """What of world rays is inside."""
@@ -101,7 +117,7 @@ class Leaf:
 class Unframed(Leaf):
     """A kind whose surface is read in its own coordinates, without a frame that maps a canonical shape to it."""
 
-    def slack(self, o: np.ndarray, d: np.ndarray, t: Any) -> np.ndarray:
+    def rounding(self, o: np.ndarray, d: np.ndarray, t: Any) -> np.ndarray:
         middle, reach = self.hull()
         m, offset = (x.astype(float) for x in self.to_world)
         stretch = np.linalg.svd(m, compute_uv=False)
@@ -109,7 +125,7 @@ class Unframed(Leaf):
         k = hadamard * (1 + hadamard) / 2 * stretch[0] / stretch[-1]
         origin = 6 * (stretch[0] * np.linalg.norm(middle) + np.linalg.norm(offset)) / stretch[-1]
         far = norm(o - real(middle)) + reach + np.linalg.norm(middle)
-        return (2 + len(self.steps)) * (gamma(2 * ROUNDINGS) * k * far + gamma(1) * origin)
+        return gamma(2 * ROUNDINGS) * k * far + gamma(1) * origin
 
 
 class Convex(Leaf):

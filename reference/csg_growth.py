@@ -1,10 +1,11 @@
-"""The cost of CSG against the number of operands: a sponge, a union of balls, an intersection of half-spaces.
+"""The cost of CSG against the number of operands: a sponge, a merge of balls, an intersection of half-spaces.
 
     python reference/csg_growth.py -o reference/csg_growth.json
 
 512 x 512 pixels, 4 samples per pixel, one point light with shadows, 2 threads.
 
-sponge: a block without n balls and rods. union: n balls as one object; objects: the same balls as n objects.
+sponge: a block without n balls and rods. merge: n balls as one solid; objects: the same balls as n objects, as which a
+union of more than 64 operands is drawn (visray/primitives/csg_bodies.py).
 half-spaces: the intersection of n half-spaces that touch a ball; 2 of them are a plate without end.
 
 prepare: from the checked scene to what kernels read. Operations, and characters of code: of the kernel that renders.
@@ -55,8 +56,8 @@ def sponge(n: int) -> dict[str, Any]:
     return {"solid": Node("difference", (block, *balls(n)[: n // 2], *rods)).ours()}
 
 
-def union(n: int) -> dict[str, Any]:
-    return {"solid": Node("union", tuple(balls(n))).ours()}
+def merge(n: int) -> dict[str, Any]:
+    return {"solid": Node("merge", tuple(balls(n))).ours()}
 
 
 def objects(n: int) -> dict[str, Any]:
@@ -73,7 +74,7 @@ def half_spaces(n: int) -> dict[str, Any]:
     return {"solid": vr.Csg(op="intersection", of=planes)}
 
 
-SORTS = {"sponge": sponge, "union": union, "objects": objects, "half-spaces": half_spaces}
+SORTS = {"sponge": sponge, "merge": merge, "objects": objects, "half-spaces": half_spaces}
 
 
 def seconds(work: Callable[[], Any]) -> float:

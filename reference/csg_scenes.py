@@ -150,7 +150,7 @@ class Rod:
 
 @dataclass(frozen=True)
 class Node:
-    """An operation on operands. op: union, intersection or difference; of: operands."""
+    """An operation on operands. op: union, merge, intersection or difference; of: operands."""
 
     op: str
     of: tuple
@@ -170,7 +170,7 @@ class Node:
         each = [x.inside(parts) if isinstance(x, Node) else next(parts) for x in self.of]
         if self.op == "difference":
             return each[0] & ~np.logical_or.reduce(each[1:])
-        return (np.logical_or if self.op == "union" else np.logical_and).reduce(each)
+        return (np.logical_or if self.op in ("union", "merge") else np.logical_and).reduce(each)
 
 
 def scene(objects: dict[str, Any], radius: float, size: int, spp: int, **settings: Any) -> vr.Scene:

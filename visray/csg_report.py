@@ -36,11 +36,13 @@ def warn_of_empty_csg(scene: Scene) -> None:
 def csg_notes(scene: Scene) -> list[str]:
     """List of sentences about CSG objects, each of which begins with an address."""
     notes, empty, made = [], [], list(_objects(scene))
+    apart = {f"objects.{name}": len(bodies) for name, bodies in scene.unions.items()}
     for i, (address, obj) in enumerate(made):
         walk = list(operands(address, obj, scene.geometries))
         boxes = _Boxes.of(walk)
+        bodies = f"; drawn as {apart[address]} bodies" if address in apart else ""
         unbounded = "; it is unbounded" if np.isinf(boxes[walk[0]]).any() and not boxes.is_empty(walk[0]) else ""
-        notes += [f"{address}: {_contents(walk)}{unbounded}"] if i < SHOWN else []
+        notes += [f"{address}: {_contents(walk)}{bodies}{unbounded}"] if i < SHOWN else []
         empty += boxes.empty()
     if len(made) > SHOWN:
         notes.append(f"objects: {len(made) - SHOWN:,} CSG objects more are not listed here")

@@ -48,7 +48,7 @@ def aimed(rng: np.random.Generator, targets: np.ndarray) -> tuple[np.ndarray, np
 
 
 def slack(o: np.ndarray, found: Found, size: float = 1.0) -> np.ndarray:
-    """Bound on the error of distances: the roundings of the walk (csg_walk.FLUSH), over grazing angles of 0.01."""
+    """Bound on the error of distances: the roundings of the walk (csg_leaves.FLUSH), over grazing angles of 0.01."""
     from_origin = np.abs(o).sum(1) + np.where(found.hit, found.t, 0) + size
     return 100 * 64 * 2.0**-53 * from_origin
 

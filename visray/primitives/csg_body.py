@@ -9,8 +9,9 @@ import drjit as dr
 import numpy as np
 
 from visray.primitives.csg_form import Form, Group, LeafSite
+from visray.primitives.csg_leaves import FLUSH
 from visray.primitives.csg_table import CsgTable, Looped, PlacedCsg, PlacedLeaf, leaf_tables
-from visray.primitives.csg_walk import FLUSH, Walk
+from visray.primitives.csg_walk import Walk
 from visray.primitives.primitive import Primitive
 from visray.pytree import detached, leaves, rows
 from visray.quantities import Arrays

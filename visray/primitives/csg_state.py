@@ -22,7 +22,7 @@ class State:
     """The state of an operand, or of a node, at a point of each ray.
 
     before, after: whether the ray is inside before the point and behind it.
-    owner: code (csg_leaves.py) of the leaf whose surface is seen if `before` and `after` differ; NO_LEAF if they do not.
+    owner: code (csg_leaves.py) of the leaf whose surface is seen if `before` and `after` differ; else NO_LEAF.
     next: a distance behind the point, up to which the state certainly stays as it is; inf if it never changes again.
     event: code of the leaf that has an event there.
     enters: whether that event leads into the leaf's operand.

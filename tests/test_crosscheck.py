@@ -23,6 +23,7 @@ from visray.primitives import (
     KINDS,
     Box,
     Cone,
+    Csg,
     Disk,
     Mesh,
     Plane,
@@ -115,8 +116,8 @@ def test_every_kind_under_any_transform_passes(kind: str, steps: str) -> None:
     assert report.picture.rms < 1e-4
 
 
-def test_only_polynomials_have_no_twin_in_mitsuba() -> None:
-    assert {kind for kind in KINDS if SAMPLES[kind.__name__].posed.type not in ONE} == {Polynomial}
+def test_only_polynomials_and_csg_have_no_twin_in_mitsuba() -> None:
+    assert {kind for kind in KINDS if SAMPLES[kind.__name__].posed.type not in ONE} == {Polynomial, Csg}
 
 
 @pytest.mark.parametrize("steps", [(), (Scale(scale=(1.0, -0.5, 2.0)), Rotate(rotate=20, axis=(1, 2, 0)))])

@@ -67,7 +67,7 @@ class Witness:
         self.names, self.centre = names, centre
         materials = {"default": Material()} | scene.materials
         self.objects = [scene.placed_shape(scene.objects[name]) for name in names]
-        self.material = [materials[thing.material] for thing in self.objects]
+        self.material = [materials[scene.materials_of(scene.objects[name])[0]] for name in names]
         clear = [any(m.kt) for m in self.material]
         self.clear = np.array([*clear, False])
         self.closed = np.array([*(thing.closed for thing in self.objects), False])
@@ -201,4 +201,5 @@ def _solids(scene: Scene) -> list[str]:
     """Names of the transparent solids of a scene."""
     materials = {"default": Material()} | scene.materials
     clear = {name for name, m in materials.items() if any(m.kt)}
-    return [name for name, x in scene.objects.items() if x.material in clear and scene.shape_of(x).closed]
+    objects = scene.objects.items()
+    return [name for name, x in objects if scene.materials_of(x)[0] in clear and scene.shape_of(x).closed]

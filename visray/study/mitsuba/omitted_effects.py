@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields, replace
 from visray.features import features
 from visray.lights import PointLight
 from visray.lights.light import Light
-from visray.materials import Material
 from visray.scene.scene import Occlusion, Scatter, Scene, Settings
 
 SHADING = Settings().shading
@@ -67,7 +66,7 @@ def without_omitted_effects(scene: Scene) -> tuple[Scene, list[str]]:
         if names := [name for name in omission.effects if present[name]]:
             notes.append(f"not compared: {', '.join(names)} ({omission.instead})")
         scene = omission.switch_off(scene)
-    transparent = [o for o in scene.objects.values() if any(scene.materials.get(o.material, Material()).kt)]
+    transparent = scene.objects_of([name for name, m in scene.materials.items() if any(m.kt)])
     if len(transparent) > MOST_TRANSPARENT and present["coloured shadows"]:
         notes.append(f"not compared: coloured shadows ({len(transparent)} transparent objects count as opaque)")
         scene = opaque(scene)

@@ -1,6 +1,7 @@
 """What the kernels say of one CSG object: first hits, rays that leave surfaces, shadows, and what is inside."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 from typing import Any
 
@@ -52,7 +53,7 @@ class Traced:
     def __init__(self, obj: Any, precision: str = "double", brute_force: bool = False):
         number = count()
         self.obj = leaves_apart(obj, lambda: f"m{next(number)}")
-        self.solid, self.brute_force = Solid(self.obj), brute_force
+        self.brute_force = brute_force
         self.scene = Scene(
             film=Film(width=1, height=1),
             objects={"a": self.obj},
@@ -61,6 +62,11 @@ class Traced:
         )
         self.kernel = prepare(self.scene).kernel
         self.a = self.kernel.a
+
+    @cached_property
+    def solid(self) -> Solid:
+        """The truth about the object."""
+        return Solid(self.obj)
 
     @property
     def material_of(self) -> np.ndarray:

@@ -16,17 +16,19 @@ from test_features import CASES, FULL, SCENES, folder  # noqa: F401 - the folder
 
 import visray as vr
 from visray import integrator, modes
+from visray.camera import OrthographicCamera
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.lights import KINDS as LIGHTS
 from visray.lights import DirectionalLight, PointLight, RectangleLight, SpotLight
 from visray.materials import Material
-from visray.primitives import KINDS, Plane, Rectangle, Sphere
+from visray.primitives import KINDS, Box, Csg, Instance, Plane, Rectangle, Sphere
 from visray.scene.load import load
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import Prepared, prepare
 from visray.study.pixel.story import PixelStory
 from visray.study.pixel.why import sample_of, why
+from visray.transforms import Translate
 
 BLACK = (0.0, 0.0, 0.0)
 
@@ -266,3 +268,34 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture) -> N
         code, out, err = said(capsys, "explain", str(path), "--why", wrong)
         assert (code, out) == (2, "") and "must be X,Y" in err
     assert said(capsys, "explain", str(path), "--why", "3,0")[0] == 2
+
+
+DENT, PALE = Sphere(center=(0, 0, 0.5), radius=0.3), "pale"
+AWAY = (Translate(translate=(5, 0, 0)),)
+# Objects that a ray along -z meets near the origin, each with the address of the operand that it meets, and the name of
+# the material there.
+MET = {
+    "named": (Csg(op="difference", of={"body": Box(), "dent": DENT}, cut_material=PALE), "objects.x.of.dent", PALE),
+    "listed": (Csg(op="merge", of=(Sphere(radius=0.2, material=PALE), Box(material="two"))), "objects.x.of.1", "two"),
+    "cut": (Box(cut=(replace(DENT, material=PALE),)), "objects.x.cut.0", PALE),
+    "uncut": (Box(material=PALE, cut=(replace(DENT, transform=AWAY),)), None, PALE),
+    "instance": (Instance(geometry="g", material="glass"), "geometries.g.cut.dent", "glass"),
+    "bodies": (Csg(op="union", of=(Sphere(), Box()), material="glass"), "objects.x.of.0", "glass"),
+    "back": (Csg(op="difference", ends="open", of=(Box(), DENT), material="two"), "objects.x.of.0", PALE),
+}
+
+
+@pytest.mark.parametrize("case", MET)
+def test_the_operand_that_is_met_is_named_with_its_material(case: str) -> None:
+    """A second object of the same structure comes first, so that numbers of rows and of leaves differ."""
+    obj, operand, material = MET[case]
+    scene = Scene(
+        camera=OrthographicCamera(origin=(0, 0, 5), height=1.0), film=Film(width=3, height=3),
+        materials={PALE: Material(), "two": Material(back=PALE), "glass": Material(kt=(0.5, 0.5, 0.5))},
+        geometries={"g": Box(cut={"dent": DENT})}, lights={"sun": DirectionalLight(direction=(0, 0, -1))},
+        objects={"other": replace(obj, transform=AWAY), "x": obj},
+    )  # fmt: skip
+    story = check(scene, [(1, 1)])[0]
+    first = story.surfaces[0]
+    assert (first.object, first.operand, first.material["address"]) == ("objects.x", operand, f"materials.{material}")
+    assert (operand is None) == ("operand" not in str(story).splitlines()[1])

@@ -177,6 +177,15 @@ class AddressIndex:
                 found.setdefault(leaf.address, []).append((name, number))
         return found
 
+    def operand_of(self, name: str, leaf: int) -> str | None:
+        """Address of a leaf of CSG; None for objects of data. name: name of the object or body; leaf: number in it."""
+        return self._addresses.get((name, leaf))
+
+    @cached_property
+    def _addresses(self) -> dict[tuple[str, int], str]:
+        """The addresses of the leaves of CSG, by the names of objects and bodies and the numbers of leaves in them."""
+        return {place: address for address, places in self._leaves.items() for place in places}
+
     @property
     def _bodies(self) -> Iterator[tuple[str, Body]]:
         """Yields the bodies of all unions that are drawn as several, by name."""

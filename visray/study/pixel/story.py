@@ -84,6 +84,7 @@ class SurfaceStory:
     scattered: number of rays by which light from other matte surfaces is gathered; `scattered_light`: what they add to
         the pixel; `scattered_to`: share of the rays that meet each object first.
     notes: sentences about what is odd.
+    operand: address of the operand that is met; None if the object is not made of operands.
     """
 
     way: str
@@ -105,6 +106,7 @@ class SurfaceStory:
     scattered_light: Colour = (0.0, 0.0, 0.0)
     scattered_to: dict[str, float] | None = None
     notes: tuple[str, ...] = ()
+    operand: str | None = None
 
     def lines(self) -> Iterator[str]:
         """The story in lines of text. The first one is about the hit."""
@@ -112,9 +114,10 @@ class SurfaceStory:
         if self.object is None:
             yield f"{how} meets nothing: {shown(self.own)}"
             return
+        operand = "" if self.operand is None else f" (its operand {self.operand})"
         side = " from inside" if self.inside else ""
         yield (
-            f"{how} meets {self.object}{side} after {shown(self.distance)}, at {shown(self.point)}; "
+            f"{how} meets {self.object}{operand}{side} after {shown(self.distance)}, at {shown(self.point)}; "
             f"normal {shown(self.normal)}, uv {shown(self.uv)}"
         )
         texture = f" with {self.material['texture']}" if self.material["texture"] else ""

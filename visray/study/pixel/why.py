@@ -14,6 +14,8 @@ import numpy as np
 from visray import indirect as paths
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
+from visray.address_index import AddressIndex
+from visray.columns import materials_of
 from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.integrator import camera_origin, object_of
@@ -71,6 +73,7 @@ class _Walk:
         # At least two lanes, because single numbers make other kernels.
         self.n = max(2, *samples, scene.settings.scatter.rays, 1)
         self.j = dr.arange(self.s.a.U, self.n) + dr.opaque(self.s.a.U, 0)
+        self.addresses = AddressIndex(scene, self.prepared.packed)
 
     def story(self) -> PixelStory:
         """The whole story."""
@@ -119,7 +122,8 @@ class _Walk:
             own = self.first(sky)
             return SurfaceStory(way, factor, None, _product(factor, own), own)
         name = self.objects[int(self.first(object_of(s, si.hit)))]
-        material = self.material(name, si)
+        given, operand = self.seen(name, si)
+        material = self.material(given, name, si)
         lit_mode, unlit = BY_NAME[s.settings.shading].lit, material["shading"] == "unlit"
         lit = lit_mode and not unlit
         lights = self.lights(si) if lit else ()
@@ -132,13 +136,31 @@ class _Walk:
             distance=self.first(si.hit.t), point=self.first(si.surface.p), normal=self.first(si.n),
             uv=(self.first(si.u), self.first(si.v)), inside=self.first(si.from_inside), material=material,
             unlit=lit_mode and unlit, ambient=reflected, lights=lights, notes=_notes(material, s.settings.local),
+            operand=None if operand == address_of(name) else operand,
         )  # fmt: skip
 
-    def material(self, name: str, si: Interaction) -> dict[str, Any]:
-        """The material of an object at a surface point, on the side that is seen: its address, its texture and its
-        numbers."""
+    def seen(self, name: str, si: Interaction) -> tuple[str, str | None]:
+        """(name of the material that an object shows at a surface point, address of the operand there). The address is
+        None for objects that are not made of operands."""
+        scene, row, side = self.prepared.scene, self.first(si.hit.row), int(self.first(si.from_inside))
+        batch, columns = next(x for x in zip(self.s.batches, self.prepared.packed.batches) if x[0].has(row))
+        if columns.looks is None:
+            body = scene.unions.get(name, {}).get(columns.names[row - batch.first_row])
+            shown = scene.all_objects[name].material if body is None else body.operand.material
+            return scene.sides_of(shown)[side], body and body.operand.address
+        leaf = batch.kind.leaf_number(self.first(si.hit.part))
+        shown = list(materials_of(scene))[columns.looks.material[columns.looks.of[leaf]]]
+        row -= batch.first_row
+        leaf -= int(columns.numbers.objects.value.firsts()[row])
+        return scene.sides_of(shown)[side], self.addresses.operand_of(columns.names[row], leaf)
+
+    def material(self, given: str, name: str, si: Interaction) -> dict[str, Any]:
+        """The material at a surface point: its address, its texture and its numbers.
+
+        given: name of the material
+        name: name of the object
+        """
         scene = self.prepared.scene
-        given = scene.sides_of(scene.all_objects[name].material)[int(self.first(si.from_inside))]
         material = scene.material(given)
         values = {field: getattr(material, field) for field in quantities(type(material))}
         # A texture, and the colour of a row of data, change these numbers.

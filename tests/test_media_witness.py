@@ -142,6 +142,23 @@ def test_what_touches_and_what_coincides() -> None:
     assert found.mismatches == 0 and found.unordered > 100
 
 
+def test_the_media_of_a_union_are_those_of_its_operands() -> None:
+    """Each operand has its own medium, and the small ball counts inside the large one. Other indices are told."""
+    balls = {
+        "large": vr.Sphere(radius=1.0, material="water"),
+        "small": vr.Sphere(center=(0.8, 0, 0), radius=0.6, material="crown"),
+    }
+
+    def union(*materials: str) -> vr.Scene:
+        of = {name: replace(ball, material=m) for (name, ball), m in zip(balls.items(), materials)}
+        return scene_of({"both": vr.Csg(op="union", of=of)})
+
+    united, swapped = union("water", "crown"), union("crown", "water")
+    found = differences(united)
+    assert found.compared > 300 and found.mismatches == 0
+    assert differences(united, swapped).mismatches > 0.5 * found.compared
+
+
 def test_scenes_without_media_are_left_out() -> None:
     opaque, flat = {"a": vr.Sphere(), "b": vr.Box()}, {"pane": vr.Disk(material="crown")}
     for objects in (opaque, flat):

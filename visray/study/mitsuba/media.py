@@ -6,6 +6,7 @@ Of several transparent solids, the one with the highest priority counts, and of 
 smallest volume, which random points measure.
 """
 
+from collections import ChainMap
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -59,15 +60,16 @@ class Crossing:
 class Witness:
     """What the scene file says of its transparent solids.
 
-    names: names of the objects in the order of their indices
+    names: names of the objects in the order of their indices; in place of a union that is drawn as bodies, these
     solids: indices of the transparent solids
     """
 
     def __init__(self, scene: Scene, names: tuple[str, ...], centre: np.ndarray, seed: int):
         self.names, self.centre = names, centre
         materials = {"default": Material()} | scene.materials
-        self.objects = [scene.placed_shape(scene.objects[name]) for name in names]
-        self.material = [materials[scene.materials_of(scene.objects[name])[0]] for name in names]
+        drawn = ChainMap(scene.bodies, scene.objects)
+        self.objects = [scene.placed_shape(drawn[name]) for name in names]
+        self.material = [materials[scene.materials_of(drawn[name])[0]] for name in names]
         clear = [any(m.kt) for m in self.material]
         self.clear = np.array([*clear, False])
         self.closed = np.array([*(thing.closed for thing in self.objects), False])
@@ -201,5 +203,5 @@ def _solids(scene: Scene) -> list[str]:
     """Names of the transparent solids of a scene."""
     materials = {"default": Material()} | scene.materials
     clear = {name for name, m in materials.items() if any(m.kt)}
-    objects = scene.objects.items()
+    objects = scene.parts()
     return [name for name, x in objects if scene.materials_of(x)[0] in clear and scene.shape_of(x).closed]

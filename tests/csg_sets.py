@@ -44,6 +44,10 @@ class Sets:
         begin, found = _packed(changed, begin, found)
         return Sets(begin[1:], found)
 
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """(begin, end) of the pieces of each ray. Shapes: (K + 1, N)."""
+        return _ends(self.cut)
+
     @staticmethod
     def combined(parts: Sequence["Sets"], how: Callable[[np.ndarray], np.ndarray]) -> "Sets":
         """The set that follows from several by a rule of their states, such as their maximum."""

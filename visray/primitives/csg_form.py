@@ -109,6 +109,11 @@ class LeafSite:
         return not hasattr(self.kind, "intervals")
 
     @property
+    def finds_roots(self) -> bool:
+        """Whether crossings are searched roots, some of which may stay unresolved."""
+        return self.kind.finds_roots
+
+    @property
     def outside(self) -> bool:
         """Whether points far away are meant."""
         return self.negated
@@ -143,6 +148,11 @@ class NodeSite:
     def searches(self) -> bool:
         """Whether some leaf searches."""
         return any(group.site.searches for group in self.groups)
+
+    @property
+    def finds_roots(self) -> bool:
+        """Whether some leaf finds roots."""
+        return any(group.site.finds_roots for group in self.groups)
 
     @property
     def outside(self) -> bool:

@@ -176,7 +176,7 @@ class LeafStates:
 
         def step(
             going: Any, first: Any, begin: Any, known: Any, inside: Any, part: Any, before: Any, after: Any,
-            here_part: Any, t: Any, next_part: Any, unresolved: Any,
+            here_part: Any, t: Any, next_part: Any, *unresolved: Any,
         ) -> tuple:  # fmt: skip
             """Goes to the next crossing, if it lies at the point or before it."""
             facts = KnownEnds(known, inside, part if kind.uses_part else None)
@@ -196,16 +196,18 @@ class LeafStates:
                 turns, dr.full(a.B, False, n), dr.select(turns, c.t, begin), known | turns,
                 dr.select(turns, ~now, inside), dr.select(turns, own, part), before ^ past, after ^ turns,
                 dr.select(here, own, here_part), c.t, own,
-                unresolved + c.unresolved,
+                *(x + c.unresolved for x in unresolved),
             )  # fmt: skip
 
         start = (
             needed & dr.full(a.B, True, n), dr.full(a.B, True, n), begin, known & dr.full(a.B, True, n),
             inside & dr.full(a.B, True, n), part, nothing.before, nothing.after, part, nothing.next, dr.zeros(a.U, n),
-            nothing.unresolved,
+            *[nothing.unresolved] * kind.finds_roots,
         )  # fmt: skip
-        *_, before, after, here_part, t, own, unresolved = dr.while_loop(
-            start, lambda going, *_: going, step, label="search"
+        # Dr.Jit traces a loop again if something in its state never changes.
+        *_, before, after, here_part, t, own, unresolved = (
+            *dr.while_loop(start, lambda going, *_: going, step, label="search"),
+            *[nothing.unresolved] * (not kind.finds_roots),
         )
         here, code = (self.code(leaf, x) + dr.zeros(a.U, n) for x in (here_part, own))
         return State(before, after, dr.select(before == after, NO_LEAF, here), t, code, ~after, unresolved)

@@ -88,22 +88,30 @@ class Walk(LeafStates):
         def child(i: Any) -> Any:
             return rows(looped.table.value, looped.first + i)
 
+        def changing(state: State) -> tuple:
+            """The arrays of a state that may change in the loop. Dr.Jit traces a loop again if one of them does not."""
+            return state.arrays() if site.finds_roots else state.arrays()[:-1]
+
+        def whole(*arrays: Any) -> State:
+            """The state with these arrays."""
+            return State(*arrays) if site.finds_roots else State(*arrays, result.unresolved)
+
         def step(i: Any, *arrays: Any) -> tuple:
-            result = State(*arrays)
+            result = whole(*arrays)
             if looped.balls is None:
-                return i + 1, *self._with_child(result, both, site, child(i), None, point, needed).arrays()
+                return i + 1, *changing(self._with_child(result, both, site, child(i), None, point, needed))
             near, missed = self._by_ball(both, site, looped, looped.first + i, point)
             # The child is read inside the branch, because few lanes need it.
             new = dr.if_stmt(
                 missed.arrays(), near, lambda *_: self.state(site, child(i), None, point, needed).arrays(),
                 lambda *old: old, label="operand",
             )  # fmt: skip
-            return i + 1, *result.joined(State(*new), both).arrays()
+            return i + 1, *changing(result.joined(State(*new), both))
 
         # The node is known as soon as no other child matters.
-        start = dr.zeros(self.types.U, self.lanes), *result.arrays()
-        more = lambda i, *arrays: (i < looped.count) & needed & State(*arrays).is_open(both)  # noqa: E731 - condition
-        return State(*dr.while_loop(start, more, step, label="operands")[1:])
+        start = dr.zeros(self.types.U, self.lanes), *changing(result)
+        more = lambda i, *arrays: (i < looped.count) & needed & whole(*arrays).is_open(both)  # noqa: E731 - condition
+        return whole(*dr.while_loop(start, more, step, label="operands")[1:])
 
     def _by_ball(self, both: bool, site: Any, looped: Looped, row: Any, point: Point) -> tuple[Any, State]:
         """(mask of the rays for which a child must be looked at, its state for the other rays). row: that of the child.
@@ -145,7 +153,7 @@ class Walk(LeafStates):
         sheet = isinstance(sites[0], LeafSite) and not sites[0].kind.closed
 
         def step(
-            going: Any, first: Any, t: Any, event: Any, enters: Any, inside: Any, met: Any, owner: Any, unresolved: Any
+            going: Any, first: Any, t: Any, event: Any, enters: Any, inside: Any, met: Any, owner: Any, *unresolved: Any
         ) -> tuple:
             """Goes to the next event."""
             point = Point(t, dr.fma(t, self.ray.d, self.o), first, event, enters)
@@ -167,10 +175,12 @@ class Walk(LeafStates):
             return (
                 going, dr.full(a.B, False, n), dr.select(changed, t, t_next), dr.select(changed, event, event_next),
                 dr.select(changed, enters, enters_next), kept, changed, dr.select(changed, seen, owner),
-                unresolved + s.unresolved,
+                *(x + s.unresolved for x in unresolved),
             )  # fmt: skip
 
         yes, no, none = dr.full(a.B, True, n), dr.full(a.B, False, n), dr.full(a.U, NO_LEAF, n)
-        start = yes, yes, self.begin, none, no, no, no, none, dr.zeros(a.U, n)
-        _, _, t, _, _, inside, met, owner, unresolved = dr.while_loop(start, lambda going, *_: going, step, label="csg")
+        zero, finds_roots = dr.zeros(a.U, n), any(site.finds_roots for site in sites if site is not None)
+        start = yes, yes, self.begin, none, no, no, no, none, *[zero] * finds_roots
+        found = dr.while_loop(start, lambda going, *_: going, step, label="csg")
+        _, _, t, _, _, inside, met, owner, unresolved = *found, *[zero] * (not finds_roots)
         return met, dr.select(met, t, dr.inf), owner, ~inside, unresolved

@@ -1,6 +1,7 @@
 """Data layers whose rows show CSG: the same bits as one object for each row, materials of operands, and palettes."""
 
 from dataclasses import replace
+from itertools import product
 
 import drjit as dr
 import numpy as np
@@ -9,9 +10,12 @@ from samples import NAMES, SAMPLES
 
 import visray as vr
 from visray.data_columns import data_columns
+from visray.features import features
+from visray.overlap_report import overlaps
 from visray.pack import object_columns
 from visray.scene.check import checked
 from visray.setup import arrays
+from visray.study.pixel.why import why
 from visray.written_out import written_out
 
 N = 12
@@ -241,3 +245,70 @@ def test_rows_of_glass_are_nested_as_written_out_ones() -> None:
     factor = np.abs(np.linalg.det(frames))
     assert np.all(np.abs(volume - (4 - np.pi / 12) * factor) < error) and np.all(error < 0.02 * volume)
     assert np.ptp(volume / factor) < 1e-12 * volume[0] / factor[0]
+
+
+# Solids of two kinds that overlap, a half-space among them, with one of a material of its own.
+GLASSES = vr.Csg(
+    op="union",
+    of={
+        "ball": vr.Sphere(center=(0, 0.5, 0), radius=0.6),
+        "inner": vr.Sphere(center=(0.2, 0.6, 0.2), radius=0.5, material="red"),
+        "block": replace(BLOCK, cut=(vr.Plane(point=(0.5, 0, 0), normal=(-1, 0, 0)),)),
+    },
+)
+
+
+# Geometries, and the materials of their operands, by the ends of their addresses; None for an object that has none.
+STORIES = {
+    "drilled": (DRILLED, {".of.block": "paint", ".of.bore": "blue", ".of.dent": "red"}),
+    "union": (GLASSES, {".of.ball": "paint", ".of.inner": "red", ".of.block": "paint", ".of.block.cut.0": "paint"}),
+    "plain": (BLOCK, {None: "paint"}),
+}
+
+
+@pytest.mark.parametrize("name", STORIES)
+def test_the_story_of_a_pixel_names_the_operand_of_a_row_and_its_material(name: str) -> None:
+    shape, materials = STORIES[name]
+    clear = {"kt": (0.4, 0.4, 0.4), "ior": 1.1}
+    glass = {"paint": vr.Material(**clear, colored=("kd",)), "red": vr.Material(**clear, kd=(0.8, 0.1, 0.1))}
+    made = scene(shape, glass if name == "union" else {})
+    prepared = vr.prepare(replace(made, settings=vr.Settings(depth=0), lights={}))
+    rows, found = prepared.scene.data.rows["rain"], {}
+    for x, y in product(range(6, 48, 6), range(6, 36, 6)):
+        (first, *_) = why(prepared, x, y).surfaces
+        if first.object and first.object.startswith("data.rain."):
+            operand = first.operand and first.operand.removeprefix("geometries.shape")
+            material = found[operand] = first.material["address"].removeprefix("materials.")
+            own = rows.color[:, rows.index(int(first.object.split(".")[2]))]
+            kd = own if material == "paint" else prepared.scene.materials[material].kd
+            assert np.allclose(first.material["kd"], kd, atol=1e-6)
+    assert len(found) > (name != "plain") and found.items() <= materials.items()
+
+
+def glasses() -> vr.Scene:
+    clear = {"kt": (0.4, 0.5, 0.5), "kd": (0.2, 0.2, 0.2)}
+    return scene(
+        GLASSES, {"paint": vr.Material(**clear, ior=1.2, colored=("kd",)), "red": vr.Material(**clear, ior=1.5)}
+    )
+
+
+def test_rows_that_are_unions_of_glass_are_several_bodies() -> None:
+    """As an object that is written. All bodies of a row have its number and its name."""
+    of_data = glasses()
+    twin = written_out(of_data)
+    assert features(of_data).names() == features(twin).names()
+    columns = data_columns(of_data, arrays("llvm", "single"))
+    assert [(len(x.bodies), x.color is not None) for x in columns] == [(1, True), (1, False), (1, True)]
+    assert all(list(x.object) == list(range(2, N + 2)) for x in columns)
+    assert [x.names[N - 1] for x in columns] == 3 * [f"data.rain.{N - 1}"]
+    assert overlaps(of_data)[1] == overlaps(twin)[1] >= 3 * N
+
+
+@pytest.mark.slow
+def test_unions_of_glass_have_the_bits_and_the_derivatives_of_written_out_ones() -> None:
+    of_data, address = glasses(), "data.rain.6.color"
+    assert not differences(of_data, written_out(of_data))
+    seen = replace(of_data, settings=vr.Settings(spp=1, precision="double", shadows=False))
+    attached = vr.derivative(seen, address, progress=False)
+    assert np.abs(attached).max() > 1e-4
+    assert attached == pytest.approx(vr.difference(seen, address), rel=1e-6, abs=1e-9)

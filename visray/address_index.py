@@ -146,20 +146,23 @@ class AddressIndex:
         known = "a row's lon, lat, height, radius and color, where the layer takes them from columns"
         if len(parts) != 4 or parts[1] not in self.scene.data.layers:
             raise UserError(f"{address}: has no derivative; those of data are {known}")
-        try:
-            number, row = self.row_of(self.packed.batches, ".".join(parts[:3]))
-        except KeyError:
-            raise UserError(f"{address}: has no derivative, as the row has no gizmo") from None
-        batch = self.packed.batches[number]
-        values = batch.color if parts[3] == "color" else getattr(batch.numbers, "values", None)
-        array = getattr(values, "value" if parts[3] == "color" else parts[3], None)
-        if array is None:
+        # A row may have several gizmos: segments of a line, or bodies of a union, which can be in several batches.
+        row_of = {i: batch.names.row(".".join(parts[:3])) for i, batch in enumerate(self.packed.batches)}
+        places = [(self.packed.batches[i], row) for i, row in row_of.items() if row is not None]
+        if not places:
+            raise UserError(f"{address}: has no derivative, as the row has no gizmo")
+        arrays, rows = [], []
+        for batch, row in places:
+            values = batch.color if parts[3] == "color" else getattr(batch.numbers, "values", None)
+            array = getattr(values, "value" if parts[3] == "color" else parts[3], None)
+            if array is not None:
+                arrays.append(array)
+                rows.append(tuple(range(row, row + batch.names.repeats(row))))
+        if not arrays:
             raise UserError(f"{address}: has no derivative; those of data are {known}, and are no geometries")
         if flaw := self.scene.data.rows[parts[1]].slope_flaw(int(parts[2]), parts[3]):
             raise UserError(f"{address}: has no derivative, {flaw}")
-        # All segments of a line have its numbers.
-        rows = range(row, row + batch.names.repeats(row))
-        return Slot((array,), (tuple(rows),), None)
+        return Slot(tuple(arrays), tuple(rows), None)
 
     @cached_property
     def _leaves(self) -> dict[str, list[tuple[str, int]]]:
@@ -178,7 +181,7 @@ class AddressIndex:
         return found
 
     def operand_of(self, name: str, leaf: int) -> str | None:
-        """Address of a leaf of CSG; None for objects of data. name: name of the object or body; leaf: number in it."""
+        """Address of a leaf of CSG; None for rows of data. name: name of the object or body; leaf: number in it."""
         return self._addresses.get((name, leaf))
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 
 from visray.geometry import Frame
 from visray.materials import Material
+from visray.primitives.csg_operands import Operand
 from visray.primitives.primitive import Primitive
 from visray.quantities import Arrays
 from visray.scene.scene import Scene
@@ -113,6 +114,7 @@ class Columns:
     object: number of each object, in the order of Scene.all_objects; the segments of a line of data have the same one
     color: colour of each row, in linear light; None if rows have the colours of their materials
     looks: looks of the operands, for CSG; else None
+    bodies: for data layers whose gizmos are geometries, the bodies of each gizmo that are in this batch; else empty
     """
 
     kind: type[Primitive]
@@ -126,6 +128,7 @@ class Columns:
     object: Any
     color: Any = None
     looks: Looks | None = None
+    bodies: tuple[Operand, ...] = ()
 
     def __len__(self) -> int:
         return len(self.names)

@@ -46,11 +46,13 @@ class _Bounds:
 def overlaps(scene: Scene) -> tuple[tuple[Overlap, ...], int]:
     """The pairs of transparent solids of a scene that may overlap: the first DESCRIBED of them, and their number."""
     clear = {name for name, m in used_materials(scene).items() if any(m.kt)}
-    bodies = scene.apart(scene.objects_of(clear).items())
+    # Rows of data become objects, so that unions of them are drawn as several bodies too.
+    scene = replace(scene, objects=scene.objects_of(clear), data=None)
+    bodies = scene.bodies.items()
     solids = {n: o for n, o in bodies if scene.materials_of(o)[0] in clear and scene.shape_of(o).closed}
     if len(solids) < 2:
         return (), 0
-    scene = replace(scene, objects=solids, data=None)
+    scene = replace(scene, objects=solids)
     batches, names = pack(scene, Arrays.of()).batches, list(solids)
     parts = Solids.joined([solids_of(scene, columns) for columns in batches])
     bounds = [columns.numbers.bounds(columns.outer) for columns in batches]

@@ -110,13 +110,17 @@ class RowColors:
     fields: tuple[str, ...]
 
     @staticmethod
-    def of(a: Arrays, rows: Rows, fields: tuple[str, ...]) -> "RowColors | None":
-        """The colours of the rows of a layer; None if they have that of the material."""
+    def of(a: Arrays, rows: Rows, fields: tuple[str, ...], repeats: int = 1) -> "RowColors | None":
+        """The colours of the rows of a layer, each so many times; None if they have that of the material."""
         if rows.color is None:
             return None
+
+        def put(kind: Any, x: np.ndarray) -> Any:
+            return a.put(kind, np.repeat(x, repeats, axis=-1))
+
         value = rows.values.get("color")
-        value = None if value is None else a.put(a.D, value)
-        return RowColors(a.put(a.V, rows.color), value, lambda: a.put(a.V, finite(rows.slopes["color"])), fields)
+        value = None if value is None else put(a.D, value)
+        return RowColors(put(a.V, rows.color), value, lambda: put(a.V, finite(rows.slopes["color"])), fields)
 
     def now(self) -> Any:
         """The colours, with derivatives if the values are attached. The numbers are the same bit for bit."""

@@ -31,19 +31,19 @@ class Body:
 
 
 def separate_bodies(
-    name: str, obj: Primitive, geometries: Mapping[str, Primitive], transparent: Collection[str]
+    address: str, obj: Primitive, geometries: Mapping[str, Primitive], transparent: Collection[str]
 ) -> dict[str, Body]:
     """The bodies of an object that is drawn as several, by name; empty for all other objects. The name of a body is its
     address, such as `objects.lens.of.front`; below an instance it begins with the address of the instance.
 
-    name: name of the object.
+    address: address of the object.
     geometries: the scene's geometries.
     transparent: names of the transparent materials.
     """
     shape = geometries.get(obj.geometry, obj) if isinstance(obj, Instance) else obj
     if not (shape.composite and shape.op == "union"):
         return {}
-    found = bodies(f"objects.{name}", obj, geometries)
+    found = bodies(address, obj, geometries)
     if len(found) == 1 or (len(found) <= MOST_JOINED and not any(x.material in transparent for x in found)):
         return {}
     return {_name(x): Body(x, _as_object(x)) for x in found}

@@ -1,4 +1,4 @@
-"""Copies of one CSG object in many frames, as tables: without an object in Python for each copy."""
+"""Copies of CSG objects in many frames, as tables: without an object in Python for each copy."""
 
 from typing import Any
 
@@ -13,9 +13,9 @@ from visray.transforms import product
 
 
 def copies(table: CsgTable, frames: np.ndarray) -> CsgTable:
-    """The table of copies of an object, each moved by one of the frames.
+    """The table of copies of objects: all of them moved by the first frame, then all by the second, and so on.
 
-    table: table of this object. Its operands have transforms, or kinds with frames of their own (csg_form.LeafSite).
+    table: table of the objects. Their operands have transforms, or kinds with frames of their own (csg_form.LeafSite).
     frames: affine maps that follow the transforms of the operands. Shape: (copies, 3, 4).
     """
     a, count = table.a, len(frames)
@@ -31,7 +31,7 @@ def copies(table: CsgTable, frames: np.ndarray) -> CsgTable:
 
 
 def _copied(a: Arrays, table: Any, frames: np.ndarray, size: int) -> Any:
-    """The table of a site, for copies. size: number of leaves of the object."""
+    """The table of a site, for copies. size: number of leaves of all objects."""
     if isinstance(table, LeafTable):
         return _leaves(a, table, frames, size)
     if not isinstance(table, Looped):

@@ -172,11 +172,12 @@ class Objects:
         return Objects(*trees, counts, [form.body for form in forms], factors)
 
     def repeated(self, frames: np.ndarray) -> "Objects":
-        """Copies of one object, each moved by one of the frames. Shape: (copies, 3, 4)."""
-        count, leaves = len(frames), int(self.counts[0])
-        trees = (None if x is None else x.repeated(count, 1, leaves) for x in (self.surface, self.within))
-        factors = volume_factors(frames) * self.factors
-        return Objects(*trees, np.repeat(self.counts, count), self.bodies * count, factors)
+        """Copies of all objects, moved by the first one of the frames, then copies moved by the second one, and so on.
+        Shape: (copies, 3, 4)."""
+        count, objects, leaves = len(frames), len(self.counts), int(self.counts.sum())
+        trees = (None if x is None else x.repeated(count, objects, leaves) for x in (self.surface, self.within))
+        factors = np.outer(volume_factors(frames), self.factors).ravel()
+        return Objects(*trees, np.tile(self.counts, count), self.bodies * count, factors)
 
     def originals(self) -> np.ndarray:
         """For each object the number of the first one that differs from it by its transform alone."""

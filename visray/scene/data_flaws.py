@@ -4,7 +4,7 @@ from typing import Any
 
 from visray.data.data_scene import Data
 from visray.hints import hint
-from visray.primitives.csg_operands import bodies, has_operands
+from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
 from visray.scene.csg_flaws import solid_material_flaws, with_operands
 from visray.scene.messages import line
@@ -59,11 +59,7 @@ def _of_operands(scene: Scene, address: str, obj: Instance) -> list[str]:
     error."""
     if any(nesting_flaws(scene, with_operands(scene))):
         return []
-    texts, found = list(solid_material_flaws(scene, address, obj)), bodies(address, obj, scene.geometries)
-    if len(found) > 1 and any(any(scene.materials[x.material].kt) for x in found if x.material in scene.materials):
-        text = "is a union of transparent solids, which are bodies of their own, and a row is one body; write a merge"
-        texts.append(line(f"{address}.geometry", obj.geometry, text))
-    return texts
+    return list(solid_material_flaws(scene, address, obj))
 
 
 def _data_line(data: Data, part: str, text: str) -> str:

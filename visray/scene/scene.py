@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
 from visray import camera as cameras
 from visray import lights, modes, primitives, textures
-from visray.data.all_objects import AllObjects
+from visray.data.all_objects import AllObjects, address_of
 from visray.data.data_scene import Data
 from visray.materials import Material
 from visray.number_table import DIGESTS
@@ -180,7 +180,7 @@ class Scene:
         transparent = {name for name, m in self.materials.items() if any(m.kt)}
         composite = {name for name, x in self.geometries.items() if x.composite}
         found = {
-            name: separate_bodies(name, obj, self.geometries, transparent)
+            name: separate_bodies(address_of(name), obj, self.geometries, transparent)
             for name, obj in self.objects.items()
             if obj.composite or (isinstance(obj, Instance) and obj.geometry in composite)
         }

@@ -15,7 +15,7 @@ from visray import indirect as paths
 from visray.accel.intersect import closest
 from visray.accel.origin import RayOrigin
 from visray.address_index import AddressIndex
-from visray.columns import materials_of
+from visray.columns import Columns, materials_of
 from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.integrator import camera_origin, object_of
@@ -144,15 +144,31 @@ class _Walk:
         None for objects that are not made of operands."""
         scene, row, side = self.prepared.scene, self.first(si.hit.row), int(self.first(si.from_inside))
         batch, columns = next(x for x in zip(self.s.batches, self.prepared.packed.batches) if x[0].has(row))
-        if columns.looks is None:
-            body = scene.unions.get(name, {}).get(columns.names[row - batch.first_row])
-            shown = scene.all_objects[name].material if body is None else body.operand.material
-            return scene.sides_of(shown)[side], body and body.operand.address
-        leaf = batch.kind.leaf_number(self.first(si.hit.part))
-        shown = list(materials_of(scene))[columns.looks.material[columns.looks.of[leaf]]]
         row -= batch.first_row
-        leaf -= int(columns.numbers.objects.value.firsts()[row])
-        return scene.sides_of(shown)[side], self.addresses.operand_of(columns.names[row], leaf)
+        looks, leaf = columns.looks, None
+        if looks is None:
+            number = columns.material[row if columns.object_of is None else columns.object_of[row]]
+        else:
+            leaf = batch.kind.leaf_number(self.first(si.hit.part))
+            number = looks.material[looks.of[leaf]]
+            leaf -= int(columns.numbers.objects.value.firsts()[row])
+        return scene.sides_of(list(materials_of(scene))[number])[side], self.operand(name, columns, row, leaf)
+
+    def operand(self, name: str, columns: Columns, row: int, leaf: int | None) -> str | None:
+        """Address of an operand of an object; None for objects that are not made of operands.
+
+        row: number in `columns` of the row that is hit.
+        leaf: number of the leaf that is hit, for CSG.
+        """
+        geometries, unions = self.prepared.scene.geometries, self.prepared.scene.unions
+        if columns.bodies:
+            # The bodies of a row of data are side by side.
+            body = columns.bodies[row % len(columns.bodies)]
+            return (body if leaf is None else [x for x in body.walk(geometries) if x.is_leaf][leaf]).address or None
+        if leaf is not None:
+            return self.addresses.operand_of(columns.names[row], leaf)
+        union = unions.get(name, {}).get(columns.names[row])
+        return union and union.operand.address
 
     def material(self, given: str, name: str, si: Interaction) -> dict[str, Any]:
         """The material at a surface point: its address, its texture and its numbers.

@@ -642,3 +642,30 @@ def test_a_picture_of_nothing_says_so(obj: dict, what: str) -> None:
         vr.render(scene, layers=["RGB"], progress=False)
     (text,) = (str(x.message) for x in caught if x.category is DarkWarning)
     assert text.startswith("nothing is seen: ") and text.endswith(what)
+
+
+@pytest.mark.parametrize(
+    "wrapped",
+    ["instance", pytest.param("operand", marks=pytest.mark.slow), pytest.param("cut", marks=pytest.mark.slow)],
+)
+def test_a_parameter_of_a_polynomial_has_a_derivative_in_csg(wrapped: str) -> None:
+    """At k = 0 the terms with k vanish. The derivative by k is that of the polynomial alone."""
+    ball_of_k = {"type": "polynomial", "expression": "x^2+y^2+z^2-1+k*x^3", "parameters": {"k": 0.0}, "ends": "capped"}
+    whole, half = box(min=[-3, -3, -3], max=[3, 3, 3]), box(min=[-3, -3, -3], max=[0, 0, 0])
+    obj, address = {
+        "operand": (csg("intersection", ball_of_k, whole), "objects.c.of.0"),
+        "cut": (ball_of_k | {"cut": [half]}, "objects.c"),
+        "instance": (csg("intersection", {"type": "instance", "geometry": "g"}, whole), "geometries.g"),
+    }[wrapped]
+
+    def derivative(obj: dict, address: str, geometries: dict) -> float:
+        scene = examined(raw(obj, geometries) | {"lights": {"l": {"type": "point", "position": [5, 2, 1]}}})[0]
+        camera = vr.Camera(origin=(2.0, 3.0, 4.0), target=(0.2, 0.3, 0.4), fov=3.0)
+        scene = replace(scene, camera=camera, film=vr.Film(width=4, height=4), settings=vr.Settings(spp=1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return vr.gradient(scene, [f"{address}.parameters.k"], progress=False)[f"{address}.parameters.k"]
+
+    expected = derivative(ball_of_k, "objects.c", {})
+    found = derivative(obj, address, {"g": ball_of_k} if wrapped == "instance" else {})
+    assert abs(expected) > 0.01 and found == pytest.approx(expected, rel=1e-9)

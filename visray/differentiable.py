@@ -36,26 +36,17 @@ def differentiable(scene: Scene, wrt: Sequence[str]) -> Scene:
     for address in wrt:
         if flaw := _flaw(scene, address, wrt):
             raise UserError(f"{address}: has no derivative {flaw}")
-    scene = _with_varied_operands(scene, wrt)
+    scene = _with_varied_polynomials(scene, wrt)
     objects, geometries = {}, {}
     for name, obj in scene.objects.items():
-        shape, prefix = scene.shape_of(obj), _prefix(scene, name)
-        if isinstance(shape, Polynomial):
-            varied = _varied(scene.placed_shape(obj), wrt, prefix)
-            objects |= {name: varied} if varied.varied else {}
-        if isinstance(shape, Mesh) and shape is obj and _asked(wrt, f"materials.{obj.material}.kt"):
+        if isinstance(obj, Mesh) and not has_operands(obj) and _asked(wrt, f"materials.{obj.material}.kt"):
             # An instance is a body, as all transparent meshes are. No name of a geometry has a dot.
-            geometries[prefix] = obj
-            objects[name] = Instance(geometry=prefix, material=obj.material)
+            geometry = f"objects.{name}"
+            geometries[geometry] = obj
+            objects[name] = Instance(geometry=geometry, material=obj.material)
     if not objects:
         return scene
     return replace(scene, objects=scene.objects | objects, geometries=scene.geometries | geometries)
-
-
-def _prefix(scene: Scene, name: str) -> str:
-    """Address of the shape of an object: that of its geometry if it is an instance, else its own."""
-    obj = scene.objects[name]
-    return f"geometries.{obj.geometry}" if isinstance(obj, Instance) else f"objects.{name}"
 
 
 def _asked(wrt: Sequence[str], address: str) -> bool:
@@ -63,8 +54,8 @@ def _asked(wrt: Sequence[str], address: str) -> bool:
     return any(w == address or w.startswith(f"{address}.") for w in wrt)
 
 
-def _with_varied_operands(scene: Scene, wrt: Sequence[str]) -> Scene:
-    """The scene, with the right derivatives by parameters of polynomials that are operands."""
+def _with_varied_polynomials(scene: Scene, wrt: Sequence[str]) -> Scene:
+    """The scene, with the right derivatives by parameters of polynomials: of objects, geometries and operands."""
     if not any(".parameters." in address for address in wrt):
         return scene
 
@@ -72,10 +63,7 @@ def _with_varied_operands(scene: Scene, wrt: Sequence[str]) -> Scene:
         return _varied(shape, wrt, address) if isinstance(shape, Polynomial) else shape
 
     changed = {
-        section: {
-            name: mapped(f"{section}.{name}", shape, change) if has_operands(shape) else shape
-            for name, shape in getattr(scene, section).items()
-        }
+        section: {name: mapped(f"{section}.{name}", shape, change) for name, shape in getattr(scene, section).items()}
         for section in ("objects", "geometries")
     }
     return replace(scene, **changed)

@@ -11,7 +11,7 @@ from test_updated import compiled
 
 import visray as vr
 from visray import Box, Camera, Csg, Cylinder, DirectionalLight, Film, Instance, Plane, Scene, Settings, Sphere
-from visray.edges import EdgeWarning
+from visray.edges import EdgesInView, EdgeWarning
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
@@ -226,6 +226,29 @@ def test_each_instance_adds_to_the_derivative_by_a_geometry() -> None:
     assert set(vr.render(scene, progress=False)["id"].ravel()) == {1, 2} and set(scene.unions) == set(copies)
     with pytest.warns(EdgeWarning, match="silhouettes of objects.u, objects.v"):
         assert_derivative(scene, "geometries.g.of.a.radius")
+
+
+@pytest.mark.parametrize(
+    ("obj", "edges"),
+    [
+        (Csg(op="merge", of=(Sphere(), Sphere(center=(0.3, 0, 0)))), {"silhouettes", "creases"}),
+        (Csg(op="difference", of=(Sphere(), Sphere(center=(0, 0, -9)))), set()),
+        (Csg(op="difference", of=(Box(min=(-9, -9, -9), max=(9, 9, 1)), Sphere(center=(0, 0, -9)))), {"creases"}),
+        (
+            Csg(op="intersection", of=(vr.Torus(center=(0, 1, 0), axis=(1, 0, 0), minor=0.5), Sphere(radius=5.0))),
+            {"silhouettes"},
+        ),
+        (Csg(op="union", of=(Sphere(material="shiny"), Sphere(center=(0, 0, -3)))), set()),
+    ],
+)
+def test_edges_of_operands_are_those_in_view(obj: Csg, edges: set) -> None:
+    """Two balls in view; a ball that fills the picture; a box, which has edges, though not in view; a torus, which may
+    hide itself; and a body of a union."""
+    scene = close({"u": obj})
+    prepared = prepare(scene)
+    found = EdgesInView(scene, prepared.kernel, ["objects.u"], prepared.x, prepared.y).found()
+    assert set(found) == edges
+    assert all(where == ["objects.u"] for where in found.values())
 
 
 def test_there_is_no_derivative_where_a_union_becomes_bodies() -> None:

@@ -16,7 +16,6 @@ from visray.errors import UserError
 from visray.geometry import gamma
 from visray.materials import Material
 from visray.primitives.csg_bodies import MOST_JOINED
-from visray.scene.check import checked
 from visray.setup import prepare
 from visray.transforms import Rotate, Scale, Translate
 
@@ -168,19 +167,6 @@ def test_explain_says_how_many_bodies_there_are() -> None:
     assert "objects.u: a union of 2 shapes: 2 spheres; drawn as 2 bodies" in notes
     notes = vr.explain(scene_of({"u": Csg(op="merge", of=of_glass(PAIR))})).notes
     assert "objects.u: a merge of 2 shapes: 2 spheres" in notes
-
-
-def test_rows_of_data_show_no_union_of_glass() -> None:
-    """A row is one body. A merge and an opaque union are."""
-    layer = vr.DataLayer(
-        source={"lon": [0.0, 10.0], "lat": [0.0, 20.0]}, gizmo="geometry", geometry="g", material="glass"
-    )
-    data = vr.Data(layers={"cities": layer})
-    scene = Scene(materials=MATERIALS, geometries={"g": Csg(op="union", of=PAIR)}, data=data)
-    with pytest.raises(UserError, match=r"^data\.layers\.cities\.geometry = \"g\": .*; write a merge$"):
-        checked(scene)
-    checked(replace(scene, geometries={"g": Csg(op="merge", of=PAIR)}))
-    checked(replace(scene, data=vr.Data(layers={"cities": replace(layer, material="red")})))
 
 
 # Numbers of operands

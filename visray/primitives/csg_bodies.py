@@ -13,8 +13,9 @@ from visray.primitives.instance import Instance
 from visray.primitives.plane import Plane
 from visray.primitives.primitive import Primitive
 
-# Largest number of opaque operands of a union that is one solid. More rows than these are in lists or in a tree
-# (accel.policy.MAX_UNROLLED), which makes bodies several times as fast as one solid (docs/csg.md).
+# Largest number of opaque operands of a union that is one solid. Rays find more than these several times as fast in
+# lists or in a tree (merge and objects in reference/csg_growth.py). Fewer stay one solid, because only within a solid
+# there is a rule for faces that coincide.
 MOST_JOINED = 64
 
 

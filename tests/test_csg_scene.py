@@ -66,6 +66,10 @@ def ball(**fields: object) -> dict:
             {"type": "csg", "op": "union", "of": {"a": {"type": "spere"}, "b": BOX}},
             f'.of.a.type = "spere": unknown type; did you mean "sphere"? (one of {KINDS})',
         ),
+        (
+            {"type": "union", "of": [BALL, BOX]},
+            '.type = "union": unknown type; write "type": "csg", "op": "union"',
+        ),
         ({"type": "csg", "op": "union", "of": 3}, ".of = 3: must be a list of objects, or objects by name"),
         ({"type": "csg", "op": "union", "of": None}, ".of = null: must be a list of objects, or objects by name"),
         ({"type": "csg", "op": "union"}, ": the key 'of' is missing; it is a list of objects, or objects by name"),

@@ -56,6 +56,11 @@ def test_the_note_says_what_would_be_right() -> None:
     )
     assert "close it: it has 3 open edges around 1 hole" in jar and 'leave "solid" out' in sheet
     assert pane.startswith("objects.pane and 1 more: a disk") and "use a solid, such as a thin cylinder" in pane
+    cut = {"cut": replace(vr.Disk(), cut=(vr.Sphere(radius=0.3),), material="glass")}
+    assert notes(scene_of(cut, glass=GLASS))[0].startswith("objects.cut: a disk that is open")
+    shell = vr.Csg(op="difference", ends="open", of=(vr.Csg(op="merge", of=(vr.Box(), vr.Sphere())), vr.Sphere()))
+    shell = {"shell": replace(shell, material="glass")}
+    assert "a csg that is open bends no light" in notes(scene_of(shell, glass=GLASS))[0]
     capped = replace(things["cup"], ends="capped")
     assert not notes(scene_of({"cup": capped}, glass=GLASS))
 

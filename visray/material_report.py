@@ -8,6 +8,8 @@ from visray.feature_rules import used_materials
 from visray.features import Features
 from visray.geometry import gamma
 from visray.materials import Material
+from visray.operands import named_operands
+from visray.primitives.primitive import Primitive
 from visray.scene.scene import Scene
 from visray.textures import CheckerTexture
 from visray.warn import warn
@@ -33,8 +35,16 @@ def sheet_notes(scene: Scene, effects: Features) -> list[str]:
     for name, obj in scene.representatives.items() if bending else ():
         material = scene.materials_of(obj)[0]
         if material in bending and not (shape := scene.shape_of(obj)).closed:
+            shape = _open_part(shape)
             sheets.setdefault((material, shape.type, shape.advice_for_glass()), []).append(name)
     return [_of_sheets(scene, *key, names) for key, names in sheets.items()]
+
+
+def _open_part(shape: Primitive) -> Primitive:
+    """The part of an open shape that makes it open. CSG is open if its `ends` are, or because of its first operand."""
+    while shape.composite and shape.ends == "capped":
+        shape = next(iter(named_operands(shape.of).values()))
+    return shape
 
 
 def _of_sheets(scene: Scene, material: str, kind: str, advice: str, names: list[str]) -> str:

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from visray.data.layer import ROW_NUMBER
 from visray.hints import hint
+from visray.primitives.csg import Csg
 from visray.primitives.instance import Instance
 from visray.scene.annotations import bare, child, describe, is_union, member, members_of, tag_of
 from visray.scene.scene import Scene
@@ -22,6 +23,7 @@ from visray.transforms import STEPS
 
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
 ROW_RULE = 'rows are counted from 0, as in {"12": {"lon": 2.2}}'
+OPERATIONS = get_args(Csg.__dataclass_fields__["op"].type)
 LONGEST_VALUE = 60
 # Largest number of errors of one scene that are reported.
 MOST = 50
@@ -214,4 +216,7 @@ def _tag_message(place: _Place, raw: Any) -> str:
         return line(f"{address}.type", value["type"], "a geometry cannot be an instance; write the shape itself")
     if "type" not in value:
         return f"{address}: the key 'type' is missing; one of {', '.join(names)}"
-    return line(f"{address}.type", value["type"], f"unknown type; {hint(value['type'], names)}")
+    word = value["type"]
+    if Csg in members and word in OPERATIONS:
+        return line(f"{address}.type", word, f'unknown type; write "type": "csg", "op": "{word}"')
+    return line(f"{address}.type", word, f"unknown type; {hint(word, names)}")

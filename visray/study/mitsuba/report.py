@@ -6,6 +6,9 @@ from typing import Any
 from visray.output.image import Image
 from visray.tables import Table, styled
 
+# Number of objects with one reason that the table lists as left out.
+MOST_LEFT_OUT = 8
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -299,5 +302,18 @@ class Report:
             lines.append(("media", text))
         size = f"{self.width} x {self.height} pixels"
         lines.append(("picture", f"{size}, {p.compared} compared; largest difference {p.most:.2g}"))
-        lines += [(f"left out: {name}", reason) for name, reason in self.left_out.items()]
+        lines += self._left_out_lines()
         return lines + [("note", text) for text in self.notes] + [("example", text) for text in self.examples]
+
+    def _left_out_lines(self) -> list[tuple[str, str]]:
+        """The objects that are left out, each with the reason; of many with one reason, such as rows of data, the first
+        ones."""
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in self.left_out.items():
+            by_reason.setdefault(reason, []).append(name)
+        lines = []
+        for reason, names in by_reason.items():
+            lines += [(f"left out: {name}", reason) for name in names[:MOST_LEFT_OUT]]
+            if len(names) > MOST_LEFT_OUT:
+                lines.append((f"left out: {len(names) - MOST_LEFT_OUT:,} more", f"{reason} (--json has all)"))
+        return lines

@@ -8,6 +8,7 @@ from csg_traced import Traced
 from samples import Lineup, array
 
 import visray as vr
+from visray.primitives import csg_form
 from visray.transforms import Rotate, Scale, Translate, compose
 
 QUARTER = Rotate(rotate=90.0, axis=(1.0, 0.0, 0.0))
@@ -116,3 +117,38 @@ def test_meshes_are_joined_as_by_manifold3d(pair: str, op: str, count: int) -> N
     assert (distance_from_edges(o[odd], d[odd], vertices, faces) < tolerance).all() and odd.sum() <= 1e-4 * count
     assert both.mean() > 0.1
     assert (np.abs((ours.n * theirs.n).sum(1) - 1)[both & ~odd] < 1e-6).mean() > 0.999
+
+
+def bitten(count: int) -> vr.Scene:
+    """A ball as a mesh, less balls: with them `count` operands."""
+    bites = [
+        vr.Sphere(center=tuple(x), radius=0.3) for x in 0.6 * solids.directions(np.random.default_rng(3), count - 1)
+    ]
+    return vr.Scene(
+        camera=vr.Camera(origin=(0, 1, 4), fov=30),
+        film=vr.Film(width=32, height=24),
+        lights={"lamp": vr.PointLight(position=(1, 3, 3))},
+        objects={"a": vr.Csg(op="difference", of=[mesh_of("ball", (0, 0, 0)), *bites])},
+    )
+
+
+def test_no_operand_is_without_a_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A code has 32 bits for the operand and for its triangle, and the last one stands for none. As many operands as
+    have codes are drawn as ever, and more are refused."""
+    most = 15
+    plain = vr.render(bitten(most), progress=False)
+    monkeypatch.setattr(csg_form, "PART_BITS", 28)
+    wide = vr.render(bitten(most), progress=False)
+    assert np.array_equal(plain["RGB"], wide["RGB"])
+    with pytest.raises(vr.UserError, match=f"have {most + 1} operands together; at most {most} fit"):
+        vr.render(bitten(most + 1), progress=False)
+
+
+def test_a_code_stands_for_no_triangle() -> None:
+    """Each mesh has a part that is none of its triangles, even one with as many triangles as some bits can tell."""
+    corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    four = np.concatenate([faces + 4 * k for k in range(4)])
+    mesh = vr.Mesh(vertices=np.concatenate([corner + [2 * k, 0, 0] for k in range(4)]), faces=four)
+    csg = vr.Csg(op="difference", of=(mesh, vr.Sphere(radius=0.5)))
+    assert mesh.row_count() == 16 < 1 << csg.kind.bits

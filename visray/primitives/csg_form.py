@@ -205,9 +205,10 @@ class Form:
 
 
 def _own_parts(leaf: Leaf) -> int:
-    """Number of parts of a leaf's own surface that a search must tell apart."""
+    """Number of parts of a leaf's own surface that a search must tell apart. For a mesh, one more stands for none of
+    its triangles (CsgBody.part_at)."""
     kind = leaf.shape.operand_kind
-    return leaf.shape.row_count() if kind.own_frames else kind.parts if kind.uses_part else 1
+    return leaf.shape.row_count() + 1 if kind.own_frames else kind.parts if kind.uses_part else 1
 
 
 def form_of(csg: Primitive) -> Form:

@@ -11,9 +11,10 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.errors import UserError
 from visray.geometry import Frame, l1_norm
 from visray.primitives.csg_bounds import Hull, Trees
-from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
+from visray.primitives.csg_form import PART_BITS, Form, Leaf, LeafSite, renumbered
 from visray.primitives.primitive import Bounds
 from visray.pytree import Packets, Shared, detached, evaluated
 from visray.quantities import Arrays
@@ -155,6 +156,9 @@ class Objects:
     counts: number of leaves of each object.
     bodies: the objects without their transforms, as Form.body.
     factors: factor by which the transform of each object changes volumes.
+    bits: number of bits of a code for a leaf's own part (csg_body.py).
+
+    Raises UserError if there are more leaves than codes.
     """
 
     surface: Trees
@@ -162,6 +166,14 @@ class Objects:
     counts: np.ndarray
     bodies: Sequence[Any]
     factors: np.ndarray
+    bits: int
+
+    def __post_init__(self) -> None:
+        # The last code stands for no leaf (csg_state.NO_LEAF).
+        count, most = int(self.counts.sum()), (1 << 32 - self.bits) - 1
+        if count > most:
+            text = f"CSG objects with meshes of more than {1 << self.bits - PART_BITS} triangles have {count} operands"
+            raise UserError(f"objects: {text} together; at most {most} fit; use fewer objects, or fewer triangles")
 
     @staticmethod
     def of(forms: Sequence[Form], surface: Sequence[Any], within: Sequence[Any] | None) -> "Objects":
@@ -169,7 +181,7 @@ class Objects:
         trees = (None if x is None else Trees.of(x) for x in (surface, within))
         counts = np.array([len(form.leaves) for form in forms])
         factors = volume_factors(composed([form.steps for form in forms]))
-        return Objects(*trees, counts, [form.body for form in forms], factors)
+        return Objects(*trees, counts, [form.body for form in forms], factors, forms[0].part_bits)
 
     def repeated(self, frames: np.ndarray) -> "Objects":
         """Copies of all objects, moved by the first one of the frames, then copies moved by the second one, and so on.
@@ -177,7 +189,7 @@ class Objects:
         count, objects, leaves = len(frames), len(self.counts), int(self.counts.sum())
         trees = (None if x is None else x.repeated(count, objects, leaves) for x in (self.surface, self.within))
         factors = np.outer(volume_factors(frames), self.factors).ravel()
-        return Objects(*trees, np.tile(self.counts, count), self.bodies * count, factors)
+        return Objects(*trees, np.tile(self.counts, count), self.bodies * count, factors, self.bits)
 
     def originals(self) -> np.ndarray:
         """For each object the number of the first one that differs from it by its transform alone."""

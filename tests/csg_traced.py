@@ -96,6 +96,12 @@ class Traced:
         return Ray(self.vectors(start.p), self.vectors(d), a.put(a.U, start.row), a.put(a.B, slope < 0),
                    a.put(a.D, start.error), a.put(a.D, np.abs(slope)), a.put(a.U, start.part))  # fmt: skip
 
+    def first_from_origin(self, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(whether there is a hit, its distance) of rays that share their origin, a point that may be on a surface."""
+        ray = Ray(self.vectors(o[None]), self.vectors(d))
+        hit = closest(RayOrigin(self.kernel.geometry, ray.o, shared=True), ray, self.brute_force)
+        return np.array(hit.valid), np.array(hit.t)
+
     def first_from(self, start: Found, d: np.ndarray) -> Found:
         """The first hits of rays that leave hits."""
         return self._first(self.leaving(start, d).exact())

@@ -12,7 +12,7 @@ import pytest
 from csg_edges import near_edges
 from csg_sets import IN, OUT, UNKNOWN
 from csg_traced import Found, Traced
-from csg_trees import OPERANDS, rays, tree
+from csg_trees import OPERANDS, hulls, rays, tree
 from csg_truth import Solid
 from samples import norm, unit
 
@@ -192,6 +192,31 @@ def test_shadows_lengths_and_points_inside_are_those_of_the_truth(seed: int, tre
         assert np.array_equal(inside[end != UNKNOWN], end[end != UNKNOWN] == IN)
         judged += int((free & (states[0] > 0)).sum())
     assert judged > trees * per / 20
+
+
+@pytest.mark.parametrize("name", OPERANDS)
+@pytest.mark.parametrize("origins", [4, pytest.param(30, marks=pytest.mark.slow)])
+def test_a_camera_on_a_surface_sees_what_is_before_it(name: str, origins: int) -> None:
+    """All rays start at a point that is on some operand, but nothing tells on which one, and on which side they run."""
+    rng = np.random.default_rng(10)
+    thing = OPERANDS[name](rng)
+    hull = hulls(Solid(thing))[0][0]
+    dent = vr.Sphere(center=tuple((hull + 0.3 * unit(rng.normal(size=3)).astype(float)).tolist()), radius=0.4)
+    traced = Traced(vr.Csg(op="difference", of=(thing, dent)))
+    start, leaf, n = Tally().judge(traced, *rays(rng, traced.solid, 40 * origins))
+    judged = 0
+    for i in np.argsort(start.error)[:origins]:
+        p, d = start.p[i], unit(rng.normal(size=(300, 3))).astype(float)
+        truth, sure = traced.solid.leaving(np.tile(p, (300, 1)), d, np.full(300, leaf[i]), np.tile(n[i], (300, 1)))
+        b = truth.first
+        hit, t = traced.first_from_origin(p, d)
+        sure &= b.sure
+        assert np.array_equal(hit[sure], b.hit[sure])
+        both = sure & b.hit
+        slack = 2 * start.error[i] + 2.0**-52 * b.high[both]
+        assert (t[both] >= b.low[both] - slack).all() and (t[both] <= b.high[both] + slack).all()
+        judged += int(sure.sum())
+    assert judged > 250 * origins
 
 
 def test_a_ray_to_a_light_keeps_the_operand_that_it_leaves() -> None:

@@ -261,6 +261,14 @@ class Algebraic(Primitive):
         return f * dr.detach(inverse), g * inverse
 
     @classmethod
+    def nearest_part(cls, placed: PlacedPolynomial, p: Any) -> Any:
+        """A number for the part nearest to a point p: the number of factors on a cap, and 0 elsewhere, because a search
+        that starts at p needs no more. Domain: kinds that use parts."""
+        cap = cls._on_cap(placed, placed.inverse.point(p), None)
+        u = dr.uint32_array_t(p.x)
+        return dr.select(cap, u(len(cls.program.factors)), u(0))
+
+    @classmethod
     def has_normal(cls, placed: PlacedPolynomial, p: Any) -> Any:
         return roots.has_normal(cls.program, placed.constants, placed.inverse.point(p), dr.rcp(placed.scale[0]))
 

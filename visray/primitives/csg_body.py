@@ -135,12 +135,15 @@ class CsgBody(Primitive):
 
         def of(site: LeafSite, leaf: PlacedLeaf) -> tuple:
             f, g = _surface_at(site, leaf.placed, p, None)
-            unknown = (1 << cls.bits) - 1 if site.kind.own_frames else 0
+            if site.kind.own_frames:
+                own = u((1 << cls.bits) - 1)
+            else:
+                own = site.kind.nearest_part(leaf.placed, p) if site.kind.uses_part else u(0)
             if site.kind.closed:
                 # f has the right sign only near the surface: a cone has a mirror image, and a mesh is endlessly far.
                 inside = site.kind.inside(leaf.placed, p) ^ site.negated
                 f = dr.select(inside, -dr.abs(f), dr.abs(f))
-            return f / dr.norm(g), (leaf.number << cls.bits) | u(unknown)
+            return f / dr.norm(g), (leaf.number << cls.bits) | own
 
         def join(both: bool, x: tuple, y: tuple) -> tuple:
             takes_x = x[0] > y[0] if both else x[0] < y[0]

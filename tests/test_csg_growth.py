@@ -102,3 +102,14 @@ def test_a_sponge_of_many_holes_is_right(count: int) -> None:
     assert np.array_equal(found.hit, going) and 0.3 < going.mean() < 1
     assert np.array_equal(found.leaf[going], leaf[going]) and len(np.unique(leaf[going])) > count / 2
     assert np.abs(found.t - t)[going].max() < 1e-12
+
+
+def test_operands_in_many_levels_are_right() -> None:
+    """Each level takes away what the one around it puts back, so that a box is left."""
+    box = whole = vr.Box(min=(-1.0, -1.0, -1.0), max=(1.0, 1.0, 1.0))
+    for _ in range(13):
+        bite = vr.Sphere(center=(1.0, 1.0, 1.0), radius=0.5)
+        whole = vr.Csg(op="merge", of=(vr.Csg(op="difference", of=(whole, bite)), box))
+    layers = [vr.render(scene_of(x), layers=["N", "distance"], progress=False) for x in (whole, box)]
+    for name in ("N", "distance"):
+        assert np.array_equal(*(x[name] for x in layers))

@@ -159,7 +159,7 @@ class RayOrigin:
             self.guards = tuple(self._guard(b) if prepared else None for b, prepared in zip(self.batches, unrolled))
             # A guard is four floats. They are stored side by side, so that a loop reads them at once.
             self.guard_packets = tuple(g and dr.ravel(self.a.Q32(*leaves(g)[0], leaves(g)[1])) for g in self.guards)
-            dr.eval(self.seen, self.guards, self.guard_packets)
+            evaluated((self.seen, self.guards, self.guard_packets))
             self.touching = tuple(_touching(b, self.o) for b in self.batches)
             listed = () if far else self.plan.lists
             sheets = [x for v in views or () for x in (v.right, v.up, v.forward, v.low, v.high)]

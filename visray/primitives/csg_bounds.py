@@ -5,9 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from drjit.scalar import Array3f64
 
+from visray.geometry import Frame
 from visray.primitives.csg_form import Form, Leaf
-from visray.primitives.primitive import scalars, transform_frame
+from visray.primitives.primitive import scalars
+from visray.transforms import composed
 
 _FIELDS = ("low", "high", "centre", "radius")
 
@@ -59,10 +62,10 @@ class Hull:
         return (self.low > self.high).any(axis=-1)
 
     def intersection(self) -> "Hull":
-        """Hulls of the intersections of what the hulls along the last axis contain."""
-        hull = Hull.of_box(self.low.max(axis=-2), self.high.min(axis=-2))
-        least = np.argmin(self.radius, axis=-1)[..., None, None]
-        ball = self.mapped(lambda x: np.take_along_axis(x, least, -2)[..., 0, :])
+        """Hulls of the intersections of what the hulls along the last axis contain. Domain: two axes."""
+        hull = Hull.of_box(self.low.max(axis=1), self.high.min(axis=1))
+        least = np.arange(len(self.radius)), self.radius.argmin(axis=1)
+        ball = self.mapped(lambda x: x[least])
         return replace(ball, low=hull.low, high=hull.high).where(ball.radius < hull.radius, hull)
 
     def union(self) -> "Hull":
@@ -152,20 +155,25 @@ def _hulls(tree: Any, starts: np.ndarray, of_leaves: Hull) -> Hull:
 
 def hull_of(form: Form) -> Hull:
     """The hull of one object. Shapes: (3) and ()."""
-    trees = Trees.of([x for x in (form.surface, form.within) if x is not None])
-    return trees.hulls(hulls_of(form.leaves), complements=False).intersection()
+    of_leaves, start = hulls_of(form.leaves), np.zeros(1, int)
+    trees = [x for x in (form.surface, form.within) if x is not None and not x.site.outside]
+    hulls = [_hulls(x, start, of_leaves) for x in trees] or [Hull.everywhere(1)]
+    hull = hulls[0] if len(hulls) == 1 else Hull.beside(hulls).intersection()
+    return hull.mapped(lambda x: x[0])
 
 
 def hulls_of(leaves: Sequence[Leaf]) -> Hull:
     """The hulls of operands."""
-    return Hull.beside([_leaf_hull(leaf) for leaf in leaves])
+    matrices = composed([leaf.steps for leaf in leaves])
+    return Hull.beside([_leaf_hull(leaf, matrix) for leaf, matrix in zip(leaves, matrices)])
 
 
-def _leaf_hull(leaf: Leaf) -> Hull:
-    """The hull of an operand. Shapes: (3) and ()."""
+def _leaf_hull(leaf: Leaf, matrix: np.ndarray) -> Hull:
+    """The hull of an operand. matrix: that of its steps. Shapes: (3) and ()."""
     shape = leaf.shape.with_fields(transform=leaf.steps)
     if not shape.bounded:
         return Hull.everywhere()
-    bounds = scalars(shape).bounds(transform_frame(shape))
+    outer = Frame(*(Array3f64(*column) for column in matrix.T)) if leaf.steps else None
+    bounds = scalars(shape).bounds(outer)
     low, high, centre = (np.array(x, float) for x in (bounds.low, bounds.high, bounds.centre))
     return Hull(low, high, centre, np.array(float(bounds.radius)))

@@ -206,7 +206,7 @@ class CsgBody(Primitive):
         number = dr.select(number < placed.count.value, number, 0)
         u = type(number)
         site_of, row_of = (dr.gather(u, x.value, number) for x in (placed.site_of, placed.row_of))
-        found = None
+        found, attached = None, dr.grad_enabled(leaves((placed, p), shared=True))
         for k, (site, table) in enumerate(zip(sites, leaf_tables(placed.all.value))):
             there = site_of == k
 
@@ -218,7 +218,7 @@ class CsgBody(Primitive):
 
             if found is None:
                 found = of()
-            elif dr.grad_enabled(leaves((placed, found), shared=True)):
+            elif attached or dr.grad_enabled(found):
                 # Branches do not carry derivatives of values from outside of a loop (interaction.py).
                 found = tuple(dr.select(there, new, old) for new, old in zip(of(), found))
             else:

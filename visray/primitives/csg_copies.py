@@ -42,7 +42,8 @@ def _copied(a: Arrays, table: Any, frames: np.ndarray, size: int) -> Any:
     firsts = np.tile(np.array(table.first), len(frames)) + turn * own
     counts = np.tile(np.array(table.count), len(frames))
     numbers = (a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts))
-    return Looped(*numbers, Shared(_copied(a, inner, frames, size)), Structure(trees.repeated(len(frames), own, size)))
+    copies = Shared(_copied(a, inner, frames, size)), Structure(trees.repeated(len(frames), own, size))
+    return Looped(*numbers, table.most, *copies)
 
 
 def _rows(table: Any) -> int:

@@ -104,6 +104,11 @@ class LeafStates:
             far = dr.select(starts & ~inside, dr.inf, far)
         return Interval(near, far)
 
+    def entry_of_leaf(self, leaf: PlacedLeaf, line: Interval) -> tuple[Any, Any]:
+        """As Walk.entry, for a convex leaf. line: its interval."""
+        near = line.near - self.begin > self._reach(leaf, self.begin)
+        return dr.select(near, line.near, -dr.inf), self.code(leaf) + dr.zeros(self.types.U, self.lanes)
+
     def leaf_state(self, site: LeafSite, leaf: PlacedLeaf, ready: Any, point: Point, needed: Any) -> State:
         """The state of a leaf."""
         ready = ready or self.prepared_leaf(site, leaf, None)
@@ -117,10 +122,10 @@ class LeafStates:
         """Bound on the distance from a leaf at which the point counts as lying on it."""
         return FLUSH * (self.origin_size + point.t + leaf.size)
 
-    def _reach(self, leaf: PlacedLeaf, point: Point) -> Any:
-        """Distance along the ray within which a crossing may lie at the point. A point that is off by x from a surface
-        with the radius of curvature r is off by up to sqrt(2 r x) along a ray that grazes it."""
-        return FLUSH**0.5 * (self.origin_size + point.t + leaf.size)
+    def _reach(self, leaf: PlacedLeaf, t: Any) -> Any:
+        """Distance along the ray within which a crossing may lie at the point at distance t. A point that is off by x
+        from a surface with the radius of curvature r is off by up to sqrt(2 r x) along a ray that grazes it."""
+        return FLUSH**0.5 * (self.origin_size + t + leaf.size)
 
     def _touches(self, site: LeafSite, leaf: PlacedLeaf, point: Point, p: Any, part: Any = None) -> tuple[Any, Any]:
         """(whether points p lie on a leaf to within rounding, whether they lie there or outside)."""
@@ -130,26 +135,26 @@ class LeafStates:
 
     def _convex(self, site: LeafSite, leaf: PlacedLeaf, line: Interval, point: Point) -> State:
         """The state of a convex leaf: outside, inside and outside again, with the events `near` and `far`."""
-        t, reach = point.t, self._reach(leaf, point)
+        t, reach = point.t, self._reach(leaf, point.t)
         gaps = tuple(dr.abs(x - t) for x in (line.near, line.far))
         close, exact = tuple(gap <= reach for gap in gaps), tuple(gap == 0 for gap in gaps)
 
         def flush(*_: Any) -> tuple:
-            """Which of both events lie at the point. If the point is one of them, the other is another one, however
-            near it is. If both are close, but the solid is thicker than rounding between them, only the nearer one
-            does."""
+            """Which of both events lie at the point. If both are close, but the solid is thicker than rounding between
+            them, only the nearer one does."""
             on = self._touches(site, leaf, point, point.p)[0]
             middle = 0.5 * (line.near + line.far)
             finite = dr.abs(middle) < dr.inf
             q = dr.fma(dr.select(finite, middle, 0), self.ray.d, self.o)
             thin = finite & self._touches(site, leaf, point, q)[1]
             return (
-                exact[0] | (close[0] & ~exact[1] & on & (thin | (gaps[0] <= gaps[1]))),
-                exact[1] | (close[1] & ~exact[0] & on & (thin | (gaps[1] < gaps[0]))),
+                close[0] & on & (thin | (gaps[0] <= gaps[1])),
+                close[1] & on & (thin | (gaps[1] < gaps[0])),
             )
 
-        none = dr.full(self.types.B, False, self.lanes)
-        here = dr.if_stmt((none, none), close[0] | close[1], flush, lambda *old: old, label="flush")
+        # If the point is one of both events, the other is another one, however near it is.
+        unsure = (close[0] | close[1]) & ~exact[0] & ~exact[1]
+        here = dr.if_stmt(exact, unsure, flush, lambda *old: old, label="flush")
         past = tuple((x <= t) & ~h for x, h in zip((line.near, line.far), here))
         before = past[0] & ~past[1]
         entered, left = past[0] | here[0], past[1] | here[1]
@@ -162,7 +167,7 @@ class LeafStates:
         """The state of a leaf whose crossings are searched for. The search begins a little before the point, unless the
         ray is known to lie on the leaf there."""
         a, kind, n = self.types, site.kind, self.lanes
-        reach = self._reach(leaf, point)
+        reach = self._reach(leaf, point.t)
         begin = dr.select(point.t - reach > self.begin, point.t - reach, self.begin)
         arrived = ~point.first & (self.number(point.event) == leaf.number)
         known, inside, part = arrived, point.enters, point.event

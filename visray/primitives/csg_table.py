@@ -87,6 +87,7 @@ class Looped:
     """Children of a node that the kernel loops over.
 
     first, count: number of the first row, and of rows, in the table.
+    most: the largest count.
     table: table of all children at this site.
     trees: the children, in Python: Trees.
     balls: balls that contain the children, or their complements: packets of centre and radius, in single. None before
@@ -95,6 +96,7 @@ class Looped:
 
     first: Any
     count: Any
+    most: int
     table: Shared
     trees: Structure
     balls: Shared | None = None
@@ -114,7 +116,7 @@ def table_of(a: Arrays, site: Any, trees: Sequence[Any]) -> Any:
             inner = [y for x in children for y in x]
             table = table_of(a, group.site, inner)
             numbers = (a.put(a.U, x.astype(np.uint32)) for x in (firsts, counts))
-            groups.append(Looped(*numbers, Shared(table), Structure(Trees.of(inner))))
+            groups.append(Looped(*numbers, int(counts.max()), Shared(table), Structure(Trees.of(inner))))
         else:
             groups.append(tuple(table_of(a, group.site, [x[k] for x in children]) for k in range(group.size)))
     return tuple(groups)

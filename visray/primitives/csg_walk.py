@@ -16,7 +16,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.geometry import UNIT_ROUNDOFF
+from visray.primitives.csg_balls import BallTests, Met, any_bit, first_bit, has_bits
 from visray.primitives.csg_form import LeafSite
 from visray.primitives.csg_leaves import LeafStates, Point
 from visray.primitives.csg_state import NO_LEAF, State
@@ -30,28 +30,30 @@ class Walk(LeafStates):
 
     def __init__(self, bits: int, seen: Any, ray: Ray, begin: Any, known: KnownEnds):
         super().__init__(bits, seen, ray, begin, known)
-        v32, f32 = dr.float32_array_t(type(ray.d)), dr.float32_array_t(type(ray.d.x))
-        # Origin and direction in single, and the bound on the error of coordinates in single (`_by_ball`).
-        self.single = v32(seen.o), v32(ray.d), UNIT_ROUNDOFF["single"] * f32(self.origin_size + seen.placed.size)
+        self.balls = BallTests(seen.o, ray.d, self.origin_size + seen.placed.size)
 
     def prepared(self, site: Any, table: Any, seen: Iterator) -> Any:
-        """What the leaves of a site need at each point: a tree like the table, with None for loops. For a convex leaf
-        it is its interval, for others the seen data of the kind.
+        """What the leaves of a site need at each point: a tree like the table. For a convex leaf it is its interval,
+        for others the seen data of the kind, and for loops Met, or None if they have no bits.
 
         seen: seen data of all leaves that are not in loops, from the first one of this site on.
         """
-
-        def of(site: Any, table: Any) -> Any:
-            if isinstance(table, Looped):
-                return None
-            if isinstance(site, LeafSite):
-                return self.prepared_leaf(site, table, next(seen))
-            return tuple(
-                None if isinstance(part, Looped) else tuple(of(group.site, x) for x in part)
-                for group, part in zip(site.groups, table)
-            )
-
-        return of(site, table)
+        if isinstance(site, LeafSite):
+            return self.prepared_leaf(site, table, next(seen))
+        own = [
+            None if isinstance(part, Looped) else tuple(self.prepared(group.site, x, seen) for x in part)
+            for group, part in zip(site.groups, table)
+        ]
+        active = dr.full(self.types.B, True, self.lanes)
+        for group, lines in zip(site.groups, own):
+            if site.both and lines is not None and isinstance(group.site, LeafSite) and group.site.is_convex_inside:
+                # An intersection is empty on rays that miss one of its sets.
+                for line in lines:
+                    active &= line.near < dr.inf
+        return tuple(
+            self.balls.met(part, site.both, group.site.outside, self.begin, active) if has_bits(part) else x
+            for group, part, x in zip(site.groups, table, own)
+        )
 
     def state(self, site: Any, table: Any, ready: Any, point: Point, needed: Any) -> State:
         """The state of the tree at a site.
@@ -65,7 +67,8 @@ class Walk(LeafStates):
         result = State.constant(site.both, self.types, self.lanes)
         for g, (group, part) in enumerate(zip(site.groups, table)):
             if isinstance(part, Looped):
-                result = self._looped(site.both, group.site, part, point, needed, result)
+                met = None if ready is None else ready[g]
+                result = self._looped(site.both, group.site, part, met, point, needed, result)
                 continue
             for k, child in enumerate(part):
                 own = None if ready is None else ready[g][k]
@@ -82,11 +85,10 @@ class Walk(LeafStates):
             state = state.where(needed, State.constant(both, self.types, self.lanes))
         return result.joined(state, both)
 
-    def _looped(self, both: bool, site: Any, looped: Looped, point: Point, needed: Any, result: State) -> State:
+    def _looped(
+        self, both: bool, site: Any, looped: Looped, met: Met | None, point: Point, needed: Any, result: State
+    ) -> State:
         """The state of a node after the children of a group that is looped over. result: that before them."""
-
-        def child(i: Any) -> Any:
-            return rows(looped.table.value, looped.first + i)
 
         def changing(state: State) -> tuple:
             """The arrays of a state that may change in the loop. Dr.Jit traces a loop again if one of them does not."""
@@ -96,22 +98,35 @@ class Walk(LeafStates):
             """The state with these arrays."""
             return State(*arrays) if site.finds_roots else State(*arrays, result.unresolved)
 
-        def step(i: Any, *arrays: Any) -> tuple:
-            result = whole(*arrays)
+        def child(i: Any, result: State) -> tuple:
+            """The arrays of the state of the node after one more child."""
+            row = looped.first + i
             if looped.balls is None:
-                return i + 1, *changing(self._with_child(result, both, site, child(i), None, point, needed))
-            near, missed = self._by_ball(both, site, looped, looped.first + i, point)
+                child = rows(looped.table.value, row)
+                return changing(self._with_child(result, both, site, child, None, point, needed))
+            near, missed = self._by_ball(both, site, looped, row, point)
             # The child is read inside the branch, because few lanes need it.
             new = dr.if_stmt(
-                missed.arrays(), near, lambda *_: self.state(site, child(i), None, point, needed).arrays(),
+                missed.arrays(), near,
+                lambda *_: self.state(site, rows(looped.table.value, row), None, point, needed).arrays(),
                 lambda *old: old, label="operand",
             )  # fmt: skip
-            return i + 1, *changing(result.joined(State(*new), both))
+            return changing(result.joined(State(*new), both))
 
-        # The node is known as soon as no other child matters.
-        start = dr.zeros(self.types.U, self.lanes), *changing(result)
-        more = lambda i, *arrays: (i < looped.count) & needed & whole(*arrays).is_open(both)  # noqa: E731 - condition
-        return whole(*dr.while_loop(start, more, step, label="operands")[1:])
+        # The children that are left: the first one's number, or their bits.
+        start = (dr.zeros(self.types.U, self.lanes),) if met is None else met.words
+        n = len(start)
+
+        def step(*state: Any) -> tuple:
+            i, left = (state[0], (state[0] + 1,)) if met is None else first_bit(state[:n])
+            return *left, *child(i, whole(*state[n:]))
+
+        def more(*state: Any) -> Any:
+            """Whether children are left. The node is known as soon as no other child matters."""
+            left = state[0] < looped.count if met is None else any_bit(state[:n])
+            return left & needed & whole(*state[n:]).is_open(both)
+
+        return whole(*dr.while_loop((*start, *changing(result)), more, step, label="operands")[n:])
 
     def _by_ball(self, both: bool, site: Any, looped: Looped, row: Any, point: Point) -> tuple[Any, State]:
         """(mask of the rays for which a child must be looked at, its state for the other rays). row: that of the child.
@@ -120,22 +135,37 @@ class Walk(LeafStates):
         A ray that misses the ball, or has left it, stays so. One that is before the ball stays so up to there. If
         solids are taken away, that is all that is needed, because the ray often ends here. If they are put together,
         the ray goes on to the first of them; so those ahead are looked at at once.
-
-        Error: as in accel/row_tests.test_ball, with p = o, so that e = u (|o|_1 + R), where R is the size of the
-        largest operand. The distance of the point has one more rounding.
         """
-        balls, (o, d, error), n = looped.balls.value, self.single, self.lanes
-        x, y, z, radius = dr.gather(balls.four, balls.numbers, row)
-        to_centre, w, t = type(o)(x, y, z) - o, 32 * error, type(error)(point.t)
-        middle = dr.dot(to_centre, d)
-        squared = dr.square(radius + w) - dr.squared_norm(to_centre - middle * d)
-        half, slack = dr.sqrt(dr.maximum(squared, 0)) + w, 4 * UNIT_ROUNDOFF["single"] * t
-        near = (squared >= 0) & (middle + half >= t - slack)
-        following = dr.full(self.types.D, dr.inf, n)
+        near, ahead, distance = self.balls.ball(looped, row, point.t)
+        following = dr.full(self.types.D, dr.inf, self.lanes)
         if both and site.outside:
-            ahead = near & (middle - half > t + slack)
-            near, following = near & ~ahead, dr.select(ahead, self.types.D(middle - half), following)
-        return near, replace(State.constant(site.outside, self.types, n), next=following)
+            near, following = near & ~ahead, dr.select(ahead, self.types.D(distance), following)
+        return near, replace(State.constant(site.outside, self.types, self.lanes), next=following)
+
+    def entry(self, site: Any, table: Any, ready: Any) -> tuple[Any, Any] | None:
+        """(distance up to which the rays are certainly outside of the tree at a site, code of the leaf that is met
+        there), from the intervals of convex leaves. The distance is -inf if the rays are not known to be outside at
+        their start. None: nothing is known of any ray.
+
+        ready: what `prepared` returns.
+        """
+        if isinstance(site, LeafSite):
+            return self.entry_of_leaf(table, ready) if site.is_convex_inside else None
+        found: list[Any] = []
+        for group, part, own in zip(site.groups, table, ready):
+            if isinstance(part, Looped):
+                found.append(own and own.entry)
+            else:
+                found += [self.entry(group.site, x, y) for x, y in zip(part, own)]
+        known = [x for x in found if x is not None]
+        if not known or (len(known) < len(found) and not site.both):
+            return None
+        t, event = known[0]
+        for t_child, event_child in known[1:]:
+            # An intersection begins after all of its sets, and a union with the first one.
+            takes = (t_child > t) if site.both else (t_child < t)
+            t, event = dr.select(takes, t_child, t), dr.select(takes, event_child, event)
+        return t, event
 
     def run(self, sites: tuple[Any, Any], end: Any) -> tuple[Any, Any, Any, Any, Any]:
         """(mask of the rays with a crossing before `end`, distance, code of the leaf that is seen there, whether the
@@ -181,6 +211,12 @@ class Walk(LeafStates):
         yes, no, none = dr.full(a.B, True, n), dr.full(a.B, False, n), dr.full(a.U, NO_LEAF, n)
         zero, finds_roots = dr.zeros(a.U, n), any(site.finds_roots for site in sites if site is not None)
         start = yes, yes, self.begin, none, no, no, no, none, *[zero] * finds_roots
+        if not sheet and within is None and (entry := self.entry(sites[0], placed.surface, surface)) is not None:
+            # Rays that are outside at first go on to where they may enter.
+            t, event = entry
+            far = t > self.begin
+            going = ~far | (t < limit)
+            start = (going, ~far, dr.select(far, t, self.begin), dr.select(far, event, none), far, *start[5:])
         found = dr.while_loop(start, lambda going, *_: going, step, label="csg")
         _, _, t, _, _, inside, met, owner, unresolved = *found, *[zero] * (not finds_roots)
         return met, dr.select(met, t, dr.inf), owner, ~inside, unresolved

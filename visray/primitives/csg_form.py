@@ -114,11 +114,6 @@ class LeafSite:
         return self.kind.finds_roots
 
     @property
-    def is_convex_inside(self) -> bool:
-        """Whether the inside of convex solids is meant."""
-        return not self.searches and not self.negated
-
-    @property
     def outside(self) -> bool:
         """Whether points far away are meant."""
         return self.negated

@@ -46,7 +46,7 @@ class Walk(LeafStates):
         ]
         active = dr.full(self.types.B, True, self.lanes)
         for group, lines in zip(site.groups, own):
-            if site.both and lines is not None and isinstance(group.site, LeafSite) and group.site.is_convex_inside:
+            if site.both and lines is not None and _is_convex(group.site):
                 # An intersection is empty on rays that miss one of its sets.
                 for line in lines:
                     active &= line.near < dr.inf
@@ -150,7 +150,7 @@ class Walk(LeafStates):
         ready: what `prepared` returns.
         """
         if isinstance(site, LeafSite):
-            return self.entry_of_leaf(table, ready) if site.is_convex_inside else None
+            return self.entry_of_leaf(table, ready) if _is_convex(site) else None
         found: list[Any] = []
         for group, part, own in zip(site.groups, table, ready):
             if isinstance(part, Looped):
@@ -220,3 +220,8 @@ class Walk(LeafStates):
         found = dr.while_loop(start, lambda going, *_: going, step, label="csg")
         _, _, t, _, _, inside, met, owner, unresolved = *found, *[zero] * (not finds_roots)
         return met, dr.select(met, t, dr.inf), owner, ~inside, unresolved
+
+
+def _is_convex(site: Any) -> bool:
+    """Whether a place is one for the insides of convex solids."""
+    return isinstance(site, LeafSite) and not site.searches and not site.negated

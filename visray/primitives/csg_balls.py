@@ -13,20 +13,20 @@ from visray.geometry import UNIT_ROUNDOFF
 from visray.primitives.csg_state import NO_LEAF
 from visray.primitives.csg_table import Looped
 
-WORD = 32
-# Most children of a loop that have bits.
-MOST = 4 * WORD
+# Number of bits of each loop. It is the same for all, so that the number of children makes no new kernel. Loops over
+# more children have no bits; there are none, because clusters are smaller (csg_clusters.UNSPLIT).
+BITS = 64
 
 
 @dataclass(frozen=True)
 class Met:
     """The children of a loop that the rays meet.
 
-    words: bits, in words of WORD bits; bit k of word w belongs to child WORD w + k.
+    bits: bit k belongs to child k.
     entry: as Walk.entry, for the children; None if they are meant outside of their balls.
     """
 
-    words: tuple
+    bits: Any
     entry: tuple[Any, Any] | None
 
 
@@ -64,45 +64,24 @@ class BallTests:
         outside: as LeafSite.outside, for the children.
         active: mask of the rays that matter.
         """
-        d, u = type(begin), dr.uint32_array_t(type(begin))
-        n = dr.width(begin)
+        d, n = type(begin), dr.width(begin)
+        u, u64 = dr.uint32_array_t(d), dr.uint64_array_t(d)
 
-        def step(i: Any, entry: Any, *words: Any) -> tuple:
+        def step(i: Any, entry: Any, bits: Any) -> tuple:
             near, ahead, distance = self.ball(looped, looped.first + i, begin)
             if entry is not None:
                 # A ray that misses a child is outside of it without end.
                 own = dr.select(near, dr.select(ahead, d(distance), -dr.inf), dr.inf)
                 entry = dr.maximum(entry, own) if both else dr.minimum(entry, own)
-            bit = dr.select(near, u(1) << (i & (WORD - 1)), 0)
-            marked = (w | (dr.select(i // WORD == k, bit, 0) if len(words) > 1 else bit) for k, w in enumerate(words))
-            return i + 1, entry, *marked
+            return i + 1, entry, dr.select(near, bits | (u64(1) << u64(i)), bits)
 
         entry = None if outside else dr.full(d, -dr.inf if both else dr.inf, n)
-        start = dr.zeros(u, n), entry, *(dr.zeros(u, n) for _ in range(-(-looped.most // WORD)))
+        start = dr.zeros(u, n), entry, dr.zeros(u64, n)
         more = lambda i, *_: active & (i < looped.count)  # noqa: E731 - condition
-        _, entry, *words = dr.while_loop(start, more, step, label="balls")
-        return Met(tuple(words), None if entry is None else (entry, dr.full(u, NO_LEAF, n)))
+        _, entry, bits = dr.while_loop(start, more, step, label="balls")
+        return Met(bits, None if entry is None else (entry, dr.full(u, NO_LEAF, n)))
 
 
 def has_bits(part: Any) -> bool:
     """Whether the children of an entry of a table have bits."""
-    return isinstance(part, Looped) and part.balls is not None and part.most <= MOST
-
-
-def any_bit(words: tuple) -> Any:
-    """Whether any bit is set."""
-    found = words[0]
-    for w in words[1:]:
-        found = found | w
-    return found != 0
-
-
-def first_bit(words: tuple) -> tuple[Any, tuple]:
-    """(number of the first bit that is set, the words without it). Domain: some bit is set."""
-    number, rest, done = type(words[0])(0), [], False
-    for k, w in enumerate(words):
-        takes = (w != 0) & ~dr.mask_t(w)(done)
-        number = dr.select(takes, dr.tzcnt(w) + WORD * k, number)
-        rest.append(dr.select(takes, w & (w - 1), w))
-        done = takes | done
-    return number, tuple(rest)
+    return isinstance(part, Looped) and part.balls is not None and part.most <= BITS

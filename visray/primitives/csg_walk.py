@@ -16,7 +16,7 @@ from typing import Any
 
 import drjit as dr
 
-from visray.primitives.csg_balls import BallTests, Met, any_bit, first_bit, has_bits
+from visray.primitives.csg_balls import BallTests, Met, has_bits
 from visray.primitives.csg_form import LeafSite
 from visray.primitives.csg_leaves import LeafStates, Point
 from visray.primitives.csg_state import NO_LEAF, State
@@ -114,19 +114,18 @@ class Walk(LeafStates):
             return changing(result.joined(State(*new), both))
 
         # The children that are left: the first one's number, or their bits.
-        start = (dr.zeros(self.types.U, self.lanes),) if met is None else met.words
-        n = len(start)
+        start = dr.zeros(self.types.U, self.lanes) if met is None else met.bits
 
-        def step(*state: Any) -> tuple:
-            i, left = (state[0], (state[0] + 1,)) if met is None else first_bit(state[:n])
-            return *left, *child(i, whole(*state[n:]))
+        def step(left: Any, *arrays: Any) -> tuple:
+            i, left = (left, left + 1) if met is None else (self.types.U(dr.tzcnt(left)), left & (left - 1))
+            return left, *child(i, whole(*arrays))
 
-        def more(*state: Any) -> Any:
+        def more(left: Any, *arrays: Any) -> Any:
             """Whether children are left. The node is known as soon as no other child matters."""
-            left = state[0] < looped.count if met is None else any_bit(state[:n])
-            return left & needed & whole(*state[n:]).is_open(both)
+            some = left < looped.count if met is None else left != 0
+            return some & needed & whole(*arrays).is_open(both)
 
-        return whole(*dr.while_loop((*start, *changing(result)), more, step, label="operands")[n:])
+        return whole(*dr.while_loop((start, *changing(result)), more, step, label="operands")[1:])
 
     def _by_ball(self, both: bool, site: Any, looped: Looped, row: Any, point: Point) -> tuple[Any, State]:
         """(mask of the rays for which a child must be looked at, its state for the other rays). row: that of the child.

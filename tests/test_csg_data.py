@@ -221,6 +221,14 @@ def test_updates_have_the_bits_of_new_scenes_and_compile_nothing() -> None:
         assert not np.array_equal(pictures[address], plain), address
 
 
+def test_an_update_of_a_geometry_inside_the_geometry_of_rows_is_seen() -> None:
+    made, address = scene(SHAPES["instance"]), "geometries.inner.of.bore.radius"
+    prepared = vr.prepare(made)
+    updated = vr.render(prepared.updated({address: 0.3}), progress=False)["RGB"]
+    assert np.array_equal(updated, vr.render(vr.replaced(made, address, 0.3), progress=False)["RGB"])
+    assert not np.array_equal(updated, vr.render(prepared, progress=False)["RGB"])
+
+
 def test_rows_have_names_and_labels() -> None:
     made, image, names = with_rows(DRILLED)
     seen = {names[i] for i in np.unique(image["id"]) if i}
@@ -302,6 +310,44 @@ def test_rows_that_are_unions_of_glass_are_several_bodies() -> None:
     assert all(list(x.object) == list(range(2, N + 2)) for x in columns)
     assert [x.names[N - 1] for x in columns] == 3 * [f"data.rain.{N - 1}"]
     assert overlaps(of_data)[1] == overlaps(twin)[1] >= 3 * N
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("address", ["data.rain.6.height", "materials.red.ior", "geometries.shape.of.ball.radius"])
+def test_updates_of_unions_of_glass_have_the_bits_of_new_scenes(address: str) -> None:
+    value = {"data.rain.6.height": 4.0, "materials.red.ior": 1.3, "geometries.shape.of.ball.radius": 0.5}[address]
+    updated = vr.render(vr.prepare(glasses()).updated({address: value}), progress=False)["RGB"]
+    assert np.array_equal(updated, vr.render(vr.replaced(glasses(), address, value), progress=False)["RGB"])
+
+
+@pytest.mark.slow
+def test_rows_become_several_bodies_when_they_become_transparent() -> None:
+    clear = dict.fromkeys(("materials.paint.kt", "materials.red.kt"), (0.4, 0.5, 0.5))
+    of_glass = {"glass": vr.Material(kt=(0.5, 0.5, 0.5))}
+    made = scene(GLASSES, of_glass)
+    made = replace(made, objects={"ball": replace(made.objects["ball"], material="glass")})
+    new = made
+    for address, value in clear.items():
+        new = vr.replaced(new, address, value)
+    a, b = (vr.render(x, progress=False)["RGB"] for x in (vr.prepare(made).updated(clear), new))
+    assert np.array_equal(a, b)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["drilled", "rows of rings", "mesh"])
+def test_all_accelerators_find_the_same_rows(name: str) -> None:
+    """Of so many rows that they are in lists, or in a tree."""
+    count = 150
+    angle = np.arange(count) * 137.5
+    source = {"lon": angle % 360 - 180, "lat": np.degrees(np.arcsin(np.linspace(-0.9, 0.9, count))), "rain": angle + 1}
+    of_data = scene(SHAPES[name], source=source, color=None, height=0.3, radius=0.1)
+    pictures = [
+        vr.render(vr.replaced(of_data, "settings.accelerator", way), progress=False)
+        for way in ("none", "lists", "tree", "auto")
+    ]
+    assert np.unique(pictures[0]["id"]).size > 60
+    for other in pictures[1:]:
+        assert all(np.array_equal(pictures[0][k], other[k], equal_nan=True) for k in other.layers)
 
 
 @pytest.mark.slow

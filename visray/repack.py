@@ -10,7 +10,7 @@ import numpy as np
 from visray.address_index import AddressIndex
 from visray.columns import Columns, materials_of
 from visray.data.all_objects import BASE
-from visray.data_columns import data_columns
+from visray.data_columns import data_columns, layer_sizes
 from visray.pack import BatchKeys, Packed, bodies_of, object_columns, pack
 from visray.primitives.csg_operands import operands
 from visray.primitives.mesh import Mesh
@@ -50,21 +50,23 @@ def repacked(packed: Packed, old: Scene, new: Scene, addressed: Iterable[str], a
 def _objects_of(scene: Scene, paths: list[list[str]]) -> set[str]:
     """Names of the objects that change with the values at some addresses: objects, and those that show geometries."""
     changed = {section: {rest[0] for s, *rest in paths if s == section} for section in ("objects", "geometries")}
-    geometries = {f"geometries.{name}" for name in changed["geometries"]}
-
-    def shows(obj: Primitive) -> bool:
-        """Whether an object shows one of these geometries, itself or in an operand."""
-        return any(x.address in geometries for x in operands("", obj, scene.geometries))
-
-    instances = {name for name, obj in scene.written_objects.items() if shows(obj)} if geometries else set()
+    geometries = changed["geometries"]
+    instances = {name for name, obj in scene.written_objects.items() if _shows(scene, obj, geometries)}
     base = {BASE} if any(section == "data" for section, *_ in paths) and scene.data is not None else set()
     return changed["objects"] | instances | base
+
+
+def _shows(scene: Scene, obj: Primitive, geometries: set[str]) -> bool:
+    """Whether an object shows one of these geometries, itself or in an operand."""
+    addresses = {f"geometries.{name}" for name in geometries}
+    return bool(addresses) and any(x.address in addresses for x in operands("", obj, scene.geometries))
 
 
 def _structure(scene: Scene) -> tuple:
     """Parts of a scene, apart from its objects, that an update of numbers leaves unchanged, as a tuple: names and kinds
     of lights, names of materials with their textures, with what colours change in them and with their backs, the
-    materials that make meshes bodies, the bodies of unions, and the kinds of background and camera."""
+    materials that make meshes bodies, the bodies of unions, the kinds of layers, and the kinds of background and
+    camera."""
     lights = [(name, type(light)) for name, light in scene.lights.items()]
     return (
         lights,
@@ -73,6 +75,7 @@ def _structure(scene: Scene) -> tuple:
         {name: list(bodies) for name, bodies in scene.unions.items()},
         isinstance(scene.background, SkyGradient),
         scene.data is None,
+        [kind for kind, _ in layer_sizes(scene)],
         type(scene.camera),
     )
 
@@ -119,9 +122,10 @@ def _updated_layers(
         rows is new.data.rows[name] for name, rows in old.data.rows.items()
     )
     if is_same and not any(section == "data" for section, *_ in paths):
-        return None if changed & {rows.geometry for rows in new.data.rows.values()} else batches
+        shown = (rows.object(0) for rows in new.data.rows.values() if rows.geometry is not None and len(rows))
+        return None if any(_shows(new, obj, changed) for obj in shown) else batches
     layers = data_columns(new, a)
-    first = len(batches) - sum(1 for rows in old.data.rows.values() if len(rows))
+    first = len(batches) - len(layer_sizes(old))
     before = batches[first:]
     same = len(layers) == len(before) and all(
         x.kind is y.kind and len(x) == len(y) and _same_sizes(x, y) and (x.color is None) == (y.color is None)

@@ -10,6 +10,7 @@ from samples import NAMES, SAMPLES
 
 import visray as vr
 from visray.data_columns import data_columns
+from visray.feature_rules import used_materials
 from visray.features import features
 from visray.overlap_report import overlaps
 from visray.pack import object_columns
@@ -227,6 +228,22 @@ def test_an_update_of_a_geometry_inside_the_geometry_of_rows_is_seen() -> None:
     updated = vr.render(prepared.updated({address: 0.3}), progress=False)["RGB"]
     assert np.array_equal(updated, vr.render(vr.replaced(made, address, 0.3), progress=False)["RGB"])
     assert not np.array_equal(updated, vr.render(prepared, progress=False)["RGB"])
+
+
+def test_an_operand_that_names_the_material_of_the_layer_has_no_colour() -> None:
+    """So its own kd is seen, even if all colours are black."""
+    named = replace(DRILLED, of=DRILLED.of | {"dent": replace(DRILLED.of["dent"], material="paint")})
+    of_data = scene(named, color=(0.0, 0.0, 0.0))
+    assert used_materials(of_data)["paint"].kd == MATERIALS["paint"].kd != (0.0, 0.0, 0.0)
+    assert not differences(of_data, written_out(of_data))
+
+
+def test_colours_that_no_operand_shows_are_reported() -> None:
+    """They are not, if one operand has no material of its own."""
+    every = {name: replace(x, material="red") for name, x in DRILLED.of.items()}
+    text = "data.layers.rain.color: is not seen, as all operands of geometries.shape have materials of their own"
+    assert text in vr.explain(scene(replace(DRILLED, of=every))).notes
+    assert not [note for note in vr.explain(scene(DRILLED)).notes if "is not seen" in note]
 
 
 def test_rows_have_names_and_labels() -> None:

@@ -5,8 +5,10 @@ import os
 import re
 
 from visray.data.numerals import DECIMAL_COMMA
+from visray.data.rows import ROW_MATERIAL, Rows
 from visray.data.source import table_from
 from visray.materials import Material
+from visray.primitives.csg_operands import operands
 from visray.scene.scene import Scene
 from visray.warn import warn
 
@@ -68,7 +70,18 @@ def _notes(scene: Scene) -> list[str]:
         if rows.color is not None and (flaw := material.color_flaw() or _clear(material)):
             seen = "is not seen" if material.color_flaw() else "is hardly seen"
             notes.append(f"data.layers.{name}.color: {seen}, as materials.{rows.material} {flaw}")
+        elif rows.color is not None and not _takes_colors(scene, rows):
+            text = f"all operands of geometries.{rows.geometry} have materials of their own"
+            notes.append(f"data.layers.{name}.color: is not seen, as {text}")
     return notes
+
+
+def _takes_colors(scene: Scene, rows: Rows) -> bool:
+    """Whether the colours of rows are seen on some operand of their gizmos."""
+    if rows.geometry is None or not len(rows):
+        return True
+    gizmo = rows.object(0).with_fields(material=ROW_MATERIAL)
+    return any(x.is_leaf and x.material == ROW_MATERIAL for x in operands("", gizmo, scene.geometries))
 
 
 def _clear(material: Material) -> str | None:

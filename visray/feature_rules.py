@@ -12,6 +12,7 @@ import numpy as np
 
 from visray import modes
 from visray.data.all_objects import address_of
+from visray.data.rows import ROW_MATERIAL
 from visray.materials import COLORED, Material
 from visray.primitives.csg_operands import bodies
 from visray.primitives.flat import Flat
@@ -62,8 +63,9 @@ def used_materials(scene: Scene) -> dict[str, Material]:
     layers = [rows for rows in scene.data.rows.values() if len(rows)]
     coloured = [rows for rows in layers if rows.color is not None]
     plain = {name for obj in scene.written_objects.values() for name in scene.materials_of(obj)} | backs
-    # The colours of rows change their own material, not those that operands name.
-    plain |= {m for x in layers for m in scene.materials_of(x.object(0)) if x.color is None or m != x.material}
+    # The colours of rows change what has the material of the layer, not operands that name one, even the same one.
+    gizmos = [x.object(0) if x.color is None else x.object(0).with_fields(material=ROW_MATERIAL) for x in layers]
+    plain |= {m for obj in gizmos for m in scene.materials_of(obj)}
     looks = {name: [m] if name in plain else [] for name, m in materials.items()}
     for rows in coloured:
         looks[rows.material].append(materials[rows.material].with_color(rows.color.max(1)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from visray.columns import Looks, sides
 from visray.data.row_table import NO_ROW
-from visray.data.rows import Rows
+from visray.data.rows import ROW_MATERIAL, Rows
 from visray.geometry import Frame
 from visray.primitives.csg_bodies import Body, separate_bodies
 from visray.primitives.csg_copies import copies
@@ -25,8 +25,6 @@ from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.transforms import Matrix, composed, product
 
-# Stands for the material of rows that have colours. No name of a material has a dot.
-ROW_MATERIAL = "data.row"
 UNMOVED = Matrix(matrix=((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)))
 
 

@@ -20,6 +20,9 @@ from visray.transforms import Matrix
 # Reasons among the counts of rows: for rows that a note of its own counts, and for rows that are shown.
 OUTSIDE, COLORLESS = "outside of the map", "in the colour of missing values"
 
+# Stands for the material of rows that have colours. No name of a material has a dot.
+ROW_MATERIAL = "data.row"
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:

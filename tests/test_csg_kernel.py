@@ -98,3 +98,39 @@ def test_a_point_on_a_surface_without_a_known_part_lies_on_the_right_operand(op:
         assert op == "intersection" or made.kind.leaf_number(made.kind.part_at(placed, p)) == 1
         for x, y in zip(made.kind.surface_at(placed, p), mesh.body_kind.surface_at(alone, p)):
             assert op == "intersection" or np.array_equal(x, -y)
+
+
+TEXTURES = {
+    "unused": vr.CheckerTexture(),
+    "tiles": vr.CheckerTexture(a=(0.9, 0.2, 0.1), b=(0.1, 0.2, 0.9)),
+    "squares": vr.CheckerTexture(a=(0.2, 0.8, 0.1), b=(0.9, 0.8, 0.9)),
+}
+
+
+@pytest.mark.parametrize("textured", ["ka and kd", "kd"])
+def test_textures_are_those_of_the_operands(textured: str) -> None:
+    """Operands that do not meet look as separate objects do, whether their v ends at poles or not."""
+    apart = (
+        vr.Box(min=(-1.4, -0.5, -0.5), max=(-0.4, 0.5, 0.5), material="tiled"),
+        vr.Sphere(center=(0.3, 0, 0), radius=0.5, material="squared"),
+        vr.Cylinder(center=(1.4, 0, 0), radius=0.4, height=1.0, material="squared"),
+        vr.Cone(base=(0.3, 0.6, 0), radius=0.4, height=0.8, material="tiled"),
+    )
+
+    def shown(objects: dict) -> np.ndarray:
+        scene = vr.Scene(
+            camera=vr.Camera(origin=(1.0, 1.5, 4.0), target=(0.1, 0.1, 0), fov=45.0),
+            film=vr.Film(width=96, height=64),
+            textures=TEXTURES,
+            materials={
+                "tiled": vr.Material(texture="tiles"),
+                "squared": vr.Material(texture="squares", textured=textured),
+            },
+            lights={"key": vr.PointLight(position=(3.0, 4.0, 4.0))},
+            objects=objects,
+        )
+        return np.array(vr.render(scene, spp=4))
+
+    separate = shown({f"x{i}": x for i, x in enumerate(apart)})
+    assert np.array_equal(shown({"all": vr.Csg(op="merge", of=apart)}), separate)
+    assert len(np.unique(separate.reshape(-1, separate.shape[-1]).round(1), axis=0)) > 20

@@ -279,6 +279,6 @@ def _kind(surface: Any, within: Any, closed: bool, bits: int) -> type[CsgBody]:
         "bounded": any(site is not None and site.localized and not site.outside for site in (surface, within)),
         "finds_roots": any(kind.finds_roots for kind in kinds),
         "bends_normals": any(kind.bends_normals for kind in kinds),
-        "v_ends": all(kind.v_ends for kind in kinds),
+        "v_ends": any(kind.v_ends for kind in kinds),
     }
     return type("CsgBody", (CsgBody,), facts)

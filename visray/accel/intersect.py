@@ -22,6 +22,7 @@ from visray.accel.origin import Candidate, RayOrigin
 from visray.accel.ray_segment import RaySegment, occludes, passage
 from visray.accel.screening import any_hit, nearest
 from visray.accel.traversal import Query, traverse
+from visray.batches import Batch
 from visray.geometry import gamma, l1_norm
 from visray.pytree import detached, leaves, rows
 from visray.quantities import Arrays
@@ -276,17 +277,34 @@ class _Segments:
         error = a.D(target.error)
         end_part = target.part if kind.uses_part else None
         if target.may_touch:
-            end, row = exact_ray.o + distance * exact_ray.d, batch.rows_at(c.row)
-            f, g = kind.surface_at(placed, end)
-            on_end = on_end | touches(row, f, g, end, error)
-            end_error = point_rounding(row, end) + error
-            slope = -dr.dot(g, exact_ray.d)
-            inward = inward | kind.runs_inside(seen, exact_ray, slope, 0, distance, end_error)
-            end_part = None
+            touched = self._touched(batch.rows_at(c.row), placed, seen, exact_ray, distance)
+            on_end, inward, end_part = on_end | touched[0], inward | touched[1], None
         elif target.row is None:
             on_end = inward = None
         known = replace(origin.start(c, exact_ray), on_end=on_end, inward=inward, end_part=end_part, end_error=error)
         return RaySegment(kind, placed, seen, exact_ray, exact_ray.begin(known), distance, known)
+
+    def _touched(self, row: Batch, placed: Any, seen: Any, exact_ray: Ray, distance: Any) -> tuple[Any, Any]:
+        """(mask of the segments whose end lies on a row to within rounding, mask of those that reach it from inside).
+
+        row: the row as a batch. placed, seen: its data. exact_ray, distance: as in `of`.
+        """
+        a, kind, error = self.origin.a, row.kind, self.target.error
+        end = exact_ray.o + distance * exact_ray.d
+        end_error = point_rounding(row, end) + a.D(error)
+
+        def look(*_: Any) -> tuple[Any, Any]:
+            f, g = kind.surface_at(placed, end)
+            slope = -dr.dot(g, exact_ray.d)
+            into = kind.runs_inside(seen, exact_ray, slope, 0, distance, end_error)
+            return none | touches(row, f, g, end, a.D(error)), none | into
+
+        none = dr.full(a.B, False, dr.width(end))
+        if not kind.composite or row.radius is None:
+            return look()
+        # All operands must be asked, so only points in the bounding ball are looked at.
+        near = dr.norm(end - row.centre) <= row.radius + end_error
+        return dr.if_stmt((none, none), near, look, lambda *old: old, label="touched")
 
     def attached(self, c: Candidate, segment: RaySegment) -> RaySegment | None:
         """The segment with derivatives; None if neither the row nor the ray carries any."""

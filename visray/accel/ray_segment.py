@@ -51,7 +51,7 @@ class RaySegment:
         else:
             if end_part is None and known.start_part is not None and self.kind.composite:
                 # Rays that start on the row keep the part on which they start.
-                end_part = self.kind.part_at(self.placed, o)
+                end_part = self.kind.part_at(self.placed, o, back)
             known_parts = end_part is not None and known.start_part is not None
             part = dr.select(back, end_part, known.start_part) if known_parts else None
             inside = dr.select(back, known.inward, known.inside)

@@ -86,7 +86,8 @@ class CsgBody(Primitive):
     @classmethod
     def crossing(cls, seen: SeenCsg, ray: Ray, begin: Any, end: Any, known: KnownEnds) -> Crossing:
         if known.on_start is not None and known.start_part is None:
-            known = replace(known, start_part=cls.part_at(seen.placed, dr.fma(begin, ray.d, seen.o)))
+            p = dr.fma(begin, ray.d, seen.o)
+            known = replace(known, start_part=cls.part_at(seen.placed, p, known.on_start))
         met, t, part, enters, unresolved = Walk(cls.bits, seen, ray, begin, known).run(cls.sites, end)
         if known.on_end is not None:
             # A crossing that lies at the end to within rounding is the end itself.
@@ -127,9 +128,23 @@ class CsgBody(Primitive):
         return cls._of_leaf(placed, p, part, normal)[0]
 
     @classmethod
-    def part_at(cls, placed: PlacedCsg, p: Any) -> Any:
-        """The part of the surface that is nearest to a point p. Its own part of a mesh is no triangle."""
+    def part_at(cls, placed: PlacedCsg, p: Any, active: Any = True) -> Any:
+        """The part of the surface that is nearest to a point p. Its own part of a mesh is no triangle.
+
+        active: mask of the lanes that need it. Others get 0, and packets without an active lane visit no operand.
+        """
         placed, p = detached((placed, p))
+        if active is True:
+            return cls._nearest_part(placed, p)
+        lanes = max(cls._lanes(placed, p), dr.width(active))
+        nothing = dr.zeros(dr.uint32_array_t(p.x), lanes)
+        return dr.if_stmt(
+            (nothing,), active, lambda *_: (cls._nearest_part(placed, p) + nothing,), lambda *old: old, label="part"
+        )[0]
+
+    @classmethod
+    def _nearest_part(cls, placed: PlacedCsg, p: Any) -> Any:
+        """As part_at, for all lanes."""
         d, lanes = type(p.x), cls._lanes(placed, p)
         u = dr.uint32_array_t(d)
 

@@ -99,10 +99,52 @@ def ball(**fields: object) -> dict:
             '.of.1.clip.type = "bal": unknown type; one of sphere, box',
         ),
         (csg("union", BALL, box(transform=[{"scale": 0}])), ".of.1.transform.0.scale = 0: a scale must not be 0"),
+        (
+            csg("subtract", BALL, BOX),
+            '.op = "subtract": unknown value; did you mean "difference"? (one of union, intersection, difference, '
+            "merge)",
+        ),
+        (
+            {"type": "minus", "of": [BALL, BOX]},
+            '.type = "minus": unknown type; write "type": "csg", "op": "difference"',
+        ),
+        (
+            csg("union", BALL, box(translate=[0, 1, 0])),
+            '.of.1.translate: unknown key; write "transform": [{"translate": [0, 1, 0]}]',
+        ),
+        (
+            csg("union", BALL, box(transform={"scale": 2})),
+            '.of.1.transform = {"scale": 2}: must be a list [...]; write [{...}]',
+        ),
+        (ball(material=BOX), '.material = {"type": "box"}: must be the name of a material'),
     ],
 )
 def test_a_wrong_field_is_named_at_its_address(obj: dict, what: str) -> None:
     assert said(obj) == [what]
+
+
+def test_operands_under_another_key_are_meant_to_be_of() -> None:
+    found = said({"type": "csg", "op": "union", "operands": [BALL, BOX]})
+    assert any(text.startswith(".operands: unknown key; did you mean 'of'?") for text in found)
+
+
+def test_a_misspelt_geometry_is_in_use() -> None:
+    instance = {"type": "instance", "geometry": "drll"}
+    what = '.of.1.geometry = "drll": unknown geometry; did you mean "drill"? (one of drill)'
+    assert said(csg("difference", BOX, instance), {"drill": BALL}) == [what]
+    assert len(said(csg("difference", BOX, instance), {"other": BALL})) == 2
+
+
+def test_an_object_is_no_geometry() -> None:
+    what = '.geometry = "c": unknown geometry; c is an object; move it to geometries'
+    assert said({"type": "instance", "geometry": "c"}) == [what]
+
+
+def test_the_operands_of_a_geometry_may_have_materials() -> None:
+    what = 'geometries.g.material = "red": a geometry has no material; give one to each of its instances'
+    instance = {"type": "instance", "geometry": "g"}
+    assert said(instance, {"g": box(material="red")}) == [what]
+    assert said(instance, {"g": box(material="red", cut=[BALL])}) == [what + ", or to its operands"]
 
 
 @pytest.mark.parametrize(
@@ -114,6 +156,14 @@ def test_a_wrong_field_is_named_at_its_address(obj: dict, what: str) -> None:
         (ball(cut={}), ".cut: is empty; name at least one solid, or leave it out"),
         (ball(cut_material="red"), '.cut_material = "red": nothing is cut here; leave it out'),
         (csg("merge", BALL, BOX, cut_material="red"), '.cut_material = "red": nothing is cut here; leave it out'),
+        *(
+            (obj | {"cut_material": "red"}, '.cut_material = "red": a cut makes no face in what is open; leave it out')
+            for obj in ({"type": "disk", "cut": [BALL]}, csg("difference", BALL, BOX, ends="open"))
+        ),
+        (
+            csg("union", csg("difference", BALL, BOX), box(cut=[BALL]), BALL, cut_material="red"),
+            '.cut_material = "red": nothing is cut here, but in objects.c.of.0 and objects.c.of.1; write it there',
+        ),
         (csg("union", BALL, BOX, ends="open"), '.ends = "open": a union cuts nothing open; leave ends out'),
         (
             csg("difference", BALL, box(material="rod")),
@@ -222,7 +272,7 @@ def test_what_is_right_is_accepted(obj: dict) -> None:
         ),
         (
             box(material="red", cut=[BALL], cut_material="glass"),
-            '.cut.0.material = "glass": is transparent, unlike "red" of objects.c; in one solid all materials are, or '
+            '.cut_material = "glass": is transparent, unlike "red" of objects.c; in one solid all materials are, or '
             "none is",
         ),
         (
@@ -258,11 +308,11 @@ def test_a_mesh_without_texture_coordinates_has_no_texture_in_csg(tmp_path: Path
     mesh = {"type": "mesh", "file": str(tmp_path / "solid.obj")}
     tiles = {"textures": {"t": {"type": "checker"}}, "materials": {"tiles": {"texture": "t"}}}
     why = "has the texture 't', and the mesh file has no texture coordinates; take a material without texture"
-    for obj in (
-        csg("difference", BOX, mesh, cut_material="tiles"),
-        csg("difference", BOX, mesh | {"material": "tiles"}),
+    for obj, field in (
+        (csg("difference", BOX, mesh, cut_material="tiles"), "cut_material"),
+        (csg("difference", BOX, mesh | {"material": "tiles"}), "of.1.material"),
     ):
-        assert examined({"objects": {"c": obj}, **tiles})[1] == [f'objects.c.of.1.material = "tiles": {why}']
+        assert examined({"objects": {"c": obj}, **tiles})[1] == [f'objects.c.{field} = "tiles": {why}']
 
 
 def test_geometries_in_operands_are_used() -> None:
@@ -471,7 +521,7 @@ def grown(rng: random.Random, levels: int, solid: bool = True) -> Primitive:
         )
     if rng.random() < 0.3:
         fields["cut"] = by_name(rng, [grown(rng, 0) for _ in range(rng.randint(1, 2))])
-        fields |= {"cut_material": "red"} if rng.random() < 0.5 else {}
+        fields |= {"cut_material": "red"} if solid and rng.random() < 0.5 else {}
     return replace(obj, material=rng.choice(("default", "red")), **fields)
 
 

@@ -17,11 +17,11 @@ def hint(word: Any, choices: Iterable[str], quote: str = '"') -> str:
     choices = list(choices)
     more = f", and {len(choices) - LISTED} more" if len(choices) > LISTED else ""
     listed = f"one of {', '.join(choices[:LISTED])}{more}" if choices else "there is none"
-    similar = _similar(word, choices) if isinstance(word, str) else []
-    return f"did you mean {quote}{similar[0]}{quote}? ({listed})" if similar else listed
+    found = similar(word, choices) if isinstance(word, str) else []
+    return f"did you mean {quote}{found[0]}{quote}? ({listed})" if found else listed
 
 
-def _similar(word: str, choices: list[str]) -> list[str]:
+def similar(word: str, choices: list[str]) -> list[str]:
     """List of the choices that are similar to a word, the best first: `kd` for `Kd`, `radius` for `radus`."""
     if same := [c for c in choices if c.casefold() == word.casefold()]:
         return same

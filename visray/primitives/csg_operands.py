@@ -54,6 +54,11 @@ class Operand:
         return not (self.shape.composite or isinstance(self.shape, Instance))
 
     @property
+    def cuts(self) -> bool:
+        """Whether it cuts the object around it, which may give it a material by `cut_material`."""
+        return self.around is not None and _cuts(self.around.shape, self.role, self.first)
+
+    @property
     def owner(self) -> "Operand":
         """The operand with the field `material` that counts: for a geometry, its instance."""
         return self.around.owner if self.role == "geometry" else self
@@ -64,8 +69,7 @@ class Operand:
         """An operand of this one."""
         named = shape.material
         if named == NO_MATERIAL:
-            cuts = role == "cut" or (role == "of" and not first and self.shape.op in CUTTING)
-            named = (self.shape.cut_material if cuts else None) or self.named
+            named = (self.shape.cut_material if _cuts(self.shape, role, first) else None) or self.named
         material = named if named != NO_MATERIAL else own_material(shape, geometries)
         material = material if material != NO_MATERIAL else self.material
         return Operand(address, shape, named, material, shape.transform + self.steps, role, first, self)
@@ -91,6 +95,11 @@ class Operand:
             operand = ahead.pop()
             yield operand
             ahead += reversed(operand.operands(geometries))
+
+
+def _cuts(around: Primitive, role: str, first: bool) -> bool:
+    """Whether an operand of an object cuts it. role, first: as in Operand"""
+    return role == "cut" or (role == "of" and not first and around.op in CUTTING)
 
 
 def operands(address: str, obj: Primitive, geometries: Mapping[str, Primitive]) -> Iterator[Operand]:

@@ -11,6 +11,7 @@ shortcut, to report all errors at once.
 import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,9 @@ from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
+from visray.hints import similar
 from visray.materials import Material
+from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
@@ -28,7 +31,7 @@ from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_fl
 from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
-from visray.scene.messages import limited, line, lines
+from visray.scene.messages import MOST, limited, line, lines
 from visray.scene.nesting_flaws import too_deep
 from visray.scene.scene import ADAPTER, DEFAULT_MATERIAL, Scene
 from visray.scene.shape_flaws import has_unknown_name, own_flaws, shape_named, unknown_names, uv_flaw
@@ -238,6 +241,9 @@ def _all_flaws(scene: Scene) -> Iterator[str]:
         yield from own_flaws(f"lights.{name}", light)
     made = with_operands(scene)
     named = named_geometries(scene, made) | geometries_of_data(scene)
+    # A geometry whose name is misspelt is in use.
+    misspelt = islice((name for name in named if name not in scene.geometries), MOST)
+    named |= {x for name in misspelt for x in similar(name, [*scene.geometries])}
     for name, shape in scene.geometries.items():
         yield from _geometry_flaws(scene, name, shape, name in named)
     for name, shape in scene.objects.items():
@@ -269,6 +275,7 @@ def _geometry_flaws(scene: Scene, name: str, shape: Any, shown: bool) -> list[st
     texts = list(unknown_names(scene, address, shape)) if shape.material == DEFAULT_MATERIAL else []
     if shape.material != DEFAULT_MATERIAL:
         text = "a geometry has no material; give one to each of its instances"
+        text += ", or to its operands" if has_operands(shape) else ""
         texts.append(line(f"{address}.material", shape.material, text))
     texts += own_flaws(address, shape) + transform_lines(address, shape, transform_flaw(shape.transform))
     texts += operand_flaws(address, shape)

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping
 
 from visray.materials import Material
 from visray.meshes.triangle_mesh import MeshError
+from visray.operands import named_operands
 from visray.primitives.csg import Csg
-from visray.primitives.csg_operands import CUTTING, Operand, bodies, has_operands, is_solid, operands
+from visray.primitives.csg_operands import CUTTING, NO_MATERIAL, Operand, bodies, has_operands, is_solid, operands
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive
 from visray.scene.messages import line
@@ -40,9 +41,37 @@ def _count_flaws(operand: Operand) -> Iterator[str]:
         if shape.ends == "open" and shape.op not in CUTTING:
             text = f"{_article(shape.op)} {shape.op} cuts nothing open; leave ends out"
             yield line(f"{address}.ends", shape.ends, text)
-    cuts = shape.cut is not None or (isinstance(shape, Csg) and shape.op in CUTTING)
-    if shape.cut_material is not None and not cuts:
-        yield line(f"{address}.cut_material", shape.cut_material, "nothing is cut here; leave it out")
+    if shape.cut_material is not None and (text := _unused(operand)):
+        yield line(f"{address}.cut_material", shape.cut_material, text)
+
+
+def _unused(operand: Operand) -> str | None:
+    """What is wrong with the `cut_material` of an operand: there is no face that it is for. None if there may be."""
+    if _is_cut(operand.shape):
+        return None if _may_be_solid(operand.shape) else "a cut makes no face in what is open; leave it out"
+    below = [x.address for x in operand.operands({}) if _is_cut(x.shape)]
+    if not below:
+        return "nothing is cut here; leave it out"
+    first = " and ".join(below[:2]) + (f" and {len(below) - 2:,} more" if len(below) > 2 else "")
+    return f"nothing is cut here, but in {first}; write it there"
+
+
+def _is_cut(shape: Primitive) -> bool:
+    """Whether something is taken away from an object, or cuts it as an operand."""
+    return shape.cut is not None or (isinstance(shape, Csg) and shape.op in CUTTING)
+
+
+def _may_be_solid(shape: Primitive) -> bool:
+    """Whether an object is a solid, as far as it is known without the scene's geometries."""
+    first = shape
+    while first.composite and first.ends == "capped" and first.of:
+        first = next(iter(named_operands(first.of).values()))
+    if isinstance(first, Instance) or (first.composite and not first.of):
+        return True
+    try:
+        return is_solid(first, {})
+    except MeshError:
+        return True  # another line says what is wrong with the mesh
 
 
 def _article(word: str) -> str:
@@ -169,7 +198,7 @@ def solid_material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator
                 continue
             owner = operand.owner
             if owner.around is not None and (text := uv_flaw(scene, operand.material, operand.shape)):
-                yield line(f"{owner.address}.material", operand.material, text)
+                yield line(_named_at(owner), operand.material, text)
             other = materials.get(operand.material)
             if own is not None and other is not None:
                 disagree = disagree or _disagreement(owner, other, body.owner, own)
@@ -177,10 +206,20 @@ def solid_material_flaws(scene: Scene, address: str, obj: Primitive) -> Iterator
             yield disagree
 
 
+def _named_at(operand: Operand) -> str:
+    """Address of the field that names the material of an operand: its `material`, or the `cut_material` around it."""
+    inner = operand
+    while inner.shape.material == NO_MATERIAL and inner.around is not None:
+        if inner.cuts and inner.around.shape.cut_material is not None:
+            return f"{inner.around.address}.cut_material"
+        inner = inner.around
+    return f"{operand.address}.material"
+
+
 def _disagreement(operand: Operand, material: Material, body: Operand, own: Material) -> str | None:
     """The line about an operand whose material does not go together with that of its body; None if it does."""
     clear, own_clear = any(material.kt), any(own.kt)
-    address, of_body = f"{operand.address}.material", f'"{body.material}" of {body.address}'
+    address, of_body = _named_at(operand), f'"{body.material}" of {body.address}'
     if clear != own_clear:
         text = f"is {'' if clear else 'not '}transparent, unlike {of_body}; in one solid all materials are, or none is"
         return line(address, operand.material, text)

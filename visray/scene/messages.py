@@ -24,6 +24,12 @@ from visray.transforms import STEPS
 NAME_RULE = "a name is not empty, has no dot, and has no space at either end"
 ROW_RULE = 'rows are counted from 0, as in {"12": {"lon": 2.2}}'
 OPERATIONS = get_args(Csg.__dataclass_fields__["op"].type)
+# Other words for operations, and the names that these have here.
+OTHER_WORDS = {
+    **dict.fromkeys(("add", "plus", "or", "join"), "union"),
+    **dict.fromkeys(("and", "intersect", "common"), "intersection"),
+    **dict.fromkeys(("subtract", "subtraction", "minus", "cut", "not"), "difference"),
+}
 LONGEST_VALUE = 60
 # Largest number of errors of one scene that are reported.
 MOST = 50
@@ -139,6 +145,10 @@ def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
     value = _value(raw, address)
     named = isinstance(value, list) and value and get_origin(bare(annotation)) is dict
     example = ', such as {"NAME": {...}}' if named else ""
+    if address[-1:] in (("material",), ("cut_material",)):
+        return line(_dotted(address), value, "must be the name of a material")
+    if isinstance(value, dict) and address[-1:] == ("transform",):
+        example = "; write [{...}]"
     return line(_dotted(address), value, f"must be {describe(annotation)}{example}")
 
 
@@ -166,7 +176,7 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
         instead = getattr(bare(place.parent), "MISPLACED", {}).get(address[-1])
         if instead:
             return line(_dotted(address), e["input"], instead)
-        return f"{_dotted(address)}: unknown key; {_key_hint(place)}"
+        return f"{_dotted(address)}: unknown key; {_key_hint(place, e['input'], raw)}"
     if kind == "missing" and isinstance(address[-1], str):
         return _missing_message(place)
     if kind == "missing":
@@ -176,22 +186,29 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
     if kind == "literal_error":
         word = "type" if address[-1] == "type" else "value"
         choices = [c if isinstance(c, str) else json.dumps(c) for c in get_args(place.annotation)]
-        return line(_dotted(address), e["input"], f"unknown {word}; {hint(e['input'], choices)}")
+        meant = OTHER_WORDS.get(e["input"].casefold(), e["input"]) if address[-1] == "op" else e["input"]
+        return line(_dotted(address), e["input"], f"unknown {word}; {hint(meant, choices)}")
     if kind not in _BOUNDS:
         return _type_message(address, place.annotation, raw)
     context = {k: f"{v:g}" if isinstance(v, float) else v for k, v in e.get("ctx", {}).items()}
     return line(_dotted(address), _value(raw, address), _BOUNDS[kind].format_map(context))
 
 
-def _key_hint(place: _Place) -> str:
+def _key_hint(place: _Place, value: Any, raw: Any) -> str:
     """Hint at the keys that may replace an unknown key.
 
-    place: place of the unknown key.
+    place: place of the unknown key. value: its value. raw: the scene, as dicts and lists.
     """
     key, owner = place.address[-1], bare(place.parent)
     if owner in STEPS.values() and key in STEPS:
         return f"a step has only one of {', '.join(STEPS)}; write two steps"
-    return hint(key, [f.name for f in sorted(fields(owner), key=lambda f: f.name != "type")], "'")
+    names = [f.name for f in sorted(fields(owner), key=lambda f: f.name != "type")]
+    if key in STEPS and "transform" in names:
+        step = json.dumps({key: value}, default=str)
+        return f'write "transform": [{step if len(step) <= LONGEST_VALUE else f"{{{json.dumps(key)}: ...}}"}]'
+    if owner is Csg and isinstance(value, list | tuple | dict) and "of" not in _value(raw, place.address[:-1]):
+        key = "of"  # the operands are missing, and this must be meant to be these
+    return hint(key, names, "'")
 
 
 def _missing_message(place: _Place) -> str:
@@ -217,6 +234,7 @@ def _tag_message(place: _Place, raw: Any) -> str:
     if "type" not in value:
         return f"{address}: the key 'type' is missing; one of {', '.join(names)}"
     word = value["type"]
-    if Csg in members and word in OPERATIONS:
-        return line(f"{address}.type", word, f'unknown type; write "type": "csg", "op": "{word}"')
+    op = OTHER_WORDS.get(word, word) if isinstance(word, str) else word
+    if Csg in members and op in OPERATIONS:
+        return line(f"{address}.type", word, f'unknown type; write "type": "csg", "op": "{op}"')
     return line(f"{address}.type", word, f"unknown type; {hint(word, names)}")

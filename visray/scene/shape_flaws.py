@@ -42,6 +42,8 @@ def unknown_names(scene: Scene, address: str, shape: Primitive) -> Iterator[str]
             yield line(f"{address}.{field}", name, f"unknown material; {hint(name, known)}")
     if isinstance(shape, Instance) and shape.geometry not in scene.geometries:
         text = f"unknown geometry; {hint(shape.geometry, scene.geometries)}"
+        if shape.geometry in scene.objects:
+            text = f"unknown geometry; {shape.geometry} is an object; move it to geometries"
         yield line(f"{address}.geometry", shape.geometry, text)
 
 

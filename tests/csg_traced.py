@@ -144,6 +144,15 @@ class Traced:
         line = Lineup([self.obj_alone()], len(o))
         return np.array(line.length_inside(line.ray(o, d), line.a.put(line.a.D, length))[1])
 
+    def lengths_from(self, start: Found, d: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """The lengths inside the object along rays that leave hits and end in free space. Domain: solids."""
+        a, n = self.a, len(d)
+        line = Lineup([self.obj_alone()], n)
+        inside, part = a.put(a.B, (start.n * d).sum(1) < 0), a.put(a.U, start.part)
+        known = {"on_start": dr.full(a.B, True, n), "inside": inside, "start_part": part}
+        ray = line.ray(start.p, d, inside=inside, part=part)
+        return np.array(line.length_inside(ray, a.put(a.D, length), **known)[1])
+
     def inside(self, p: np.ndarray) -> np.ndarray:
         """Whether points are inside. Domain: solids."""
         line = Lineup([self.obj_alone()], len(p))

@@ -56,7 +56,7 @@ def slack(o: np.ndarray, found: Found, size: float = 1.0) -> np.ndarray:
 def same(one: Found, other: Found, o: np.ndarray) -> None:
     """Both hit or miss, at the same distance. Rays at less than 0.6 degrees to a surface are not compared."""
     assert np.array_equal(one.hit, other.hit)
-    assert (np.abs(one.t - other.t)[one.hit] <= slack(o, one)[one.hit]).all()
+    assert (np.abs(one.t[one.hit] - other.t[one.hit]) <= slack(o, one)[one.hit]).all()
 
 
 BOX = vr.Box(min=(-1.0, -1.0, -1.0), max=(1.0, 1.0, 1.0))

@@ -113,3 +113,25 @@ def test_operands_in_many_levels_are_right() -> None:
     layers = [vr.render(scene_of(x), layers=["N", "distance"], progress=False) for x in (whole, box)]
     for name in ("N", "distance"):
         assert np.array_equal(*(x[name] for x in layers))
+
+
+@pytest.mark.parametrize("levels", [30, pytest.param(99, marks=pytest.mark.slow)])
+def test_a_deep_tree_is_right(levels: int) -> None:
+    """Shells in shells: a ball without (a ball without (...)), so that no two levels can be joined into one."""
+    radii = np.linspace(1, 0.1, levels + 1)
+    obj: Any = vr.Sphere(radius=float(radii[-1]))
+    for radius in radii[-2::-1]:
+        obj = vr.Csg(op="difference", of=(vr.Sphere(radius=float(radius)), obj))
+    obj = vr.Csg(op="difference", of=(obj, vr.Box(min=(0.0, -2.0, -2.0), max=(2.0, 2.0, 2.0))))
+    rng = np.random.default_rng(3)
+    target = np.concatenate([np.zeros((2000, 1)), rng.uniform(-0.8, 0.8, (2000, 2))], axis=1)
+    way = solids.directions(rng, 2000)
+    way[:, 0] = -np.abs(way[:, 0]) - 0.1
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    found = Traced(obj).first(target - 3 * way, way)
+    # On the section, solid and hollow rings take turns from outside; in a hollow one, the next shell is seen.
+    ring = (radii[None] > np.linalg.norm(target, axis=1)[:, None]).sum(1)
+    solid = ring % 2 == 1
+    assert np.array_equal(np.abs(found.t - 3) < 1e-12, solid) and 0.3 < solid.mean() < 0.7
+    assert (found.leaf[solid] == levels + 1).all() and (found.t[~solid & found.hit] > 3).all()
+    assert vr.render(scene_of(obj), layers=("RGB",), progress=False)["RGB"].std() > 0.02

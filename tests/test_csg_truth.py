@@ -17,6 +17,7 @@ from csg_truth import Solid
 from samples import norm, unit
 
 import visray as vr
+from visray.geometry import gamma
 
 # Some random trees have empty parts, or planes alone.
 pytestmark = pytest.mark.filterwarnings("ignore::visray.csg_report.CsgWarning")
@@ -94,9 +95,11 @@ class Tally:
         light = start.p + 10 ** rng.uniform(-2, 1.5, (count, 1)) * d
         length = norm(light - start.p)
         clear = sure & (~b.hit | (b.high < length * (1 - 1e-12)) | (b.low > length * (1 + 1e-12)))
-        # Only lights on the side that is seen shine on a point. A surface less than its error above the point
-        # does not count, because to within rounding it is the surface itself (direct.light_sample).
-        clear &= ((cosine > 0) != start.inside) & (~b.hit | (b.low * np.abs(cosine) > 4 * start.error))
+        # Only lights on the side that is seen shine on a point. A surface less than the errors of the point and of the
+        # light's ray above the point does not count, because to within rounding it is the surface itself
+        # (direct.light_sample).
+        height = start.error + gamma(9) * (np.abs(light).sum(1) + length)
+        clear &= ((cosine > 0) != start.inside) & (~b.hit | (b.low * np.abs(cosine) > 2 * height))
         for occluded in (traced.occluded_to(start, light), traced.occluded_from(light, start)):
             self.occluded += int((clear & (occluded != (b.hit & (b.high < length)))).sum())
         # How long the rays are inside, up to lights that are outside.

@@ -624,7 +624,7 @@ def notes(**objects: dict) -> list[str]:
         ),
         (
             {"type": "instance", "geometry": "g", "cut": [BALL]},
-            ["an instance of geometries.g, from which 1 sphere is taken away"],
+            ["an instance of geometries.g, from which 1 sphere is taken away", ...],
         ),
         ({"type": "plane", "cut": [BALL]}, ["a plane, from which 1 sphere is taken away; it is unbounded"]),
         (csg("union", {"type": "plane"}, BALL), ["a union of 2 shapes: 1 plane, 1 sphere; it is unbounded"]),
@@ -643,6 +643,13 @@ def notes(**objects: dict) -> list[str]:
             ball(cut=[csg("intersection", BALL, {"type": "instance", "geometry": "g"})]),
             [..., ".cut.0: is empty, as the boxes of objects.c.cut.0.of.0 and objects.c.cut.0.of.1 do not meet"],
         ),
+        (ball(cut=[FAR]), [..., ".cut.0 does not reach the object around; it takes nothing away"]),
+        (
+            csg("difference", BALL, FAR, BOX, FAR),
+            [..., ".of.1 and 1 more do not reach the object around; they take nothing away"],
+        ),
+        (csg("difference", BALL, csg("merge", FAR, BOX)), [...]),
+        (ball(cut=[box(min=[1, 0, 0], max=[2, 1, 1])]), [...]),
         # Boxes that touch have a face in common.
         (csg("intersection", box(min=[0, 0, 0]), box(min=[-1, 0, 0], max=[0, 1, 1])), [...]),
         (csg("intersection", {"type": "plane"}, {"type": "plane", "normal": [0, -1, 0], "point": [0, 9, 0]}), [...]),
@@ -673,6 +680,16 @@ def test_an_empty_object_is_said_once_when_it_is_prepared() -> None:
     (warning,) = caught
     assert warning.category is CsgWarning and warning.filename == __file__
     assert str(warning.message).startswith("objects.nothing: is empty, as the boxes of objects.nothing.of.0 and ")
+
+
+def test_a_cut_that_does_not_reach_is_said_once_when_it_is_prepared() -> None:
+    scene = examined({"objects": {"whole": ball(cut=[FAR])}})[0]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        for _ in range(2):
+            vr.prepare(scene)
+    (warning,) = caught
+    assert str(warning.message) == "objects.whole.cut.0 does not reach the object around; it takes nothing away"
 
 
 def test_explain_says_of_what_objects_are_made(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

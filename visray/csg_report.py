@@ -16,20 +16,27 @@ from visray.warn import warn
 
 # Number of objects of which it is said of what they are made.
 SHOWN = 50
+# Number of operands for which it is found, before a render, whether they reach what they cut: each takes a while.
+MOST_BEFORE_RENDER = 1000
 EVERYWHERE = np.array([[-np.inf] * 3, [np.inf] * 3])
 
 
 class CsgWarning(UserWarning):
-    """Warning that a CSG object, or an operand of one, is empty."""
+    """Warning that a CSG object, or an operand of one, is empty, or that an operand does not reach what it cuts."""
 
 
 def warn_of_empty_csg(scene: Scene) -> None:
-    """Warns of CSG objects and operands that are empty. Each is shown once."""
+    """Warns of CSG objects and operands that are empty, and of operands that do not reach what they cut. Each is shown
+    once."""
+    looked_at = 0
     for address, obj in _objects(scene):
         walk = list(operands(address, obj, scene.geometries))
+        looked_at += len(walk)
+        few = looked_at <= MOST_BEFORE_RENDER
         # Without an intersection, no box can be empty.
-        if any(x.shape.composite and x.shape.op == "intersection" for x in walk):
-            for text in _Boxes.of(walk).empty():
+        if few or any(x.shape.composite and x.shape.op == "intersection" for x in walk):
+            boxes = _Boxes.of(walk)
+            for text in boxes.empty() + (boxes.out_of_reach() if few else []):
                 warn(text, CsgWarning)
 
 
@@ -43,10 +50,10 @@ def csg_notes(scene: Scene) -> list[str]:
         bodies = f"; drawn as {apart[address]} bodies" if address in apart else ""
         unbounded = "; it is unbounded" if np.isinf(boxes[walk[0]]).any() and not boxes.is_empty(walk[0]) else ""
         notes += [f"{address}: {_contents(walk)}{bodies}{unbounded}"] if i < SHOWN else []
-        empty += boxes.empty()
+        empty += boxes.empty() + boxes.out_of_reach()
     if len(made) > SHOWN:
         notes.append(f"objects: {len(made) - SHOWN:,} CSG objects more are not listed here")
-    return notes + empty
+    return notes + list(dict.fromkeys(empty))
 
 
 def _objects(scene: Scene) -> Iterator[tuple[str, Primitive]]:
@@ -145,6 +152,25 @@ class _Boxes:
         for x in found:
             first, second = (y.address for y in self._apart(x))
             texts.append(f"{x.address}: is empty, as the boxes of {first} and {second} do not meet")
+        return list(dict.fromkeys(texts))
+
+    def out_of_reach(self) -> list[str]:
+        """List with a sentence about each object that operands are to cut, but which they do not reach."""
+        found: dict[int, list[Operand]] = {}
+        for x in self.walk:
+            taken_away = x.cuts and (x.role == "cut" or x.around.shape.op == "difference")
+            if (
+                taken_away
+                and not self.is_empty(x)
+                and not self.is_empty(x.around)
+                and _gap(self[x], self[x.around]) > 0
+            ):
+                found.setdefault(id(x.around), []).append(x)
+        texts = []
+        for first, *more in found.values():
+            many = f" and {len(more):,} more" if more else ""
+            verb, it = ("do", "they take") if more else ("does", "it takes")
+            texts.append(f"{first.address}{many} {verb} not reach the object around; {it} nothing away")
         return list(dict.fromkeys(texts))
 
     def _apart(self, operand: Operand) -> tuple[Operand, Operand]:

@@ -363,7 +363,7 @@ def test_text_that_is_no_scene(tmp_path: Path, content: object, what: str) -> No
         ({"center": [1, 2, 3, 4]}, "objects.ball.center = [1, 2, 3, 4]: must be 3 numbers (world units)"),
         ({"center": 3}, "objects.ball.center = 3: must be 3 numbers (world units)"),
         ({"center": [0, "1", 2]}, 'objects.ball.center.1 = "1": must be a number'),
-        ({"material": 3}, "objects.ball.material = 3: must be a string"),
+        ({"material": 3}, "objects.ball.material = 3: must be the name of a material"),
         ({"transform": {}}, "objects.ball.transform = {}: must be a list [...]"),
         (
             {"radus": 2},

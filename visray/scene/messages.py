@@ -147,7 +147,7 @@ def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
     example = ', such as {"NAME": {...}}' if named else ""
     if address[-1:] in (("material",), ("cut_material",)):
         return line(_dotted(address), value, "must be the name of a material")
-    if isinstance(value, dict) and address[-1:] == ("transform",):
+    if value and isinstance(value, dict) and address[-1:] == ("transform",):
         example = "; write [{...}]"
     return line(_dotted(address), value, f"must be {describe(annotation)}{example}")
 

@@ -62,6 +62,7 @@ OBJECTS, RAYS = 250, 64
 FLATS = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, Flat)]
 SOLIDS = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, ConvexSolid)]
 ALGEBRAIC = [name for name in NAMES if issubclass(SAMPLES[name].posed.kind, Algebraic)]
+COMPOSITE = [name for name in NAMES if SAMPLES[name].posed.composite]
 TRIANGULAR = [name for name in NAMES if SAMPLES[name].posed.kind.triangular]
 U = 2.0**-53
 
@@ -70,7 +71,7 @@ def test_every_kind_has_a_sample_and_a_family() -> None:
     assert set(NAMES) == set(SAMPLES)
     assert all(SAMPLES[k.__name__].kind is k for k in KINDS)
     # Of an algebraic surface there is no telling how often a ray meets it.
-    assert sorted([*FLATS, *SOLIDS, *ALGEBRAIC]) == sorted(NAMES)
+    assert sorted([*FLATS, *SOLIDS, *ALGEBRAIC, *COMPOSITE]) == sorted(NAMES)
 
 
 class Run:

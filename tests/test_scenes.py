@@ -33,7 +33,7 @@ def small(scene):
 
 
 @pytest.mark.parametrize(
-    "path", [pytest.param(p, marks=[] if i % 10 == 9 else pytest.mark.slow, id=p.stem) for i, p in enumerate(SCENES)]
+    "path", [pytest.param(p, marks=[] if i % 10 == 8 else pytest.mark.slow, id=p.stem) for i, p in enumerate(SCENES)]
 )
 def test_scene_renders_and_agrees_with_mitsuba(path):
     scene = small(vr.load(path))

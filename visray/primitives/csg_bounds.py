@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import drjit as dr
 import numpy as np
-from drjit.scalar import Array3f64
 
 from visray.geometry import Frame
 from visray.primitives.csg_form import Form, Leaf
@@ -173,7 +173,7 @@ def _leaf_hull(leaf: Leaf, matrix: np.ndarray) -> Hull:
     shape = leaf.shape.with_fields(transform=leaf.steps)
     if not shape.bounded:
         return Hull.everywhere()
-    outer = Frame(*(Array3f64(*column) for column in matrix.T)) if leaf.steps else None
+    outer = Frame(*(dr.scalar.Array3f64(*column) for column in matrix.T)) if leaf.steps else None
     bounds = scalars(shape).bounds(outer)
     low, high, centre = (np.array(x, float) for x in (bounds.low, bounds.high, bounds.centre))
     return Hull(low, high, centre, np.array(float(bounds.radius)))

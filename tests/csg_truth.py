@@ -105,6 +105,7 @@ class Solid:
         """
         free = self.on(p, d)
         outwards, sure, leaves = dot(n, real(d)) > 0, np.ones(len(p), bool), []
+        near = np.zeros(len(p), free.o.dtype)
         for i, sets in enumerate(free.leaves):
             here = leaf == i
             g = self.leaves[i].world_normal(self.leaves[i].surface(self.leaves[i].local_point(p[here]))[1])
@@ -113,12 +114,15 @@ class Solid:
             # The ray starts within rounding of this leaf, and there is only one way on.
             after = sets.state[min(1, len(sets.state) - 1)]
             sure &= ~here | ((sets.state[0] == UNKNOWN) & (after == np.where(inside, IN, OUT)))
+            near = np.where(here, sets.ends()[1][0], near)
             leaves.append(sets.starting(inside, here))
         whole = self.root.sets(leaves)
         after = whole.state[min(1, len(whole.state) - 1)]
         side = np.where(outwards, OUT, IN)
         sure &= (whole.state[0] == side) | ((whole.state[0] == UNKNOWN) & (after == side))
-        return Crossed(self, free.o, free.d, leaves, whole.starting(~outwards, whole.state[0] == UNKNOWN)), sure
+        crossed = Crossed(self, free.o, free.d, leaves, whole.starting(~outwards, whole.state[0] == UNKNOWN))
+        # As far as the ray is within rounding of the leaf that it leaves, nothing says what comes first.
+        return crossed, sure & ~(crossed.first.hit & (crossed.first.low < near))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ leaves open are counted, and must be few.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,8 @@ from samples import norm, unit
 
 import visray as vr
 from visray.geometry import gamma
+from visray.scene.address import changed
+from visray.setup import prepare
 
 # Some random trees have empty parts, or planes alone.
 pytestmark = pytest.mark.filterwarnings("ignore::visray.csg_report.CsgWarning")
@@ -240,3 +242,28 @@ def test_a_ray_to_a_light_keeps_the_operand_that_it_leaves() -> None:
     start = start.at(up)
     light = np.array([0.0, 4.0, 0.0]) + rng.uniform(-0.5, 0.5, start.p.shape)
     assert up.sum() > 100 and traced.occluded_to(start, light).all() and traced.occluded_from(light, start).all()
+
+
+@pytest.mark.slow
+def test_pictures_do_not_depend_on_how_rays_find_objects() -> None:
+    """Six trees on a floor, in light of a point, from afar and from an area: guards, lists and trees change no bit."""
+    rng, names, objects = np.random.default_rng(1), [], {"floor": vr.Plane(point=(0.0, -1.2, 0.0))}
+    for k in range(6):
+        names = names or list(rng.permutation(list(OPERANDS)))
+        obj = tree(rng, 2, names)
+        place = vr.Translate(translate=(2.0 * (k % 3) - 2.0, 1.5 * (k // 3), -2.0 * (k // 3)))
+        objects[f"tree{k}"] = replace(obj, transform=(*obj.transform, vr.Scale(scale=0.5), place))
+    scene = vr.Scene(
+        camera=vr.Camera(origin=(0.3, 2.0, 7.0), target=(0.0, 0.5, -1.0), fov=45.0),
+        film=vr.Film(width=120, height=80),
+        lights={
+            "point": vr.PointLight(position=(3.0, 5.0, 4.0)),
+            "sun": vr.DirectionalLight(direction=(1.0, -2.0, -1.0)),
+            "ball": vr.SphereLight(position=(-4.0, 4.0, 3.0), radius=0.5, samples=2),
+        },
+        objects=objects,
+    )
+    changes = [changed(scene, {"settings.accelerator": x}) for x in ("auto", "none", "tree", "lists")]
+    prepared = [*map(prepare, changes), prepare(scene, brute_force=True)]
+    auto, *others = (vr.render(x, layers=("RGB",), progress=False)["RGB"] for x in prepared)
+    assert auto.std() > 0.1 and all(np.array_equal(auto, other) for other in others)

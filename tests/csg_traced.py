@@ -26,7 +26,7 @@ STEP = 2.0**-10
 
 @dataclass(frozen=True)
 class Found:
-    """First hits of rays. Shapes: (N) or (N, 3).
+    """First hits of rays. Shapes: (N), (N, 2) or (N, 3).
 
     leaf: number of the material of the leaf that is seen.
     inside: whether the ray sees the surface from inside.
@@ -41,6 +41,7 @@ class Found:
     row: np.ndarray
     part: np.ndarray
     error: np.ndarray
+    uv: np.ndarray
 
     def at(self, lanes: np.ndarray) -> "Found":
         """The hits of some rays."""
@@ -81,14 +82,15 @@ class Traced:
 
     def _first(self, ray: Ray) -> Found:
         hit = closest(RayOrigin(self.kernel.geometry, ray.o, shared=False), ray, self.brute_force)
-        s, material, _, _ = surface_of(self.kernel, ray, hit)
+        s, material, *uv = surface_of(self.kernel, ray, hit)
         facing = dr.dot(self.a.W(s.n), ray.d)
         part = dr.zeros(self.a.U, ray.lanes) if hit.part is None else hit.part
-        dr.eval(hit, s, material.kd, facing, part)
-        leaf = np.rint(np.array(material.kd.x, float) / STEP).astype(int)
+        dr.eval(hit, s, material.kd, facing, part, uv)
         met = np.array(hit.valid)
-        return Found(met, np.array(hit.t), np.array(s.p).T, np.array(s.n, float).T, leaf, np.array(facing) > 0,
-                     np.array(hit.row), np.array(part), np.broadcast_to(np.array(s.error), met.shape))  # fmt: skip
+        leaf = np.broadcast_to(np.rint(np.array(material.kd.x, float) / STEP).astype(int), met.shape)
+        return Found(met, np.array(hit.t), np.array(s.p).T, np.broadcast_to(np.array(s.n, float).T, (len(met), 3)), leaf, np.array(facing) > 0,
+                     np.array(hit.row), np.array(part), np.broadcast_to(np.array(s.error), met.shape),
+                     np.stack([np.broadcast_to(np.array(x), met.shape) for x in uv], 1))  # fmt: skip
 
     def leaving(self, start: Found, d: np.ndarray) -> Ray:
         """Rays from hits, as Interaction.spawn_ray makes them. They run on the side that `d` points to."""

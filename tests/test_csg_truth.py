@@ -206,6 +206,26 @@ def test_shadows_lengths_and_points_inside_are_those_of_the_truth(seed: int, tre
 
 
 @pytest.mark.parametrize("name", OPERANDS)
+def test_a_hole_is_the_solid_turned_inside_out(name: str) -> None:
+    """From inside: distances and texture coordinates are those of the solid alone, and normals are turned."""
+    rng = np.random.default_rng(11)
+    thing = OPERANDS[name](rng)
+    solid = Solid(thing)
+    middle, reach = (x[0] for x in hulls(solid))
+    o = middle + reach * rng.uniform(-1, 1, (8000, 3))
+    o = o[solid.at(o) == IN][:1000]
+    d = unit(rng.normal(size=o.shape)).astype(float)
+    body = vr.Box(min=(-99.0, -99.0, -99.0), max=(99.0, 99.0, 99.0))
+    alone, hole = (Traced(x).first(o, d) for x in (thing, vr.Csg(op="difference", of=(body, thing))))
+    seen = hole.hit & (hole.leaf == 1)
+    assert seen.sum() > 200 and alone.hit[seen].all()
+    one, other = alone.at(seen), hole.at(seen)
+    assert (np.abs(one.t - other.t) <= 16 * one.error).all()
+    assert (norm(one.n + other.n) < 1e-9).mean() > 0.99
+    assert (np.abs(one.uv - other.uv).max(1) < 1e-9).mean() > 0.99
+
+
+@pytest.mark.parametrize("name", OPERANDS)
 @pytest.mark.parametrize("origins", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_a_camera_on_a_surface_sees_what_is_before_it(name: str, origins: int) -> None:
     """All rays start at a point that is on some operand, but nothing tells on which one, and on which side they run."""

@@ -86,11 +86,15 @@ class Traced:
         facing = dr.dot(self.a.W(s.n), ray.d)
         part = dr.zeros(self.a.U, ray.lanes) if hit.part is None else hit.part
         dr.eval(hit, s, material.kd, facing, part, uv)
-        met = np.array(hit.valid)
-        leaf = np.broadcast_to(np.rint(np.array(material.kd.x, float) / STEP).astype(int), met.shape)
-        return Found(met, np.array(hit.t), np.array(s.p).T, np.broadcast_to(np.array(s.n, float).T, (len(met), 3)), leaf, np.array(facing) > 0,
-                     np.array(hit.row), np.array(part), np.broadcast_to(np.array(s.error), met.shape),
-                     np.stack([np.broadcast_to(np.array(x), met.shape) for x in uv], 1))  # fmt: skip
+        met, leaf = np.array(hit.valid), np.rint(np.array(material.kd.x, float) / STEP).astype(int)
+
+        def each(x: Any, *shape: int) -> np.ndarray:
+            """An array with an entry for each ray, even if all rays have one value."""
+            return np.broadcast_to(np.array(x).T, (len(met), *shape))
+
+        return Found(met, each(hit.t), each(s.p, 3), each(s.n, 3).astype(float), each(leaf), each(facing) > 0,
+                     each(hit.row), each(part), each(s.error),
+                     np.stack([each(x) for x in uv], 1))  # fmt: skip
 
     def leaving(self, start: Found, d: np.ndarray) -> Ray:
         """Rays from hits, as Interaction.spawn_ray makes them. They run on the side that `d` points to."""

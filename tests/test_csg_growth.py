@@ -60,6 +60,7 @@ def test_the_number_of_operands_is_data(counts: tuple[int, ...]) -> None:
     assert len(set(found)) == 1
 
 
+@pytest.mark.filterwarnings("ignore::visray.csg_report.CsgWarning")
 def test_numbers_of_operands_are_data() -> None:
     prepared = vr.prepare(scene_of(sponge(20)))
     first = vr.render(prepared.updated({"objects.c.of.5.radius": 0.31}), layers=("RGB",), progress=False)["RGB"]

@@ -136,7 +136,7 @@ def test_the_truth_is_that_of_points() -> None:
 
 
 @pytest.mark.parametrize("seed, trees, per", [
-    pytest.param(2, 10, 500, id="quick"),
+    pytest.param(2, 6, 500, id="quick"),
     pytest.param(3, 200, 5000, id="a million", marks=pytest.mark.nightly),
 ])  # fmt: skip
 def test_first_hits_are_those_of_the_truth(seed: int, trees: int, per: int) -> None:

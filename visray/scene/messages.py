@@ -147,7 +147,7 @@ def _type_message(address: tuple, annotation: Any, raw: Any) -> str:
     example = ', such as {"NAME": {...}}' if named else ""
     if address[-1:] in (("material",), ("cut_material",)):
         return line(_dotted(address), value, "must be the name of a material")
-    if value and isinstance(value, dict) and address[-1:] == ("transform",):
+    if isinstance(value, dict) and value and address[-1:] == ("transform",):
         example = "; write [{...}]"
     return line(_dotted(address), value, f"must be {describe(annotation)}{example}")
 
@@ -186,7 +186,8 @@ def _message(place: _Place, e: dict, raw: Any) -> str:
     if kind == "literal_error":
         word = "type" if address[-1] == "type" else "value"
         choices = [c if isinstance(c, str) else json.dumps(c) for c in get_args(place.annotation)]
-        meant = OTHER_WORDS.get(e["input"].casefold(), e["input"]) if address[-1] == "op" else e["input"]
+        word_given = isinstance(e["input"], str) and address[-1] == "op"
+        meant = OTHER_WORDS.get(e["input"].casefold(), e["input"]) if word_given else e["input"]
         return line(_dotted(address), e["input"], f"unknown {word}; {hint(meant, choices)}")
     if kind not in _BOUNDS:
         return _type_message(address, place.annotation, raw)

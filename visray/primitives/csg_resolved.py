@@ -5,9 +5,8 @@ operands.
 """
 
 from collections.abc import Mapping
-from typing import Any
-from weakref import ref
 
+from visray.identity_cache import IdentityCache
 from visray.operands import named_operands
 from visray.primitives.csg import Csg
 from visray.primitives.csg_operands import NO_MATERIAL
@@ -17,26 +16,8 @@ from visray.primitives.primitive import Primitive
 # Fields of an object that has cuts. The difference that replaces it has them. An intersection or a difference also
 # needs the cut_material itself.
 UNCUT = {"cut": None, "material": NO_MATERIAL, "transform": ()}
-
-
-class _Entry(ref):
-    """An object whose form is remembered: a weak reference to it.
-
-    key: its identity (id).
-    form: its form. It does not refer to the object itself.
-    used: the geometries in it, by name.
-    """
-
-    __slots__ = ("form", "key", "used")
-
-
-_entries: dict[int, _Entry] = {}
-
-
-def _forget(entry: _Entry, pop: Any = _entries.pop) -> None:
-    """Removes an entry when its object no longer exists. pop: a default argument, because at exit Python may delete the
-    module's globals first."""
-    pop(entry.key, None)
+# For each object its form, which does not refer to the object itself, and the geometries in it, by name.
+_entries = IdentityCache()
 
 
 def resolved(obj: Primitive, geometries: Mapping[str, Primitive]) -> Primitive:
@@ -51,18 +32,13 @@ def _resolved(obj: Primitive, geometries: Mapping[str, Primitive], used: dict[st
     """As `resolved`. used: the geometries in the object are added to it, by name."""
     if not (obj.cut or isinstance(obj, (Csg, Instance))):
         return obj
-    entry = _entries.get(id(obj))
-    if (
-        entry is None
-        or entry() is not obj
-        or any(geometries.get(name) is not shape for name, shape in entry.used.items())
-    ):
-        entry = _Entry(obj, _forget)
-        entry.key, entry.used = id(obj), {}
-        entry.form = _made(obj, geometries, entry.used)
-        _entries[entry.key] = entry
-    used.update(entry.used)
-    return entry.form
+    form, own = _entries.get(obj) or (None, {})
+    if form is None or any(geometries.get(name) is not shape for name, shape in own.items()):
+        own = {}
+        form = _made(obj, geometries, own)
+        _entries.put(obj, (form, own))
+    used.update(own)
+    return form
 
 
 def _made(obj: Primitive, geometries: Mapping[str, Primitive], used: dict[str, Primitive]) -> Primitive:

@@ -8,41 +8,24 @@ Polynomials contain a dict of parameters. They cannot be hashed, and are validat
 from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any
-from weakref import ref
 
 from visray.arguments import python_number
+from visray.identity_cache import IdentityCache
 
 # Atoms: types of values that contain no other values.
 ATOMS = frozenset((float, str, int, bool, type(None)))
 
 
-class _Entry(ref):
-    """Entry of the cache: a weak reference to an instance.
-
-    key: key of the entry in the cache, the identity (id) of the instance.
-    equal: the validated copy of the instance; None if the instance is valid itself.
-    """
-
-    __slots__ = ("equal", "key")
-
-
-_entries: dict[int, _Entry] = {}
-
-
-def _forget(entry: _Entry, pop: Any = _entries.pop) -> None:
-    """Removes an entry from the cache when its instance no longer exists.
-
-    pop: method that removes it; a default argument, because at exit Python may delete the module's globals first.
-    """
-    pop(entry.key, None)
+# The value of an instance that is valid itself, in place of its validated copy.
+ITSELF = object()
+# The validated copies of instances.
+_entries = IdentityCache()
 
 
 def validated(instance: Any) -> Any | None:
     """The validated copy of an instance, which is often the instance itself; None if it has not been validated yet."""
-    entry = _entries.get(id(instance))
-    if entry is None or entry() is not instance:
-        return None
-    return instance if entry.equal is None else entry.equal
+    equal = _entries.get(instance)
+    return instance if equal is ITSELF else equal
 
 
 def remember(instance: Any, equal: Any) -> None:
@@ -57,15 +40,8 @@ def remember(instance: Any, equal: Any) -> None:
     except TypeError:
         return
     if instance is not equal:
-        _add(instance, equal)
-    _add(equal, None)
-
-
-def _add(instance: Any, equal: Any | None) -> None:
-    """Adds an entry to the cache. `equal`: the validated copy, or None for the instance itself."""
-    entry = _Entry(instance, _forget)
-    entry.key, entry.equal = id(instance), equal
-    _entries[entry.key] = entry
+        _entries.put(instance, equal)
+    _entries.put(equal, ITSELF)
 
 
 def plain(value: Any) -> Any:

@@ -37,7 +37,8 @@ primitives.mesh_passage primitives.mesh_buffers primitives.mesh_body primitives.
 primitives.instance
 primitives.clips
 primitives.algebraic primitives.polynomial primitives.polynomial_solid primitives.torus
-primitives.csg_operands primitives.csg_form primitives.csg_bounds primitives.csg_clusters primitives.csg_table
+primitives.csg_operands primitives.csg_form primitives.csg_bounds primitives.csg_clusters
+primitives.csg_objects primitives.csg_table
 primitives.csg_state primitives.csg_balls primitives.csg_leaves primitives.csg_walk primitives.csg_body
 primitives.csg_copies primitives.csg primitives.csg_resolved primitives.csg_bodies primitives
 data.column data.color_value data.vision data.palette_note data.palette

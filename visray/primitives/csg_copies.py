@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from visray.geometry import Frame
-from visray.primitives.csg_table import CsgTable, LeafTable, Looped, Structure
+from visray.primitives.csg_objects import Structure
+from visray.primitives.csg_table import CsgTable, LeafTable, Looped
 from visray.primitives.mesh_buffers import BodyTable
 from visray.pytree import Shared, rows
 from visray.quantities import Arrays

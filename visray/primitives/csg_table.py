@@ -6,26 +6,20 @@ site inside a loop, the rows of an object, or of one turn of an outer loop, lie 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
 import numpy as np
 
-from visray.errors import UserError
 from visray.geometry import Frame, l1_norm
 from visray.primitives.csg_bounds import Hull, Trees
-from visray.primitives.csg_form import PART_BITS, Form, Leaf, LeafSite, renumbered
+from visray.primitives.csg_form import Form, Leaf, LeafSite, renumbered
+from visray.primitives.csg_objects import Objects, Structure
 from visray.primitives.primitive import Bounds
 from visray.pytree import Packets, Shared, detached, evaluated
 from visray.quantities import Arrays
 from visray.transforms import composed
-
-
-class Structure:
-    """Something in Python that belongs to a table, and that functions of tables (pytree.py) leave alone."""
-
-    def __init__(self, value: Any):
-        self.value = value
 
 
 @dataclass(frozen=True)
@@ -55,14 +49,15 @@ class LeafTable:
 
     def placed(self) -> "PlacedLeaf":
         """The operands in the world."""
-        placed, bounds = self.numbers.placed(self.outer), self.bounds()
+        placed, bounds = self.numbers.placed(self.outer), self.bounds
         if bounds is None:
-            return PlacedLeaf(placed, self.number, None, None, dr.detach(l1_norm(placed.inverse.o)))
-        return PlacedLeaf(placed, self.number, bounds.centre, bounds.radius, l1_norm(bounds.centre) + bounds.radius)
+            return PlacedLeaf(placed, self.number, dr.detach(l1_norm(placed.inverse.o)))
+        return PlacedLeaf(placed, self.number, l1_norm(bounds.centre) + bounds.radius)
 
+    @cached_property
     def bounds(self) -> Bounds | None:
         """As Primitive.bounds, without derivatives; None for unbounded kinds."""
-        return detached(self.numbers.bounds(self.outer)) if self.kind.bounded else None
+        return evaluated(detached(self.numbers.bounds(self.outer))) if self.kind.bounded else None
 
 
 @dataclass(frozen=True)
@@ -71,14 +66,11 @@ class PlacedLeaf:
 
     placed: placed data of the kind.
     number: as in LeafTable.
-    centre, radius: bounding ball; None for unbounded kinds.
     size: size of world coordinates, from which rounding bounds are computed, as Batch.coordinate_bound.
     """
 
     placed: Any
     number: Any
-    centre: Any
-    radius: Any
     size: Any
 
 
@@ -151,74 +143,6 @@ def leaf_tables(table: Any) -> Iterator[Any]:
 
 
 @dataclass(frozen=True)
-class Objects:
-    """The structures of CSG objects of one kind, in Python.
-
-    surface, within: trees of the surfaces, and of the points at which these are kept; None if all of them is.
-    counts: number of leaves of each object.
-    bodies: the objects without their transforms, as Form.body.
-    factors: factor by which the transform of each object changes volumes.
-    bits: number of bits of a code for a leaf's own part (csg_body.py).
-
-    Raises UserError if there are more leaves than codes.
-    """
-
-    surface: Trees
-    within: Trees | None
-    counts: np.ndarray
-    bodies: Sequence[Any]
-    factors: np.ndarray
-    bits: int
-
-    def __post_init__(self) -> None:
-        # The last code stands for no leaf (csg_state.NO_LEAF).
-        count, most = int(self.counts.sum()), (1 << 32 - self.bits) - 1
-        if count > most:
-            text = f"CSG objects with meshes of more than {1 << self.bits - PART_BITS} triangles have {count} operands"
-            raise UserError(f"objects: {text} together; at most {most} fit; use fewer objects, or fewer triangles")
-
-    @staticmethod
-    def of(forms: Sequence[Form], surface: Sequence[Any], within: Sequence[Any] | None) -> "Objects":
-        """The structures of several objects. surface, within: their trees, with leaves numbered through all objects."""
-        trees = (None if x is None else Trees.of(x) for x in (surface, within))
-        counts = np.array([len(form.leaves) for form in forms])
-        factors = volume_factors(composed([form.steps for form in forms]))
-        return Objects(*trees, counts, [form.body for form in forms], factors, forms[0].part_bits)
-
-    def repeated(self, frames: np.ndarray) -> "Objects":
-        """Copies of all objects, moved by the first one of the frames, then copies moved by the second one, and so on.
-        Shape: (copies, 3, 4)."""
-        count, objects, leaves = len(frames), len(self.counts), int(self.counts.sum())
-        trees = (None if x is None else x.repeated(count, objects, leaves) for x in (self.surface, self.within))
-        factors = np.outer(volume_factors(frames), self.factors).ravel()
-        return Objects(*trees, np.tile(self.counts, count), self.bodies * count, factors, self.bits)
-
-    def originals(self) -> np.ndarray:
-        """For each object the number of the first one that differs from it by its transform alone."""
-        first: dict[Any, int] = {}
-        return np.array([first.setdefault(_key(body), i) for i, body in enumerate(self.bodies)])
-
-    def firsts(self) -> np.ndarray:
-        """Number of the first leaf of each object."""
-        return np.cumsum(self.counts) - self.counts
-
-
-def _key(body: Any) -> Any:
-    """A key that is the same only for equal bodies."""
-    try:
-        hash(body)
-    except TypeError:
-        # Operands with tables or dicts in them. All instances of a geometry have the same operands.
-        return body.op, body.ends, tuple(map(id, body.of))
-    return body
-
-
-def volume_factors(matrices: np.ndarray) -> np.ndarray:
-    """The factors by which affine maps change volumes. Shapes: (N, 3, 4) and (N)."""
-    return np.abs(np.linalg.det(matrices[:, :, :3]))
-
-
-@dataclass(frozen=True)
 class CsgTable:
     """CSG objects of one kind, as arrays. Leaves are numbered through all objects.
 
@@ -254,7 +178,7 @@ class CsgTable:
 
     def placed(self, outer: None) -> "PlacedCsg":
         """The objects in the world. Their operands have transforms of their own, so `outer` is None."""
-        hulls = self._hulls()
+        hulls = self._hulls
         surface, within = (None if x is None else placed_tree(self.a, x, hulls) for x in (self.surface, self.within))
         number = dr.arange(self.a.U, len(self)) + dr.opaque(self.a.U, 0)
         largest = np.zeros(len(self.site_of))
@@ -276,11 +200,12 @@ class CsgTable:
     def __len__(self) -> int:
         return len(self.objects.value.counts)
 
+    @cached_property
     def _hulls(self) -> Hull:
         """The hulls of all leaves, by number."""
         hulls = Hull.everywhere(len(self.site_of))
         for table in leaf_tables((self.surface, self.within)):
-            if (bounds := evaluated(table.bounds())) is not None:
+            if (bounds := table.bounds) is not None:
                 number = np.array(table.number)
                 hulls.radius[number] = np.array(bounds.radius)
                 for name in ("low", "high", "centre"):
@@ -291,7 +216,7 @@ class CsgTable:
 
     def bounds(self, outer: None) -> Bounds:
         """As Primitive.bounds. An empty object has a box of one point."""
-        objects, of_leaves = self.objects.value, self._hulls()
+        objects, of_leaves = self.objects.value, self._hulls
         trees = [x for x in (objects.surface, objects.within) if x is not None]
         hull = Hull.beside([x.hulls(of_leaves, complements=False) for x in trees]).intersection()
         # An empty object has low > high. Its box is then one point.

@@ -19,7 +19,7 @@ from visray.cli import main
 from visray.feature_rules import RULES
 from visray.features import features
 from visray.passes import expose
-from visray.renderer import check_numbers
+from visray.picture_layers import check_numbers
 from visray.setup import prepare
 
 GLASS = vr.Material(

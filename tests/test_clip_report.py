@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from visray.clip_report import ClipWarning, clip_notes, extent
+from visray.explaining import explain
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives import Polynomial
 from visray.primitives.clips import Ball, Block
 from visray.primitives.instance import Instance
-from visray.renderer import explain, render
+from visray.renderer import render
 from visray.scene.scene import Film, Scene
 from visray.setup import prepare
 

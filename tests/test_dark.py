@@ -20,9 +20,9 @@ from visray.dark.evidence import is_lit, may_be_unlit, shows_only_background
 from visray.lights import KINDS, DirectionalLight, PointLight, SpotLight
 from visray.materials import Material
 from visray.passes import expose
+from visray.picture_layers import developed
 from visray.primitives import Plane, Polynomial, Sphere
 from visray.primitives.clips import Ball
-from visray.renderer import developed
 from visray.scene.load import load
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import prepare

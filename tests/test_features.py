@@ -22,8 +22,8 @@ from visray.lights import disk as disk_light
 from visray.lights import sphere as sphere_light
 from visray.materials import Material
 from visray.passes import empty_film, expose
+from visray.picture_layers import developed, rasters
 from visray.primitives import Box, Cylinder, Plane, Rectangle, Sphere, Triangle
-from visray.renderer import developed, rasters
 from visray.sampling import SamplePlan
 from visray.scene.address import replaced, value
 from visray.scene.load import load

@@ -77,7 +77,7 @@ jacobian wavefront
 setup passes attached_picture
 dark
 adaptive
-certificate provenance renderer
+certificate provenance picture_layers explaining renderer
 edges
 gradients
 study

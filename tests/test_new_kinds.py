@@ -29,13 +29,13 @@ from samples import (
 )
 
 import visray as vr
+from visray.explaining import explain
 from visray.geometry import UNIT_ROUNDOFF, gamma
 from visray.pack import pack
 from visray.primitives import Capsule, Ellipsoid, Torus
 from visray.primitives.primitive import bounding_box, scalars, transform_frame
 from visray.pytree import leaves
 from visray.quantities import Arrays, quantities
-from visray.renderer import explain
 from visray.repack import repacked
 from visray.study.mitsuba import crosscheck
 from visray.study.mitsuba.tessellation import tessellate

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from visray.explaining import explain
 from visray.polynomials import (
     PolynomialError,
     build,
@@ -28,7 +29,6 @@ from visray.polynomials import (
 from visray.polynomials.constants import rational
 from visray.polynomials.program import read, slope_flaw
 from visray.primitives import Polynomial, Sphere
-from visray.renderer import explain
 from visray.scene.scene import Scene
 from visray.study.stability.exact.expressions import number
 

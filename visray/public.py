@@ -12,6 +12,7 @@ from visray.data.size_rule import SizeRule
 from visray.data_picture import data_scene
 from visray.edges import EdgeWarning
 from visray.errors import UserError
+from visray.explaining import explain
 from visray.gradients import derivative, difference, gradient
 from visray.lights import *
 from visray.materials import Material
@@ -20,7 +21,7 @@ from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.primitives import *
 from visray.primitives.clips import Ball, Block
 from visray.projection import Projected, projected
-from visray.renderer import explain, prepare, render
+from visray.renderer import prepare, render
 from visray.scene.address import replaced, value
 from visray.scene.load import dump, load
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings, SkyGradient

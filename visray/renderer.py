@@ -11,40 +11,29 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
-from visray import clock, integrator
+from visray import clock
 from visray import film as films
 from visray.adaptive.error_floor import Files
 from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
-from visray.clip_report import clip_notes
-from visray.constant_report import constant_notes
-from visray.csg_report import csg_notes
 from visray.dark import dark_notes, warn_of_dark
-from visray.data.all_objects import address_of
-from visray.data_report import data_notes
-from visray.errors import GoalWarning, LegendWarning, StoppedWarning, UserError
-from visray.features import Features, features
-from visray.legend.layer import drawn_legend, has_legend
-from visray.material_report import energy_notes, sheet_notes
-from visray.mesh_report import mesh_facts
-from visray.output.curves import LUMINANCE
+from visray.errors import GoalWarning, StoppedWarning, UserError
+from visray.legend.layer import has_legend
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
-from visray.overlap_report import overlaps
 from visray.pass_timer import LONGEST_PASS, PassTimer
 from visray.passes import expose
+from visray.picture_layers import alpha_of, check_numbers, developed, first_hit_layers, overlay, rasters
 from visray.progress import Bar, Interrupts
 from visray.provenance import provenance
-from visray.ray_families import ray_families
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
-from visray.setup import Prepared, refuse_within_kernel
+from visray.setup import Prepared, refuse_within_kernel, set_threads
 from visray.setup import prepare as prepare_checked
 
 ANYWHERE = Files()
@@ -123,10 +112,10 @@ def render(
         else:
             values, facts = _layers_of_spp(prepared, layers, progress, interrupts)
         check_numbers(prepared, values["RGB"])
-        overlay = _overlay(prepared, values, layers)
+        drawn = overlay(prepared, values, layers)
     if goal:
         _warn_of_goal(goal, values["RGB"], facts, interrupts)
-    pictures = rasters(prepared, values, layers) | overlay
+    pictures = rasters(prepared, values, layers) | drawn
     certificate = certificate_facts(pictures)
     warn_of_roots(certificate, prepared)
     facts = provenance(prepared, scene_hash, clock.now() - now, pictures.get("id")) | facts | certificate
@@ -163,7 +152,7 @@ def _layers_of_spp(
         text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
         warnings.warn(text, StoppedWarning, stacklevel=4)
         return values, {"spp": spp} | facts
-    return values | _first_hit_layers(prepared, layers), {"spp": spp} | facts
+    return values | first_hit_layers(prepared, layers), {"spp": spp} | facts
 
 
 def _layers_for_goal(
@@ -171,7 +160,7 @@ def _layers_for_goal(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Takes samples until the goal is reached. Returns the layers by name, and facts for the metadata."""
     # The first hit comes before the samples, because it takes a part of the time that the goal allows.
-    first_hit = _first_hit_layers(prepared, layers)
+    first_hit = first_hit_layers(prepared, layers)
     try:
         adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
     except NotANumber as none:
@@ -237,133 +226,8 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
     return prepare_checked(checked(scene), backend)
 
 
-@checked_arguments
-def explain(scene: Scene) -> Features:
-    """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
-    about meshes; which transparent solids count where they overlap; of what CSG objects are made; and what is odd about
-    materials, clips and CSG."""
-    scene = checked(scene)
-    on = features(scene)
-    listed, count = overlaps(scene) if on["nested media"] else ((), 0)
-    of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))
-    notes = (*sheet_notes(scene, on), *energy_notes(scene), *of_scene)
-    more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
-    return replace(on, rays=ray_families(scene, on), **more)
-
-
-def set_threads(threads: int) -> None:
-    """Sets the number of threads of the LLVM backend."""
-    if not isinstance(threads, int) or not 1 <= threads <= 1024:
-        raise UserError(f"threads = {threads}: must be a whole number from 1 to 1024")
-    dr.set_thread_count(threads)
-
-
-def check_numbers(prepared: Prepared, mean: np.ndarray) -> None:
-    """Raises a UserError if a colour is not finite. The message names the pixel and the object that the pixel shows.
-
-    mean: colours of the pixels, in the order of lanes.
-
-    Shapes: mean (3, N).
-    """
-    bad = np.flatnonzero(~np.isfinite(mean).all(0))
-    if not bad.size:
-        return
-    names = {i + 1: name for i, name in enumerate(prepared.scene.all_objects)}
-    number = np.broadcast_to(np.array(_first_hit(prepared)["id"]), len(prepared.order))[bad[0]]
-    y, x = divmod(int(prepared.order[bad[0]]), prepared.scene.film.width)
-    what = address_of(names[int(number)]) if number else "nothing"
-    more = f", and {bad.size - 1} pixels more" if bad.size > 1 else ""
-    raise UserError(f"pixel {x}, {y}, which shows {what}{more}: is not a number; this is an error in visray: report it")
-
-
-def developed(prepared: Prepared, film: films.Film) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The layers of a film by name (colour, coverage, variance), and a dict of facts about the error.
-
-    The fact `error_at_most` is the error that independent samples would have. With other samplers the error is smaller.
-    After Ctrl-C, pixels may have no sample; they are transparent.
-    """
-    present = film.counts > 0
-    layers = {"RGB": np.array(film.mean), "A": _coverage(prepared, film)}
-    if not present.all():
-        text = f"stopped when {present.sum():,} of {present.size:,} pixels had a sample; the others are transparent"
-        warnings.warn(text, StoppedWarning, stacklevel=5)
-    if film.counts.min() <= 1:
-        return layers, {}
-    layers["variance"] = np.array(film.squares) / (film.counts - 1)
-    luminance = float((LUMINANCE @ layers["RGB"]).mean())
-    if luminance <= 0:
-        return layers, {}
-    square = float((layers["variance"] / film.counts).mean())
-    return layers, {"error_at_most": float(np.sqrt(square) / luminance)}
-
-
-def _coverage(prepared: Prepared, film: films.Film) -> np.ndarray:
-    """The coverage (alpha) of the pixels of a film. Pixels without a sample are transparent."""
-    if prepared.scene.film.transparent:
-        return np.array(film.coverage) / np.maximum(film.counts, 1)
-    return (film.counts > 0).astype(float)
-
-
 def _look(prepared: Prepared, interrupts: Interrupts, film: films.Film) -> None:
     """Warns if the film is black or shows nothing."""
     if not interrupts.requested:
         # The line of code that called vr.render is five calls away.
-        warn_of_dark(dark_notes(prepared, film.mean, _coverage(prepared, film), interrupts), stacklevel=6)
-
-
-def _first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, Any]:
-    """Dict of the layers of the first hit by name, and of the certificate. It is empty if no layer in `layers` is one
-    of these."""
-    needed = set(layers) & set(names_from("first hit"))
-    if set(layers) & set(names_from("certificate")) and any(b.kind.finds_roots for b in prepared.kernel.batches):
-        needed.add("certificate")
-    return _first_hit(prepared) if needed else {}
-
-
-def _first_hit(prepared: Prepared) -> dict[str, Any]:
-    """Dict of the layers of the first hit along the ray through each pixel's centre. Their arrays are evaluated."""
-    layers = integrator.first_hit(prepared.kernel, prepared.x, prepared.y)
-    dr.eval(layers)
-    return layers
-
-
-def rasters(prepared: Prepared, values: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Dict of layers as pictures, by name.
-
-    values: layers by name, with pixels in the order of lanes.
-    layers: names of the layers that are wanted. Those without values are left out.
-    """
-    return {name: _raster(prepared, name, values[name]) for name in NAMES if name in layers and name in values}
-
-
-def _overlay(prepared: Prepared, values: dict[str, Any], layers: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Dict of the layer legend as a picture, if it is wanted. Notes about it become warnings.
-
-    values, layers: as in `rasters`.
-    """
-    if not set(layers) & set(names_from("overlay")):
-        return {}
-    opaque = {"A": np.ones(len(prepared.order))}
-    rgb, alpha = (_raster(prepared, name, (opaque | values)[name]) for name in ("RGB", "A"))
-    picture = drawn_legend(prepared.scene, rgb, alpha)
-    for note in picture.notes:
-        warnings.warn(note, LegendWarning, stacklevel=4)
-    return {"legend": picture.pixels}
-
-
-def _raster(prepared: Prepared, name: str, values: Any) -> np.ndarray:
-    """One layer as a picture.
-
-    name: name of the layer.
-    values: values of the layer, with pixels in the order of lanes.
-
-    Shapes: values (N,) or (n, N); result (H, W) or (H, W, n).
-    """
-    width, height = prepared.scene.film.width, prepared.scene.film.height
-    if isinstance(values, tuple):
-        values = np.stack([np.array(v) for v in values])
-    flat = np.array(values)
-    flat = flat.T if flat.ndim == 2 else flat
-    picture = np.empty(flat.shape, BY_NAME[name].memory_dtype)
-    picture[prepared.order] = flat  # if all pixels are equal, `flat` may have a single entry for all of them
-    return picture.reshape(height, width, *picture.shape[1:])
+        warn_of_dark(dark_notes(prepared, film.mean, alpha_of(prepared, film), interrupts), stacklevel=6)

@@ -163,3 +163,10 @@ def lanes(a: Arrays, width: int, height: int) -> tuple[np.ndarray, Any, Any]:
     x, y = (a.put(a.U, v.astype(np.uint32)) for v in (x, y))
     dr.eval(x, y)
     return order, x, y
+
+
+def set_threads(threads: int) -> None:
+    """Sets the number of threads of the LLVM backend."""
+    if not isinstance(threads, int) or not 1 <= threads <= 1024:
+        raise UserError(f"threads = {threads}: must be a whole number from 1 to 1024")
+    dr.set_thread_count(threads)

@@ -70,7 +70,7 @@ def explain_command(
     if why is not None:
         return _tell_pixel(loaded, *parse_pixel(why), json)
     from visray import tables
-    from visray.renderer import explain
+    from visray.explaining import explain
     from visray.study import ablation
 
     # This comes first, because its arguments may be wrong, and then nothing else should be printed.
@@ -167,7 +167,7 @@ def check(
     """
     loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.output.image import check_destination
-    from visray.renderer import set_threads
+    from visray.setup import set_threads
     from visray.study.mitsuba import crosscheck
     from visray.tables import show
 

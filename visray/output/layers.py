@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 # The source of a layer: the code that computes it. Each source returns a dict of its layers by name.
-#   film         from the colours of all samples (renderer.developed, adaptive.dual_buffer)
+#   film         from the colours of all samples (picture_layers.developed, adaptive.dual_buffer)
 #   adaptive     from the colours of all samples, only with `error` or `time` (adaptive.dual_buffer)
 #   first hit    from the ray through the pixel's centre (integrator.first_hit)
 #   certificate  from the ray through the pixel's centre, only in scenes with polynomial surfaces or tori

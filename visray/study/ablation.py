@@ -31,13 +31,13 @@ import drjit as dr
 
 from visray import clock
 from visray.errors import UserError
+from visray.explaining import explain
 from visray.features import Feature
 from visray.lights import PointLight
 from visray.lights.light import Light
 from visray.passes import empty_film, exposed_once
 from visray.progress import Bar, Interrupts
 from visray.quantities import Arrays
-from visray.renderer import explain
 from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from visray.adaptive.error_floor import DEEPEST
+from visray.explaining import explain
 from visray.feature_rules import used_materials
 from visray.primitives import Polynomial
-from visray.renderer import explain
 from visray.scene.address import changed, value
 from visray.scene.scene import Scene
 from visray.textures import ImageTexture

@@ -14,11 +14,12 @@ from visray import clock
 from visray.adaptive.dual_buffer import QUANTILE
 from visray.arguments import checked_arguments
 from visray.errors import UserError
+from visray.explaining import explain
 from visray.output.files import write_text
 from visray.progress import Interrupts
-from visray.renderer import explain, set_threads
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
+from visray.setup import set_threads
 from visray.study.cost import comparing
 from visray.study.cost.errors import FEWEST as FEWEST_SEEDS
 from visray.study.cost.errors import judged

@@ -12,12 +12,12 @@ import numpy as np
 
 from visray import clock
 from visray.adaptive.error_floor import DEEPEST
+from visray.explaining import explain
 from visray.geometry import UNIT_ROUNDOFF
 from visray.output.curves import LUMINANCE
 from visray.output.rounding import rounding
 from visray.pass_timer import PASS_SECONDS
 from visray.progress import Bar, Interrupts
-from visray.renderer import explain
 from visray.scene.address import changed
 from visray.scene.scene import Scene
 from visray.setup import Prepared, prepare

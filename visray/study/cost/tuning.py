@@ -24,13 +24,13 @@ from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments
 from visray.errors import UserError
+from visray.picture_layers import check_numbers
 from visray.progress import Interrupts
-from visray.renderer import check_numbers, set_threads
 from visray.scene.address import changed
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
-from visray.setup import Prepared, prepare
+from visray.setup import Prepared, prepare, set_threads
 from visray.study.cost import study
 from visray.study.cost.comparing import GAIN, own_samples, together
 from visray.study.cost.knobs import DEPTH, PRECISION, SAMPLER, SPP

@@ -1,0 +1,30 @@
+"""What visray knows of a scene before it is rendered: the effects that are simulated, and why."""
+
+from dataclasses import replace
+
+from visray.arguments import checked_arguments
+from visray.clip_report import clip_notes
+from visray.constant_report import constant_notes
+from visray.csg_report import csg_notes
+from visray.data_report import data_notes
+from visray.features import Features, features
+from visray.material_report import energy_notes, sheet_notes
+from visray.mesh_report import mesh_facts
+from visray.overlap_report import overlaps
+from visray.ray_families import ray_families
+from visray.scene.check import checked
+from visray.scene.scene import Scene
+
+
+@checked_arguments
+def explain(scene: Scene) -> Features:
+    """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
+    about meshes; which transparent solids count where they overlap; of what CSG objects are made; and what is odd about
+    materials, clips and CSG."""
+    scene = checked(scene)
+    on = features(scene)
+    listed, count = overlaps(scene) if on["nested media"] else ((), 0)
+    of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))
+    notes = (*sheet_notes(scene, on), *energy_notes(scene), *of_scene)
+    more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
+    return replace(on, rays=ray_families(scene, on), **more)

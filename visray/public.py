@@ -2,6 +2,13 @@
 
 # ruff: noqa: F403 - lights and primitives list their own public names
 from visray import lights, primitives
+from visray.animation.animation import Animation
+from visray.animation.ellipse import Ellipse, EllipseTrack
+from visray.animation.keys import KeysTrack
+from visray.animation.moment import at
+from visray.animation.orbit import OrbitTrack
+from visray.animation.path import PathTrack
+from visray.animation.spin import SpinTrack
 from visray.camera import Camera, OrthographicCamera
 from visray.data.base import GlobeBase, MapBase, PlaneBase
 from visray.data.color_rule import ColorRule
@@ -37,6 +44,7 @@ __all__ = [
     *lights.__all__,
     *primitives.__all__,
     "SURFACES",
+    "Animation",
     "Ball",
     "Block",
     "Camera",
@@ -45,6 +53,8 @@ __all__ = [
     "Data",
     "DataLayer",
     "EdgeWarning",
+    "Ellipse",
+    "EllipseTrack",
     "GlobeBase",
     "Legend",
     "MapBase",
@@ -54,11 +64,14 @@ __all__ = [
     "Film",
     "Image",
     "ImageTexture",
+    "KeysTrack",
     "KnownSurface",
     "Material",
     "Matrix",
     "Occlusion",
+    "OrbitTrack",
     "OrthographicCamera",
+    "PathTrack",
     "Prepared",
     "Projected",
     "Rotate",
@@ -67,9 +80,11 @@ __all__ = [
     "Scene",
     "Settings",
     "SkyGradient",
+    "SpinTrack",
     "Translate",
     "UserError",
     "__version__",
+    "at",
     "cost",
     "data_scene",
     "derivative",

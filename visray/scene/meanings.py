@@ -1,5 +1,12 @@
 """Meanings of the fields of a scene, as the JSON Schema shows them."""
 
+from visray.animation.animation import Animation
+from visray.animation.ellipse import Ellipse, EllipseTrack
+from visray.animation.keys import KeysTrack
+from visray.animation.orbit import OrbitTrack
+from visray.animation.path import PathTrack
+from visray.animation.spin import SpinTrack
+from visray.animation.track import TimedTrack
 from visray.data.base import AnyBase, FlatBase
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -31,6 +38,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "geometries": "shapes by name that objects of the type instance show, each many times; they have no material",
         "objects": "objects by name",
         "data": "real data: a map or a globe, and layers of rows of tables, each row shown by a gizmo",
+        "animation": "what moves, as functions of time, or null",
     },
     Film: {
         "width": "pixels, > 0",
@@ -191,5 +199,44 @@ MEANINGS: dict[type, dict[str, str]] = {
         "theme": "that of the picture: text is dark on a light one; auto looks at the picture",
         "size": "size of the text, relative to the usual one, from 0.5 to 4",
         "font": "family of fonts, or null",
+    },
+    Animation: {
+        "duration": "seconds, > 0",
+        "fps": "frames per second, > 0",
+        "tracks": "tracks by name; a track without a type has the type keys",
+    },
+    TimedTrack: {
+        "begin": "seconds at which the track begins",
+        "end": "seconds at which the track is complete; null: the end of the animation",
+    },
+    KeysTrack: {
+        "address": "the address of what moves, such as objects.ball.center",
+        "times": "seconds, increasing, at least two",
+        "values": "one value for each time: a number, a list of numbers, a step of a transform, or a list of steps",
+        "interpolation": "linear; smooth: a monotone cubic; step: the value of the key before",
+    },
+    OrbitTrack: {
+        "turns": "number of turns; negative: the other way round",
+        "axis": "axis through the camera's target; null: the camera's up",
+    },
+    SpinTrack: {
+        "of": "the address of what turns: an object, a geometry, an operand, or data.base",
+        "turns": "number of turns; negative: the other way round",
+    },
+    PathTrack: {
+        "address": "the address of the point that moves, such as camera.origin",
+        "points": "points of the path, at least two, in world units",
+        "closed": "whether the path goes from the last point back to the first one",
+        "interpolation": "linear: straight lines; smooth: a centripetal Catmull-Rom curve",
+    },
+    Ellipse: {
+        "radii": "radii in x and in z, in world units",
+        "period": "seconds of one turn",
+        "phase": "degrees at the time 0; 0 is the direction of x, 90 that of z",
+    },
+    EllipseTrack: {
+        "address": "the address of the point that moves, such as objects.moon.center",
+        "center": "centre of the ellipse; null: the point that the scene has at the address",
+        "around": "a second ellipse, which is added, or null",
     },
 }

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
 from visray import camera as cameras
 from visray import lights, modes, primitives, textures
+from visray.animation.animation import Animation
 from visray.data.all_objects import AllObjects, address_of
 from visray.data.data_scene import Data
 from visray.materials import Material
@@ -154,6 +155,7 @@ class Scene:
     geometries: dict[Name, Geometry] = field(default_factory=dict)
     objects: dict[Name, Object] = field(default_factory=dict)
     data: Data | None = None
+    animation: Animation | None = None
     settings: Settings = field(default_factory=Settings)
 
     @cached_property

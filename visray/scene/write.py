@@ -9,9 +9,12 @@ from inspect import cleandoc, get_annotations
 from pathlib import Path
 from typing import Any
 
+from visray import camera as cameras
 from visray import lights, primitives, textures
+from visray.animation import kinds as tracks
+from visray.animation.animation import Animation
+from visray.animation.ellipse import Ellipse
 from visray.arguments import checked_arguments
-from visray.camera import Camera, OrthographicCamera
 from visray.data import base as bases
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -35,11 +38,22 @@ from visray.transforms import STEPS
 
 LONGEST_LINE = 100
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-TYPED = (OrthographicCamera, *textures.KINDS, *lights.KINDS, *primitives.OBJECTS, Ball, Block, *bases.KINDS)
+# A camera and a track without a type are of the first kind.
+TYPED = (
+    *cameras.KINDS[1:],
+    *textures.KINDS,
+    *lights.KINDS,
+    *primitives.OBJECTS,
+    Ball,
+    Block,
+    *bases.KINDS,
+    *tracks.KINDS[1:],
+)
+ANIMATION = (Animation, Ellipse, tracks.KINDS[0])
 DATA = (Data, DataLayer, RowEdit, Legend, SizeRule, ColorRule)
 KINDS = (
     Scene,
-    Camera,
+    cameras.KINDS[0],
     Film,
     SkyGradient,
     Settings,
@@ -49,6 +63,7 @@ KINDS = (
     *TYPED,
     FitBox,
     *DATA,
+    *ANIMATION,
     *STEPS.values(),
 )
 # Fields that every object has. They are written last, because an object's other fields say more about it.

@@ -1,0 +1,50 @@
+"""Track of a point on an ellipse, as in the original VisRayTrace."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from visray.animation.track import Address, Stage, Track
+from visray.quantities import Point, Real
+
+Radius = Annotated[Real, Field(ge=0, le=1e9)]
+Period = Annotated[Real, Field(gt=0)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ellipse:
+    """A point on a horizontal ellipse with the radii `radii` in x and z. At the time t it is at (rx cos a, 0, rz sin
+    a), with the angle a = `phase` + 360 t / `period`, in degrees."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+    radii: tuple[Radius, Radius]
+    period: Period
+    phase: Real = 270.0
+
+    def offset(self, t: float) -> tuple[float, float]:
+        """x and z at time t."""
+        angle = math.radians(self.phase + 360 * (t / self.period))
+        return self.radii[0] * math.cos(angle), self.radii[1] * math.sin(angle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EllipseTrack(Ellipse, Track):
+    """The point at `address` moves on an ellipse about `center`; without a center, about the point that the scene has
+    at the address. `around` is a second ellipse, which is added, as for a moon that goes about a planet."""
+
+    type: Literal["ellipse"] = "ellipse"
+    address: Address
+    center: Point | None = None
+    around: Ellipse | None = None
+
+    def addresses(self) -> tuple[str, ...]:
+        return (self.address,)
+
+    def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
+        x, y, z = stage.value(self.address) if self.center is None else self.center
+        for ellipse in (self, self.around):
+            dx, dz = ellipse.offset(t) if ellipse is not None else (0.0, 0.0)
+            x, z = x + dx, z + dz
+        return {self.address: (x, y, z)}

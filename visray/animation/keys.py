@@ -1,0 +1,46 @@
+"""Track of keys: values at given times, and what lies between."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator
+
+from visray.animation.curves import Interpolation, Sort, curve
+from visray.animation.key_values import key_value
+from visray.animation.track import Address, Seconds, Stage, Track
+
+KeyValue = Annotated[Any, BeforeValidator(key_value)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeysTrack(Track):
+    """The value at `address` has the value `values[i]` at the time `times[i]`. Before the first time and after the last
+    one it holds still.
+
+    Between two times it is interpolated: `linear`; `smooth`, a monotone cubic, which does not overshoot; or `step`, the
+    value of the key before. Directions and rotations go the short way.
+    """
+
+    type: Literal["keys"] = "keys"
+    address: Address
+    times: tuple[Seconds, ...]
+    values: tuple[KeyValue, ...]
+    interpolation: Interpolation = "linear"
+
+    def addresses(self) -> tuple[str, ...]:
+        return (self.address,)
+
+    def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
+        return {self.address: self._curve(stage.sort(self.address))(t)}
+
+    @cached_property
+    def _curves(self) -> dict[Sort, Callable[[float], Any]]:
+        """The curves through the keys that were asked for, by the sort of their values."""
+        return {}
+
+    def _curve(self, sort: Sort) -> Callable[[float], Any]:
+        if sort not in self._curves:
+            self._curves[sort] = curve(sort, self.interpolation, self.times, self.values)
+        return self._curves[sort]

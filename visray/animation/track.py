@@ -1,0 +1,82 @@
+"""The interface of all kinds of tracks.
+
+A track writes values at some addresses of a scene as functions of the time t, in seconds. A kind of track is one frozen
+dataclass in one file. It knows no scene: what it needs of one is in the `Stage`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field
+
+from visray.quantities import Real
+
+Seconds = Annotated[Real, Field(ge=0)]
+Turns = Annotated[Real, Field(ge=-1e6, le=1e6)]
+Address = Annotated[str, Field(strict=True, min_length=1)]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a track needs of the scene that it moves.
+
+    duration: length of the animation in seconds
+    value: function that returns the value at an address as the scene has it, without any track
+    moved: function that returns the value at an address at the time in question, with the tracks that need no other
+        one; only for tracks that follow others
+    sort: function that returns how values at an address are interpolated (curves.Sort)
+    """
+
+    duration: float
+    value: Callable[[str], Any]
+    moved: Callable[[str], Any]
+    sort: Callable[[str], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """A track writes values of the scene as functions of time."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+
+    @property
+    def follows(self) -> bool:
+        """Whether the track needs values that other tracks write at the same time."""
+        return False
+
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses that the track writes. They are the same at all times."""
+        raise TypeError(f"{type(self).__name__} has no addresses")
+
+    def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
+        """The values at time t, by address."""
+        raise TypeError(f"{type(self).__name__} has no values")
+
+    def flaws(self, duration: float) -> list[tuple[str, str]]:
+        """Errors that concern several fields together, as pairs of a field's name and a message.
+
+        duration: length of the animation in seconds
+        """
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimedTrack(Track):
+    """It begins at `begin` and is complete at `end`. Before and after it holds still."""
+
+    begin: Seconds = 0.0
+    end: Seconds | None = None
+
+    def progress(self, t: float, duration: float) -> float:
+        """Share of the track that is done at time t, from 0 to 1."""
+        end = duration if self.end is None else self.end
+        return min(max((t - self.begin) / (end - self.begin), 0.0), 1.0)
+
+    def flaws(self, duration: float) -> list[tuple[str, str]]:
+        end = duration if self.end is None else self.end
+        if end > self.begin:
+            return []
+        if self.end is None:
+            return [("begin", f"must be before the end of the animation, {duration:g} s")]
+        return [("end", f"must be after begin, which is {self.begin:g} s")]

@@ -64,7 +64,8 @@ legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing 
 legend.ticks legend.bars legend.content legend.covering legend.layer legend data_picture
 images
 data.row_table columns gizmo_bodies data_columns written_out
-pack address_index repack nesting overlap_report batches sampling moments film
+pack address_index repack nesting overlap_report batches sampling moments picture_identity array_file film
+checkpoint
 accel.sheet_arithmetic accel.cell_views accel.footprints accel.triangle_footprints accel.cell_pairs accel.cells
 accel.policy accel.bvh_rows accel.culling accel.lists accel.parallel_lists accel.screening
 accel.ray_segment accel.origin accel.traversal

@@ -376,7 +376,7 @@ def test_a_film_of_other_pixels_is_refused() -> None:
 
 def test_a_film_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made, path = made_of("sobol"), tmp_path / "a.film"
-    monkeypatch.setattr("visray.film.__version__", "0.0.9")
+    monkeypatch.setattr("visray.picture_identity.__version__", "0.0.9")
     empty_film(made).save(path)
     monkeypatch.undo()
     with pytest.raises(UserError, match=r"a\.film: is of visray 0\.0\.9, not "):

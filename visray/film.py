@@ -4,11 +4,8 @@ A film keeps counts and moments of samples (moments.py), so it can always take m
 films keep every bit.
 """
 
-import json
 import os
-import zipfile
-import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,69 +14,15 @@ import drjit as dr
 import numpy as np
 
 from visray import memory
+from visray.array_file import opened_arrays, write_arrays
 from visray.errors import UserError
 from visray.moments import Moments
-from visray.output.files import replacing
+from visray.picture_identity import PictureIdentity
 from visray.quantities import Arrays
-from visray.scene.scene import Scene
-from visray.version import __version__
 
 # Bytes of memory per pixel at the peak, with all layers: 411 measured, for 2000 x 2000 pixels rendered and written as
 # EXR.
 BYTES_PER_PIXEL = 420
-
-
-class PictureIdentity:
-    """Everything that the bits of a film depend on, except the machine. Films of the same picture have equal
-    identities.
-
-    The number of samples is included for the stratified sampler only, because it decides the strata.
-
-    facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
-    """
-
-    def __init__(self, scene: Scene | None = None, a: Arrays | None = None, facts: dict[str, Any] | None = None):
-        self._scene, self._a, self._facts = scene, a, facts
-
-    @cached_property
-    def facts(self) -> dict[str, Any]:
-        """The facts by name. Computed when first read, because the hash of a large scene takes a while."""
-        if self._facts is not None:
-            return self._facts
-        scene, s = self._scene, self._scene.settings
-        # The accelerator is left out, because it changes no bit.
-        settings = replace(s, seed=0, spp=1, accelerator="auto")
-        hashed = replace(scene, settings=settings, film=replace(scene.film, width=1, height=1))
-        return {
-            "visray": __version__,
-            "backend": self._a.backend,
-            "precision": s.precision,
-            "size": [scene.film.width, scene.film.height],
-            "seed": s.seed,
-            "sampler": s.sampler,
-            "spp": s.spp if s.sampler == "stratified" else None,
-            "scene": hashed.hash(),
-        }
-
-    def check(self, other: "PictureIdentity", name: str) -> None:
-        """Raises UserError if `other` is the identity of another picture, because films of two pictures cannot be
-        combined.
-
-        name: what the message calls the film with the `other` identity
-        """
-        if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
-            return
-        for fact, value in self.facts.items():
-            if (theirs := other.facts.get(fact)) == value:
-                continue
-            if fact == "scene":
-                raise UserError(f"{name}: is of another scene; give a film of this one, or begin anew")
-            raise UserError(f"{name}: is of {fact} {_shown(theirs)}, not {_shown(value)}; give another, or begin anew")
-
-
-def _shown(value: Any) -> str:
-    """The value of a fact as text for messages; a size as `width x height`."""
-    return " x ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,13 +89,32 @@ class Film:
         Shapes: (N)."""
         return self.closed.coverage
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All numbers of the film, as arrays by name; `of_arrays` makes a film of them."""
+        moments = {f"moments.{name}": np.asarray(x) for name, x in vars(self.moments).items()}
+        return {"counts": self.counts, "pixels": self.pixels} | moments
+
+    @staticmethod
+    def of_arrays(a: Arrays, arrays: Mapping[str, np.ndarray], identity: PictureIdentity) -> "Film":
+        """The film with these arrays. Raises KeyError or ValueError if they are not those of a film."""
+        kinds = dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
+        counts, pixels = arrays["counts"], arrays["pixels"]
+        moments = {key: arrays[f"moments.{key}"] for key in kinds}
+        n, (width, height) = len(pixels), map(int, identity.facts["size"])
+        shapes = {key: (n,) if kind in (a.D, a.F) else (3, n) for key, kind in kinds.items()}
+        consistent = n and counts.shape == (n,) and {key: x.shape for key, x in moments.items()} == shapes
+        consistent = consistent and all(x.dtype.kind in "iu" for x in (counts, pixels))
+        consistent = consistent and all(x.dtype.kind == "f" for x in moments.values())
+        for numbers, limit in ((counts, 2**32), (pixels, width * height)):
+            consistent = consistent and numbers.min() >= 0 and numbers.max() < limit
+        if not consistent:
+            raise ValueError("arrays of other shapes, types or sizes")
+        return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in moments.items()}), counts, pixels, identity)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the film to a file. If it is loaded again and given more samples, the bits are those of a film that
         was never saved."""
-        arrays = {f"moments.{name}": np.array(x) for name, x in vars(self.moments).items()}
-        facts = np.frombuffer(json.dumps(self.identity.facts).encode(), np.uint8)
-        with replacing(path) as aside, open(aside, "wb") as file:
-            np.savez(file, origin=facts, counts=self.counts, pixels=self.pixels, **arrays)
+        write_arrays(path, self.arrays(), self.identity.facts)
 
     @staticmethod
     def load(a: Arrays, path: str | os.PathLike[str], identity: PictureIdentity | None = None) -> "Film":
@@ -161,30 +123,10 @@ class Film:
         identity: identity of the expected picture; None accepts any picture of this version of visray, with the backend
             and the precision of `a`
         """
-        name, kinds = os.fspath(path), dict(zip(Moments.__dataclass_fields__, Moments.types(a)))
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                facts = json.loads(bytes(file["origin"]))
-                counts, pixels = file["counts"], file["pixels"]
-                arrays = {key: file[f"moments.{key}"] for key in kinds}
-                n, (width, height) = len(pixels), map(int, facts["size"])
-                shapes = {key: (n,) if kind in (a.D, a.F) else (3, n) for key, kind in kinds.items()}
-                consistent = n and counts.shape == (n,) and {key: x.shape for key, x in arrays.items()} == shapes
-                consistent = consistent and all(x.dtype.kind in "iu" for x in (counts, pixels))
-                consistent = consistent and all(x.dtype.kind == "f" for x in arrays.values())
-                for numbers, limit in ((counts, 2**32), (pixels, width * height)):
-                    consistent = consistent and numbers.min() >= 0 and numbers.max() < limit
-                if not consistent:
-                    raise ValueError("arrays of other shapes, types or sizes")
-        except OSError as error:
-            raise UserError(f"{name}: cannot be read, {error.strerror or error}") from error
-        # RuntimeError: raised for zip files that are encrypted, or compressed by a method unknown to Python.
-        except (zipfile.BadZipFile, zlib.error, KeyError, TypeError, ValueError, EOFError, RuntimeError) as error:
-            raise UserError(f"{name}: is no film of visray, or is damaged; begin anew") from error
-        loaded = PictureIdentity(facts=facts)
-        current = facts | {"visray": __version__, "backend": a.backend, "precision": a.precision}
-        (identity or PictureIdentity(facts=current)).check(loaded, name)
-        return Film(a, Moments(**{key: a.put(kinds[key], x) for key, x in arrays.items()}), counts, pixels, loaded)
+        with opened_arrays(path, "is no film of visray, or is damaged; begin anew") as (arrays, facts):
+            loaded = PictureIdentity(facts=facts)
+            (identity or PictureIdentity.of_this_program(facts, a)).check(loaded, os.fspath(path))
+            return Film.of_arrays(a, arrays, loaded)
 
     @staticmethod
     def merged(films: Sequence["Film"]) -> "Film":

@@ -1,0 +1,75 @@
+"""The identity of a picture: all that the bits of its samples depend on, except the machine."""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+from visray.errors import UserError
+from visray.quantities import Arrays
+from visray.scene.scene import Scene
+from visray.version import __version__
+
+ANOTHER_SCENE = "is of another scene"
+
+
+class PictureIdentity:
+    """Everything that the bits of a film depend on, except the machine. Films of the same picture have equal
+    identities.
+
+    The number of samples is included for the stratified sampler only, because it decides the strata.
+
+    facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
+    """
+
+    def __init__(self, scene: Scene | None = None, a: Arrays | None = None, facts: dict[str, Any] | None = None):
+        self._scene, self._a, self._facts = scene, a, facts
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """The facts by name. Computed when first read, because the hash of a large scene takes a while."""
+        if self._facts is not None:
+            return self._facts
+        scene, s = self._scene, self._scene.settings
+        # The accelerator is left out, because it changes no bit.
+        settings = replace(s, seed=0, spp=1, accelerator="auto")
+        hashed = replace(scene, settings=settings, film=replace(scene.film, width=1, height=1))
+        return {
+            "visray": __version__,
+            "backend": self._a.backend,
+            "precision": s.precision,
+            "size": [scene.film.width, scene.film.height],
+            "seed": s.seed,
+            "sampler": s.sampler,
+            "spp": s.spp if s.sampler == "stratified" else None,
+            "scene": hashed.hash(),
+        }
+
+    @staticmethod
+    def of_this_program(facts: dict[str, Any], a: Arrays) -> "PictureIdentity":
+        """The identity of a picture with these facts, if this version of visray makes it with the types `a`."""
+        return PictureIdentity(facts=facts | {"visray": __version__, "backend": a.backend, "precision": a.precision})
+
+    def check(self, other: "PictureIdentity", name: str) -> None:
+        """Raises UserError if `other` is the identity of another picture, because films of two pictures cannot be
+        combined.
+
+        name: what the message calls the film with the `other` identity
+        """
+        if difference := self.difference(other):
+            remedy = "a film of this one" if difference == ANOTHER_SCENE else "another"
+            raise UserError(f"{name}: {difference}; give {remedy}, or begin anew")
+
+    def difference(self, other: "PictureIdentity") -> str | None:
+        """What tells the picture of the identity `other` from this one, as a predicate such as "is of seed 7, not 0";
+        None if it is the same picture."""
+        if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
+            return None
+        for fact, value in self.facts.items():
+            if (theirs := other.facts.get(fact)) != value:
+                return ANOTHER_SCENE if fact == "scene" else f"is of {fact} {_shown(theirs)}, not {_shown(value)}"
+        return None
+
+
+def _shown(value: Any) -> str:
+    """The value of a fact as text for messages; a size as `width x height`."""
+    return " x ".join(map(str, value)) if isinstance(value, list) else str(value)

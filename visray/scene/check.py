@@ -10,25 +10,24 @@ shortcut, to report all errors at once.
 
 import sys
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from itertools import islice
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from visray import lights, primitives, textures
 from visray.camera import Camera
 from visray.errors import UserError
 from visray.geometry import gamma
 from visray.hints import similar
-from visray.materials import Material
 from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
 from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
 from visray.scene.data_flaws import data_flaws, geometries_of_data
+from visray.scene.edits import SECTIONS, parts
 from visray.scene.garbage import uncollected
 from visray.scene.material_flaws import material_flaws
 from visray.scene.messages import MOST, limited, line, lines
@@ -43,14 +42,6 @@ from visray.terminal import printable
 # Sections whose entries are referred to by name, each with a valid entry. This entry takes the place of a wrong one
 # while the rest of the scene is checked.
 STAND_INS = {"textures": {"type": "checker"}, "materials": {}, "geometries": {"type": "sphere"}}
-# The sections of a scene, each with the kinds of its entries.
-SECTIONS = {
-    "textures": frozenset(textures.KINDS),
-    "materials": frozenset((Material,)),
-    "lights": frozenset(lights.KINDS),
-    "geometries": frozenset(primitives.KINDS),
-    "objects": frozenset(primitives.OBJECTS),
-}
 NAMES = TypeAdapter(list[Name])
 
 
@@ -63,19 +54,6 @@ def checked(scene: Scene) -> Scene:
     if errors:
         raise UserError(*errors)
     return result
-
-
-def parts(scene: Scene) -> dict[str, Any]:
-    """The scene as plain dicts. Only entries stay instances."""
-    sections = {f.name: getattr(scene, f.name) for f in fields(scene)}
-    return {name: _with_instances(part) if name in SECTIONS else plain(part) for name, part in sections.items()}
-
-
-def _with_instances(section: Any) -> Any:
-    """A section as a dict of entries. Dataclass instances stay as they are; all else becomes plain dicts."""
-    if not isinstance(section, dict):
-        return plain(section)
-    return {name: entry if is_dataclass(type(entry)) else plain(entry) for name, entry in section.items()}
 
 
 def examined(raw: Any) -> tuple[Scene | None, list[str]]:

@@ -58,7 +58,8 @@ animation.targets animation.moment
 data_report mesh_report clip_report constant_report csg_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
-output.image output
+output.image output.sequence
+output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output
 projection
 legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing
 legend.ticks legend.bars legend.content legend.covering legend.layer legend data_picture

@@ -1,0 +1,51 @@
+"""Names of the files of frames. In a pattern such as shot.####.exr, the last run of # stands for the frame's number:
+frame 12 is shot.0012.exr."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from visray.errors import UserError
+from visray.output.image import SUFFIXES
+
+HASHES = re.compile(r"#+(?=[^#]*$)")
+# The number of a frame in a folder of frames has so many digits.
+FOLDER_HASHES = "####"
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether the name of a file is a pattern of frames."""
+    return "#" in path.name
+
+
+def frame_file(pattern: Path, number: int) -> Path:
+    """The file of one frame. A number with more digits than the pattern has # is written in full.
+
+    Domain: `pattern` is a pattern (is_pattern).
+    """
+    return pattern.with_name(HASHES.sub(lambda run: f"{number:0{len(run[0])}d}", pattern.name))
+
+
+def patterns(output: Path, stem: str) -> list[Path]:
+    """The patterns of a sequence of pictures. Raises UserError if the output names no sequence.
+
+    output: a pattern, or a folder, which gets EXR and PNG files and need not exist yet.
+    stem: beginning of the names of the files in a folder.
+    """
+    if output.is_dir() or not (output.suffix or is_pattern(output)):
+        return [output / f"{stem}.{FOLDER_HASHES}{suffix}" for suffix in SUFFIXES]
+    known = output.suffix.lower() in SUFFIXES
+    if known and is_pattern(output):
+        return [output]
+    if known:
+        pattern = output.with_name(f"{output.stem}.{FOLDER_HASHES}{output.suffix}")
+        raise UserError(f"{output}: is one file, and each frame needs its own; write {pattern}")
+    right = f"a folder, or a name such as shot.{FOLDER_HASHES}.exr, with {' or '.join(SUFFIXES)}"
+    raise UserError(f"{output}: is the name of no sequence of pictures; right would be {right}")
+
+
+def existing(pattern_list: Iterable[Path], numbers: Iterable[int]) -> list[Path]:
+    """Those files of the frames with these numbers that exist."""
+    numbers = list(numbers)
+    files = (frame_file(pattern, number) for pattern in pattern_list for number in numbers)
+    return [file for file in files if file.exists()]

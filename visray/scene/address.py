@@ -12,7 +12,7 @@ from visray.errors import UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
 from visray.scene.check import checked, examined
-from visray.scene.edits import edited, entry, is_below_layer, keys, value_at
+from visray.scene.edits import edited, entry_of, is_below_layer, keys_of, value_at
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 from visray.terminal import printable
@@ -98,7 +98,7 @@ def _numeric(node: Any, prefix: str) -> list[tuple[str, Quantity]]:
     prefix: the node's address and a dot; "" for the scene.
     """
     if not is_dataclass(node):
-        return [n for key in keys(node) for n in _numeric(entry(node, key), f"{prefix}{key}.")]
+        return [n for key in keys_of(node) for n in _numeric(entry_of(node, key), f"{prefix}{key}.")]
     own, result = quantities(type(node)), []
     for f in fields(node):
         part = getattr(node, f.name)

@@ -105,7 +105,7 @@ def _with_row(data: Any, layer: str, number: str, name: str, new: Any) -> dict:
     return data | {"layers": data["layers"] | {layer: own | {"rows": edits}}}
 
 
-def keys(node: Any) -> Collection[str]:
+def keys_of(node: Any) -> Collection[str]:
     """Keys that may follow the address of a node. A single value, such as a number, has none."""
     if is_dataclass(node):
         return [f.name for f in fields(node)]
@@ -114,7 +114,7 @@ def keys(node: Any) -> Collection[str]:
     return [str(i) for i in range(len(node))] if isinstance(node, (tuple, list)) else []
 
 
-def entry(node: Any, key: str) -> Any:
+def entry_of(node: Any, key: str) -> Any:
     """Value under one key of a node. Domain: the node has the key."""
     if is_dataclass(node):
         return getattr(node, key)
@@ -128,7 +128,7 @@ def _value_at(root: Any, address: str) -> Any:
     """
     node, keys = root, address.split(".")
     for i, key in enumerate(keys):
-        choices = keys(node)
+        choices = keys_of(node)
         if key not in choices:
             owner = ".".join(keys[:i]) or "the scene"
             text = f"{owner} has no {key!r}; {hint(key, choices)}"
@@ -141,7 +141,7 @@ def _value_at(root: Any, address: str) -> Any:
                 if node is None and keys[i - 1] in ROLES:
                     text = f"{owner} is null, as there are no operands; assign a list of objects to it"
             raise UserError(printable(f"{address}: {text}"))
-        node = entry(node, key)
+        node = entry_of(node, key)
     return node
 
 

@@ -81,6 +81,7 @@ media indirect
 integrator light_probe
 jacobian wavefront
 setup passes attached_picture
+surface_motion motion_vectors
 dark
 adaptive
 certificate provenance picture_layers explaining renderer

@@ -116,7 +116,7 @@ def test_the_names_and_types_are_those_that_compositors_expect(tmp_path) -> None
     expected |= dict.fromkeys(["Z", "dist.Z", "N.X", "N.Y", "N.Z", "P.X", "P.Y", "P.Z", "UV.U", "UV.V"], single)
     expected |= dict.fromkeys(["variance.R", "variance.G", "variance.B", "shadow.X"], single)
     expected |= dict.fromkeys(["light.key.R", "light.key.G", "light.key.B"], single)
-    expected |= dict.fromkeys(["error.R", "error.G", "error.B", "proof.residual"], single)
+    expected |= dict.fromkeys(["error.R", "error.G", "error.B", "proof.residual", "forward.U", "forward.V"], single)
     expected |= dict.fromkeys(["legend.R", "legend.G", "legend.B", "legend.A"], half)
     expected |= dict.fromkeys(["id.object", "rounds.X", "samples.count", "proof.unresolved"], whole)
     written = {name: values.dtype.type for name, values in channels(tmp_path / "a.exr").items()}

@@ -41,6 +41,7 @@ class Prepared:
         place
     looked: what pictures of the scene were already looked at for (dark/); one set for all scenes that are made from it
         by `updated`
+    after: the scene of the next frame of an animation, for motion vectors; None for a scene of its own
     """
 
     scene: Scene
@@ -53,6 +54,7 @@ class Prepared:
     y: Any
     identities: tuple
     looked: set[str] = field(default_factory=set)
+    after: Scene | None = None
 
     @checked_arguments
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
@@ -83,7 +85,7 @@ class Prepared:
         kernel, everything is prepared again."""
         effects, previous = features(scene), self.kernel
         if packed is None or effects != self.features or scene.settings.precision != self.scene.settings.precision:
-            return prepare(scene, self.a.backend, brute_force=previous.brute_force)
+            return replace(prepare(scene, self.a.backend, brute_force=previous.brute_force), after=self.after)
         kernel = kernel_scene(
             packed, scene, effects, self.a, previous.atlas, previous.brute_force, (self.packed, previous)
         )

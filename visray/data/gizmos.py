@@ -7,7 +7,7 @@ Dr.Jit their derivatives. Vectors have the shape (3, N), numbers the shape (N).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from visray import primitives
@@ -56,6 +56,7 @@ class Gizmo:
     fields: function from a Stand to the fields of the objects
     sizes: names of the properties that give its size
     flat: whether it is flat, and lies on the base
+    on_line: whether its places are those of a line on the base, and not the foot of a Stand
     """
 
     name: str
@@ -63,6 +64,7 @@ class Gizmo:
     fields: Callable[[Stand], Fields]
     sizes: tuple[str, ...]
     flat: bool = False
+    on_line: bool = False
 
 
 def _sphere(s: Stand) -> Fields:
@@ -100,6 +102,13 @@ def _geometry(s: Stand) -> Fields:
     return {"frame": (s.east * s.radius, s.up * (s.sign * s.height), -s.north * s.radius, s.bottom(s.height))}
 
 
+def carrier(gizmo: Gizmo, s: Stand) -> tuple[Any, Any, Any, Any]:
+    """The frames x, y, z, o of the coordinates that points of gizmos keep while their feet and sizes change. Domain: no
+    lines."""
+    extent = s.height if "height" in gizmo.sizes else 2 * s.radius
+    return _geometry(replace(s, height=extent))["frame"]
+
+
 GIZMOS = {
     gizmo.name: gizmo
     for gizmo in (
@@ -109,7 +118,7 @@ GIZMOS = {
         Gizmo("cone", primitives.Cone, _cone, ("height", "radius")),
         Gizmo("triangle", primitives.Triangle, _triangle, ("height", "radius")),
         Gizmo("disk", primitives.Disk, _disk, ("radius",), flat=True),
-        Gizmo("line", primitives.Capsule, _line, ("radius",)),
+        Gizmo("line", primitives.Capsule, _line, ("radius",), on_line=True),
         Gizmo("geometry", None, _geometry, ("height", "radius")),
     )
 }

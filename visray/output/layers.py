@@ -12,8 +12,9 @@ from typing import Any, Literal
 #   first hit    from the ray through the pixel's centre (integrator.first_hit)
 #   certificate  from the ray through the pixel's centre, only in scenes with polynomial surfaces or tori
 #                (integrator.certificate)
+#   motion       from the first hit and the scene of the next frame, only in animated scenes (motion_vectors.forward)
 #   overlay      drawn over the picture, only in scenes with a legend (legend.layer)
-Source = Literal["film", "adaptive", "first hit", "certificate", "overlay"]
+Source = Literal["film", "adaptive", "first hit", "certificate", "motion", "overlay"]
 # NumPy types of the numbers of a layer, and their names in EXR files.
 TYPES = {"float16": "half", "float32": "float", "uint32": "uint32"}
 
@@ -84,6 +85,9 @@ LAYERS = (
           "with polynomial surfaces and tori: parts of the ray where rounding hides whether there is a crossing"),
     Layer("residual", ("proof.residual",), "float32", "ulp", False, "certificate",
           "with polynomial surfaces and tori: distance of the point from its surface, in units in the last place"),
+    Layer("forward", _vector("forward", "UV"), "float32", "pixels", False, "motion",
+          "in animated scenes: movement to the next frame of what is seen, U to the right and V down; 0 where it will "
+          "not be before the camera"),
     Layer("legend", _vector("legend", "RGBA"), "float16", "linear Rec. 709", False, "overlay",
           "with a legend of data: its colour, premultiplied by its alpha; it is to lie over RGB"),
 )  # fmt: skip

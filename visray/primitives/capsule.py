@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
+import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.convex import ConvexSolid, Interval
@@ -48,6 +49,18 @@ class Capsule(ConvexSolid):
     def shape(self) -> tuple:
         """(h,): half the length of the segment from a to b, in units of the radius."""
         return (0.5 * dr.norm(self.b - self.a) / self.radius,)
+
+    @staticmethod
+    def reshaped(q: np.ndarray, was: tuple, now: tuple) -> np.ndarray:
+        """As Primitive.reshaped. A point keeps its share of the length along the surface, as v does."""
+        (h,), (new,) = was, now
+        x, y, z = q.T
+        radius, beyond = np.hypot(x, y), np.maximum(np.abs(z) - h, 0)
+        along = np.minimum(np.abs(z), h) + np.arctan2(beyond, radius)
+        along *= (new + np.pi / 2) / (h + np.pi / 2)
+        angle = np.maximum(along - new, 0)
+        factor = np.cos(angle) / np.where(radius > 0, radius, 1)
+        return np.stack([x * factor, y * factor, np.copysign(np.minimum(along, new) + np.sin(angle), z)], axis=1)
 
     @staticmethod
     def extents(to_world: Frame, shape: tuple) -> tuple[Any, Any]:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
+import drjit as dr
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from visray.geometry import Frame
+from visray.geometry import Frame, Similarity
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import normalised, smooth_normals
 from visray.meshes.reading import part, read
@@ -192,6 +193,11 @@ class Mesh(Primitive):
         if self.solid is True and not shape.topology.closed:
             return [("solid", f"the mesh is not closed: {gaps(shape)}; mend it, or leave solid out")]
         return []
+
+    def carrier(self) -> Similarity:
+        # Vertices keep their places in the file while `fit` changes.
+        shape = self.shape_of_file()
+        return Similarity(shape.scale, dr.scalar.Array3f64(*shape.shift))
 
     def bounds(self, outer: Frame | None) -> Bounds:
         # This is only for bounding_box, outside of kernels; kernels use MeshRows.bounds.

@@ -15,7 +15,7 @@ from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES
 from visray.primitives.algebraic import Algebraic, PlacedPolynomial, PolynomialRows
 from visray.primitives.clips import Ball, Block, Clip
-from visray.primitives.primitive import Bounds, scalars
+from visray.primitives.primitive import Bounds, identity, scalars
 from visray.primitives.sphere import sphere_uv
 from visray.quantities import Arrays, Name, Real
 
@@ -39,6 +39,7 @@ class Polynomial(Algebraic):
     """
 
     v_ends = True
+    flows = True
     # Names of the parameters by which derivatives are asked for (varied_by). No annotation, so that it is no field.
     varied = frozenset()
 
@@ -136,6 +137,10 @@ class Polynomial(Algebraic):
             names, place = (), "monomis, which have none"
         unused = [name for name in self.parameters if name not in names and (names or self.expression is None)]
         return [("parameters", f"{unused[0]} is not in {place}; leave it out")] if unused else []
+
+    def carrier(self) -> Frame:
+        # A clip that moves does not move the surface.
+        return identity()
 
     def bounds(self, outer: Frame | None) -> Bounds:
         # This is only for bounding_box, outside of kernels; kernels use PolynomialRows.bounds.

@@ -144,6 +144,7 @@ class Primitive:
     v_ends = False  # whether v is from 0 to 1 and ends at a pole: no pixel of a texture is blended in from beyond it
     axis_fields = ()  # names of the fields that turn the z axis of the frame, about which u and v are found (tangents)
     bends_normals = False  # whether shading uses normals other than those of the surface (shading_normal)
+    flows = False  # whether changed fields bend the surface as no frame does, so that points move along its normals
 
     @property
     def kind(self) -> "type[Primitive]":
@@ -187,6 +188,19 @@ class Primitive:
         They change the shape in ways that no frame can. The fields of the object must be Dr.Jit arrays.
         """
         return ()
+
+    def carrier(self) -> Frame | Similarity:
+        """The map to the object before its transform from the coordinates that points of the surface keep while fields
+        change (surface_motion.py). The fields must be Dr.Jit arrays."""
+        return self.frame()
+
+    @staticmethod
+    def reshaped(q: np.ndarray, was: tuple, now: tuple) -> np.ndarray:
+        """Points q of the canonical shape with the parameters `was`, as points of that with the parameters `now`.
+
+        was, now: numbers, as `shape` returns them. Shape: q (N, 3).
+        """
+        return q
 
     def placed(self, outer: Frame | None) -> Any:
         """Data of the object that depends on no ray. outer: the object's transform, or None."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import drjit as dr
+import numpy as np
 
 from visray.geometry import Frame, tangents
 from visray.primitives.algebraic import PlacedPolynomial
@@ -65,6 +66,15 @@ class Torus(PolynomialSolid):
 
     def shape(self) -> tuple:
         return self.major, self.minor
+
+    @staticmethod
+    def reshaped(q: np.ndarray, was: tuple, now: tuple) -> np.ndarray:
+        """As Primitive.reshaped. A point keeps its angle about the axis and its place on the tube, which is scaled."""
+        (major, minor), (new_major, new_minor) = was, now
+        x, y, z = q.T
+        radius, factor = np.hypot(x, y), new_minor / minor
+        outwards = (new_major + (radius - major) * factor) / radius
+        return np.stack([x * outwards, y * outwards, z * factor], axis=1)
 
     @staticmethod
     def canonical_volume(shape: tuple) -> Any:

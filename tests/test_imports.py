@@ -49,12 +49,12 @@ data.interchange data.geojson data.geojson_text data.frames
 data.reading data.positions data.name_column data.describe data.row_names
 data.number_column data.source data.gizmos data.layer data.layer_table data.outlines data.rows data.touching
 data.shown_rows data.resolve data.data_scene data.all_objects
-animation.track animation.interpolation animation.rotations animation.curves animation.key_values animation.paths
-animation.keys animation.orbit animation.spin animation.path animation.ellipse
+animation.track animation.interpolation animation.rotations animation.curves animation.between
+animation.key_values animation.paths animation.keys animation.orbit animation.spin animation.path animation.ellipse
 animation.kinds animation.animation animation.frames animation
 scene.scene
 scene
-animation.targets animation.moment
+animation.moment
 data_report mesh_report clip_report constant_report csg_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png

@@ -481,7 +481,7 @@ def test_a_wrong_background_is_judged_by_its_form(tmp_path: Path, background: ob
             {"camra": {}},
             "camra: unknown key; did you mean 'camera'? "
             "(one of camera, film, background, ambient, textures, materials, lights, geometries, objects, data, "
-            "settings)",
+            "animation, settings)",
         ),
     ],
 )

@@ -61,8 +61,10 @@ _Positive = Annotated[Real, Field(gt=0, le=FARTHEST), AfterValidator(_not_tiny)]
 _NotNegative = Annotated[Real, Field(ge=0, le=BRIGHTEST)]
 
 Point = Annotated[Triple, Quantity(3, "geometry", "world units")]
-Vector = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "world units")]
-Direction = Annotated[Triple, AfterValidator(_not_zero), Quantity(3, "geometry", "any length but 0; normalised")]
+# Marks triples that must not be 0.
+NOT_ZERO = AfterValidator(_not_zero)
+Vector = Annotated[Triple, NOT_ZERO, Quantity(3, "geometry", "world units")]
+Direction = Annotated[Triple, NOT_ZERO, Quantity(3, "geometry", "any length but 0; normalised")]
 Length = Annotated[_Positive, Quantity(1, "geometry", "world units, > 0")]
 Lengths = Annotated[tuple[_Positive, _Positive, _Positive], Quantity(3, "geometry", "world units, each > 0")]
 LengthOrZero = Annotated[Real, Field(ge=0, le=FARTHEST), Quantity(1, "geometry", "world units, >= 0")]

@@ -1,7 +1,8 @@
 """Curves: values of any sort through keys, as functions of time.
 
-A sort of values says how they are interpolated: `number` (a number, or lists of numbers at any depth), `direction`
-(three numbers of which only the direction counts), `step` (a step of a transform) or `steps` (a list of these).
+A sort of values says how they are interpolated: `number` (a number, or lists of numbers at any depth), `vector` (three
+numbers that must not all be 0, interpolated as numbers), `direction` (three numbers of which only the direction
+counts), `step` (a step of a transform) or `steps` (a list of these).
 """
 
 from collections.abc import Callable
@@ -14,7 +15,7 @@ import numpy as np
 from visray.animation import interpolation, rotations
 from visray.transforms import STEPS, Rotate
 
-Sort = Literal["number", "direction", "step", "steps"]
+Sort = Literal["number", "vector", "direction", "step", "steps"]
 Interpolation = Literal["linear", "smooth", "step"]
 
 
@@ -153,5 +154,5 @@ def _plain(values: np.ndarray) -> Any:
     return float(values) if values.ndim == 0 else tuple(map(_plain, values))
 
 
-_CURVES = {"number": _numbers, "direction": _directions, "step": _step, "steps": _step_list}
+_CURVES = {"number": _numbers, "vector": _numbers, "direction": _directions, "step": _step, "steps": _step_list}
 _STEP_CURVES = {"translate": _translations, "scale": _scales, "rotate": _rotations, "matrix": _matrices}

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from visray.animation.track import Address, Stage, Track
+from visray.animation.track import CHECKS, Address, Stage, Track
 from visray.quantities import Point, Real
 
 Radius = Annotated[Real, Field(ge=0, le=1e9)]
@@ -34,6 +34,8 @@ class EllipseTrack(Ellipse, Track):
     """The point at `address` moves on an ellipse about `center`; without a center, about the point that the scene has
     at the address. `around` is a second ellipse, which is added, as for a moon that goes about a planet."""
 
+    is_point: ClassVar[bool] = True
+
     type: Literal["ellipse"] = "ellipse"
     address: Address
     center: Point | None = None
@@ -41,6 +43,9 @@ class EllipseTrack(Ellipse, Track):
 
     def addresses(self) -> tuple[str, ...]:
         return (self.address,)
+
+    def check_times(self, duration: float) -> tuple[float, ...]:
+        return tuple(duration * k / CHECKS for k in range(CHECKS + 1))
 
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
         x, y, z = stage.value(self.address) if self.center is None else self.center

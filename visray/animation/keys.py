@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
@@ -31,6 +32,20 @@ class KeysTrack(Track):
 
     def addresses(self) -> tuple[str, ...]:
         return (self.address,)
+
+    def check_times(self, duration: float) -> tuple[float, ...]:
+        return self.times
+
+    def flaws(self, duration: float) -> list[tuple[str, str]]:
+        if len(self.times) < 2:
+            return [("times", "a track has at least two keys; add one, or write the value in the scene itself")]
+        if len(self.values) != len(self.times):
+            return [("values", f"has {len(self.values)} entries for {len(self.times)} times; give one for each time")]
+        return [
+            (f"times.{i}", f"must be after times.{i - 1}, which is {before:g} s")
+            for i, (before, time) in enumerate(pairwise(self.times), 1)
+            if not time > before
+        ]
 
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
         return {self.address: self._curve(stage.sort(self.address))(t)}

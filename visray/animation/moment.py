@@ -4,13 +4,18 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from visray.animation.targets import sort_of
-from visray.animation.track import Stage
 from visray.arguments import checked_arguments
 from visray.errors import UserError
-from visray.scene.address import changed, value
+from visray.identity_cache import IdentityCache
+from visray.scene.address import changed
+from visray.scene.animation_targets import still
+from visray.scene.animation_values import track_values
 from visray.scene.check import checked
+from visray.scene.edits import SECTIONS
 from visray.scene.scene import Scene
+
+# The checked animations of scenes, each with the state (_state) of the scene at that time.
+_animations = IdentityCache()
 
 
 def assignments(scene: Scene, t: float) -> dict[str, Any]:
@@ -18,21 +23,9 @@ def assignments(scene: Scene, t: float) -> dict[str, Any]:
 
     t: seconds; before 0 and after the duration the values are those of the ends.
     """
-    animation = scene.animation
-    if animation is None:
+    if scene.animation is None:
         return {}
-    t, still = min(max(t, 0.0), animation.duration), replace(scene, animation=None)
-    found: dict[str, Any] = {}
-
-    def moved(address: str) -> Any:
-        """The value at an address with what the other tracks write."""
-        written = {a: x for a, x in found.items() if a == address or a.startswith(f"{address}.")}
-        return value(changed(still, written), address) if written else value(still, address)
-
-    stage = Stage(animation.duration, lambda a: value(still, a), moved, lambda a: sort_of(still, a))
-    for track in sorted(animation.tracks.values(), key=lambda track: track.follows):
-        found |= track.values_at(t, stage)
-    return found
+    return track_values(scene, min(max(t, 0.0), scene.animation.duration))
 
 
 @checked_arguments
@@ -43,8 +36,26 @@ def at(scene: Scene, t: float) -> Scene:
     """
     if scene.animation is None:
         raise UserError("at: the scene has no animation; give it one, or use the scene as it is")
+    scene = _checked(scene)
     duration = scene.animation.duration
     if not isinstance(t, int | float) or not math.isfinite(t) or not 0 <= t <= duration:
         raise UserError(f"t = {t}: must be a time of the animation, from 0 to {duration:g} s")
-    scene = checked(scene)
-    return changed(replace(scene, animation=None), assignments(scene, t))
+    return changed(still(scene), assignments(scene, t))
+
+
+def _checked(scene: Scene) -> Scene:
+    """Validated copy of a scene with an animation. The animation is checked once, as this takes long for many keys."""
+    known = _animations.get(scene)
+    if known is None or known[0] != _state(scene):
+        animation = checked(scene).animation
+        known = _state(scene), animation
+        _animations.put(scene, known)
+    return replace(checked(still(scene)), animation=known[1])
+
+
+def _state(scene: Scene) -> tuple:
+    """All names in a valid scene, each with the id() of its value: it tells whether a dict of the scene was changed in
+    place."""
+    layers = {} if scene.data is None else scene.data.layers
+    sections = (*(getattr(scene, name) for name in SECTIONS), layers, scene.animation.tracks)
+    return tuple((name, id(value)) for section in sections for name, value in section.items())

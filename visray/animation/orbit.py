@@ -1,7 +1,7 @@
 """Track of a camera that goes about its target."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -15,6 +15,8 @@ class OrbitTrack(TimedTrack):
     """The camera goes about its target, on a circle about the axis `axis` through the target; without one, the axis is
     the camera's `up`. It goes counter-clockwise when the axis points at the viewer, `turns` times. If the target moves,
     the camera goes with it."""
+
+    naming: ClassVar[str | None] = None
 
     type: Literal["orbit"] = "orbit"
     turns: Turns = 1.0

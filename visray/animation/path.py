@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,14 +21,32 @@ class PathTrack(TimedTrack):
     The path is `linear`, or `smooth`: a centripetal Catmull-Rom curve, which has no loops.
     """
 
+    is_point: ClassVar[bool] = True
+
     type: Literal["path"] = "path"
     address: Address
-    points: Annotated[tuple[Triple, ...], Field(min_length=2)]
+    points: tuple[Triple, ...]
     closed: Annotated[bool, Field(strict=True)] = False
     interpolation: Literal["linear", "smooth"] = "linear"
 
     def addresses(self) -> tuple[str, ...]:
         return (self.address,)
+
+    def check_times(self, duration: float) -> tuple[float, ...]:
+        end = duration if self.end is None else self.end
+        shares = self._path.shares()
+        return tuple(self.begin + (end - self.begin) * share for share in shares)
+
+    def flaws(self, duration: float) -> list[tuple[str, str]]:
+        found = super().flaws(duration)
+        if len(self.points) < 2:
+            return [*found, ("points", "a path has at least two points; add one")]
+        ring = [*enumerate(self.points), *([(0, self.points[0])] if self.closed else [])]
+        return found + [
+            (f"points.{i}", f"must differ from the point before, points.{before}")
+            for (before, a), (i, b) in pairwise(ring)
+            if a == b
+        ]
 
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
         point = self._path.at(self.progress(t, stage.duration))

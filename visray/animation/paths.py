@@ -29,6 +29,11 @@ class Path:
         """The point at a share of the length, from 0 to 1."""
         return self.at_parameter(float(np.interp(share * self.lengths[-1], self.lengths, self.parameters)))
 
+    def shares(self) -> tuple[float, ...]:
+        """Shares of the length at which the path is at its points."""
+        whole = self.parameters == np.round(self.parameters)
+        return tuple((self.lengths[whole] / self.lengths[-1]).tolist())
+
 
 def polygon(points: np.ndarray, closed: bool) -> Path:
     """The path of straight lines through points. Shape: (N, 3)."""

@@ -1,7 +1,7 @@
 """Track of an object that turns about an axis."""
 
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from visray.animation.track import Address, Stage, TimedTrack, Turns
 from visray.quantities import Direction, Point
@@ -11,6 +11,8 @@ from visray.quantities import Direction, Point
 class SpinTrack(TimedTrack):
     """What is at the address `of`, such as `objects.earth`, turns about the axis `axis` through `center`, `turns`
     times; counter-clockwise when the axis points at the viewer. Its written transform comes first."""
+
+    naming: ClassVar[str | None] = "of"
 
     type: Literal["spin"] = "spin"
     of: Address

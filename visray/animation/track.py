@@ -6,7 +6,7 @@ dataclass in one file. It knows no scene: what it needs of one is in the `Stage`
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
@@ -15,6 +15,9 @@ from visray.quantities import Real
 Seconds = Annotated[Real, Field(ge=0)]
 Turns = Annotated[Real, Field(ge=-1e6, le=1e6)]
 Address = Annotated[str, Field(strict=True, min_length=1)]
+
+# Steps of a track at whose ends the scene is checked.
+CHECKS = 16
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,14 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """A track writes values of the scene as functions of time."""
+    """A track writes values of the scene as functions of time.
+
+    naming: the field that names what moves; None if there is none
+    is_point: whether what moves must be a point
+    """
+
+    naming: ClassVar[str | None] = "address"
+    is_point: ClassVar[bool] = False
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
@@ -52,6 +62,10 @@ class Track:
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
         """The values at time t, by address."""
         raise TypeError(f"{type(self).__name__} has no values")
+
+    def check_times(self, duration: float) -> tuple[float, ...]:
+        """Times at which the scene must be valid, so that it is likely to be valid at all times."""
+        return (0.0, duration)
 
     def flaws(self, duration: float) -> list[tuple[str, str]]:
         """Errors that concern several fields together, as pairs of a field's name and a message.
@@ -72,6 +86,10 @@ class TimedTrack(Track):
         """Share of the track that is done at time t, from 0 to 1."""
         end = duration if self.end is None else self.end
         return min(max((t - self.begin) / (end - self.begin), 0.0), 1.0)
+
+    def check_times(self, duration: float) -> tuple[float, ...]:
+        end = duration if self.end is None else self.end
+        return tuple(self.begin + (end - self.begin) * k / CHECKS for k in range(CHECKS + 1))
 
     def flaws(self, duration: float) -> list[tuple[str, str]]:
         end = duration if self.end is None else self.end

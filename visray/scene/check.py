@@ -25,6 +25,7 @@ from visray.primitives.csg_operands import has_operands
 from visray.primitives.instance import Instance
 from visray.primitives.mesh import Mesh
 from visray.quantities import Name
+from visray.scene.animation_flaws import animation_flaws
 from visray.scene.csg_flaws import named_geometries, operand_flaws, reference_flaws, with_operands
 from visray.scene.data_flaws import data_flaws, geometries_of_data
 from visray.scene.edits import SECTIONS, parts
@@ -121,7 +122,8 @@ def _accepted(raw: dict) -> Scene | None:
     for name, entries in sections.items():
         for key, equal in getattr(new, name).items():
             remember(entries[key] if is_dataclass(type(entries[key])) else equal, equal)
-    return scene
+    # Last, because it checks further scenes, which have the same entries.
+    return None if any(True for _ in animation_flaws(scene, examined)) else scene
 
 
 def _known(entries: dict, kinds: frozenset) -> dict:
@@ -196,6 +198,7 @@ def _flaws_of_the_rest(raw: dict, error: ValidationError) -> list[str]:
             sections[section].pop(inner[0], None)
         else:
             sections.pop(section, None)
+    sections.pop("animation", None)  # it moves what was left out here
     try:
         return flaws(ADAPTER.validate_python(sections))
     except ValidationError:
@@ -213,6 +216,16 @@ def flaws(scene: Scene) -> list[str]:
 
 def _all_flaws(scene: Scene) -> Iterator[str]:
     """The flaws of a scene. They are found one after another, because a message about a name takes a while."""
+    wrong = False
+    for text in _flaws_at_rest(scene):
+        wrong = True
+        yield text
+    if not wrong:
+        yield from animation_flaws(scene, examined)
+
+
+def _flaws_at_rest(scene: Scene) -> Iterator[str]:
+    """The flaws of a scene, without those of its animation."""
     yield from _camera_flaws(scene.camera)
     yield from material_flaws(scene)
     for name, light in scene.lights.items():

@@ -53,6 +53,11 @@ def value_at(scene: Scene, address: str) -> Any:
     return scene.data.value(*_row_edit(scene.data, address))
 
 
+def value_in(raw: dict[str, Any], address: str) -> Any:
+    """Value at an address of a scene that is given as plain dicts. Raises UserError if there is no such value."""
+    return _value_at(raw, address)
+
+
 def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
     """The scene as plain dicts, with other values at some addresses, which are not checked. Only entries that no
     assignment changes stay instances. Raises UserError if there is no such address.

@@ -1,0 +1,172 @@
+"""Flaws of animations: tracks without a target, with wrong keys, or with one target for two of them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from visray.animation.animation import Track
+from visray.animation.between import between_flaws
+from visray.animation.curves import Sort, step_key
+from visray.animation.keys import KeysTrack
+from visray.errors import UserError
+from visray.scene.animation_targets import discrete, given_shape, shape, sort_of, still
+from visray.scene.animation_values import track_values
+from visray.scene.edits import edited, value_at
+from visray.scene.messages import line
+from visray.scene.scene import Scene
+
+# Function that returns the flaws of a scene as plain dicts (check.examined).
+Examine = Callable[[dict], tuple[Any, list[str]]]
+
+
+def animation_flaws(scene: Scene, examine: Examine) -> Iterator[str]:
+    """The errors of the scene's animation, one line each. Domain: the rest of the scene has no flaws.
+
+    First each track alone is looked at; if these have no errors, tracks that write one value, and then the scenes that
+    all tracks make together.
+    """
+    if scene.animation is None:
+        return
+    tracks, small = scene.animation.tracks, _touched(scene)
+    found = [text for name, track in tracks.items() for text in _own_flaws(scene, small, name, track, examine)]
+    found = found or list(_overlaps(tracks))
+    yield from found or _wrong_moments(small, examine)
+
+
+def _address(name: str, part: str = "") -> str:
+    """Address of a part of a track."""
+    return f"animation.tracks.{name}" + (f".{part}" if part else "")
+
+
+def _line(name: str, track: Track, part: str, text: str) -> str:
+    """The message about a part of a track."""
+    value: Any = track
+    for key in part.split("."):
+        value = value[int(key)] if isinstance(value, tuple) else getattr(value, key)
+    return line(_address(name, part), value, text)
+
+
+def _own_flaws(scene: Scene, small: Scene, name: str, track: Track, examine: Examine) -> Iterator[str]:
+    """The errors of one track: those that it finds itself, those of its targets, and those of its values. small: the
+    scene as _touched returns it"""
+    found = [_line(name, track, part, text) for part, text in track.flaws(scene.animation.duration)]
+    found += [_line(name, track, track.naming, text) for text in _target_flaws(still(scene), track)]
+    yield from found
+    if not found and isinstance(track, KeysTrack):
+        yield from _value_flaws(still(small), name, track, examine)
+
+
+def _target_flaws(scene: Scene, track: Track) -> Iterator[str]:
+    """The errors of the targets of a track: there are none, or they cannot move, or are not three numbers."""
+    for address in track.addresses() if track.naming else ():
+        if _within(address, "animation"):
+            yield "tracks move what is in the scene beside the animation; name another address"
+            continue
+        try:
+            value = value_at(scene, address)
+        except UserError as error:
+            yield str(error).removeprefix(f"{address}: ")
+            continue
+        if text := discrete(scene, address):
+            yield text
+        elif track.is_point and shape(value) != (3,):
+            yield "is not the address of a point, of three numbers"
+
+
+def _value_flaws(scene: Scene, name: str, track: KeysTrack, examine: Examine) -> Iterator[str]:
+    """The errors of the values of keys: the form of the value, the value itself, and what lies between two of them."""
+    sort, current = sort_of(scene, track.address), value_at(scene, track.address)
+    wrong = {i: _form_flaw(sort, track, i, current) for i in range(len(track.values))}
+    found = [_line(name, track, f"values.{i}", text) for i, text in wrong.items() if text]
+    found = found or [
+        _at_key(name, track, i, flaw)
+        for i, value in enumerate(track.values)
+        for flaw in examine(edited(scene, {track.address: value}))[1]
+    ]
+    if not found and track.interpolation != "step":
+        found = [_line(name, track, f"values.{i}", text) for i, text in between_flaws(sort, track.values)]
+    yield from found
+
+
+def _form_flaw(sort: Sort, track: KeysTrack, i: int, current: Any) -> str | None:
+    """What is wrong with the form of the value of a key; None if it has that of the scene's own value, `current`."""
+    value, first = track.values[i], track.values[0]
+    if not _fits(sort, value, current):
+        return f"must be {_form(sort, current)}, like the value in the scene"
+    if sort == "steps" and _fits(sort, first, current) and _kinds(value) != _kinds(first):
+        return f"must have the steps of the first key, in its order: {', '.join(_kinds(first)) or 'none'}"
+    return None
+
+
+def _fits(sort: Sort, value: Any, current: Any) -> bool:
+    """Whether a value has the form of the scene's own value."""
+    if sort == "step":
+        return step_key(value) == step_key(vars(current))
+    if sort == "steps":
+        return isinstance(value, tuple) and all(step_key(x) is not None for x in value)
+    return given_shape(value) == shape(current)
+
+
+def _form(sort: Sort, current: Any) -> str:
+    """Words for the form of the scene's own value."""
+    if sort == "step":
+        return f'a step with the key "{step_key(vars(current))}"'
+    if sort == "steps":
+        return 'a list of steps, such as [{"rotate": 30}]'
+    size = shape(current)
+    return "a number" if not size else f"a list of {' x '.join(map(str, size))} numbers"
+
+
+def _kinds(steps: tuple) -> list[str | None]:
+    """The kinds of the steps of a transform."""
+    return [step_key(x) for x in steps]
+
+
+def _overlaps(tracks: dict[str, Track]) -> Iterator[str]:
+    """The errors of tracks that write a value, or a part of a value, that a track before them writes too."""
+    owners: dict[str, str] = {}
+    for name, track in tracks.items():
+        clashes = [(a, other) for a in track.addresses() for other in owners if _within(a, other) or _within(other, a)]
+        owners |= dict.fromkeys(track.addresses(), name)
+        for address, other in clashes[:1]:
+            shared = address if _within(address, other) else other
+            text = f"{_address(owners[other])} writes {shared} too; leave one of the two tracks out"
+            yield _line(name, track, track.naming or "type", text)
+
+
+def _within(address: str, other: str) -> bool:
+    """Whether an address is another one, or a part of it."""
+    return f"{address}.".startswith(f"{other}.")
+
+
+def _wrong_moments(scene: Scene, examine: Examine) -> Iterator[str]:
+    """The errors of the scenes that all tracks make together, at times that each track names."""
+    times = {t for track in scene.animation.tracks.values() for t in track.check_times(scene.animation.duration)}
+    seen: set[str] = set()
+    for t in sorted(times):
+        for flaw in examine(edited(still(scene), track_values(scene, t)))[1]:
+            address = flaw.partition(" = ")[0]
+            if address not in seen:
+                yield f"animation.tracks: at {t:g} s, {flaw}"
+            seen.add(address)
+
+
+def _at_key(name: str, track: KeysTrack, i: int, flaw: str) -> str:
+    """The message about a flaw of the scene with the value of a key."""
+    key = _address(name, f"values.{i}")
+    rest = flaw.removeprefix(track.address)
+    return key + rest if rest != flaw and rest[:1] in " .:" else line(key, track.values[i], f"with it, {flaw}")
+
+
+def _touched(scene: Scene) -> Scene:
+    """The scene with as little as possible beside what the tracks write: a check of it takes no longer if the scene is
+    large."""
+    addresses = [a.split(".") for track in scene.animation.tracks.values() for a in track.addresses()]
+    heads = {a[0] for a in addresses}
+    if heads & {"data", "geometries"}:
+        return scene
+    names = {a[1] for a in addresses if a[0] == "objects"}
+    objects = {name: obj for name, obj in scene.objects.items() if name in names}
+    if any(scene.geometries for obj in objects.values() if obj.composite or hasattr(obj, "geometry") or obj.cut):
+        return scene
+    return replace(scene, objects=objects, geometries={}, data=None)

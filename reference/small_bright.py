@@ -17,7 +17,7 @@ import numpy as np
 from machine import machine
 from report import report_parser, write_report
 
-from visray.adaptive.loop import AdaptiveRun
+from visray.adaptive.evidence import Evidence
 from visray.output.curves import LUMINANCE
 
 SIZE, FINE, FINE_SPP, SEEDS = 16, 64, 64, 20
@@ -233,12 +233,12 @@ def case(name: str) -> dict:
     s, asked = CASES[name]
     s = replace(s, settings=replace(s.settings, depth=4, sampler="sobol"))
     true, off = closed_form(s) if name in CLOSED else reduced(s)
-    looks, report = AdaptiveRun._look_at_small_objects, {"scene": name, "asked": asked}
+    looks, report = Evidence.look_at_small_objects, {"scene": name, "asked": asked}
     report["truth_off"] = sqrt(off) / float((true @ LUMINANCE).mean())
-    for way, look in (("with", looks), ("without", lambda run: None)):
-        AdaptiveRun._look_at_small_objects = look
+    for way, look in (("with", looks), ("without", lambda *_: None)):
+        Evidence.look_at_small_objects = look
         report[way] = pictures(s, asked, true, off)
-    AdaptiveRun._look_at_small_objects = looks
+    Evidence.look_at_small_objects = looks
     return report
 
 

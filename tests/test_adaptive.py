@@ -530,7 +530,7 @@ def test_no_pixel_has_a_bias() -> None:
     ]
     true = np.mean(uniform, axis=0).ravel()[made.order]
     off = (np.var(uniform, axis=0, ddof=1) / len(uniform)).ravel()[made.order]
-    found = [pursuit(seeded(made, 1 + i), error=0.02).buffer for i in range(300)]
+    found = [pursuit(seeded(made, 1 + i), error=0.02).evidence.buffer for i in range(300)]
     counts = np.array([h.counts for h in found])
     assert counts.min() <= 4 and counts.max() >= 32 and len(np.unique(counts[0])) >= 3
     assert not Bias.of([luminance(h) for h in found], true, off).seen()
@@ -755,7 +755,7 @@ def test_ctrl_c_waits_for_first_samples_that_are_soon_there(
     monkeypatch.setattr(lane_buffer, "first_pass_samples", lambda made: 2**12)
     made = prepare(replace(EDGES, film=Film(width=200, height=150)))
     if kept:
-        assert set(pursuit(made, error=0.01, interrupts=Asked(0)).buffer.counts) == {adaptive.SHORTEST_PILOT}
+        assert set(pursuit(made, error=0.01, interrupts=Asked(0)).evidence.buffer.counts) == {adaptive.SHORTEST_PILOT}
     else:
         with pytest.raises(KeyboardInterrupt):
             pursuit(made, error=0.01, interrupts=Asked(0))
@@ -816,11 +816,11 @@ def test_interrupted_a_picture_is_kept(questions: int) -> None:
     """At any pass: with at least one sample of each lane, and with the error that it has."""
     made = prepare(EDGES)
     found = pursuit(made, error=2e-4, interrupts=Asked(questions))
-    h = found.buffer
+    h = found.evidence.buffer
     assert h.counts.min() >= 1 and h.counts.max() <= 2**LARGEST_LEVEL
     layers = h.layers(("RGB", "error"))
     assert np.isfinite(layers["RGB"]).all() and np.isfinite(layers["error"]).all()
-    assert found.estimate == h.estimate() and found.estimate.error > 2e-4
+    assert found.evidence.estimate == h.estimate() and found.evidence.estimate.error > 2e-4
 
 
 def test_an_interrupted_render_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,11 +13,12 @@ from test_render import compiled
 from virtual import Machine
 
 from visray import integrator
-from visray.adaptive import loop, small_objects
+from visray.adaptive import small_objects
 from visray.adaptive.brightness import Brightness
 from visray.adaptive.cell_buffer import FREEDOM, REPLICATES, CellBuffer
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.estimate import ratio_quantile
+from visray.adaptive.evidence import Evidence
 from visray.adaptive.footprint import FilmMap, blocks
 from visray.camera import Camera, OrthographicCamera
 from visray.errors import GoalWarning
@@ -86,7 +87,7 @@ def test_a_bright_ball_far_smaller_than_a_pixel_is_in_the_picture() -> None:
 
 def test_it_is_missed_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """Or the test above would say nothing."""
-    monkeypatch.setattr(loop.AdaptiveRun, "_look_at_small_objects", lambda run: None)
+    monkeypatch.setattr(Evidence, "look_at_small_objects", lambda *_: None)
     image = adaptive(spark(), error=0.05)
     assert off(image, truth()) > 10 * image.metadata["error_high"]
 
@@ -118,7 +119,7 @@ def test_scenes_without_small_objects_have_no_cells_and_the_same_kernel(monkeypa
     scene = spark({"ball": Sphere(radius=1.0, material="wall")}, lights={"key": PointLight(position=(0, 3, 4))})
     image = adaptive(scene, error=0.01)
     assert not {"small_object_pixels", "unseen", "unseen_error"} & set(image.metadata)
-    monkeypatch.setattr(loop.AdaptiveRun, "_look_at_small_objects", lambda run: None)
+    monkeypatch.setattr(Evidence, "look_at_small_objects", lambda *_: None)
     assert compiled(lambda: adaptive(scene, error=0.01)) == 0
     assert np.array_equal(adaptive(scene, error=0.01)["RGB"], image["RGB"])
 

@@ -16,7 +16,8 @@ import numpy as np
 from visray import clock
 from visray import film as films
 from visray.adaptive.error_floor import Files
-from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
+from visray.adaptive.evidence import NotANumber
+from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots

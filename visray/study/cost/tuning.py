@@ -20,7 +20,8 @@ from visray import clock
 from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.error_floor import DEEPEST, LARGER, Files, check_precision
-from visray.adaptive.loop import NotANumber, adaptive_sampler, render_adaptively
+from visray.adaptive.evidence import NotANumber
+from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments
 from visray.errors import UserError

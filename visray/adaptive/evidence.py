@@ -1,0 +1,109 @@
+"""What the samples of an adaptive render tell so far: the error, the allocation of further samples, and the light that
+may have been missed."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from visray.adaptive.allocation import Allocation, neighbour_means
+from visray.adaptive.brightness import Brightness
+from visray.adaptive.cell_buffer import CellBuffer
+from visray.adaptive.dual_buffer import DualBuffer
+from visray.adaptive.estimate import Estimate
+from visray.adaptive.small_objects import small_objects
+from visray.data.all_objects import address_of
+from visray.setup import Prepared
+
+# Light is hidden if it may be HIDDEN times as bright as the brightest pixels of the picture. Most pictures show a third
+# of the greatest brightness that their lights and materials allow. The brightest pixels are a share of the picture, but
+# at least and at most so many.
+HIDDEN = 3.0
+SHARE_OF_BRIGHTEST, FEWEST_BRIGHTEST, MOST_BRIGHTEST = 0.01, 4, 16
+
+
+class NotANumber(Exception):
+    """Raised if a pixel is not a number. `mean`: colours of the picture's pixels. Shape: (3, N)."""
+
+    def __init__(self, mean: np.ndarray):
+        super().__init__("a pixel is not a number")
+        self.mean = mean
+
+
+class Evidence:
+    """The samples of an adaptive render, and what follows from them.
+
+    buffer: the dual buffer that samples are added to.
+    estimate: error that is estimated from the samples so far.
+    pilot_squares: mean square errors in the pilot, as a dict by the number of samples that all lanes had.
+    hidden: brightness of light that samples may have missed, and what it is. The small objects that got no samples of
+        their own are part of it.
+    """
+
+    def __init__(self, prepared: Prepared):
+        self.buffer = DualBuffer(prepared)
+        self.estimate: Estimate
+        self.pilot_squares: dict[int, float] = {}
+        self.hidden: tuple[float, str] = 0.0, ""
+
+    def look(self) -> None:
+        """Estimates the error of the samples so far. Raises NotANumber if a pixel is not a number."""
+        self.buffer.hidden = 0.0
+        if self.hidden[0]:
+            brightness = np.sqrt(np.square(self.buffer.mean()).mean(0))
+            if self.buffer.cells is not None:
+                brightness = np.delete(brightness, self.buffer.cells.lanes)
+            k = int(np.clip(SHARE_OF_BRIGHTEST * len(brightness), FEWEST_BRIGHTEST, MOST_BRIGHTEST))
+            shown = np.sort(brightness)[-k:][0] if len(brightness) else 0.0
+            self.buffer.hidden = self.hidden[0] if self.hidden[0] > HIDDEN * shown else 0.0
+        estimate = self.buffer.estimate()
+        if not np.isfinite(estimate.square):
+            raise NotANumber(self.buffer.mean())
+        self.estimate = estimate
+
+    def allocation(self) -> Allocation:
+        """Allocation by the variance of the samples so far. Updates `estimate` and `pilot_squares` too."""
+        buffer, film = self.buffer, self.buffer.prepared.scene.film
+        self.look()
+        order = buffer.prepared.order
+        variances = np.ones(film.height * film.width)
+        if buffer.counts.min() > 1:
+            variances[order] = buffer.variances().reshape(2, -1).sum(0)
+        if buffer.counts.min() == buffer.counts.max():
+            self.pilot_squares[int(buffer.counts[0])] = self.estimate.square
+        # A black picture has no luminance to divide by.
+        variances /= np.square(self.estimate.luminance) or 1.0
+        known = np.ones(variances.shape, bool)
+        if buffer.cells is not None:
+            known[order[buffer.cells.lanes]] = False
+        shape = film.height, film.width
+        nearby = neighbour_means(variances.reshape(shape), known.reshape(shape)).ravel()[order]
+        allocation = Allocation.of(nearby, buffer.counts[: buffer.n])
+        allocation.update(self.estimate.square - self.estimate.cells, buffer.counts[: buffer.n])
+        return allocation
+
+    def look_at_small_objects(self, has_time: Callable[[], bool], seconds_left: Callable[[], float]) -> None:
+        """Gives the pixels that show small objects samples of their own. Small objects that cannot have these are
+        hidden light.
+
+        has_time: function that returns whether there is time to compile the kernel of these samples.
+        seconds_left: as for LaneBuffer.extend.
+        """
+        buffer, prepared = self.buffer, self.buffer.prepared
+        cells, brightness = small_objects(prepared), Brightness.of(prepared)
+        self.hidden = brightness.hidden, brightness.cause
+        names, materials = list(prepared.scene.all_objects), prepared.scene.materials_of_objects()
+
+        def bright(number: int) -> float:
+            return max(brightness.objects[name] for name in materials[number])
+
+        missed = list(cells.missed)
+        if len(cells.pixels):
+            own = CellBuffer(prepared, cells, np.array([bright(k) for k in cells.objects]))
+            if has_time() and own.rise(seconds_left):
+                buffer.cells = own
+            else:
+                missed += list(cells.objects)
+        if missed:
+            brightest = max(missed, key=bright)
+            if bright(brightest) > self.hidden[0]:
+                self.hidden = bright(brightest), f"{address_of(names[brightest])}, smaller than a pixel"

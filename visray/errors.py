@@ -24,3 +24,7 @@ class GoalWarning(UserWarning):
 
 class LegendWarning(UserWarning):
     """A legend leaves something out, or a character of it cannot be drawn."""
+
+
+class CheckpointWarning(UserWarning):
+    """A checkpoint is missing or cannot be written, or it keeps the samples of a picture that was stopped."""

@@ -37,6 +37,7 @@ def expose(
     film: films.Film | None = None,
     timer: PassTimer | None = None,
     look: Callable[[films.Film], None] | None = None,
+    keep: Callable[[films.Film], None] | None = None,
 ) -> tuple[films.Film, int]:
     """Takes all samples that the scene's settings ask for. Returns the film, and the smallest number of samples of a
     pixel. Ctrl-C ends the work after the current launch; this number is then smaller than asked for, perhaps 0.
@@ -45,11 +46,13 @@ def expose(
     film: film to continue, of the same picture and pixels; None starts an empty film
     timer: records how long the passes take
     look: function that is called with the film after the first pass
+    keep: function that is called with the film after each launch (Checkpoint.keep). It must not change the film, whose
+        arrays may be those of NumPy, or use it later.
 
     The result is bit for bit that of a single pass with all samples. It does not depend on how samples are divided into
     passes or pixels into films, nor on the number of threads (tests/test_same_bits.py).
     """
-    interrupts, timer = interrupts or Interrupts(), timer or PassTimer()
+    interrupts, timer, keep = interrupts or Interrupts(), timer or PassTimer(), keep or (lambda film: None)
     if film is None:
         film = empty_film(prepared)
     film.check(films.PictureIdentity(prepared.scene, prepared.a), prepared.order)
@@ -61,9 +64,10 @@ def expose(
         while (done := int(film.counts.min())) < settings.spp and not (film.counts.any() and interrupts.requested):
             targets = np.maximum(film.counts, min(done + count, settings.spp))
             if n > room:
-                film = _exposed_in_parts(prepared, film, targets, room, timer, bar, interrupts)
+                film = _exposed_in_parts(prepared, film, targets, room, timer, bar, interrupts, keep)
             else:
                 film = exposed_once(prepared, film, targets, timer)
+                keep(film)
             interrupts.has_results = True
             bar.update(film.counts.mean())
             if look is not None and film.counts.all():
@@ -82,12 +86,14 @@ def _exposed_in_parts(
     timer: PassTimer,
     bar: Bar,
     interrupts: Interrupts,
+    keep: Callable[[films.Film], None],
 ) -> films.Film:
     """The film after one more pass, whose pixels are divided into several launches. Each is as short as a pass should
     be, even if a single sample of all pixels takes minutes. After Ctrl-C, some pixels have no new sample.
 
     targets: number of samples that each lane has after the pass
     room: number of samples that the first launch may take; the timer decides about the others
+    keep: as for `expose`
     """
     a, counts = prepared.a, film.counts.copy()
     moments = [np.array(x) for x in film.moments.arrays]
@@ -102,6 +108,7 @@ def _exposed_in_parts(
         for x, new in zip(moments, part.moments.arrays):
             x[..., now] = np.array(new)
         counts[now] = part.counts
+        keep(film.with_moments(Moments(*moments), counts))
         interrupts.has_results = True
         bar.update(counts.mean())
         room = timer.next_samples()

@@ -10,6 +10,7 @@ from visray.animation.orbit import OrbitTrack
 from visray.animation.path import PathTrack
 from visray.animation.spin import SpinTrack
 from visray.camera import Camera, OrthographicCamera
+from visray.checkpoint import Checkpoint
 from visray.data.base import GlobeBase, MapBase, PlaneBase
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -49,6 +50,7 @@ __all__ = [
     "Block",
     "Camera",
     "CheckerTexture",
+    "Checkpoint",
     "ColorRule",
     "Data",
     "DataLayer",

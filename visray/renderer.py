@@ -21,6 +21,7 @@ from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
+from visray.checkpoint import Checkpoint, held
 from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.legend.layer import has_legend
@@ -65,6 +66,8 @@ def render(
     begun: float | None = None,
     allow_outside: bool = False,
     legend: bool = True,
+    checkpoint: str | Path | Checkpoint | None = None,
+    resume: bool = False,
 ) -> Image:
     """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
     taken so far.
@@ -84,6 +87,9 @@ def render(
     begun: the moment from which `time` counts (clock.now); None means the moment of the call.
     allow_outside: whether a scene file may name files outside of its folder.
     legend: whether the picture gets the legend of the scene's data, if there is one, as layer legend.
+    checkpoint: a file that keeps the samples until the picture is finished (checkpoint.py), at least each half minute;
+        or a Checkpoint, which the caller holds.
+    resume: whether the picture in the file `checkpoint` is continued. It has the same bits as if it had not stopped.
 
     With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image
     say how the picture was made.
@@ -92,6 +98,7 @@ def render(
     refuse_within_kernel()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
     _check_arguments(goal, layers, files)
+    _check_checkpoint(goal, checkpoint, resume)
     scene = load(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
@@ -109,11 +116,11 @@ def render(
         set_threads(threads)
     with Bar("preparing", 1, progress):
         prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
-    with Interrupts(has_results=False) as interrupts:
+    with held(checkpoint, resume) as kept, Interrupts(has_results=False) as interrupts:
         if goal:
             values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
         else:
-            values, facts = _layers_of_spp(prepared, layers, progress, interrupts)
+            values, facts = _layers_of_spp(prepared, layers, progress, interrupts, kept)
         check_numbers(prepared, values["RGB"])
         drawn = overlay(prepared, values, layers)
     if goal:
@@ -140,13 +147,31 @@ def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -
         check_destination(path, files.gamma, files.exposure)
 
 
+def _check_checkpoint(goal: Goal | None, checkpoint: str | Path | Checkpoint | None, resume: bool) -> None:
+    """Raises a UserError if a render to this goal has no checkpoint, or if there is none to go on with."""
+    if resume and checkpoint is None:
+        raise UserError("resume = True: needs the checkpoint to go on with; give its file as checkpoint")
+    if goal and goal.seconds is not None and checkpoint is not None:
+        reason = "how far a picture comes in a time depends on the machine, so it cannot go on to the same bits"
+        raise UserError(f"time = {goal.seconds:g}: goes with no checkpoint: {reason}; give an error, or samples")
+
+
 def _layers_of_spp(
-    prepared: Prepared, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
+    prepared: Prepared,
+    layers: tuple[str, ...],
+    progress: bool,
+    interrupts: Interrupts,
+    checkpoint: Checkpoint | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata."""
-    timer = PassTimer()
-    look = partial(_look, prepared, interrupts)
-    film, spp = expose(prepared, progress, interrupts, timer=timer, look=look)
+    timer, wanted = PassTimer(), prepared.scene.settings.spp
+    look, keep, film = partial(_look, prepared, interrupts), None, None
+    if checkpoint is not None:
+        film = checkpoint.film(prepared.a, films.PictureIdentity(prepared.scene, prepared.a), wanted)
+        keep = checkpoint.keep
+    film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
+    if checkpoint is not None:
+        checkpoint.end(film, spp >= wanted)
     values, facts = developed(prepared, film)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film

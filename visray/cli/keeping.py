@@ -1,4 +1,5 @@
-"""Results that took minutes are kept elsewhere if their file cannot be written: the disk may be full, for example."""
+"""Where work that took minutes is kept: in a checkpoint until it is done, and elsewhere if its file cannot be written
+because the disk is full, for example."""
 
 import secrets
 import tempfile
@@ -25,3 +26,8 @@ def kept(path: Path, write: Callable[[Path], None]) -> tuple[Path | None, list[s
     except UserError as error:
         return None, [*lines, *error.lines]
     return elsewhere, [f"{'; '.join(lines)}; it is kept as {elsewhere}"]
+
+
+def checkpoint_path(outputs: list[Path]) -> Path:
+    """The file that keeps the samples of a picture until it is written to these files: beside the first of them."""
+    return outputs[0].with_name(outputs[0].name + ".checkpoint")

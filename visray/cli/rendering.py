@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from visray import clock
-from visray.cli.keeping import kept
+from visray.cli.keeping import checkpoint_path, kept
 from visray.cli.options import (
     INTERRUPTED,
     Compat,
@@ -179,6 +179,10 @@ def render_command(
         Path | None, Parameter(help="A .png file for the legend alone, with a transparent background.")
     ] = None,
     no_legend: flag("Draw no legend into the picture of a data scene, and put none into its EXR file.") = False,
+    checkpoint: flag(
+        "Keep the samples in a file beside the first output, OUTPUT.checkpoint, until all is written."
+    ) = False,
+    resume: flag("Go on with the checkpoint of a render that has not ended, to the same bits.") = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
     more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
@@ -196,6 +200,7 @@ def render_command(
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
         from visray.adaptive.stopping import Goal
+        from visray.checkpoint import held
         from visray.output.image import check_destination
         from visray.renderer import render
 
@@ -205,26 +210,28 @@ def render_command(
         for path in outputs:
             check_destination(path, curve, exposure)
         check_legend(loaded, legend)
-        image = render(
-            loaded,
-            threads=threads,
-            backend=backend,
-            layers=names,
-            progress=not (quiet or json),
-            error=error,
-            time=time,
-            files=Files(outputs, curve, exposure, float32),
-            begun=clock.LOADED,
-            legend=legend is not None or not no_legend,
-        )
-        # While the files are written, Ctrl-C does not stop the program.
-        with Interrupts():
-            results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
-            image = without_legend(image) if no_legend else image
-            write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
-            results += [kept(path, write) for path in outputs]
-    if problems := [line for _, lines in results for line in lines]:
-        raise UserError(*problems)
+        with held(checkpoint_path(outputs) if checkpoint or resume else None, resume) as kept_samples:
+            image = render(
+                loaded,
+                threads=threads,
+                backend=backend,
+                layers=names,
+                progress=not (quiet or json),
+                error=error,
+                time=time,
+                files=Files(outputs, curve, exposure, float32),
+                begun=clock.LOADED,
+                legend=legend is not None or not no_legend,
+                checkpoint=kept_samples,
+            )
+            # While the files are written, Ctrl-C does not stop the program.
+            with Interrupts():
+                results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
+                image = without_legend(image) if no_legend else image
+                write = partial(image.write, gamma=curve, exposure=exposure, float32=float32)
+                results += [kept(path, write) for path in outputs]
+            if problems := [line for _, lines in results for line in lines]:
+                raise UserError(*problems)
     facts, outputs = image.metadata, [*outputs, *([legend] if legend else [])]
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)

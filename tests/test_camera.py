@@ -378,7 +378,7 @@ WRONG = {
     '{"type": "orthographic", "height": 1e12}': "camera.height = 1000000000000.0: must be at most 1e+09",
     '{"type": "orthographic", "height": "tall"}': 'camera.height = "tall": must be a number (world units, > 0)',
     '{"type": "orthographic", "hight": 2}': "camera.hight: unknown key; did you mean 'height'? (one of type, origin, "
-    "target, up, height)",
+    "target, up, shutter, height)",
     '{"type": "orthographic", "origin": [0, 0, 0]}': "camera.target = [0.0, 0.0, 0.0]: must differ from origin",
     '{"type": "orthographic", "up": [0, 1, 6]}': "camera.up = [0.0, 1.0, 6.0]: must not be parallel to the view "
     "direction, target - origin",

@@ -80,8 +80,8 @@ shading
 media indirect
 integrator light_probe
 jacobian wavefront
-setup passes attached_picture
-surface_motion motion_vectors
+setup motion_blur passes attached_picture
+surface_motion motion_vectors moving
 dark
 adaptive
 certificate provenance picture_layers explaining renderer

@@ -1,13 +1,13 @@
 """The cameras: perspective, with a pinhole or a thin lens, and orthographic, whose rays are parallel."""
 
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import drjit as dr
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from visray.geometry import gamma, l1_norm
-from visray.quantities import Angle, Arrays, Direction, Length, LengthOrZero, Point
+from visray.quantities import Angle, Arrays, Direction, Length, LengthOrZero, Point, Real
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,37 @@ class ParallelView:
     target_distance: Any
 
 
+ShareOfFrame = Annotated[Real, Field(ge=-1, le=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shutter:
+    """When a camera's shutter is open: what moves in this time is blurred. Only animated scenes have motion blur.
+
+    open, close: moments at which it opens and closes, as shares of the time from one frame to the next, counted from
+        the time of the frame. A shutter angle of 180 degrees is 0.5 of a frame.
+    moments: number of moments at which the scene is looked at while the shutter is open. The samples of each pixel are
+        spread over them.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    open: ShareOfFrame = 0.0
+    close: ShareOfFrame = 0.5
+    moments: Annotated[int, Field(strict=True, ge=1, le=1024)] = 32
+
+    def times(self, t: float, frame: float) -> list[float]:
+        """The moments in seconds: the middles of equal parts of the time in which the shutter is open.
+
+        t: time of the frame. frame: seconds from one frame to the next.
+        """
+        step = (self.close - self.open) / self.moments
+        return [t + frame * (self.open + (i + 0.5) * step) for i in range(self.moments)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
-    """The camera is at `origin` and looks at `target`; `up` points upwards in the picture."""
+    """The camera is at `origin` and looks at `target`; `up` points upwards in the picture. `shutter`: when it is open,
+    for motion blur; null: for an instant."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     # By the name of a field that only another type of camera has: what is right instead.
@@ -75,6 +103,7 @@ class Viewpoint:
     origin: Point = (0.0, 1.0, 6.0)
     target: Point = (0.0, 0.0, 0.0)
     up: Direction = (0.0, 1.0, 0.0)
+    shutter: Shutter | None = None
 
     def axes(self) -> tuple[Any, Any, Any, Any]:
         """Unit directions to the right, up and forward in the picture, and the vector to the target. The camera's

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments
 from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
@@ -21,7 +22,7 @@ def explain(scene: Scene) -> Features:
     """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
     about meshes; which transparent solids count where they overlap; of what CSG objects are made; and what is odd about
     materials, clips and CSG."""
-    scene = checked(scene)
+    scene = still_at(checked(scene), None)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
     of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))

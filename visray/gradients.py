@@ -18,6 +18,7 @@ import numpy as np
 
 from visray.accel.policy import MAX_UNROLLED
 from visray.address_index import AddressIndex, Slot, TableSlot
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments, shown
 from visray.attached_picture import SampleLoop, Sweeps
 from visray.data.all_objects import address_of
@@ -121,7 +122,7 @@ def gradient(
     spp: samples per pixel; by default those of the scene
     progress: whether a progress bar is shown, after two seconds
     """
-    scene = adjusted(scene, precision=precision, spp=spp)
+    scene = still_at(adjusted(scene, precision=precision, spp=spp), None)
     wrt = [wrt] if isinstance(wrt, str) else list(wrt)
     with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
         d = _Derivatives(scene, wrt, backend, forward=False)
@@ -171,7 +172,7 @@ def derivative(
     spp: samples per pixel; by default those of the scene
     progress: whether a progress bar is shown, after two seconds
     """
-    scene = adjusted(scene, precision=precision, spp=spp)
+    scene = still_at(adjusted(scene, precision=precision, spp=spp), None)
     with Interrupts() as interrupts, Bar("differentiating", 1, progress, before="compiling derivatives") as bar:
         d = _Derivatives(scene, [address], backend, forward=True)
         _, tangent = d.traced(interrupts, bar).picture()
@@ -200,7 +201,7 @@ def difference(scene: Scene, address: str, step: float = 1e-6, *, spp: int | Non
     """
     if isinstance(step, bool) or not isinstance(step, (int, float)) or not 0 < step < inf:
         raise UserError(f"step = {shown(step)}: must be a finite number above 0, such as 1e-6")
-    scene = adjusted(scene, precision="double", spp=spp)
+    scene = still_at(adjusted(scene, precision="double", spp=spp), None)
     value = addresses.value(scene, address)
     value = np.array(value.values if isinstance(value, NumberTable) else value, float)
     step_size = step * max(1.0, float(np.max(np.abs(value))))

@@ -4,14 +4,18 @@ kernel. Where even a single sample of all pixels takes long, a pass consists of 
 from collections.abc import Callable
 from dataclasses import replace
 
+import drjit as dr
 import numpy as np
 
 from visray import clock, integrator
 from visray import film as films
+from visray.kernel_scene import KernelScene
 from visray.moments import Moments
+from visray.motion_blur import blurred
 from visray.pass_timer import PassTimer
+from visray.picture_identity import PictureIdentity
 from visray.progress import Bar, Interrupts
-from visray.sampling import SamplePlan
+from visray.sampling import SamplePlan, pixel_key
 from visray.setup import Prepared
 
 # Number of lanes that a processor computes together, with the widest registers.
@@ -27,7 +31,12 @@ def subset(prepared: Prepared, lanes: np.ndarray) -> Prepared:
 
 def empty_film(prepared: Prepared) -> films.Film:
     """A film without samples, for the pixels of a prepared scene."""
-    return films.Film.empty(prepared.a, prepared.order, films.PictureIdentity(prepared.scene, prepared.a))
+    return films.Film.empty(prepared.a, prepared.order, identity_of(prepared))
+
+
+def identity_of(prepared: Prepared) -> PictureIdentity:
+    """The identity of the picture of a prepared scene."""
+    return PictureIdentity(prepared.scene, prepared.a, prepared.shutter)
 
 
 def expose(
@@ -55,7 +64,7 @@ def expose(
     interrupts, timer, keep = interrupts or Interrupts(), timer or PassTimer(), keep or (lambda film: None)
     if film is None:
         film = empty_film(prepared)
-    film.check(films.PictureIdentity(prepared.scene, prepared.a), prepared.order)
+    film.check(identity_of(prepared), prepared.order)
     settings, n = prepared.scene.settings, len(prepared.order)
     first = first_pass_samples(prepared)
     passes = -(-settings.spp * n // max(first, n))
@@ -169,7 +178,28 @@ def exposed_once(
     if (first == first[0]).all() and (missing == missing[0]).all():
         # If the numbers are equal in all lanes, another kernel is used, which loads none of them from memory.
         first, missing = int(first[0]), int(missing[0])
-    plan = SamplePlan.of(prepared.a, settings.seed, settings.spp, first, missing)
-    film = film.with_moments(integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments), targets)
+    if prepared.shutter:
+        moments = _blurred(prepared, film.moments, *(np.broadcast_to(x, film.counts.shape) for x in (first, missing)))
+    else:
+        plan = SamplePlan.of(prepared.a, settings.seed, settings.spp, first, missing)
+        moments = integrator.sample(prepared.kernel, plan, prepared.x, prepared.y, film.moments)
+    film = film.with_moments(moments, targets)
     (timer or PassTimer()).evaluate(begun, samples, film.moments)
     return film
+
+
+def _blurred(prepared: Prepared, before: Moments, first: np.ndarray, count: np.ndarray) -> Moments:
+    """The moments of all lanes after more samples with an open shutter.
+
+    before: moments of the lanes
+    first, count: index of the first new sample of each lane, and number of its new samples
+    """
+    a, settings, x, y = prepared.a, prepared.scene.settings, prepared.x, prepared.y
+
+    def launch(kernel: KernelScene, lanes: np.ndarray, first: np.ndarray, count: np.ndarray, old: Moments) -> Moments:
+        plan = SamplePlan.of(a, settings.seed, settings.spp, first, count)
+        index = a.put(a.U, lanes.astype(np.uint32))
+        return integrator.sample(kernel, plan, dr.gather(a.U, x, index), dr.gather(a.U, y, index), old)
+
+    key = pixel_key(SamplePlan.of(a, settings.seed, settings.spp, 0, 0), x, y)
+    return blurred(prepared, before, np.array(key), first, count, launch)

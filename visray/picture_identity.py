@@ -21,8 +21,15 @@ class PictureIdentity:
     facts: version, backend, precision, size, seed, sampler, spp, and the hash of the scene without these
     """
 
-    def __init__(self, scene: Scene | None = None, a: Arrays | None = None, facts: dict[str, Any] | None = None):
-        self._scene, self._a, self._facts = scene, a, facts
+    def __init__(
+        self,
+        scene: Scene | None = None,
+        a: Arrays | None = None,
+        shutter: Any = None,
+        facts: dict[str, Any] | None = None,
+    ):
+        """shutter: the moments at which samples see the scene, as Prepared.shutter."""
+        self._scene, self._a, self._shutter, self._facts = scene, a, shutter, facts
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -41,7 +48,7 @@ class PictureIdentity:
             "seed": s.seed,
             "sampler": s.sampler,
             "spp": s.spp if s.sampler == "stratified" else None,
-            "scene": hashed.hash(),
+            "scene": self._shutter.hash(hashed) if self._shutter else hashed.hash(),
         }
 
     @staticmethod
@@ -62,7 +69,8 @@ class PictureIdentity:
     def difference(self, other: "PictureIdentity") -> str | None:
         """What tells the picture of the identity `other` from this one, as a predicate such as "is of seed 7, not 0";
         None if it is the same picture."""
-        if self is other or (self._scene is not None and self._scene is other._scene and self._a == other._a):
+        same = self._scene is other._scene and self._a == other._a and self._shutter is other._shutter
+        if self is other or (same and self._scene is not None):
             return None
         for fact, value in self.facts.items():
             if (theirs := other.facts.get(fact)) != value:

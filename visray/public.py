@@ -9,7 +9,7 @@ from visray.animation.moment import at
 from visray.animation.orbit import OrbitTrack
 from visray.animation.path import PathTrack
 from visray.animation.spin import SpinTrack
-from visray.camera import Camera, OrthographicCamera
+from visray.camera import Camera, OrthographicCamera, Shutter
 from visray.checkpoint import Checkpoint
 from visray.data.base import GlobeBase, MapBase, PlaneBase
 from visray.data.color_rule import ColorRule
@@ -81,6 +81,7 @@ __all__ = [
     "Scatter",
     "Scene",
     "Settings",
+    "Shutter",
     "SkyGradient",
     "SpinTrack",
     "Translate",

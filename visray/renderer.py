@@ -19,6 +19,7 @@ from visray.adaptive.error_floor import Files
 from visray.adaptive.evidence import NotANumber
 from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.checkpoint import Checkpoint, held
@@ -26,6 +27,7 @@ from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.legend.layer import has_legend
 from visray.motion_vectors import check_motion
+from visray.moving import moving
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.pass_timer import LONGEST_PASS, PassTimer
@@ -66,6 +68,7 @@ def render(
     begun: float | None = None,
     allow_outside: bool = False,
     legend: bool = True,
+    at: float | None = None,
     checkpoint: str | Path | Checkpoint | None = None,
     resume: bool = False,
 ) -> Image:
@@ -87,6 +90,8 @@ def render(
     begun: the moment from which `time` counts (clock.now); None means the moment of the call.
     allow_outside: whether a scene file may name files outside of its folder.
     legend: whether the picture gets the legend of the scene's data, if there is one, as layer legend.
+    at: the moment of an animated scene that is shown, in seconds; None means its beginning. Only here is there motion
+        blur: vr.at gives a scene without it.
     checkpoint: a file that keeps the samples until the picture is finished (checkpoint.py), at least each half minute;
         or a Checkpoint, which the caller holds.
     resume: whether the picture in the file `checkpoint` is continued. It has the same bits as if it had not stopped.
@@ -103,9 +108,9 @@ def render(
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
-    check_motion(layers, given.after if given else None)
-    scene = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
-    scene_hash = scene.hash()
+    animated = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
+    check_motion(layers, given.after if given else animated.animation)
+    asked = scene = still_at(animated, at)
     if not (legend and has_legend(scene)):
         layers = tuple(name for name in layers if name not in names_from("overlay"))
     if goal:
@@ -116,6 +121,8 @@ def render(
         set_threads(threads)
     with Bar("preparing", 1, progress):
         prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
+        if animated.animation is not None:
+            prepared = moving(prepared, animated, at or 0.0)
     with held(checkpoint, resume) as kept, Interrupts(has_results=False) as interrupts:
         if goal:
             values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
@@ -128,9 +135,12 @@ def render(
     pictures = rasters(prepared, values, layers) | drawn
     certificate = certificate_facts(pictures)
     warn_of_roots(certificate, prepared)
+    scene_hash = prepared.shutter.hash(asked) if prepared.shutter else asked.hash()
     facts = provenance(prepared, scene_hash, clock.now() - now, pictures.get("id")) | facts | certificate
     if goal:
         del facts["spp_asked"]
+    if animated.animation is not None:
+        facts["time"] = float(at or 0.0)
     return Image(pictures, facts | {"interrupted": int(interrupts.requested)})
 
 

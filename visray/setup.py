@@ -9,6 +9,7 @@ import numpy as np
 
 from visray import film as films
 from visray import images, llvm
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments
 from visray.clip_report import warn_of_clips
 from visray.csg_report import warn_of_empty_csg
@@ -39,6 +40,7 @@ class Prepared:
     x, y: column and row of each lane's pixel
     identities: names in the scene, each with the id() of its value, to detect that a dict of the scene was changed in
         place
+    shutter: the moments at which samples see the scene (motion_blur.py); None without motion blur
     looked: what pictures of the scene were already looked at for (dark/); one set for all scenes that are made from it
         by `updated`
     after: the scene of the next frame of an animation, for motion vectors; None for a scene of its own
@@ -53,6 +55,7 @@ class Prepared:
     x: Any
     y: Any
     identities: tuple
+    shutter: Any = None
     looked: set[str] = field(default_factory=set)
     after: Scene | None = None
 
@@ -78,7 +81,8 @@ class Prepared:
         film."""
         if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
             return self
-        return self._with(scene, self.packed if scene.film == self.scene.film else None)
+        made = self._with(scene, self.packed if scene.film == self.scene.film else None)
+        return replace(made, shutter=self.shutter.on(made)) if self.shutter else made
 
     def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
         """The scene `scene`, prepared with the packed numbers `packed`. If these are None, or if `scene` needs another
@@ -89,7 +93,7 @@ class Prepared:
         kernel = kernel_scene(
             packed, scene, effects, self.a, previous.atlas, previous.brute_force, (self.packed, previous)
         )
-        return replace(self, scene=scene, packed=packed, kernel=kernel, identities=_identities(scene))
+        return replace(self, scene=scene, packed=packed, kernel=kernel, identities=_identities(scene), shutter=None)
 
 
 def prepare(
@@ -101,7 +105,7 @@ def prepare(
     attach: Callable[[Packed], None] | None = None,
     without: tuple[str, ...] = (),
 ) -> Prepared:
-    """Prepares a scene for rendering.
+    """Prepares a scene for rendering; of an animated scene its beginning.
 
     everything: whether all effects are simulated, even those that are zero; a reference that `features` is tested
         against
@@ -110,6 +114,7 @@ def prepare(
     attach: function that enables derivatives in the packed numbers, before anything is computed from them
     without: names of effects that are left out
     """
+    scene = still_at(scene, None)
     a = arrays(backend, scene.settings.precision)
     refuse_within_kernel()
     width, height = scene.film.width, scene.film.height

@@ -12,10 +12,13 @@ import numpy as np
 from visray import clock, integrator
 from visray.film import Film
 from visray.integrator import Window
+from visray.kernel_scene import KernelScene
 from visray.moments import Moments
+from visray.motion_blur import blurred
 from visray.pass_timer import PassTimer
 from visray.passes import first_pass_samples
-from visray.sampling import SamplePlan
+from visray.pytree import rows
+from visray.sampling import SamplePlan, pixel_key
 from visray.setup import Prepared
 
 # Largest number of samples of a lane in one pass. They run one after the other, and Ctrl-C waits for them.
@@ -122,9 +125,19 @@ class LaneBuffer:
         prepared, a = self.prepared, self.prepared.a
         index = a.put(a.U, lanes.astype(np.uint32))
         seeds, x, y, window = self.places(index)
-        plan = SamplePlan.per_lane(a, seeds, *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
         old = Moments(*(dr.gather(type(part), part, index) for part in self.film.moments.arrays))
-        return old, integrator.sample(prepared.kernel, plan, x, y, old, window), index
+
+        def launch(s: KernelScene, among: np.ndarray | None, first: Any, count: Any, before: Moments) -> Moments:
+            places = seeds, x, y, window
+            if among is not None:
+                places = rows(places, a.put(a.U, among.astype(np.uint32)))
+            plan = SamplePlan.per_lane(a, places[0], *(a.put(a.U, v.astype(np.uint32)) for v in (first, count)))
+            return integrator.sample(s, plan, *places[1:3], before, places[3])
+
+        if not prepared.shutter:
+            return old, launch(prepared.kernel, None, first, count, old), index
+        keys = np.array(pixel_key(SamplePlan.per_lane(a, seeds, None, None), x, y))
+        return old, blurred(prepared, old, keys, first, count, launch), index
 
 
 def half_seed(seed: int, half: int) -> int:

@@ -40,7 +40,7 @@ def at(scene: Scene, t: float) -> Scene:
     duration = scene.animation.duration
     if not isinstance(t, int | float) or not math.isfinite(t) or not 0 <= t <= duration:
         raise UserError(f"t = {t}: must be a time of the animation, from 0 to {duration:g} s")
-    return changed(still(scene), assignments(scene, t))
+    return changed(_sharp(still(scene)), assignments(scene, t))
 
 
 def _checked(scene: Scene) -> Scene:
@@ -59,3 +59,19 @@ def _state(scene: Scene) -> tuple:
     layers = {} if scene.data is None else scene.data.layers
     sections = (*(getattr(scene, name) for name in SECTIONS), layers, scene.animation.tracks)
     return tuple((name, id(value)) for section in sections for name, value in section.items())
+
+
+def _sharp(scene: Scene) -> Scene:
+    """The scene without a shutter, which blurs only what moves."""
+    return replace(scene, camera=replace(scene.camera, shutter=None)) if scene.camera.shutter else scene
+
+
+def still_at(scene: Scene, t: float | None) -> Scene:
+    """What a picture of a scene shows: of an animated scene the moment t, else the scene itself. Domain: a checked
+    scene.
+
+    t: seconds; None: the beginning of the animation. Raises UserError for another t if there is no animation.
+    """
+    if scene.animation is None and t is None:
+        return _sharp(scene)
+    return at(scene, 0.0 if t is None else t)

@@ -76,6 +76,13 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
+def load_still(*arguments: Any, **options: Any) -> "Scene":
+    """As load_scene; of an animated scene its beginning, for commands that look at one moment."""
+    from visray.animation.moment import still_at
+
+    return still_at(load_scene(*arguments, **options), None)
+
+
 def load_scene(
     scene: Path, setup: Path | None, compat: bool, assignments: list[str], *, allow_outside: bool, **settings: Any
 ) -> "Scene":

@@ -161,6 +161,7 @@ def render_command(
         Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    at: Annotated[float | None, Parameter(help="The moment of an animated scene, in seconds. Default: 0.")] = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")] = None,
     precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
     seed: Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")] = None,
@@ -223,6 +224,7 @@ def render_command(
                 begun=clock.LOADED,
                 legend=legend is not None or not no_legend,
                 checkpoint=kept_samples,
+                at=at,
             )
             # While the files are written, Ctrl-C does not stop the program.
             with Interrupts():

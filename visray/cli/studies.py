@@ -21,6 +21,7 @@ from visray.cli.options import (
     app,
     flag,
     load_scene,
+    load_still,
     parse_list,
     parse_pixel,
     write_or_print,
@@ -66,7 +67,7 @@ def explain_command(
     overlap. Notes say which materials do not do what they seem to say. With --cost: what each effect costs in time.
     With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
-    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
     if why is not None:
         return _tell_pixel(loaded, *parse_pixel(why), json)
     from visray import tables
@@ -165,7 +166,7 @@ def check(
 
     The same rays go through both. Exit code 1 if they differ.
     """
-    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.output.image import check_destination
     from visray.setup import set_threads
     from visray.study.mitsuba import crosscheck
@@ -207,7 +208,7 @@ def cost(
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
-    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
     from visray.progress import Interrupts
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report

@@ -285,7 +285,10 @@ def _placement_flaw(scene: Scene, instance: Instance) -> str | None:
 
 def _camera_flaws(camera: Camera) -> list[str]:
     """List with the error of the camera, if it has one: origin and target are equal, a vector is too long or too short,
-    or `up` is parallel to the view direction."""
+    `up` is parallel to the view direction, or the shutter closes before it opens."""
+    if (shutter := camera.shutter) is not None and shutter.close <= shutter.open:
+        text = f"must be greater than open, which is {shutter.open:g}"
+        return [line("camera.shutter.close", shutter.close, text)]
     view = np.subtract(camera.target, camera.origin)
     up = np.array(camera.up, float)
     if camera.target == camera.origin:

@@ -7,6 +7,7 @@ from visray.animation.orbit import OrbitTrack
 from visray.animation.path import PathTrack
 from visray.animation.spin import SpinTrack
 from visray.animation.track import TimedTrack
+from visray.camera import Shutter, Viewpoint
 from visray.data.base import AnyBase, FlatBase
 from visray.data.color_rule import ColorRule
 from visray.data.data_scene import Data
@@ -39,6 +40,12 @@ MEANINGS: dict[type, dict[str, str]] = {
         "objects": "objects by name",
         "data": "real data: a map or a globe, and layers of rows of tables, each row shown by a gizmo",
         "animation": "what moves, as functions of time, or null",
+    },
+    Viewpoint: {"shutter": "when the camera's shutter is open, for motion blur; null: for an instant"},
+    Shutter: {
+        "open": "when it opens, as a share of the time from one frame to the next, from -1 to 1",
+        "close": "when it closes, as a share of the time from one frame to the next, from -1 to 1; after open",
+        "moments": "number of moments that samples are spread over, from 1 to 1024",
     },
     Film: {
         "width": "pixels, > 0",

@@ -12,6 +12,7 @@ import numpy as np
 
 from visray import clock
 from visray.adaptive.dual_buffer import QUANTILE
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.explaining import explain
@@ -113,7 +114,7 @@ def cost(
     name = str(scene) if isinstance(scene, (str, Path)) else "a scene given in Python"
     if isinstance(scene, (str, Path)):
         scene = load(scene, setup, allow_outside=allow_outside)
-    scene = checked(scene)
+    scene = still_at(checked(scene), None)
     if not isinstance(seeds, int) or isinstance(seeds, bool) or not LEAST_SEEDS <= seeds <= MOST_SEEDS:
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:

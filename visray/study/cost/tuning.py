@@ -10,7 +10,7 @@ target at its own size, with the scene's own settings and with the candidate, an
 The candidate is taken only if its render was better.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from visray.adaptive.error_floor import DEEPEST, LARGER, Files, check_precision
 from visray.adaptive.evidence import NotANumber
 from visray.adaptive.result import adaptive_sampler, render_adaptively
 from visray.adaptive.stopping import Goal
+from visray.animation.moment import still_at
 from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.picture_layers import check_numbers
@@ -69,14 +70,17 @@ def tune(
         check_precision(error, "double")
     if isinstance(scene, (str, Path)):
         scene = load(scene, setup, allow_outside=allow_outside)
-    scene = checked(scene)
+    given = checked(scene)
+    scene = still_at(given, None)
     if threads is not None:
         set_threads(threads)
     with Interrupts() as interrupts:
         report = study.studied(scene, quick, study.LEAST_SEEDS, progress, interrupts, for_tuning=True)
         if report.stopped:
             raise KeyboardInterrupt
-        return _Tuner(scene, report, target, interrupts, progress).run()
+        tuned = _Tuner(scene, report, target, interrupts, progress).run()
+        # An animated scene was tuned at its beginning, and keeps its animation.
+        return replace(tuned, scene=changed(given, tuned.changed)) if given.animation else tuned
 
 
 @dataclass

@@ -1,0 +1,19 @@
+"""A frame of an animation, prepared: the scene of its moment, with what moves until the next frame."""
+
+from dataclasses import replace
+
+from visray.motion_blur import opened
+from visray.motion_vectors import next_frame
+from visray.scene.scene import Scene
+from visray.setup import Prepared
+
+
+def moving(prepared: Prepared, scene: Scene, t: float, fps: float | None = None) -> Prepared:
+    """The prepared scene of the moment t with its shutter open, for motion blur, and with the next frame, for motion
+    vectors.
+
+    scene: the animated scene.
+    t: seconds.
+    fps: frames per second; None: those of the animation.
+    """
+    return opened(replace(prepared, after=next_frame(scene, t, fps)), scene, t, fps)

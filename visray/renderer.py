@@ -31,7 +31,7 @@ from visray.moving import moving
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.pass_timer import LONGEST_PASS, PassTimer
-from visray.passes import expose
+from visray.passes import expose, identity_of
 from visray.picture_layers import alpha_of, check_numbers, developed, first_hit_layers, overlay, rasters
 from visray.progress import Bar, Interrupts
 from visray.provenance import provenance
@@ -177,7 +177,7 @@ def _layers_of_spp(
     timer, wanted = PassTimer(), prepared.scene.settings.spp
     look, keep, film = partial(_look, prepared, interrupts), None, None
     if checkpoint is not None:
-        film = checkpoint.film(prepared.a, films.PictureIdentity(prepared.scene, prepared.a), wanted)
+        film = checkpoint.film(prepared.a, identity_of(prepared), wanted)
         keep = checkpoint.keep
     film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
     if checkpoint is not None:

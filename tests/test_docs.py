@@ -16,6 +16,8 @@ from PIL import Image
 
 import visray as vr
 from visray import camera, lights, primitives, textures
+from visray.animation import kinds as tracks
+from visray.animation.track import TimedTrack
 from visray.camera import Viewpoint
 from visray.cli.commands import app
 from visray.data import base
@@ -257,7 +259,7 @@ FOR_TABLES = {
     "Scene": vr.Scene, "Camera": Viewpoint, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
     "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
     "Object": Primitive, "Polynomial": vr.Polynomial, "Csg": vr.Csg, "Data": vr.Data, "AnyBase": AnyBase,
-    "DataLayer": vr.DataLayer, "SizeRule": vr.SizeRule, "ColorRule": vr.ColorRule, "Legend": vr.Legend,
+    "Animation": vr.Animation, "Shutter": vr.Shutter, "DataLayer": vr.DataLayer, "SizeRule": vr.SizeRule, "ColorRule": vr.ColorRule, "Legend": vr.Legend,
 }  # fmt: skip
 
 
@@ -316,6 +318,7 @@ def test_a_table_of_fields_has_all_of_them_with_their_defaults(name):
         ("textures", textures.KINDS, Texture),
         ("cameras", camera.KINDS, Viewpoint),
         ("bases", base.KINDS, AnyBase),
+        ("tracks", tracks.KINDS, TimedTrack),
     ],
 )
 def test_a_table_of_kinds_has_all_of_them_with_their_fields(name, kinds, common):

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from visray.animation.animation import Animation
 from visray.arguments import checked_arguments
 from visray.errors import UserError
 from visray.identity_cache import IdentityCache
@@ -45,6 +46,8 @@ def at(scene: Scene, t: float) -> Scene:
 
 def _checked(scene: Scene) -> Scene:
     """Validated copy of a scene with an animation. The animation is checked once, as this takes long for many keys."""
+    if not isinstance(scene.animation, Animation):
+        return checked(scene)
     known = _animations.get(scene)
     if known is None or known[0] != _state(scene):
         animation = checked(scene).animation

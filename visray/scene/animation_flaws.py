@@ -127,11 +127,11 @@ def _overlaps(tracks: dict[str, Track]) -> Iterator[str]:
     owners: dict[str, str] = {}
     for name, track in tracks.items():
         clashes = [(a, other) for a in track.addresses() for other in owners if _within(a, other) or _within(other, a)]
-        owners |= dict.fromkeys(track.addresses(), name)
         for address, other in clashes[:1]:
             shared = address if _within(address, other) else other
             text = f"{_address(owners[other])} writes {shared} too; leave one of the two tracks out"
             yield _line(name, track, track.naming or "type", text)
+        owners |= dict.fromkeys(track.addresses(), name)
 
 
 def _within(address: str, other: str) -> bool:

@@ -84,6 +84,8 @@ setup motion_blur passes attached_picture
 surface_motion motion_vectors moving
 dark
 adaptive
+cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
+cluster.merging cluster.crew cluster.connecting cluster.picture cluster
 certificate provenance picture_layers explaining renderer
 edges
 gradients
@@ -166,6 +168,8 @@ def outside(path: Path) -> set[str]:
         ("trimesh", ("meshes.",)),
         ("flip_evaluator", ("study.cost.errors",)),
         ("rich", ("tables", "progress")),
+        ("distributed", ("cluster.",)),
+        ("dask", ("cluster.",)),
     ],
 )
 def test_doors(library, rooms):

@@ -459,9 +459,9 @@ def test_stopped_within_a_sample_and_taken_up(monkeypatch: pytest.MonkeyPatch) -
 
 def test_lanes_are_spread_evenly() -> None:
     for n in (1, 15, 16, 17, 294, 1000):
-        lanes = passes._spread(n)
+        lanes = passes.spread_lanes(n)
         assert np.array_equal(np.sort(lanes), np.arange(n))
-    lanes = passes._spread(4096)
+    lanes = passes.spread_lanes(4096)
     for k in range(0, 4096, 512):
         assert abs(lanes[k : k + 512].mean() / 4096 - 0.5) < 0.1
         assert all((lanes[k : k + 512] // 1024 == q).sum() == 128 for q in range(4))

@@ -28,3 +28,7 @@ class LegendWarning(UserWarning):
 
 class CheckpointWarning(UserWarning):
     """A checkpoint is missing or cannot be written, or it keeps the samples of a picture that was stopped."""
+
+
+class ClusterWarning(UserWarning):
+    """A worker of a cluster is refused, and others do its work."""

@@ -2,6 +2,7 @@
 effect."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -125,13 +126,7 @@ def sample(
     """
     a, end, has_coverage = s.a, plan.first + plan.count, s.features["coverage"]
     pixels = Pixels(s, plan, x, y, window)
-
-    def step(i: Any, stratum: Any, d: Any, o: Any, *sums: Any) -> tuple:
-        state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
-        next_ray = pixels.ray(pixels.state(i + 1, next_stratum))
-        colour, covered = radiance(s, pixels.whole_ray(d, o), state)
-        block_sums = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
-        return i + 1, next_stratum, *next_ray, *block_sums.arrays[3:]
+    step = partial(_with_sample, s, plan, pixels)
 
     def block(i: Any, stratum: Any, d: Any, o: Any, mean: Any, squares: Any, coverage: Any, *sums: Any) -> tuple:
         stop = dr.minimum(end, (i | (BLOCK - 1)) + 1)
@@ -147,6 +142,37 @@ def sample(
     _, _, _, _, *arrays = dr.while_loop(start, lambda i, *_: i < end, block, label="blocks")
     result = Moments(*arrays)
     return result if has_coverage else replace(result, coverage=moments.coverage, open_coverage=moments.open_coverage)
+
+
+def _with_sample(
+    s: KernelScene, plan: sampling.SamplePlan, pixels: "Pixels", i: Any, stratum: Any, d: Any, o: Any, *sums: Any
+) -> tuple:
+    """The state of the loop over samples after one more.
+
+    i, stratum: index and stratum of the sample
+    d, o: direction and origin of its camera ray
+    sums: sums of the open block (moments.py)
+    """
+    state, next_stratum = pixels.state(i, stratum), sampling.next_stratum(plan, stratum)
+    next_ray = pixels.ray(pixels.state(i + 1, next_stratum))
+    colour, covered = radiance(s, pixels.whole_ray(d, o), state)
+    block_sums = Moments(None, None, None, *sums).with_sample(index_in_block(i) == 0, colour, covered)
+    return i + 1, next_stratum, *next_ray, *block_sums.arrays[3:]
+
+
+def block_sums(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> tuple:
+    """Sums of the samples of one block (moments.py) in each lane, not joined to others: reference, total, squares and
+    coverage, as they are before the block is joined. The coverage is None if the scene does not count it.
+
+    plan: samples that are taken. Domain: all samples of a lane are of one block, whose first sample is the first.
+    """
+    n, end, pixels = dr.width(x), plan.first + plan.count, Pixels(s, plan, x, y)
+    *sums, coverage = (dr.zeros(kind, n) for kind in Moments.types(s.a)[3:])
+    sums.append(coverage if s.features["coverage"] else None)
+    first = dr.zeros(s.a.U, n) + plan.first, sampling.first_stratum(plan, pixels.key, s.a.F)
+    start = *first, *pixels.ray(pixels.state(*first)), *sums
+    step = partial(_with_sample, s, plan, pixels)
+    return dr.while_loop(start, lambda i, *_: i < end, step, label="samples")[4:]
 
 
 def attached_mean(s: KernelScene, plan: sampling.SamplePlan, x: Any, y: Any) -> Any:

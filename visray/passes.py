@@ -106,7 +106,7 @@ def _exposed_in_parts(
     """
     a, counts = prepared.a, film.counts.copy()
     moments = [np.array(x) for x in film.moments.arrays]
-    lanes = _spread(len(counts))
+    lanes = spread_lanes(len(counts))
     while len(lanes) and not (counts.any() and interrupts.requested):
         # A launch has whole packets of lanes. With fewer lanes it would take as long.
         size = max(int(room / max((targets - counts)[lanes].mean(), 1)) // PACKET, 1) * PACKET
@@ -124,7 +124,7 @@ def _exposed_in_parts(
     return film.with_moments(Moments(*(a.put(k, x) for k, x in zip(Moments.types(a), moments))), counts)
 
 
-def _spread(n: int) -> np.ndarray:
+def spread_lanes(n: int) -> np.ndarray:
     """The lanes 0 to n - 1, in an order in which any range of them is spread over the whole picture. So all ranges take
     about the same time, and a picture that is stopped has pixels everywhere.
 

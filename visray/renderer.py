@@ -6,6 +6,7 @@ A lane is one pixel in the arrays of a kernel. The order of lanes is not the ord
 
 import warnings
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,8 @@ from visray.animation.moment import still_at
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.checkpoint import Checkpoint, held
+from visray.cluster.connecting import check_address, connected
+from visray.cluster.picture import Job, expose_on
 from visray.dark import dark_notes, warn_of_dark
 from visray.errors import GoalWarning, StoppedWarning, UserError
 from visray.legend.layer import has_legend
@@ -71,6 +74,7 @@ def render(
     at: float | None = None,
     checkpoint: str | Path | Checkpoint | None = None,
     resume: bool = False,
+    cluster: str | None = None,
 ) -> Image:
     """Renders a scene, a prepared scene (vr.prepare) or a scene file. After Ctrl-C, the picture consists of the samples
     taken so far.
@@ -95,6 +99,8 @@ def render(
     checkpoint: a file that keeps the samples until the picture is finished (checkpoint.py), at least each half minute;
         or a Checkpoint, which the caller holds.
     resume: whether the picture in the file `checkpoint` is continued. It has the same bits as if it had not stopped.
+    cluster: address of a Dask scheduler whose workers take the samples, such as tcp://host:8786, or local:N for N
+        workers on this machine. The bits are the same. `threads` is then the number of threads of each worker.
 
     With `error` or `time`, pixels with more noise get more samples, without bias (adaptive/). The metadata of the Image
     say how the picture was made.
@@ -102,12 +108,14 @@ def render(
     now = clock.now()
     refuse_within_kernel()
     goal, layers = Goal.from_arguments(error, time, spp, now if begun is None else begun), checked_layers(layers)
-    _check_arguments(goal, layers, files)
+    _check_arguments(goal, layers, files, cluster)
     _check_checkpoint(goal, checkpoint, resume)
     scene = load(scene, setup, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
+    if cluster and given and given.after is not None:
+        raise UserError(f"cluster = {cluster!r}: takes no prepared frame of an animation; give its scene, and `at`")
     animated = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
     check_motion(layers, given.after if given else animated.animation)
     asked = scene = still_at(animated, at)
@@ -119,15 +127,18 @@ def render(
         scene = adjusted(scene, sampler=sampler) if sampler != scene.settings.sampler else scene
     if threads is not None:
         set_threads(threads)
-    with Bar("preparing", 1, progress):
-        prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
-        if animated.animation is not None:
-            prepared = moving(prepared, animated, at or 0.0)
-    with held(checkpoint, resume) as kept, Interrupts(has_results=False) as interrupts:
+    with ExitStack() as stack:
+        crew = stack.enter_context(connected(cluster, threads)) if cluster else None
+        job = Job.begun(crew, animated, at) if crew else None
+        with Bar("preparing", 1, progress):
+            prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
+            if animated.animation is not None:
+                prepared = moving(prepared, animated, at or 0.0)
+        kept, interrupts = map(stack.enter_context, (held(checkpoint, resume), Interrupts(has_results=False)))
         if goal:
             values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
         else:
-            values, facts = _layers_of_spp(prepared, layers, progress, interrupts, kept)
+            values, facts = _layers_of_spp(prepared, layers, progress, interrupts, kept, job)
         check_numbers(prepared, values["RGB"])
         drawn = overlay(prepared, values, layers)
     if goal:
@@ -144,8 +155,9 @@ def render(
     return Image(pictures, facts | {"interrupted": int(interrupts.requested)})
 
 
-def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -> None:
-    """Raises a UserError if a layer needs a goal and there is none, or if a file cannot be written.
+def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files, cluster: str | None) -> None:
+    """Raises a UserError if a layer needs a goal and there is none, if a file cannot be written, or if there is no such
+    cluster.
 
     goal: the error or the time to reach, or None.
     """
@@ -155,6 +167,11 @@ def _check_arguments(goal: Goal | None, layers: tuple[str, ...], files: Files) -
         raise UserError(f"layers = {names}: only a picture to an error or in a time has that")
     for path in files.paths:
         check_destination(path, files.gamma, files.exposure)
+    if cluster is not None:
+        check_address(cluster)
+        if goal is not None:
+            reason = "each of its passes depends on all samples before, so one picture to an error or in a time is"
+            raise UserError(f"cluster = {cluster!r}: {reason} rendered on one machine; give spp, or leave cluster out")
 
 
 def _check_checkpoint(goal: Goal | None, checkpoint: str | Path | Checkpoint | None, resume: bool) -> None:
@@ -172,14 +189,21 @@ def _layers_of_spp(
     progress: bool,
     interrupts: Interrupts,
     checkpoint: Checkpoint | None,
+    job: Job | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata."""
+    """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata.
+
+    job: the workers that take the samples; None: this process does.
+    """
     timer, wanted = PassTimer(), prepared.scene.settings.spp
     look, keep, film = partial(_look, prepared, interrupts), None, None
     if checkpoint is not None:
         film = checkpoint.film(prepared.a, identity_of(prepared), wanted)
         keep = checkpoint.keep
-    film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
+    if job is None:
+        film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
+    else:
+        film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep)
     if checkpoint is not None:
         checkpoint.end(film, spp >= wanted)
     values, facts = developed(prepared, film)

@@ -56,6 +56,10 @@ Compat = flag("With a scene of the original VisRayTrace: use its rules for light
 Outside = flag("Read textures and meshes outside of the scene's folder too. Only for scenes that you trust.")
 Json = flag("Print the report as JSON.", name="--json")
 Threads = Annotated[Integer | None, Parameter(help="Number of threads. Default: one per core.")]
+Cluster = Annotated[
+    str | None,
+    Parameter(help="Render with the workers of a Dask scheduler, tcp://HOST:PORT, or with local:N, N on this machine."),
+]
 Settings = Annotated[
     list[str],
     Parameter(

@@ -17,6 +17,7 @@ from visray import clock
 from visray.cli.keeping import checkpoint_path, kept
 from visray.cli.options import (
     INTERRUPTED,
+    Cluster,
     Compat,
     Integer,
     Json,
@@ -167,6 +168,7 @@ def render_command(
     seed: Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")] = None,
     threads: Threads = None,
     backend: Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")] = "llvm",
+    cluster: Cluster = None,
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Annotated[
         str | None, Parameter(help="Layers of the EXR file, separated by commas: see below. Default: all.")
@@ -225,6 +227,7 @@ def render_command(
                 legend=legend is not None or not no_legend,
                 checkpoint=kept_samples,
                 at=at,
+                cluster=cluster,
             )
             # While the files are written, Ctrl-C does not stop the program.
             with Interrupts():

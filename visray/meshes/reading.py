@@ -44,6 +44,12 @@ def read(path: str) -> TriangleMesh:
     return entry[1]
 
 
+def files_of(path: str) -> tuple[str, ...]:
+    """The files that a mesh is read from: its own, then those that it names, such as the data of a glTF file."""
+    read(path)
+    return tuple(stamp[0] for stamp in _cache[os.path.abspath(path)][0])
+
+
 def _changed(stamp: tuple[str, int, int]) -> bool:
     """Whether a file has changed or vanished."""
     try:

@@ -95,6 +95,14 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
     return pretty(tree) + "\n"
 
 
+def text_with_files(scene: Scene, renamed: Callable[[str], str]) -> str:
+    """Text of a scene file with other paths of files, which need not exist here.
+
+    renamed: as in with_files
+    """
+    return pretty(_json_tree(with_files(checked(scene), renamed))) + "\n"
+
+
 def _warn_of_files_outside(scene: Scene, folder: str | Path) -> None:
     """Warns if a scene names files that a scene file in this folder may not read."""
     outside = []

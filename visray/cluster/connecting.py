@@ -1,0 +1,95 @@
+"""Connects to a scheduler by its address, or starts one on this machine."""
+
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
+from typing import Any
+
+from visray.cluster.crew import Crew
+from visray.cluster.local import LocalWorkers, check_count, cores, local_cluster
+from visray.cluster.quiet import quiet
+from visray.errors import UserError
+
+# Seconds in which a scheduler must answer, and in which workers must be there.
+ANSWER = 10.0
+# Seconds in which the workers of local:N must have started.
+START = 60.0
+ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
+LOCAL = re.compile(r"local:(-?\d+)")
+
+
+def check_address(address: str) -> None:
+    """Raises UserError if this is not the address of a cluster, or if Dask is not installed."""
+    if (found := LOCAL.fullmatch(address)) is not None:
+        check_count(address, int(found[1]))
+    elif not ADDRESS.fullmatch(address):
+        raise UserError(
+            f"cluster = {address!r}: must be the address of a scheduler, such as tcp://host:8786, or local:N"
+        )
+    if find_spec("distributed") is None:
+        raise UserError(f"cluster = {address!r}: needs Dask, which is not installed: pip install 'visray[cluster]'")
+
+
+@contextmanager
+def connected(address: str, threads: int | None = None) -> Iterator[Crew]:
+    """The workers of a scheduler, in a `with` block. At its end they are free again, and those of local:N have ended.
+
+    address: address of a scheduler, such as tcp://host:8786, or local:N for N workers on this machine
+    threads: number of threads of each worker. None: all that a worker's machine has; with local:N its share of them.
+    """
+    check_address(address)
+    # Before the noise is kept away: the import gives Dask's loggers their handlers.
+    import distributed  # noqa: F401
+
+    with quiet(), ExitStack() as stack:
+        local = None
+        if (found := LOCAL.fullmatch(address)) is not None:
+            cluster, local = stack.enter_context(local_cluster(int(found[1])))
+            threads = threads or max(cores() // int(found[1]), 1)
+            client = stack.enter_context(_client(cluster, address))
+            _wait_for_all(client, local, address)
+        else:
+            client = stack.enter_context(_client(address, address))
+            _wait_for_one(client, address)
+        crew = Crew(client, address, threads, local)
+        crew.check()
+        try:
+            yield crew
+        finally:
+            crew.cancel()
+
+
+def _client(target: Any, address: str) -> Any:
+    """Dask's client of a scheduler. Raises UserError if the scheduler does not answer.
+
+    target: the address, or the cluster on this machine
+    """
+    from distributed import Client
+
+    try:
+        # What workers send goes straight to the client if they are on its machine, else through the scheduler.
+        return Client(target, timeout=ANSWER, set_as_default=False, direct_to_workers=target is not address)
+    except (OSError, ValueError) as error:
+        problem = f"no scheduler answers within {ANSWER:g} s" if isinstance(error, OSError) else str(error)
+        raise UserError(f"cluster = {address!r}: {problem}; start one with: dask scheduler") from None
+
+
+def _wait_for_one(client: Any, address: str) -> None:
+    """Waits until the scheduler has a worker. Raises UserError if none comes."""
+    try:
+        client.wait_for_workers(1, timeout=ANSWER)
+    except TimeoutError:
+        raise UserError(f"cluster = {address!r}: it has no workers; start some with: dask worker {address}") from None
+
+
+def _wait_for_all(client: Any, local: LocalWorkers, address: str) -> None:
+    """Waits until the workers on this machine have started. Raises UserError if one cannot."""
+    for _ in range(int(START)):
+        try:
+            client.wait_for_workers(len(local.processes), timeout=1)
+            return
+        except TimeoutError:
+            if any(process.poll() is not None for process in local.processes):
+                break
+    raise UserError(f"cluster = {address!r}: a worker could not start: {local.last_words()}")

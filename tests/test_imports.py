@@ -86,7 +86,7 @@ dark
 adaptive
 cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
 cluster.merging cluster.crew cluster.connecting cluster.picture cluster
-certificate provenance picture_layers explaining renderer
+certificate provenance picture_layers animation_report explaining renderer
 edges
 gradients
 study

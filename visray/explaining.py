@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from visray.animation.moment import still_at
+from visray.animation_report import animation_notes
 from visray.arguments import checked_arguments
 from visray.clip_report import clip_notes
 from visray.constant_report import constant_notes
@@ -21,11 +22,12 @@ from visray.scene.scene import Scene
 def explain(scene: Scene) -> Features:
     """The effects that a scene needs and those that it does not, each with the reason; how rays find objects; facts
     about meshes; which transparent solids count where they overlap; of what CSG objects are made; and what is odd about
-    materials, clips and CSG."""
-    scene = still_at(checked(scene), None)
+    materials, clips and CSG. Of an animated scene: of its beginning, with notes about what moves."""
+    given = checked(scene)
+    scene = still_at(given, None)
     on = features(scene)
     listed, count = overlaps(scene) if on["nested media"] else ((), 0)
     of_scene = (*csg_notes(scene), *constant_notes(scene), *clip_notes(scene), *data_notes(scene))
-    notes = (*sheet_notes(scene, on), *energy_notes(scene), *of_scene)
+    notes = (*animation_notes(given), *sheet_notes(scene, on), *energy_notes(scene), *of_scene)
     more = {"meshes": mesh_facts(scene), "overlaps": listed, "overlap_count": count, "notes": notes}
     return replace(on, rays=ray_families(scene, on), **more)

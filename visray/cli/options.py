@@ -55,6 +55,7 @@ Setup = Annotated[Path | None, Parameter(help="The setup file of a scene in the 
 Compat = flag("With a scene of the original VisRayTrace: use its rules for light, occlusion and weights.")
 Outside = flag("Read textures and meshes outside of the scene's folder too. Only for scenes that you trust.")
 Json = flag("Print the report as JSON.", name="--json")
+At = Annotated[float | None, Parameter(help="The moment of an animated scene, in seconds. Default: 0.")]
 Threads = Annotated[Integer | None, Parameter(help="Number of threads. Default: one per core.")]
 Cluster = Annotated[
     str | None,
@@ -80,11 +81,14 @@ Outputs = Annotated[
 INTERRUPTED = 130
 
 
-def load_still(*arguments: Any, **options: Any) -> "Scene":
-    """As load_scene; of an animated scene its beginning, for commands that look at one moment."""
+def load_still(
+    scene: Path, setup: Path | None, compat: bool, assignments: list[str], at: float | None, *, allow_outside: bool
+) -> "Scene":
+    """As load_scene; of an animated scene one moment. at: the moment in seconds; None: the beginning."""
+    loaded = load_scene(scene, setup, compat, assignments, allow_outside=allow_outside)
     from visray.animation.moment import still_at
 
-    return still_at(load_scene(*arguments, **options), None)
+    return still_at(loaded, at)
 
 
 def load_scene(

@@ -17,6 +17,7 @@ from visray import clock
 from visray.cli.keeping import checkpoint_path, kept
 from visray.cli.options import (
     INTERRUPTED,
+    At,
     Cluster,
     Compat,
     Integer,
@@ -162,7 +163,7 @@ def render_command(
         Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
-    at: Annotated[float | None, Parameter(help="The moment of an animated scene, in seconds. Default: 0.")] = None,
+    at: At = None,
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")] = None,
     precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
     seed: Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")] = None,

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from visray.cli.keeping import kept
 from visray.cli.options import (
     INTERRUPTED,
+    At,
     Compat,
     Integer,
     Json,
@@ -59,6 +60,7 @@ def explain_command(
     why: Annotated[
         str | None, Parameter(help="X,Y: tell how the colour of this pixel comes about. 0,0 is the top left.")
     ] = None,
+    at: At = None,
     json: Json = False,
 ) -> int:
     """List the effects that are simulated for a scene and those that are not, each with the reason.
@@ -67,16 +69,19 @@ def explain_command(
     overlap. Notes say which materials do not do what they seem to say. With --cost: what each effect costs in time.
     With --why: only the story of a pixel, what is hit and what becomes of each light there.
     """
-    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside)
+    from visray.animation.moment import still_at
+
+    loaded = loaded if at is None else still_at(loaded, at)
     if why is not None:
-        return _tell_pixel(loaded, *parse_pixel(why), json)
+        return _tell_pixel(still_at(loaded, None), *parse_pixel(why), json)
     from visray import tables
     from visray.explaining import explain
     from visray.study import ablation
 
     # This comes first, because its arguments may be wrong, and then nothing else should be printed.
     runs = ablation.RUNS if runs is None else runs
-    measured = ablation.cost(loaded, spp, runs, progress=not json) if cost else None
+    measured = ablation.cost(still_at(loaded, None), spp, runs, progress=not json) if cost else None
     if measured and json:
         write_json(measured.as_json())
         return 0
@@ -157,6 +162,7 @@ def check(
     output: Annotated[
         Path | None, Parameter(name=("--output", "-o"), help="Write the difference of both pictures to this .exr file.")
     ] = None,
+    at: At = None,
     rays: Annotated[Integer, Parameter(help="Number of random rays through the scene.")] = 100_000,
     seed: Annotated[Integer, Parameter(help="Seed of the random rays.")] = 0,
     threads: Threads = None,
@@ -166,7 +172,7 @@ def check(
 
     The same rays go through both. Exit code 1 if they differ.
     """
-    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, at, allow_outside=allow_outside)
     from visray.output.image import check_destination
     from visray.setup import set_threads
     from visray.study.mitsuba import crosscheck
@@ -208,7 +214,7 @@ def cost(
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
-    loaded = load_still(scene, setup, compat, set, allow_outside=allow_outside)
+    loaded = load_still(scene, setup, compat, set, None, allow_outside=allow_outside)
     from visray.progress import Interrupts
     from visray.study.cost.report import table
     from visray.study.cost.study import check_report

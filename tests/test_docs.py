@@ -259,7 +259,8 @@ FOR_TABLES = {
     "Scene": vr.Scene, "Camera": Viewpoint, "Film": vr.Film, "Settings": vr.Settings, "Occlusion": vr.Occlusion,
     "Scatter": vr.Scatter, "Material": vr.Material, "Light": Light, "AreaLight": AreaLight, "Texture": Texture,
     "Object": Primitive, "Polynomial": vr.Polynomial, "Csg": vr.Csg, "Data": vr.Data, "AnyBase": AnyBase,
-    "Animation": vr.Animation, "Shutter": vr.Shutter, "DataLayer": vr.DataLayer, "SizeRule": vr.SizeRule, "ColorRule": vr.ColorRule, "Legend": vr.Legend,
+    "Animation": vr.Animation, "Shutter": vr.Shutter, "DataLayer": vr.DataLayer, "SizeRule": vr.SizeRule,
+    "ColorRule": vr.ColorRule, "Legend": vr.Legend,
 }  # fmt: skip
 
 

@@ -27,6 +27,7 @@ from visray.adaptive.depth_bias import depth_biases
 from visray.adaptive.dual_buffer import QUANTILE, DualBuffer
 from visray.adaptive.error_floor import ROUNDINGS, Files
 from visray.adaptive.estimate import Estimate, ratio_quantile
+from visray.adaptive.journal import Journal
 from visray.adaptive.loop import AdaptiveRun
 from visray.adaptive.stopping import Goal
 from visray.camera import Camera
@@ -93,7 +94,7 @@ def pursuit(
     made: Prepared, error: float | None = None, seconds: float | None = None, interrupts: Any = None
 ) -> AdaptiveRun:
     goal = Goal(error, seconds, clock.now())
-    found = AdaptiveRun(made, goal, interrupts or Interrupts(), Bar("", 1, False), silent)
+    found = AdaptiveRun(made, goal, interrupts or Interrupts(), Bar("", 1, False), silent, Journal())
     found.run(Files())
     return found
 

@@ -148,6 +148,11 @@ def test_a_checkpoint_of_another_picture_is_refused(what: str, begun: Path) -> N
     refused(begun, rf"a\.checkpoint: {differs}; ask for what it was begun with, or delete it", prepare(other))
 
 
+def test_a_checkpoint_of_another_goal_is_refused(begun: Path) -> None:
+    message = r"a\.checkpoint: is of goal a number of samples, not error 0\.1; ask for what it was begun with"
+    refused(begun, message, error=0.1)
+
+
 def test_a_checkpoint_of_another_version_is_refused(begun: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("visray.picture_identity.__version__", "9.0.0")
     refused(begun, rf"a\.checkpoint: is of visray {re.escape(vr.__version__)}, not 9\.0\.0; ")

@@ -136,7 +136,7 @@ def render(
                 prepared = moving(prepared, animated, at or 0.0)
         kept, interrupts = map(stack.enter_context, (held(checkpoint, resume), Interrupts(has_results=False)))
         if goal:
-            values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts)
+            values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts, kept)
         else:
             values, facts = _layers_of_spp(prepared, layers, progress, interrupts, kept, job)
         check_numbers(prepared, values["RGB"])
@@ -195,21 +195,22 @@ def _layers_of_spp(
 
     job: the workers that take the samples; None: this process does.
     """
-    timer, wanted = PassTimer(), prepared.scene.settings.spp
+    timer = PassTimer()
     look, keep, film = partial(_look, prepared, interrupts), None, None
     if checkpoint is not None:
-        film = checkpoint.film(prepared.a, identity_of(prepared), wanted)
+        film = checkpoint.film(prepared.a, identity_of(prepared), prepared.scene.settings.spp)
         keep = checkpoint.keep
     if job is None:
         film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
     else:
         film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep)
+    stopped = interrupts.requested
     if checkpoint is not None:
-        checkpoint.end(film, spp >= wanted)
+        checkpoint.end(film, finished=not stopped)
     values, facts = developed(prepared, film)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
-    if interrupts.requested and timer.compile_seconds > LONGEST_PASS:
+    if stopped and timer.compile_seconds > LONGEST_PASS:
         # Their kernel would take about as long to compile, and Ctrl-C would wait for it.
         text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
         warnings.warn(text, StoppedWarning, stacklevel=4)
@@ -218,13 +219,19 @@ def _layers_of_spp(
 
 
 def _layers_for_goal(
-    prepared: Prepared, goal: Goal, files: Files, layers: tuple[str, ...], progress: bool, interrupts: Interrupts
+    prepared: Prepared,
+    goal: Goal,
+    files: Files,
+    layers: tuple[str, ...],
+    progress: bool,
+    interrupts: Interrupts,
+    checkpoint: Checkpoint | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Takes samples until the goal is reached. Returns the layers by name, and facts for the metadata."""
     # The first hit comes before the samples, because it takes a part of the time that the goal allows.
     first_hit = first_hit_layers(prepared, layers)
     try:
-        adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts)
+        adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts, checkpoint)
     except NotANumber as none:
         check_numbers(prepared, none.mean)
         raise

@@ -54,6 +54,14 @@ def neighbour_means(variances: np.ndarray, known: np.ndarray | None = None) -> n
     return np.divide(np.maximum(total, 0), mass, out=np.ones(mass.shape), where=mass > 0)
 
 
+def weight_steps(variances: np.ndarray) -> np.ndarray:
+    """Steps of the weights of pixels, from the variances around them. If all variances are 0, all weights are equal."""
+    variances = variances if variances.any() else np.ones_like(variances)
+    with np.errstate(divide="ignore"):
+        steps = np.rint(STEPS / 2 * np.log2(variances))
+    return np.clip(steps, -STEPS * WEIGHT_RANGE, STEPS * WEIGHT_RANGE).astype(np.int16)
+
+
 @dataclass
 class Allocation:
     """Number of samples of each pixel, now and for any budget. All counts are samples in one half of the dual buffer;
@@ -77,16 +85,17 @@ class Allocation:
 
     @staticmethod
     def of(variances: np.ndarray, counts: np.ndarray) -> "Allocation":
-        """Allocation with weights from variances. If all variances are 0, all weights are equal.
+        """Allocation with weights from variances.
 
         variances: mean variance around each pixel, divided by the square of the picture's luminance. Shape: (N).
         counts: number of samples that each pixel has, a power of two. Shape: (N).
         """
-        variances = variances if variances.any() else np.ones_like(variances)
-        with np.errstate(divide="ignore"):
-            steps = np.rint(STEPS / 2 * np.log2(variances))
-        largest = STEPS * WEIGHT_RANGE
-        return Allocation(np.clip(steps, -largest, largest).astype(np.int32), _levels(counts))
+        return Allocation.of_steps(weight_steps(variances), counts)
+
+    @staticmethod
+    def of_steps(steps: np.ndarray, counts: np.ndarray) -> "Allocation":
+        """Allocation with steps of the weights. counts: as for `of`."""
+        return Allocation(steps.astype(np.int32), _levels(counts))
 
     def update(self, square: float, counts: np.ndarray) -> None:
         """Fits the model to a measured mean square error.

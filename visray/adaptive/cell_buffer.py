@@ -14,6 +14,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from visray.adaptive.journal import Journal
 from visray.adaptive.lane_buffer import LARGEST_LEVEL, LaneBuffer, half_seed
 from visray.adaptive.small_objects import Cells
 from visray.integrator import Window
@@ -34,9 +35,9 @@ class CellBuffer(LaneBuffer):
     level: each step of it doubles the samples of the most important pixels.
     """
 
-    def __init__(self, prepared: Prepared, cells: Cells, brightness: np.ndarray):
+    def __init__(self, prepared: Prepared, cells: Cells, brightness: np.ndarray, journal: Journal | None = None):
         """brightness: greatest brightness of the small objects of each pixel. Shape: (P)."""
-        super().__init__(prepared, np.tile(cells.pixels[cells.pixel], REPLICATES))
+        super().__init__(prepared, np.tile(cells.pixels[cells.pixel], REPLICATES), "cells", journal)
         self.cells, self.level = cells, -1
         lane_of = np.empty(len(prepared.order), np.int64)
         lane_of[prepared.order] = np.arange(len(prepared.order))

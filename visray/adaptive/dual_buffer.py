@@ -17,6 +17,7 @@ import numpy as np
 from visray import film as films
 from visray.adaptive.cell_buffer import CellBuffer
 from visray.adaptive.estimate import Estimate
+from visray.adaptive.journal import Journal
 from visray.adaptive.lane_buffer import LaneBuffer, half_seed
 from visray.integrator import Window
 from visray.output.curves import LUMINANCE
@@ -35,11 +36,11 @@ class DualBuffer(LaneBuffer):
     hidden: brightness that light may have where few samples meet it; 0 if it is no more than that of the picture.
     """
 
-    def __init__(self, prepared: Prepared):
+    def __init__(self, prepared: Prepared, journal: Journal | None = None):
         self.n, self.hidden = len(prepared.order), 0.0
         self.cells: CellBuffer | None = None
         films.check_memory(prepared.scene.film.width, prepared.scene.film.height, 2)
-        super().__init__(prepared, np.tile(prepared.order, 2))
+        super().__init__(prepared, np.tile(prepared.order, 2), "pixels", journal)
 
     def compile(self) -> None:
         """Compiles the kernel of a pass: takes a few samples and discards them."""

@@ -2,14 +2,16 @@
 may have been missed."""
 
 from collections.abc import Callable
+from dataclasses import astuple
 
 import numpy as np
 
-from visray.adaptive.allocation import Allocation, neighbour_means
+from visray.adaptive.allocation import Allocation, neighbour_means, weight_steps
 from visray.adaptive.brightness import Brightness
 from visray.adaptive.cell_buffer import CellBuffer
 from visray.adaptive.dual_buffer import DualBuffer
 from visray.adaptive.estimate import Estimate
+from visray.adaptive.journal import Journal
 from visray.adaptive.small_objects import small_objects
 from visray.data.all_objects import address_of
 from visray.setup import Prepared
@@ -32,6 +34,7 @@ class NotANumber(Exception):
 class Evidence:
     """The samples of an adaptive render, and what follows from them.
 
+    journal: the results that the render decides by.
     buffer: the dual buffer that samples are added to.
     estimate: error that is estimated from the samples so far.
     pilot_squares: mean square errors in the pilot, as a dict by the number of samples that all lanes had.
@@ -39,47 +42,57 @@ class Evidence:
         their own are part of it.
     """
 
-    def __init__(self, prepared: Prepared):
-        self.buffer = DualBuffer(prepared)
+    def __init__(self, prepared: Prepared, journal: Journal):
+        self.journal, self.buffer = journal, DualBuffer(prepared, journal)
         self.estimate: Estimate
         self.pilot_squares: dict[int, float] = {}
         self.hidden: tuple[float, str] = 0.0, ""
 
     def look(self) -> None:
         """Estimates the error of the samples so far. Raises NotANumber if a pixel is not a number."""
-        self.buffer.hidden = 0.0
+        hidden, *estimate = self.journal.result(self._looked).tolist()
+        self.buffer.hidden, self.estimate = hidden, Estimate(*estimate)
+
+    def _looked(self) -> tuple[float, ...]:
+        """Brightness of the light that is hidden, and the numbers of the estimate."""
+        buffer = self.buffer
+        buffer.hidden = 0.0
         if self.hidden[0]:
-            brightness = np.sqrt(np.square(self.buffer.mean()).mean(0))
-            if self.buffer.cells is not None:
-                brightness = np.delete(brightness, self.buffer.cells.lanes)
+            brightness = np.sqrt(np.square(buffer.mean()).mean(0))
+            if buffer.cells is not None:
+                brightness = np.delete(brightness, buffer.cells.lanes)
             k = int(np.clip(SHARE_OF_BRIGHTEST * len(brightness), FEWEST_BRIGHTEST, MOST_BRIGHTEST))
             shown = np.sort(brightness)[-k:][0] if len(brightness) else 0.0
-            self.buffer.hidden = self.hidden[0] if self.hidden[0] > HIDDEN * shown else 0.0
-        estimate = self.buffer.estimate()
+            buffer.hidden = self.hidden[0] if self.hidden[0] > HIDDEN * shown else 0.0
+        estimate = buffer.estimate()
         if not np.isfinite(estimate.square):
-            raise NotANumber(self.buffer.mean())
-        self.estimate = estimate
+            raise NotANumber(buffer.mean())
+        return buffer.hidden, *astuple(estimate)
 
     def allocation(self) -> Allocation:
         """Allocation by the variance of the samples so far. Updates `estimate` and `pilot_squares` too."""
-        buffer, film = self.buffer, self.buffer.prepared.scene.film
         self.look()
-        order = buffer.prepared.order
+        counts = self.buffer.counts
+        if counts.min() == counts.max():
+            self.pilot_squares[int(counts[0])] = self.estimate.square
+        steps = self.journal.result(lambda: weight_steps(self._nearby_variances()))
+        allocation = Allocation.of_steps(steps, counts[: self.buffer.n])
+        allocation.update(self.estimate.square - self.estimate.cells, counts[: self.buffer.n])
+        return allocation
+
+    def _nearby_variances(self) -> np.ndarray:
+        """Mean variance around each pixel, divided by the square of the picture's luminance. Shape: (N)."""
+        buffer, film, order = self.buffer, self.buffer.prepared.scene.film, self.buffer.prepared.order
         variances = np.ones(film.height * film.width)
         if buffer.counts.min() > 1:
             variances[order] = buffer.variances().reshape(2, -1).sum(0)
-        if buffer.counts.min() == buffer.counts.max():
-            self.pilot_squares[int(buffer.counts[0])] = self.estimate.square
         # A black picture has no luminance to divide by.
         variances /= np.square(self.estimate.luminance) or 1.0
         known = np.ones(variances.shape, bool)
         if buffer.cells is not None:
             known[order[buffer.cells.lanes]] = False
         shape = film.height, film.width
-        nearby = neighbour_means(variances.reshape(shape), known.reshape(shape)).ravel()[order]
-        allocation = Allocation.of(nearby, buffer.counts[: buffer.n])
-        allocation.update(self.estimate.square - self.estimate.cells, buffer.counts[: buffer.n])
-        return allocation
+        return neighbour_means(variances.reshape(shape), known.reshape(shape)).ravel()[order]
 
     def look_at_small_objects(self, has_time: Callable[[], bool], seconds_left: Callable[[], float]) -> None:
         """Gives the pixels that show small objects samples of their own. Small objects that cannot have these are
@@ -98,7 +111,7 @@ class Evidence:
 
         missed = list(cells.missed)
         if len(cells.pixels):
-            own = CellBuffer(prepared, cells, np.array([bright(k) for k in cells.objects]))
+            own = CellBuffer(prepared, cells, np.array([bright(k) for k in cells.objects]), self.journal)
             if has_time() and own.rise(seconds_left):
                 buffer.cells = own
             else:

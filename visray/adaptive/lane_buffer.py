@@ -10,6 +10,7 @@ import drjit as dr
 import numpy as np
 
 from visray import clock, integrator
+from visray.adaptive.journal import Journal
 from visray.film import Film
 from visray.integrator import Window
 from visray.kernel_scene import KernelScene
@@ -36,15 +37,22 @@ class LaneBuffer:
     prepared: the prepared scene.
     film: the samples of all lanes.
     pace: measured duration of samples, from which the size of a pass is chosen.
+    journal: tells whether the samples are in a checkpoint already, and keeps them in one.
     rates: seconds per sample of each lane in its last pass. Noisy lanes take longer. Shape: (lanes).
     """
 
-    def __init__(self, prepared: Prepared, pixels: np.ndarray):
-        """pixels: number (row * width + column) of each lane's pixel. Shape: (lanes)."""
-        self.prepared = prepared
+    def __init__(self, prepared: Prepared, pixels: np.ndarray, name: str, journal: Journal | None):
+        """pixels: number (row * width + column) of each lane's pixel. Shape: (lanes).
+
+        name: name of the buffer in the journal.
+        journal: None if the samples are not kept.
+        """
+        self.prepared, self.journal = prepared, journal or Journal()
         self.film = Film.empty(prepared.a, pixels)
         self.pace = PassTimer()
         self.rates = np.zeros(len(pixels))
+        if journal is not None:
+            journal.add(name, self)
 
     @property
     def counts(self) -> np.ndarray:
@@ -66,6 +74,10 @@ class LaneBuffer:
         seconds_left: function that is called before each pass, and returns how long this pass may take. If the time is
             too short for a pass, no more samples are taken.
         """
+        if self.journal.replays:
+            self.film = self.film.with_moments(self.film.moments, np.maximum(self.counts, targets))
+            return True
+        self.journal.restore()
         while (targets > self.counts).any():
             if not self._extend(np.minimum(targets, self.counts + MOST_SAMPLES), seconds_left):
                 return False
@@ -90,6 +102,7 @@ class LaneBuffer:
                 fit = min(np.searchsorted(sums, limit, "right") for sums, limit in limits)
             pass_lanes, lanes = np.split(lanes, [max(int(fit), 1)])
             self.run_pass(pass_lanes, targets)
+            self.journal.keep()
         return True
 
     def run_pass(self, lanes: np.ndarray, targets: np.ndarray) -> None:

@@ -20,7 +20,7 @@ A lane is one pixel in one half of the dual buffer.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from visray.adaptive.allocation import Allocation
 from visray.adaptive.depth_bias import DepthBias
 from visray.adaptive.error_floor import Files, Floor, checked_floor, file_rounding
 from visray.adaptive.evidence import Evidence
+from visray.adaptive.journal import Journal
 from visray.adaptive.planning import Forecast, Planner
 from visray.adaptive.stopping import Goal
 from visray.errors import GoalWarning
@@ -49,16 +50,23 @@ class AdaptiveRun:
     interrupts: whether Ctrl-C was pressed.
     bar: the progress bar.
     report: function that is called with the forecast.
+    journal: the results that it decides by.
     evidence: the samples, and what they tell.
     planner: plans further samples; knows the error floor.
     time_missed: why the time of the goal is too short for any picture; None if it is not.
     """
 
     def __init__(
-        self, prepared: Prepared, goal: Goal, interrupts: Interrupts, bar: Bar, report: Callable[[Forecast], None]
+        self,
+        prepared: Prepared,
+        goal: Goal,
+        interrupts: Interrupts,
+        bar: Bar,
+        report: Callable[[Forecast], None],
+        journal: Journal,
     ):
-        self.goal, self.interrupts, self.bar, self.report = goal, interrupts, bar, report
-        self.evidence = Evidence(prepared)
+        self.journal, self.goal, self.interrupts, self.bar, self.report = journal, goal, interrupts, bar, report
+        self.evidence = Evidence(prepared, journal)
         self.planner = Planner(goal, self.evidence, Floor(DepthBias(prepared.scene.settings.depth, 0.0, 0.0, 0.0)))
         self.time_missed: str | None = None
         self.compile_seconds = 0.0
@@ -73,12 +81,23 @@ class AdaptiveRun:
             self._compile()
         allocation = self._run_pilot()
         if not self.interrupts.requested:
-            planner.floor = checked_floor(evidence.buffer, evidence.estimate, goal.error, files, goal.seconds_left())
+            planner.floor = self._floor(files)
         self._report_forecast(allocation)
         # Without noise, more samples until a time limit would change nothing.
         while not planner.goal_reached() and (goal.error is not None or evidence.estimate.square > 0):
             if not (self._raise_cells() if planner.needs_cells() else self._run_round(allocation, files)):
                 return
+
+    def _floor(self, files: Files) -> Floor:
+        """The error floor. Raises UserError if the error of the goal cannot be reached."""
+
+        def found() -> tuple[float, ...]:
+            buffer, estimate = self.evidence.buffer, self.evidence.estimate
+            floor = checked_floor(buffer, estimate, self.goal.error, files, self.goal.seconds_left())
+            return *astuple(floor.depth), floor.rounding
+
+        depth, *squares, rounding = self.journal.result(found).tolist()
+        return Floor(DepthBias(int(depth), *squares), rounding)
 
     def _compile(self) -> None:
         """Compiles the kernel before the pilot, so that its time is known. Warns if no time is left then."""
@@ -111,7 +130,8 @@ class AdaptiveRun:
             complete = buffer.cells.keep_up(2 * int(buffer.counts.min()), self._seconds_left)
         evidence.look()
         # The rounding error of a file changes as the picture becomes less noisy.
-        self.planner.floor = replace(self.planner.floor, rounding=file_rounding(buffer, files)[0])
+        rounding = float(self.journal.result(lambda: file_rounding(buffer, files)[0]))
+        self.planner.floor = replace(self.planner.floor, rounding=rounding)
         if complete:
             allocation.update(evidence.estimate.square - evidence.estimate.cells, buffer.counts[: buffer.n])
             self.bar.total = int(self.planner.end(allocation)[0] * len(buffer.counts))
@@ -133,12 +153,11 @@ class AdaptiveRun:
         evidence.look_at_small_objects(self._has_time, self._seconds_left)
         while True:
             allocation = evidence.allocation()
-            seconds = buffer.pace.predicted_seconds(len(buffer.counts) * count)
             # If time is short, a short pilot is better than none.
             share = PILOT_SHARE if count >= SHORTEST_PILOT else 1 / 2
             dark = evidence.estimate.luminance == 0
             done = self.planner.goal_reached() and not dark
-            if count >= LONGEST_PILOT or done or seconds > share * self.goal.seconds_left():
+            if count >= LONGEST_PILOT or done or self._takes_more(len(buffer.counts) * count, share):
                 return allocation
             longest = LONGEST_PILOT if dark else 2 * count
             if count >= SHORTEST_PILOT and not dark:
@@ -158,6 +177,12 @@ class AdaptiveRun:
             if not buffer.extend(targets, self._seconds_left):
                 return evidence.allocation()
 
+    def _takes_more(self, samples: int, share: float) -> bool:
+        """Whether samples take more than a share of the time left."""
+        if self.goal.seconds is None:
+            return False
+        return self.evidence.buffer.pace.predicted_seconds(samples) > share * self.goal.seconds_left()
+
     def _seconds_for_first_samples(self) -> float:
         """Seconds that a pass of the first samples may take: infinite, because without these there is no picture.
 
@@ -168,6 +193,7 @@ class AdaptiveRun:
         needed = np.count_nonzero(buffer.counts == 0) * (buffer.pace.sample_seconds or 0.0)
         if self.interrupts.requested and needed > FINISHING_SECONDS:
             # There is no complete picture yet to keep.
+            self.journal.end(finished=False)
             raise KeyboardInterrupt
         if needed > goal.seconds_left():
             took = goal.seconds_passed() + needed + goal.reserve
@@ -199,6 +225,7 @@ class AdaptiveRun:
     def _report_forecast(self, allocation: Allocation) -> None:
         """Reports the forecast, and shows in the progress bar how many samples are expected."""
         is_limit = self.goal.seconds is not None and self.time_missed is None
-        forecast = self.planner.forecast(allocation, self.goal.seconds if is_limit else np.inf)
+        limit = self.goal.seconds if is_limit else np.inf
+        forecast = Forecast(*self.journal.result(lambda: astuple(self.planner.forecast(allocation, limit))).tolist())
         self.bar.total = int(forecast.spp / 2 * len(self.evidence.buffer.counts))
         self.report(forecast)

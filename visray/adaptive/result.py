@@ -8,9 +8,11 @@ import numpy as np
 
 from visray import terminal
 from visray.adaptive.error_floor import Files
+from visray.adaptive.journal import Journal
 from visray.adaptive.loop import AdaptiveRun
 from visray.adaptive.planning import Forecast
 from visray.adaptive.stopping import Goal
+from visray.checkpoint import Checkpoint
 from visray.progress import Bar, Interrupts
 from visray.setup import Prepared
 
@@ -34,7 +36,13 @@ def adaptive_sampler(sampler: str) -> str:
 
 
 def render_adaptively(
-    prepared: Prepared, goal: Goal, files: Files, layers: Collection[str], progress: bool, interrupts: Interrupts
+    prepared: Prepared,
+    goal: Goal,
+    files: Files,
+    layers: Collection[str],
+    progress: bool,
+    interrupts: Interrupts,
+    checkpoint: Checkpoint | None = None,
 ) -> AdaptiveResult:
     """Renders a picture until a goal is reached.
 
@@ -42,7 +50,9 @@ def render_adaptively(
     layers: names of the layers to make.
     progress: whether the forecast and a progress bar are shown.
     interrupts: after Ctrl-C, the picture consists of the samples so far.
+    checkpoint: keeps the samples; the picture in it is continued.
     """
+    journal = Journal.of(checkpoint, prepared, _asked(goal, files), interrupts)
     forecasts: list[Forecast] = []
 
     def report(forecast: Forecast) -> None:
@@ -51,11 +61,19 @@ def render_adaptively(
             terminal.say(forecast.text())
 
     with Bar("rendering", 1, progress, before="compiling") as bar:
-        run = AdaptiveRun(prepared, goal, interrupts, bar, report)
+        run = AdaptiveRun(prepared, goal, interrupts, bar, report, journal)
         run.run(files)
         if not interrupts.requested:
             bar.update(bar.total)
+    journal.end(finished=not interrupts.requested)
     return AdaptiveResult(run.evidence.buffer.layers(layers), _facts(run, forecasts[-1]))
+
+
+def _asked(goal: Goal, files: Files) -> dict[str, Any]:
+    """What an adaptive render decides by, besides the picture: the error asked for, and how its files round."""
+    suffixes = sorted({str(path).lower().rpartition(".")[2] for path in files.paths})
+    kind = f"{' '.join(suffixes)}, gamma {files.gamma}, exposure {files.exposure:g}" + ", float" * files.float32
+    return {"goal": f"error {goal.error}", "files": kind if suffixes else "none"}
 
 
 def _facts(run: AdaptiveRun, forecast: Forecast) -> dict[str, Any]:

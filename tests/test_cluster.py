@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,12 @@ from visray.moments import BLOCK
 from visray.moving import moving as prepared_frame
 from visray.pass_timer import PassTimer
 from visray.passes import empty_film, exposed_once, spread_lanes
+from visray.progress import Interrupts
 from visray.scene.load import checked
 from visray.setup import Prepared, prepare
+from visray.study.cost.knobs import default, knobs
+from visray.study.cost.measuring import TURNS, Studio
+from visray.study.cost.on_workers import measured_on
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SLOW = pytest.mark.slow
@@ -253,6 +258,23 @@ def test_motion_blur_and_a_checkpoint_on_workers(workers: Any, tmp_path: Path) -
     prepared = prepared_frame(vr.prepare(vr.at(moving(), 0.5)), moving(), 0.5)
     with pytest.raises(UserError, match=r"^cluster = .*: takes no prepared frame of an animation; give its scene, and"):
         vr.render(prepared, cluster=workers.address, progress=False)
+
+
+@SLOW
+def test_a_study_on_workers_has_the_pictures_of_one_process(workers: Any) -> None:
+    scene = scene_of("box.json", 24, 18, 4)
+    by_name = {knob.name: knob for knob in knobs(scene)}
+    choices = [default(scene, list(by_name.values())), *by_name["precision"].few, *by_name["samples, sobol"].few[:2]]
+    with connecting.connected(workers.address) as crew:
+        here, there = (
+            Studio(scene, list(range(16)), Interrupts(), elsewhere=elsewhere)
+            for elsewhere in (None, partial(measured_on, crew))
+        )
+        pairs = [(studio, studio.prepared(choices)) for studio in (here, there)]
+        assert [studio.measure(measured) for studio, measured in pairs] == [16, 16]
+    for one, other in zip(pairs[0][1], pairs[1][1]):
+        assert one.pictures.tobytes() == other.pictures.tobytes() and one.pictures.any()
+        assert len(other.times) == TURNS and min(other.times) > 0
 
 
 @SLOW

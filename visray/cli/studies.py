@@ -205,6 +205,10 @@ def cost(
     quick: Annotated[bool, Parameter(help="Fewer values of each knob, on smaller pictures.")] = False,
     seeds: Annotated[Integer, Parameter(help="Pictures of each choice of the knobs, at least 16.")] = 16,
     threads: Threads = None,
+    cluster: Annotated[
+        str | None,
+        Parameter(help="Measure on the workers of a cluster, as in visray render. The times are then the workers'."),
+    ] = None,
     csv: Annotated[bool, Parameter(help="Print all records as CSV.")] = False,
     json: Json = False,
 ) -> int:
@@ -224,7 +228,7 @@ def cost(
     if output is not None:
         check_report(output)
         check_writable(output)
-    report = study(loaded, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv))
+    report = study(loaded, quick=quick, seeds=seeds, threads=threads, progress=not (json or csv), cluster=cluster)
     report = replace(report, scene=scene.stem)
     # Ctrl-C must not lose a report that took minutes while it is written.
     with Interrupts():

@@ -82,10 +82,17 @@ class Crew:
 
     def send(self, content: Any) -> None:
         """Sends what all further tasks need, such as a package, once to each worker."""
+        if content == self._content and self._is_sent:
+            return
         self._content = content
         # There may be no worker at this moment, or the last one is lost just now. Then it is tried again later.
         with suppress(TimeoutError):
             self._package = self.client.scatter(content, broadcast=True, hash=False, timeout=SEND)
+
+    @property
+    def _is_sent(self) -> bool:
+        """Whether some worker has what was sent. If all are lost that had it, it must be sent again."""
+        return self._package is not None and self._package.status == "finished"
 
     def workers(self) -> tuple[str, ...]:
         """Addresses of the workers that are there and not refused. Raises UserError if none can come any more."""
@@ -147,9 +154,9 @@ class Crew:
         if not (workers := self.workers()):
             self._say_there_is_none()
             return
-        if self.waiting and self._package.status != "finished":
+        if self.waiting and not self._is_sent:
             self.send(self._content)
-        while self.waiting and self._package.status == "finished":
+        while self.waiting and self._is_sent:
             task = self.waiting.pop(0)
             # Dask takes a task with the name of another one for the same task.
             key = f"{task.name}-{self.job}-{uuid.uuid4().hex[:8]}"

@@ -85,10 +85,12 @@ def ready(order: Order) -> Iterator[None]:
         yield
 
 
-def prepared_here(package: ScenePackage, order: Order) -> Prepared:
-    """The prepared scene. Raises WorkerRefusal if its files cannot be written here, or if it does not fit."""
+@contextmanager
+def unpacking() -> Iterator[None]:
+    """A `with` block that unpacks and prepares a package. Raises WorkerRefusal if its files cannot be written here, or
+    if the scene does not fit."""
     try:
-        return kept_prepared(package, order.backend, order.at)
+        yield
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         raise WorkerRefusal(_address(), f"cannot write the scene's files, {where}{error.strerror or error}") from None
@@ -100,7 +102,8 @@ def samples_of(package: ScenePackage, order: Order, part: Part, start: Start | N
     """The samples of a part. start: None begins with no samples, of the lanes that the part itself names"""
     with ready(order):
         begun, timer = clock.now(), PassTimer()
-        prepared = prepared_here(package, order)
+        with unpacking():
+            prepared = kept_prepared(package, order.backend, order.at)
         prepared_seconds, spp = clock.now() - begun, prepared.scene.settings.spp
         lanes = start.lanes if start else spread_lanes(len(prepared.order))[part.lanes]
         if part.is_tile:

@@ -5,6 +5,7 @@ each knob, a `Price` for what an error costs with a knob, and a `Report` with al
 
     knobs.py       knobs of a scene, and their values
     measuring.py   pictures of many seeds for each choice, in turns, and kernel seconds
+    on_workers.py  turns on the workers of a cluster
     truth.py       the reference, and errors that samples do not reduce
     errors.py      error, bias and noise with intervals (jackknife over seeds), MRSE, FLIP
     slopes.py      slopes of errors with intervals

@@ -10,7 +10,7 @@ Seeds, samples and rays are data, so choices share kernels. Each kernel contains
 (ablation.new_mark), so it is compiled exactly once in a study, whatever Dr.Jit has in its cache.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
 
@@ -121,12 +121,31 @@ def developed(prepared: Prepared, film: Film, pictures: int, kind: type = np.flo
     return pixels.reshape(pictures, prepared.scene.film.height, prepared.scene.film.width, 3)
 
 
+@dataclass(frozen=True)
+class Turn:
+    """Pictures of all choices, one after the other.
+
+    number: number of the turn
+    order: numbers of the choices
+    seeds: seeds of the pictures
+    """
+
+    number: int
+    order: tuple[int, ...]
+    seeds: tuple[int, ...]
+
+
+# Measures all turns: (studio, choices, turns, progress bar) to what Studio.measured_here yields, in any order.
+Elsewhere = Callable[["Studio", list[Measurement], Sequence[Turn], Bar], Iterable[tuple[int, list]]]
+
+
 @dataclass
 class Studio:
     """A scene whose choices are measured.
 
     scene, seeds: the scene, and the seeds of its pictures
     interrupts, progress: Ctrl-C, and whether progress is shown
+    elsewhere: what measures the turns; None: this process does
     mark: the number that its kernels contain
     compiled: compile seconds of the kernels so far, by hash
     """
@@ -135,6 +154,7 @@ class Studio:
     seeds: Sequence[int]
     interrupts: Interrupts
     progress: bool = False
+    elsewhere: Elsewhere | None = None
     mark: int = field(default_factory=ablation.new_mark)
     compiled: dict[str, float] = field(default_factory=dict)
 
@@ -194,26 +214,35 @@ class Studio:
 
     def measure(self, choices: list[Measurement]) -> int:
         """Measures all choices in turns. Returns the seeds of each: after Ctrl-C those of the complete turns."""
-        finished, done = 0, 0
+        turns = []
+        for number, seeds in enumerate(np.array_split(self.seeds, TURNS)):
+            # Each turn has its own order, so that no choice always follows the same one.
+            order = np.random.default_rng(number).permutation(len(choices))
+            turns.append(Turn(number, tuple(order.tolist()), tuple(seeds.tolist())))
         with Bar("measuring", TURNS * len(choices), self.progress) as bar:
-            for number, seeds in enumerate(np.array_split(self.seeds, TURNS)):
-                # Each turn has its own order, so that no choice always follows the same one.
-                order, turn = np.random.default_rng(number).permutation(len(choices)), {}
-                for i in order:
-                    if self.interrupts.requested:
-                        _even(choices)
-                        return finished
-                    turn[i] = self._once(choices[i], seeds)
-                    done += 1
-                    bar.update(done)
-                for i, (seconds, pictures) in turn.items():
-                    choices[i].times.append(seconds)
-                    choices[i].parts.append(pictures)
-                finished += len(seeds)
+            done = dict((self.elsewhere or Studio.measured_here)(self, choices, turns, bar))
+        complete = [turn for turn in turns if turn.number in done]
+        for turn in complete:
+            for choice, (seconds, pictures) in zip(choices, done[turn.number]):
+                choice.times.append(seconds)
+                choice.parts.append(pictures)
         _even(choices)
-        return finished
+        return sum(len(turn.seeds) for turn in complete)
 
-    def _once(self, choice: Measurement, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
+    def measured_here(self, choices: list[Measurement], turns: Sequence[Turn], bar: Bar) -> Iterator[tuple[int, list]]:
+        """Yields the number of each turn, and what `once` says of each choice, until Ctrl-C."""
+        done = 0
+        for turn in turns:
+            found = {}
+            for i in turn.order:
+                if self.interrupts.requested:
+                    return
+                found[i] = self.once(choices[i], turn.seeds)
+                done += 1
+                bar.update(done)
+            yield turn.number, [found[i] for i in range(len(choices))]
+
+    def once(self, choice: Measurement, seeds: Sequence[int]) -> tuple[float, np.ndarray]:
         """Kernel seconds of one picture, and the pictures of these seeds."""
         prepared, n = choice.prepared, self.per_turn
         copies = max(1, min(round(BRIEFEST / (n * choice.expected)), MOST_LANES // (n * len(prepared.order))))

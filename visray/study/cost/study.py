@@ -3,7 +3,9 @@
 import json
 import os
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from visray import clock
 from visray.adaptive.dual_buffer import QUANTILE
 from visray.animation.moment import still_at
 from visray.arguments import checked_arguments
+from visray.cluster.connecting import connected
 from visray.errors import UserError
 from visray.explaining import explain
 from visray.output.files import write_text
@@ -38,7 +41,8 @@ from visray.study.cost.knobs import (
     knobs,
     sample_counts,
 )
-from visray.study.cost.measuring import LONGEST, Measurement, Studio, reduced
+from visray.study.cost.measuring import LONGEST, Elsewhere, Measurement, Studio, reduced
+from visray.study.cost.on_workers import measured_on
 from visray.study.cost.page import display, page
 from visray.study.cost.records import Curve, Record, Report
 from visray.study.cost.report import STOPPED, as_csv, as_json, duration, percent
@@ -101,13 +105,14 @@ def check_report(path: str | os.PathLike[str]) -> None:
 def cost(
     scene: Scene | str | Path, *, setup: str | Path | None = None, quick: bool = False, seeds: int = LEAST_SEEDS,
     progress: bool = True, threads: int | None = None,
-    allow_outside: bool = False,
+    allow_outside: bool = False, cluster: str | None = None,
 ) -> Study:  # fmt: skip
     """Measures what accuracy costs for a scene, or a scene file: error and time of every knob.
 
     quick: fewer values of each knob, on smaller pictures
     seeds: pictures of each choice, from 16 to 4096
     allow_outside: whether a scene file may name files outside of its folder
+    cluster: address of a Dask scheduler whose workers make the pictures, as in vr.render; the times are then theirs
     Ctrl-C keeps the complete turns, and raises KeyboardInterrupt where they are too few for an error with an interval.
     """
     begun = clock.now()
@@ -119,20 +124,30 @@ def cost(
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:
         set_threads(threads)
-    with Interrupts() as interrupts:
-        report = studied(scene, quick, seeds, progress, interrupts)
+    with connected(cluster, threads) if cluster else nullcontext() as crew, Interrupts() as interrupts:
+        elsewhere = partial(measured_on, crew) if crew else None
+        report = studied(scene, quick, seeds, progress, interrupts, elsewhere=elsewhere)
     return replace(report, scene=name, seconds=clock.now() - begun)
 
 
 def studied(
-    scene: Scene, quick: bool, count: int, progress: bool, interrupts: Interrupts, for_tuning: bool = False
+    scene: Scene,
+    quick: bool,
+    count: int,
+    progress: bool,
+    interrupts: Interrupts,
+    for_tuning: bool = False,
+    elsewhere: Elsewhere | None = None,
 ) -> Study:
-    """The study of a scene with `count` seeds. for_tuning: leaves out what `tune` does not need: FLIP, hits, the joint
-    records, and knobs that it does not turn."""
+    """The study of a scene with `count` seeds.
+
+    for_tuning: leaves out what `tune` does not need: FLIP, hits, the joint records, and knobs that it does not turn
+    elsewhere: what measures the turns; None: this process does
+    """
     small = reduced(scene, LONGEST[not quick])
     turned, budgets = [k for k in knobs(small) if not (for_tuning and k.name in KEPT)], BUDGETS[not quick]
     first, own = scene.settings.seed, default(small, turned)
-    studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress)
+    studio = Studio(small, [(first + i) % 2**32 for i in range(count)], interrupts, progress, elsewhere)
     choices = [own, *(c for k in turned for c in k.choices(quick) if not c.own)]
     studio, measured = _measured(studio, choices, budgets[0])
     stopped, small = interrupts.requested, studio.scene

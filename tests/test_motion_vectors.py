@@ -28,7 +28,7 @@ from visray.quantities import quantities
 from visray.scene.check import checked
 from visray.scene.scene import Film, Scene, Settings
 from visray.setup import Prepared, prepare
-from visray.surface_motion import carried
+from visray.surface_motion import motion
 from visray.textures import ImageTexture
 from visray.transforms import Matrix, Rotate, Translate, compose
 from visray.written_out import written_out
@@ -69,7 +69,7 @@ class Look:
         n = len(now.order)
         layers = first_hit(now.kernel, now.x, now.y)
         row, column = np.divmod(now.order, scene.film.width)
-        return cls(now, prepare(after), column + 0.5, row + 0.5, in_numpy(layers, n), forward(now, layers))
+        return cls(now, prepare(after), column + 0.5, row + 0.5, in_numpy(layers, n), pair_of(forward(now, layers), n))
 
     @property
     def seen(self) -> np.ndarray:
@@ -83,8 +83,13 @@ class Look:
 
     def points_after(self) -> np.ndarray:
         """The points that are seen, at the next moment."""
-        scenes = self.now.scene, self.after.scene
-        return carried(self.now.a, *scenes, self.hit["P"].T.astype(float), self.hit["id"])
+        moves = motion(self.now.a, self.now.scene, self.after.scene, self.hit["P"].T.astype(float), self.hit["id"])
+        of_lane = moves.matrices[moves.slot[self.hit["id"]]]
+        return np.einsum("nij,nj->ni", of_lane[:, :3, :3], moves.points) + of_lane[:, :3, 3]
+
+
+def pair_of(vectors: tuple, n: int) -> np.ndarray:
+    return np.stack([np.broadcast_to(np.array(v, float), n) for v in vectors])
 
 
 def in_numpy(layers: dict, n: int) -> dict[str, np.ndarray]:

@@ -7,17 +7,20 @@ infinitely far away, so only a camera that turns moves it.
 from dataclasses import replace
 from typing import Any
 
+import drjit as dr
 import numpy as np
 
 from visray.animation.moment import at
 from visray.camera import OrthographicCamera
 from visray.errors import UserError
-from visray.geometry import gamma
+from visray.geometry import Frame, gamma, l1_norm
 from visray.output.layers import NAMES, names_from
-from visray.projection import directions, positions
+from visray.projection import camera_matrices
+from visray.pytree import rows
+from visray.quantities import Arrays
 from visray.scene.scene import Scene
 from visray.setup import Prepared
-from visray.surface_motion import carried
+from visray.surface_motion import Motion, motion
 
 
 def next_frame(scene: Scene, t: float, fps: float | None = None) -> Scene:
@@ -42,43 +45,56 @@ def check_motion(layers: tuple[str, ...], after: Scene | None) -> None:
         raise UserError(f"layers = {', '.join(asked)}: {problem}; leave it out, or give the scene tracks")
 
 
-def forward(prepared: Prepared, hit: dict[str, Any]) -> np.ndarray:
+def forward(prepared: Prepared, hit: dict[str, Any]) -> tuple[Any, Any]:
     """The motion vectors of all pixels, to the right and down, in pixels, in the order of lanes.
 
     hit: the layers P and id, with pixels in the order of lanes
 
     A vector is 0 if its point will not be before the camera, and for the background of an orthographic camera, which
     has one colour.
-    Shape: (2, N). Domain: a scene of an animation (Prepared.after).
+    Domain: a scene of an animation (Prepared.after).
     Error: P is rounded to single precision, but the vector is the difference of two places of the same rounded point.
     """
-    lanes, scene = len(prepared.order), prepared.scene
-    after = replace(prepared.after, film=scene.film)
-    points = np.broadcast_to(np.array(hit["P"], float).T, (lanes, 3))
+    a, lanes, scene = prepared.a, len(prepared.order), prepared.scene
+    after, parallel = replace(prepared.after, film=scene.film), isinstance(scene.camera, OrthographicCamera)
     number = np.broadcast_to(np.array(hit["id"]), lanes)
-    moved = carried(prepared.a, scene, after, points, number)
-    size = np.abs(moved).sum(axis=1) + np.abs(np.array(after.camera.origin)).sum()
-    vectors = _between(positions(scene, points), positions(after, moved), size)
-    nothing = np.flatnonzero(number == 0)
-    vectors[:, nothing] = _of_background(scene, after, prepared.order[nothing])
+    moves = motion(a, scene, after, np.broadcast_to(np.array(hit["P"], float).T, (lanes, 3)), number)
+    here, there, surface = a.W(hit["P"]), _moved(a, moves, hit), hit["id"] > 0
+    size = l1_norm(there) + dr.opaque(a.D, float(np.abs(after.camera.origin).sum()))
+    now, then = (_picture(a, x) for x in (scene, after))
+    if not parallel:
+        # The background's directions stay as they are.
+        away = now.inverse().vector(a.W(prepared.x + 0.5, prepared.y + 0.5, 1))
+        here, there = (dr.select(surface, p, away) for p in (here, there))
+        size = dr.select(surface, size, l1_norm(away))
+    (x, y, _), (x_there, y_there, depth) = (
+        _place(frame, p, surface, parallel) for frame, p in ((now, here), (then, there))
+    )
+    # Beyond the camera's plane, or so near to it that the rounding of P may have moved the point through.
+    shown = (depth > gamma(4, "single") * size) & (surface | (not parallel))
+    vectors = tuple(dr.select(shown, a.F(end - begin), 0) for begin, end in ((x, x_there), (y, y_there)))
+    dr.eval(vectors)
     return vectors
 
 
-def _of_background(scene: Scene, after: Scene, order: np.ndarray) -> np.ndarray:
-    """The motion vectors of pixels that show no object. order: their numbers in the picture. Shape: (2, N)."""
-    if isinstance(scene.camera, OrthographicCamera):
-        return np.zeros((2, len(order)))
-    row, column = np.divmod(order, scene.film.width)
-    away = directions(scene, column + 0.5, row + 0.5)
-    here, there = (positions(x, away, infinite=True) for x in (scene, after))
-    return _between(here, there, np.abs(away).sum(axis=1))
+def _moved(a: Arrays, moves: Motion, hit: dict[str, Any]) -> Any:
+    """The points of the layer P at the next moment."""
+    # The last matrix and the last slot are for no object. With them no table has a single row, which is another kernel.
+    table = Frame.table(a, np.concatenate([moves.matrices, np.eye(4)[None]])[:, :3])
+    slots = a.put(a.U, np.append(moves.slot, np.uint32(0)))
+    start = a.put(a.W, moves.points.T) if moves.bends else a.W(hit["P"])
+    return rows(table, dr.gather(a.U, slots, hit["id"])).point(start)
 
 
-def _between(here: tuple[np.ndarray, ...], there: tuple[np.ndarray, ...], size: np.ndarray) -> np.ndarray:
-    """The vectors between places in two pictures. They are 0 where the second place is not before the camera, or so
-    near to its plane that the rounding of P may have moved it through. Shape: (2, N).
+def _picture(a: Arrays, scene: Scene) -> Frame:
+    """The map from the world to (x w, y w, depth), for the position (x, y) in pixels. w is the depth for a perspective
+    camera, and 1 for an orthographic one."""
+    matrix = np.array(camera_matrices(scene)["worldToNDC"])[:, :3].T
+    return Frame.table(a, (matrix * np.array([[scene.film.width], [scene.film.height], [1]]))[None])
 
-    here, there: x, y and depth of the places. size: size of the numbers from which the depth comes. Shape: (N)
-    """
-    ahead = there[2] > gamma(4, "single") * size
-    return np.stack([np.where(ahead, there[i] - here[i], 0.0) for i in (0, 1)])
+
+def _place(picture: Frame, p: Any, surface: Any, parallel: bool) -> tuple[Any, Any, Any]:
+    """(x, y, depth) of a point, or of a direction where there is no surface."""
+    q = picture.vector(p) + dr.select(surface, picture.o, 0)
+    scale = 1 if parallel else dr.rcp(q.z)
+    return q.x * scale, q.y * scale, q.z

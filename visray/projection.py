@@ -41,7 +41,7 @@ def camera_matrices(scene: Scene) -> dict[str, list[list[float]]]:
     one.
     """
     c, f = scene.camera, scene.film
-    right, up, forward = _axes(c)
+    right, up, forward, _ = (np.array(v, float) for v in scalars(c).axes())
     o = np.array(c.origin, float)
     to_camera = np.eye(4)
     to_camera[:3, :3] = np.stack([right, up, forward], axis=1)
@@ -70,48 +70,21 @@ def projected(scene: Scene, points: Any) -> Projected:
     Shapes: points (N, 3).
     """
     p = _checked(points)
-    film = scene.film
-    x, y, depth = positions(scene, p)
-    seen = (x >= 0) & (x < film.width) & (y >= 0) & (y < film.height)
-    base = scene.data.base if scene.data is not None else None
-    if isinstance(base, GlobeBase):
-        origin, forward = np.array(scene.camera.origin, float), _axes(scene.camera)[2]
-        parallel = isinstance(scene.camera, OrthographicCamera)
-        seen &= ~_behind(base, p, p - depth[:, None] * forward if parallel else origin)
-    return Projected(x, y, depth, seen)
-
-
-def positions(scene: Scene, points: np.ndarray, infinite: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(x, y, depth) of points, as in Projected.
-
-    infinite: whether the points are directions instead, to points at an infinite distance. Domain: a perspective camera
-
-    Shapes: points (N, 3), result (N) each.
-    """
-    matrices, film = camera_matrices(scene), scene.film
-    with_weight = np.column_stack([points, np.full(len(points), 0.0 if infinite else 1.0)])
-    depth = with_weight @ np.array(matrices["worldToCamera"])[:, 2]
-    across, down, _, weight = (with_weight @ matrices["worldToNDC"]).T
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+    film, matrices = scene.film, camera_matrices(scene)
+    with_one = np.column_stack([p, np.ones(len(p))])
+    depth = (with_one @ matrices["worldToCamera"])[:, 2]
+    across, down, _, weight = (with_one @ matrices["worldToNDC"]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (
             np.where(depth > 0, size * v / weight, np.nan) for v, size in ((across, film.width), (down, film.height))
         )
-    return x, y, depth
-
-
-def directions(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Directions of the rays through the points (x, y) of the picture, in pixels, with depth 1. Shapes: (N), (N) ->
-    (N, 3). Domain: a perspective camera."""
-    right, up, forward = _axes(scene.camera)
-    film = scene.film
-    pixel = 2 * np.tan(np.radians(scene.camera.fov) / 2) / film.height
-    across, down = (pixel * (v - 0.5 * size) for v, size in ((x, film.width), (y, film.height)))
-    return forward + across[:, None] * right - down[:, None] * up
-
-
-def _axes(camera: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors of a camera to the right, up and forward."""
-    return tuple(np.array(v, float) for v in scalars(camera).axes()[:3])
+        seen = (x >= 0) & (x < film.width) & (y >= 0) & (y < film.height)
+    base = scene.data.base if scene.data is not None else None
+    if isinstance(base, GlobeBase):
+        origin, forward = np.array(scene.camera.origin, float), np.array(matrices["worldToCamera"])[:3, 2]
+        parallel = isinstance(scene.camera, OrthographicCamera)
+        seen &= ~_behind(base, p, p - depth[:, None] * forward if parallel else origin)
+    return Projected(x, y, depth, seen)
 
 
 def _checked(points: Any) -> np.ndarray:

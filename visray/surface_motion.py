@@ -31,62 +31,74 @@ ARRIVED = 1e-3
 
 
 @dataclass
-class Motions:
-    """Affine motions of many objects, to be applied to all their points at once.
+class Motion:
+    """How points of surfaces move.
 
-    matrices: one 3 x 4 matrix for each motion
-    lanes: for each motion, the numbers of the points that it moves
+    number: number of the object that each point lies on, from 1; 0 for points of no object. Shape: (N)
+    points: the points. Those that no matrix moves are at their end already. Shape: (N, 3)
+    slot: for each number of an object, which of the matrices moves its points, from 1; 0 for none
+    blocks: the matrices, each block of shape (k, 4, 4)
+    bends: whether some points are moved by no matrix
     """
 
-    matrices: list[np.ndarray] = field(default_factory=list)
-    lanes: list[np.ndarray] = field(default_factory=list)
+    number: np.ndarray
+    points: np.ndarray
+    slot: np.ndarray
+    blocks: list[np.ndarray] = field(default_factory=list)
+    bends: bool = False
 
-    def note(self, before: np.ndarray, behind: np.ndarray, lanes: np.ndarray) -> None:
-        """Adds the motion of points that keep their coordinates in a frame. before, behind: its 4 x 4 matrices"""
-        self.matrices.append((behind @ np.linalg.inv(before))[:3])
-        self.lanes.append(lanes)
+    @property
+    def matrices(self) -> np.ndarray:
+        """The identity, for slot 0, and then all matrices. Shape: (N, 4, 4)."""
+        return np.concatenate([np.eye(4)[None], *self.blocks])
 
-    def apply(self, points: np.ndarray) -> None:
-        """Moves the points."""
-        if self.lanes:
-            lanes, sizes = np.concatenate(self.lanes), [len(x) for x in self.lanes]
-            points[lanes] = _applied(np.stack(self.matrices)[np.repeat(np.arange(len(sizes)), sizes)], points[lanes])
+    def transport(self, number: int | np.ndarray, before: np.ndarray, behind: np.ndarray) -> None:
+        """Moves the points of an object, or of several, that keep their coordinates in a frame.
+
+        number: number of the object, or an array of numbers
+        before, behind: the matrix of the frame, or one for each object. Shape: (4, 4) or (k, 4, 4)
+        """
+        block = (behind @ np.linalg.inv(before)).reshape(-1, 4, 4)
+        first = 1 + sum(map(len, self.blocks))
+        self.slot[np.atleast_1d(number)] = first + np.arange(len(block))
+        self.blocks.append(block)
+
+    def put(self, lanes: np.ndarray, points: np.ndarray) -> None:
+        """Moves the points with the numbers `lanes` to other places."""
+        if not self.bends:
+            self.points, self.bends = self.points.copy(), True
+        self.points[lanes] = points
 
 
-def carried(a: Arrays, scene: Scene, after: Scene, points: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """The points of surfaces of a scene, where they are in the scene of another moment.
+def motion(a: Arrays, scene: Scene, after: Scene, points: np.ndarray, number: np.ndarray) -> Motion:
+    """How points of surfaces of a scene move to where they are in the scene of another moment. Points of no object stay
+    where they are, as do those of objects that the other scene does not have.
 
-    number: number in the scene of the object that each point lies on, from 1; 0 for points of no object, which stay
-        where they are, as do those of objects that the other scene does not have.
-
-    Shapes: points (N, 3), number (N).
+    points, number: as in Motion
     """
-    moved, motions = points.copy(), Motions()
-    written, others = scene.written_objects, after.written_objects
-    for name, lanes in _lanes_of(number, list(written)).items():
-        if name in others and not _stays(written[name], others[name], scene, after):
-            of_both = [(x, _leaves(x, s)) for x, s in ((written[name], scene), (others[name], after))]
-            _move(a, *of_both, moved, lanes, motions)
+    written, others, count = scene.written_objects, after.written_objects, len(scene.all_objects)
+    seen = np.flatnonzero(np.bincount(number, minlength=count + 1))
+    found = Motion(number, points, np.zeros(count + 1, np.uint32))
+    names = [None, *written]
+    for i in seen[(seen > 0) & (seen < len(names))].tolist():
+        old, new = written[names[i]], others.get(names[i])
+        if new is None or _stays(old, new, scene, after):
+            continue
+        if _stays(old.with_fields(transform=new.transform), new, scene, after):
+            found.transport(i, _whole(compose(old.transform)), _whole(compose(new.transform)))
+        else:
+            _move(a, i, old, new, _leaves(old, scene), _leaves(new, after), found)
     for name, rows in scene.data.rows.items() if scene.data is not None else ():
         first = scene.all_objects.starts[name] + 1
-        lanes = np.flatnonzero((number >= first) & (number < first + len(rows.first)))
+        of_layer = seen[(seen >= first) & (seen < first + len(rows.first))]
         other = after.data.rows.get(name, rows)
-        if len(lanes) and other is not rows:
+        if len(of_layer) and len(other) and other is not rows:
             if rows.gizmo.on_line:
                 # Lines lie on the base.
-                motions.note(*(_matrix(x[BASE], x[BASE].transform) for x in (written, others)), lanes)
-            elif len(other):
-                _move_rows(rows, other, number[lanes] - first, moved, lanes)
-    motions.apply(moved)
-    return moved
-
-
-def _lanes_of(number: np.ndarray, names: list[str]) -> dict[str, np.ndarray]:
-    """For each name of an object that is seen, the numbers of its points."""
-    order = np.argsort(number, kind="stable")
-    seen, starts = np.unique(number[order], return_index=True)
-    lanes = np.split(order, starts[1:])
-    return {names[n - 1]: at for n, at in zip(seen.tolist(), lanes) if 0 < n <= len(names)}
+                found.transport(of_layer, *(_matrix(x[BASE], x[BASE].transform) for x in (written, others)))
+            else:
+                _move_rows(rows, other, of_layer, first, found)
+    return found
 
 
 def _stays(old: Primitive, new: Primitive, scene: Scene, after: Scene) -> bool:
@@ -106,38 +118,42 @@ def _leaves(obj: Primitive, scene: Scene) -> list[Operand]:
 
 
 def _move(
-    a: Arrays, old: tuple[Primitive, list[Operand]], new: tuple[Primitive, list[Operand]], points: np.ndarray,
-    lanes: np.ndarray, motions: Motions,
-) -> None:  # fmt: skip
-    """Moves the points of one object, or notes how they move.
+    a: Arrays, number: int, old: Primitive, new: Primitive, leaves: list[Operand], others: list[Operand], found: Motion
+) -> None:
+    """Adds the motion of one object.
 
-    old, new: the object and its leaves, at both moments
-    lanes: the numbers of its points
+    old, new: the object at both moments
+    leaves, others: its leaves at both moments
     """
-    (obj, leaves), (other, others) = old, new
     if [type(x.shape) for x in leaves] != [type(x.shape) for x in others]:
-        # The leaves cannot be matched. The object as a whole still has a transform.
-        motions.note(_whole(compose(obj.transform)), _whole(compose(other.transform)), lanes)
+        # The leaves cannot be matched.
+        found.transport(number, _whole(compose(old.transform)), _whole(compose(new.transform)))
         return
-    of_lane = np.zeros(len(lanes), int) if len(leaves) == 1 else _nearest(a, leaves, points[lanes])
+    if len(leaves) == 1 and not _bends(leaves[0], others[0]):
+        found.transport(number, *(_matrix(x.shape, x.steps) for x in (leaves[0], others[0])))
+        return
+    lanes = np.flatnonzero(found.number == number)
+    points = found.points[lanes]
+    of_lane = np.zeros(len(lanes), int) if len(leaves) == 1 else _nearest(a, leaves, points)
     for i, (was, now) in enumerate(zip(leaves, others)):
-        own = lanes[of_lane == i]
-        if len(own) and (was.shape, was.steps) != (now.shape, now.steps):
-            _move_leaf(a, was, now, points, own, motions)
+        own = of_lane == i
+        if own.any() and (_fields(was.shape), was.steps) != (_fields(now.shape), now.steps):
+            points[own] = _moved(a, was, now, points[own])
+    found.put(lanes, points)
 
 
-def _move_leaf(a: Arrays, was: Operand, now: Operand, points: np.ndarray, lanes: np.ndarray, motions: Motions) -> None:
-    """Moves points of a shape, or notes how they move. was, now: the shape at both moments"""
+def _bends(was: Operand, now: Operand) -> bool:
+    """Whether a shape changes as no matrix does. was, now: the shape at both moments"""
+    flows = was.shape.flows and _fields(was.shape) != _fields(now.shape)
+    return flows or _parameters(was.shape) != _parameters(now.shape)
+
+
+def _moved(a: Arrays, was: Operand, now: Operand, points: np.ndarray) -> np.ndarray:
+    """Points of a shape at the next moment. was, now: the shape at both moments. Shapes: (N, 3)."""
     before, behind = (_matrix(x.shape, x.steps) for x in (was, now))
-    old, new = (_parameters(x.shape) for x in (was, now))
-    bends = was.shape.flows and _fields(was.shape) != _fields(now.shape)
-    if old == new and not bends:
-        motions.note(before, behind, lanes)
-        return
-    local = was.shape.reshaped(_applied(np.linalg.inv(before)[None, :3], points[lanes]), old, new)
-    points[lanes] = _applied(behind[None, :3], local)
-    if bends:
-        points[lanes] = _settled(a, now, points[lanes])
+    local = _applied(np.linalg.inv(before), points)
+    points = _applied(behind, was.shape.reshaped(local, _parameters(was.shape), _parameters(now.shape)))
+    return _settled(a, now, points) if was.shape.flows and _bends(was, now) else points
 
 
 def _matrix(shape: Primitive, steps: tuple[Transform, ...]) -> np.ndarray:
@@ -155,11 +171,9 @@ def _whole(matrix: np.ndarray | None) -> np.ndarray:
     return np.eye(4) if matrix is None else np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]])
 
 
-def _applied(matrices: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The points after affine maps. Shapes: matrices (N, 3, 4) or (1, 3, 4), points (N, 3)."""
-    if len(matrices) == 1:
-        return points @ matrices[0, :, :3].T + matrices[0, :, 3]
-    return (matrices[:, :, :3] @ points[:, :, None])[:, :, 0] + matrices[:, :, 3]
+def _applied(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The points after an affine map. Shapes: matrix (4, 4), points (N, 3)."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _fields(shape: Primitive) -> dict[str, Any]:
@@ -199,19 +213,17 @@ def _settled(a: Arrays, leaf: Operand, points: np.ndarray) -> np.ndarray:
     return np.array(dr.select(arrived, q, p)).T
 
 
-def _move_rows(rows: Rows, after: Rows, index: np.ndarray, points: np.ndarray, lanes: np.ndarray) -> None:
-    """Moves points of the rows of a layer. Rows that the layer has no more stay where they are.
+def _move_rows(rows: Rows, after: Rows, seen: np.ndarray, first: int, found: Motion) -> None:
+    """Adds the motion of rows of a layer. Rows that the layer has no more stay where they are.
 
-    index: for each point its row, among those that are shown
-    lanes: numbers of the points
+    seen: numbers of the rows among all objects
+    first: that of the first row
     """
-    seen, of_lane = np.unique(index, return_inverse=True)
-    there = np.minimum(np.searchsorted(after.number, rows.number[seen]), len(after) - 1)
-    found = after.number[there] == rows.number[seen]
-    before, behind = (_row_frames(x, at[found]) for x, at in ((rows, seen), (after, there)))
-    motion = np.tile(np.eye(4), (len(seen), 1, 1))
-    motion[found] = behind @ np.linalg.inv(before)
-    points[lanes] = _applied(motion[of_lane, :3], points[lanes])
+    index = seen - first
+    there = np.minimum(np.searchsorted(after.number, rows.number[index]), len(after) - 1)
+    kept = after.number[there] == rows.number[index]
+    before, behind = (_row_frames(x, at[kept]) for x, at in ((rows, index), (after, there)))
+    found.transport(seen[kept], before, behind)
 
 
 def _row_frames(rows: Rows, at: np.ndarray) -> np.ndarray:

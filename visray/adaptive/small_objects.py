@@ -60,7 +60,8 @@ def small_objects(prepared: Prepared) -> Cells:
     """The cells of the pixels that show small objects, and the small objects that need too many samples."""
     film = prepared.scene.film
     to_film = FilmMap(prepared.kernel, film.width, film.height)
-    found = [x for batch in prepared.kernel.batches if batch.kind.bounded for x in _small_rows(batch, to_film)]
+    hidden = prepared.scene.hidden
+    found = [x for batch in prepared.kernel.batches if batch.kind.bounded for x in _small_rows(batch, to_film, hidden)]
     if not found:
         none = np.zeros(0, np.int64)
         return Cells(none, none, np.zeros((0, 4)), none, none, none)
@@ -73,9 +74,9 @@ def small_objects(prepared: Prepared) -> Cells:
     return _cells(rectangles, objects[rows], areas[rows], film.width, film.height)
 
 
-def _small_rows(batch: Batch, to_film: FilmMap) -> list[tuple[Blocks, np.ndarray, np.ndarray]]:
+def _small_rows(batch: Batch, to_film: FilmMap, hidden: np.ndarray) -> list[tuple[Blocks, np.ndarray, np.ndarray]]:
     """The rows of the small objects of a batch, as a list with at most one tuple: their boxes, the number of each row's
-    object, and the area of this object in pixels."""
+    object, and the area of this object in pixels. hidden: numbers of objects that are not to be seen."""
     objects = np.broadcast_to(row_objects(batch), len(batch))
     if batch.kind.triangular and len(batch) > PROBED:
         probed = np.unique(np.linspace(0, len(batch) - 1, PROBED).astype(int))
@@ -94,6 +95,7 @@ def _small_rows(batch: Batch, to_film: FilmMap) -> list[tuple[Blocks, np.ndarray
         return []
     areas = np.bincount(objects, to_film.areas(boxes))[objects]
     small = np.flatnonzero((areas < SMALL) & _on_film(to_film.rectangles(boxes), to_film.size))
+    small = small[~np.isin(objects[small], hidden)]
     boxes, objects, areas = boxes[small], objects[small], areas[small]
     return [(boxes, objects, areas)] if len(small) else []
 

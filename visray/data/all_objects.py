@@ -72,6 +72,12 @@ class AllObjects(Mapping[str, Primitive]):
         return _Values(self)
 
     @property
+    def hidden(self) -> np.ndarray:
+        """Numbers of the rows that the date of the data hides, among all objects."""
+        found = [self.starts[name] + np.flatnonzero(rows.hidden) for name, rows in self.layers.items()]
+        return np.concatenate([np.zeros(0, int), *found])
+
+    @property
     def representatives(self) -> dict[str, Primitive]:
         """The written objects, the base, and the first row of each layer. All rows of a layer have its kind and its
         material, so these say which kinds and materials a scene has."""

@@ -9,8 +9,9 @@ from pydantic import ConfigDict
 from visray.data.base import Base, GlobeBase
 from visray.data.layer import DataLayer
 from visray.data.legend import Legend
-from visray.data.resolve import Resolved, resolved
+from visray.data.resolve import Resolved, resolved, timed_layer
 from visray.data.rows import Rows
+from visray.data.shown_date import Date, ShownDate
 from visray.data.table import LISTED
 from visray.errors import UserError
 from visray.hints import hint
@@ -28,6 +29,8 @@ class Data:
     base: the map, the plane or the globe on which the data stand.
     layers: layers of data, by name.
     legend: what is written over the picture; null: nothing.
+    date: the moment that layers with a time show, a date such as "2020-06-15", or a number; of dates, a number is a
+        year with a fraction. null: the first date of the data.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -35,11 +38,26 @@ class Data:
     base: Base = field(default_factory=GlobeBase)
     layers: dict[Name, DataLayer] = field(default_factory=dict)
     legend: Legend | None = None
+    date: Date | None = None
+
+    @cached_property
+    def shown_date(self) -> ShownDate:
+        """The date that is shown. Domain: the base has no flaws."""
+        timed = {name: timed_layer(x, self.base) for name, x in self.layers.items() if x.time is not None}
+        return ShownDate.of({name: x.timeline for name, x in timed.items() if not x.flaws}, self.date)
+
+    @property
+    def date_text(self) -> str | None:
+        """The date as the legend shows it; None if it shows none. Domain: no flaws."""
+        if self.legend is None or self.legend.date is False or not self.shown_date.moments:
+            return None
+        return self.shown_date.text(self.legend.date)
 
     @cached_property
     def _resolved(self) -> dict[str, Resolved]:
         """The layers on the base, by name. Domain: the base has no flaws."""
-        return {name: resolved(layer, self.base) for name, layer in self.layers.items()}
+        moments = self.shown_date.moments
+        return {name: resolved(layer, self.base, moments.get(name, 0.0)) for name, layer in self.layers.items()}
 
     @cached_property
     def rows(self) -> dict[str, Rows]:
@@ -47,9 +65,14 @@ class Data:
         return {name: found.rows for name, found in self._resolved.items()}
 
     def value(self, layer: str, number: str, name: str) -> float:
-        """A number of a row, in units of the data. Domain: the row is shown, and has the number."""
+        """A number of a row, in units of the data; with a time, that of the place at the date. Raises a UserError if it
+        has none then. Domain: the row has a gizmo, and the number."""
         rows = self.rows[layer]
-        return float(rows.values[name][rows.index(int(number))])
+        i = rows.index(int(number))
+        if rows.hidden[i]:
+            address = f"data.{layer}.{number}.{name}"
+            raise UserError(printable(f"{address}: the place is not shown on {rows.in_time.text}; take another date"))
+        return float(rows.values[name][i])
 
     def row(self, layer: str, name: str) -> int:
         """Number of the row with a name, as `data.LAYER.NUMBER` has it. Raises a UserError if no row that is shown has
@@ -79,6 +102,10 @@ class Data:
             if name in RESERVED:
                 found.append((f"layers.{name}", "this name is taken by a part of the data; take another name"))
             found += [(f"layers.{name}.{part}", text) for part, text in made.flaws]
+        if self.shown_date.flaw and not found:
+            found.append(("date", self.shown_date.flaw))
+        if self.legend is not None and (text := self.shown_date.form_flaw(self.legend.date)):
+            found.append(("legend.date", text))
         return found
 
     def notes(self) -> list[str]:

@@ -13,10 +13,12 @@ from visray.data.number_column import ColumnRule, NumberColumn
 from visray.data.row_names import RowNames
 from visray.data.size_rule import SizeSpec
 from visray.data.source import SourceRule, TableValue
+from visray.data.time_column import TimeColumn, TimeRule
 from visray.quantities import FARTHEST, Name, Real
 
 Numbers = Annotated[NumberColumn, ColumnRule()]
 OwnNumbers = Annotated[NumberColumn, ColumnRule(among=True)]
+Times = Annotated[TimeColumn, TimeRule()]
 Source = Annotated[str | TableValue, SourceRule()]
 Share = Annotated[Real, Field(ge=0, le=1)]
 # More digits than the number of any row, and fewer than Python refuses to read.
@@ -56,6 +58,15 @@ class DataLayer:
     sunk: share of a gizmo's height that is below the base.
     lift: height of the gizmo's foot above the base; null: 0, and a little for disks, which would lie in the base.
     rows: numbers that replace those of the source, by the number of the row, counted from 0.
+    time: column with the moment of each row, a date or a number, or the moments themselves; null: nothing changes.
+        With moments, rows of one name are one place, or rows of one lon and lat if there are no names, and each place
+        has one gizmo, which shows its numbers at the `date` of the data. Rows are then places, in the order of their
+        names.
+    between: what a number is between two dates: `interpolated`, which is linear in time, or `held`, which is the last
+        known one.
+
+    Sizes and colours are those of the interpolated numbers. The domains of their rules are by default those of all
+    dates, so that nothing else changes a gizmo in time.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -75,3 +86,5 @@ class DataLayer:
     sunk: Share = 0.0
     lift: Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)] | None = None
     rows: dict[RowNumber, RowEdit] = field(default_factory=dict)
+    time: Column | Times | None = None
+    between: Literal["interpolated", "held"] = "interpolated"

@@ -11,12 +11,16 @@ from visray.data.color_rule import ColorRule, color_rule_of
 from visray.data.color_value import color_flaw, color_numbers
 from visray.data.gizmos import GIZMOS
 from visray.data.layer import DataLayer
+from visray.data.layer_time import layer_timeline
 from visray.data.name_column import name_column
 from visray.data.number_column import NumberColumn
 from visray.data.positions import position_columns, swapped
+from visray.data.row_edits import edited
 from visray.data.size_rule import SizeRule, size_rule_of
 from visray.data.source import table_from
 from visray.data.table import LISTED, Table, as_texts
+from visray.data.time_column import TimeColumn
+from visray.data.timeline import Timeline
 from visray.errors import UserError
 from visray.hints import hint
 
@@ -30,6 +34,7 @@ class LayerTable:
     values: numbers by property ("lon", "lat", "height", "radius", "color"), NaN where one is missing; None for a
         property that is not there
     rules: rules and constants by property ("height", "radius", "color")
+    timeline: which rows are one place, if the layer has a time; else None
     flaws: errors (field, message)
     """
 
@@ -37,6 +42,7 @@ class LayerTable:
     table: Table | None = None
     values: dict[str, np.ndarray] = field(default_factory=dict)
     rules: dict[str, Any] = field(default_factory=dict)
+    timeline: Timeline | None = None
     flaws: list[tuple[str, str]] = field(default_factory=list)
 
     @staticmethod
@@ -55,6 +61,8 @@ class LayerTable:
             t._read_properties()
         if not t.flaws:
             t._check_lengths()
+        if not t.flaws and layer.time is not None:
+            t._read_timeline()
         if not t.flaws:
             t._edit()
         if not t.flaws:
@@ -123,6 +131,10 @@ class LayerTable:
             )
         if self.is_lines and layer.rows:
             self.flaws.append(("rows", "cannot replace numbers of lines; change the source"))
+        if self.is_lines and layer.time is not None:
+            self.flaws.append(("time", "lines do not change in time; leave it out, or take another gizmo"))
+        if layer.time is None and layer.between != "interpolated":
+            self.flaws.append(("between", "goes with the field time; write a column of dates there"))
 
     def _read_positions(self) -> None:
         """Reads longitudes and latitudes."""
@@ -194,8 +206,9 @@ class LayerTable:
     def _check_lengths(self) -> None:
         """Finds lists of other lengths than that of the longitudes."""
         sizes = {key: len(x) for key, x in self.values.items()}
-        if isinstance(self.layer.name, tuple):
-            sizes["name"] = len(self.layer.name)
+        for key in ("name", "time"):
+            if isinstance(own := getattr(self.layer, key), (tuple, TimeColumn)):
+                sizes[key] = len(own)
         if len(set(sizes.values())) > 1:
             listed = ", ".join(f"{key} has {n}" for key, n in sizes.items())
             more = "; one colour is three numbers from 0 to 1" if sizes.get("color") == 3 else ""
@@ -203,27 +216,17 @@ class LayerTable:
         elif not len(self):
             self.flaws.append(("source", "has no rows; a layer needs one at least"))
 
+    def _read_timeline(self) -> None:
+        """Finds which rows are one place, and in which order of time."""
+        try:
+            self.timeline = layer_timeline(self.layer, self.table, self.values, self.texts(), self.place)
+        except UserError as error:
+            self.flaws += [("time", self._bare(text)) for text in error.lines]
+
     def _edit(self) -> None:
         """Replaces the numbers that the layer's `rows` give."""
-        for number, edit in self.layer.rows.items():
-            if int(number) >= len(self):
-                self.flaws.append((f"rows.{number}", f"there is no such row; the last one is {len(self) - 1}"))
-                continue
-            for key, x in vars(edit).items():
-                if x is None:
-                    continue
-                if key not in self.values:
-                    text = f"has no number of its own, as the layer takes {key} from no column"
-                    self.flaws.append((f"rows.{number}.{key}", f"{text}; change {key} of the layer"))
-                    continue
-                if not self.values[key].flags.writeable or self.values[key] is self._stored(key):
-                    self.values[key] = self.values[key].copy()
-                self.values[key][int(number)] = x
-
-    def _stored(self, key: str) -> np.ndarray | None:
-        """The array of the source that holds the numbers of a property; it must not be changed."""
-        stored = list(self.table.columns.values()) if self.table is not None else []
-        return next((x for x in stored if x is self.values[key]), None)
+        self.values, flaws = edited(self.layer, self.values, self.timeline)
+        self.flaws += flaws
 
     def _check_lines(self) -> None:
         """Finds lines with points that are not on earth."""

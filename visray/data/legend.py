@@ -17,7 +17,8 @@ TextSize = Annotated[Real, Field(ge=0.5, le=4)]
 @dataclass(frozen=True, kw_only=True)
 class Legend:
     """What is written over the picture: `title` and `subtitle` at the top, the `source` of the data at the bottom, and
-    keys that say what colours and sizes mean.
+    keys that say what colours and sizes mean. The `date` of data with a time is below the title: true writes it as
+    fine as the data, and a format such as "%d %B %Y" in its own way.
 
     `bars` and `sizes` say whether colours and sizes have keys. `position` is the place of the keys. `labels` are texts
     in place of the names of columns, `units` the units of columns, such as {"rain": "mm"}, and `no_data` is the text
@@ -36,6 +37,7 @@ class Legend:
     source: _Text = ""
     places: Literal["none", "all"] | tuple[_NotEmpty, ...] = "none"
     points: dict[_NotEmpty, tuple[Longitude, Latitude]] = field(default_factory=dict)
+    date: _Flag | _NotEmpty = True
     bars: _Flag = True
     sizes: _Flag = True
     labels: dict[_NotEmpty, _Text] = field(default_factory=dict)

@@ -1,24 +1,26 @@
 """From a layer and a base to gizmos: coordinates become points, and what was found lately is kept."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 
-from visray.data.base import Base, FlatBase
+from visray.data.base import Base
 from visray.data.gizmos import Stand
 from visray.data.layer import DataLayer
 from visray.data.rows import Rows
 from visray.data.shown_rows import ShownRows
 from visray.data.source import stamp_of
-from visray.data.touching import LOWER, notes_of_touching
+from visray.data.standing import Standing
+from visray.data.timed_layer import TimedLayer
+from visray.data.timed_rows import timed_rows
+from visray.data.touching import notes_of_touching
 
 # Layers with up to this many rows are kept for a while after no scene has them any more.
 FEW_ROWS = 20_000
-# How far disks are above the base, and hanging bars below it, if the layer has no lift: a share of the base's size.
-LIFT = 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +35,20 @@ class Resolved:
     flaws: tuple[tuple[str, str], ...] = ()
 
 
-def resolved(layer: DataLayer, base: Base) -> Resolved:
-    """A layer on a base. What was resolved lately, and has not changed, is not resolved again."""
-    return _LATE.get(_Key(layer, base))
+def resolved(layer: DataLayer, base: Base, moment: float = 0.0) -> Resolved:
+    """A layer on a base. What was resolved lately, and has not changed, is not resolved again.
+
+    moment: for a layer with a time, the date that is shown, as a number
+    """
+    if layer.time is None:
+        return _LATE.get(_Key(layer, base))
+    timed = timed_layer(layer, base)
+    return Resolved(None, timed.flaws) if timed.flaws else _MOMENTS.get(_Moment(timed, moment))
+
+
+def timed_layer(layer: DataLayer, base: Base) -> TimedLayer:
+    """What is true of a layer with a time at all dates. It is kept as in `resolved`. Domain: it has a time."""
+    return _TIMED.get(_Key(layer, base))
 
 
 class _Key:
@@ -54,37 +67,55 @@ class _Key:
         return isinstance(other, _Key) and self.parts == other.parts
 
 
-class _Late:
-    """What was resolved lately: all that a scene still holds, and the last few small layers.
+@dataclass(frozen=True)
+class _Moment:
+    """A layer with a time, and a moment, as a key of a cache."""
 
+    timed: TimedLayer
+    moment: float
+
+
+class _Late:
+    """What was made lately: all that something still holds, and the last few small results.
+
+    make: function that makes the result of a key
+    size: function that returns the number of rows of a result
     held: results by key, as long as something else refers to them
     small: the last results with few rows
     """
 
-    def __init__(self) -> None:
-        self.held: WeakValueDictionary[_Key, Resolved] = WeakValueDictionary()
-        self.small: deque[Resolved] = deque(maxlen=16)
+    def __init__(self, make: Callable[[Any], Any], size: Callable[[Any], int]) -> None:
+        self.make, self.size = make, size
+        self.held: WeakValueDictionary[Any, Any] = WeakValueDictionary()
+        self.small: deque[Any] = deque(maxlen=16)
 
-    def get(self, key: _Key) -> Resolved:
-        """A layer on a base, resolved now or lately."""
+    def get(self, key: Any) -> Any:
+        """The result of a key, made now or lately."""
         found = self.held.get(key)
         if found is None:
-            found = self.held[key] = _resolved(key.layer, key.base)
+            found = self.held[key] = self.make(key)
             # Many large layers, as of an animation, would fill the memory.
-            if found.rows is None or len(found.rows) <= FEW_ROWS:
+            if self.size(found) <= FEW_ROWS:
                 self.small.append(found)
         return found
 
 
-_LATE = _Late()
+def _size(found: Resolved) -> int:
+    """Number of gizmos of a layer."""
+    return 0 if found.rows is None else len(found.rows)
 
 
 def _resolved(layer: DataLayer, base: Base) -> Resolved:
-    """A layer on a base: its rows, or its flaws."""
+    """A layer without a time on a base: its rows, or its flaws."""
     shown = ShownRows(layer, base)
     if shown.flaws:
         return Resolved(None, tuple(shown.flaws))
     return Resolved(_lines(shown) if shown.t.is_lines else _points(shown))
+
+
+_LATE = _Late(lambda key: _resolved(key.layer, key.base), _size)
+_TIMED = _Late(lambda key: TimedLayer(key.layer, key.base), lambda timed: len(timed.shown.kept))
+_MOMENTS = _Late(lambda key: Resolved(timed_rows(key.timed, key.moment)), _size)
 
 
 def _points(s: ShownRows) -> Rows:
@@ -93,27 +124,12 @@ def _points(s: ShownRows) -> Rows:
     values = {key: x[s.kept] for key, x in s.t.values.items()}
     ground = s.base.place(values["lon"], values["lat"])
     sizes = {key: x[s.kept] for key, x in s.sizes.items()}
-    signed = sizes.get("height", sizes["radius"])
-    sign = np.where(signed < 0, -1.0, 1.0)
     # Colours are those of the rows that are shown, and sizes those of all rows.
-    slopes = {key: x.T if key == "color" else x[s.kept] * sign for key, x in s.slopes.items()}
-    lift = _lift(s, sign)
-    up, east = ground.up.T, ground.east.T
-    stand = Stand(ground.point.T + up * lift, up, east, np.cross(ground.up, ground.east).T,
-                  np.abs(sizes.get("height", sizes["radius"])), sign, np.abs(sizes["radius"]),
-                  s.layer.sunk)  # fmt: skip
-    s.notes += notes_of_touching(s.gizmo, s.base, stand, lift, kept, s.color is not None)
-    return _rows(s, kept, values, ground, stand, slopes, s.gizmo.fields(stand), s.color, lift)
-
-
-def _lift(s: ShownRows, sign: np.ndarray) -> np.ndarray:
-    """Height of each gizmo's foot above the base. Those that would lie in a map, with a flat side, are moved a little,
-    so that the picture shows no noise of both. sign: of their sizes. Shape: (N)."""
-    if s.layer.lift is not None:
-        return np.full(len(sign), s.layer.lift)
-    little = LIFT * s.base.size
-    hangs = isinstance(s.base, FlatBase) and s.layer.sunk == 0 and s.gizmo.name in LOWER
-    return np.where(hangs & (sign < 0), -little, little if s.gizmo.flat else 0.0)
+    slopes = {key: x if key == "color" else x[s.kept] for key, x in s.slopes.items()}
+    standing = Standing.of(s.layer, s.base, ground, sizes)
+    s.notes += notes_of_touching(s.gizmo, s.base, standing.stand, standing.lift, kept, s.color is not None)
+    return _rows(s, kept, values, ground, standing.stand, standing.signed(slopes), s.gizmo.fields(standing.stand),
+                 s.color, standing.lift)  # fmt: skip
 
 
 def _lines(s: ShownRows) -> Rows:

@@ -25,6 +25,25 @@ ROW_MATERIAL = "data.row"
 
 
 @dataclass(frozen=True, eq=False)
+class InTime:
+    """What the gizmos of a layer with a time have at all dates, and which of them are hidden at the date that is shown.
+    Hidden gizmos are tiny, and below the base: so the number of gizmos never changes, and no kernel does.
+
+    text: the date, as text
+    hidden: whether each gizmo is hidden. Shape: (N)
+    known: all numbers of the rows of the source, by property: those that domains and legends come from
+    largest: the largest number of each gizmo, without its sign, by property. Shape: (N)
+    sizes: the largest size of each gizmo, by property. Shape: (N)
+    """
+
+    text: str
+    hidden: np.ndarray
+    known: dict[str, np.ndarray]
+    largest: dict[str, np.ndarray]
+    sizes: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
 class Rows:
     """The gizmos of a layer.
 
@@ -45,6 +64,7 @@ class Rows:
     fitted: properties whose rules have their domain from the data
     counts: number of rows of the source that are not shown, by reason
     notes: sentences about the data
+    in_time: for a layer with a time, whose rows are places; else None
     """
 
     gizmo: Gizmo
@@ -63,6 +83,7 @@ class Rows:
     fitted: frozenset[str] = frozenset()
     counts: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    in_time: InTime | None = None
 
     def __len__(self) -> int:
         """Number of gizmos."""
@@ -73,15 +94,25 @@ class Rows:
         """Index of the first gizmo of each row of the source that has some. Shape: (number of these rows)."""
         return np.flatnonzero(np.diff(self.number, prepend=-1))
 
+    @property
+    def hidden(self) -> np.ndarray:
+        """Whether each gizmo is hidden, because its place is not known at the date. Shape: (N)."""
+        return np.zeros(len(self), bool) if self.in_time is None else self.in_time.hidden
+
+    def known(self, name: str) -> np.ndarray:
+        """All numbers of a property, at all dates: those that its rule and its key in the legend come from."""
+        return self.values[name] if self.in_time is None else self.in_time.known[name]
+
     def all_notes(self) -> list[str]:
         """Sentences about the data, and about how many rows are not shown, and why."""
+        one, many = ("row", "rows") if self.in_time is None else ("place", "places")
         left_out = [f"{n:,} {reason}" for reason, n in self.counts.items() if reason not in (OUTSIDE, COLORLESS)]
         count, grey = len(self.first), self.counts.get(COLORLESS, 0)
-        shown = "1 row is" if count == 1 else f"{count:,} rows are"
+        shown = f"1 {one} is" if count == 1 else f"{count:,} {many} are"
         notes = [f"{shown} shown, and not: {', '.join(left_out)}"] if left_out else []
         if grey:
             have = "has" if grey == 1 else "have"
-            notes.append(f"{grey:,} of the rows that are shown {have} the colour of missing values")
+            notes.append(f"{grey:,} of the {many} that are shown {have} the colour of missing values")
         return [*self.notes, *notes]
 
     def index(self, number: int) -> int | None:
@@ -93,10 +124,14 @@ class Rows:
         """Why a picture has no derivative by a number of a row of the source; None if it has one."""
         i = self.index(number)
         value, slope = self.values[name][i], self.slopes.get(name)
+        if self.hidden[i]:
+            return f"as the place has no numbers on {self.in_time.text}"
         if np.isnan(value):
             return "as this number is missing"
         if slope is not None and not np.isfinite(slope[..., i]).all():
             return "as its rule is infinitely steep there"
+        if name in self.fitted and self.in_time is not None:
+            return "as the domain of its rule is that of all dates; give the rule a domain"
         if name in self.fitted and self._is_end(value, self.rules[name]):
             return "as the domain of its rule changes with it; give the rule a domain"
         return None

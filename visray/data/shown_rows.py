@@ -33,6 +33,9 @@ SWAPPED = "longitude and latitude seem to be swapped, in the data or in extent, 
 class ShownRows:
     """The rows of a layer that are shown on a base, with their sizes and colours; or the flaws of the layer.
 
+    Of a layer with a time, all rows that have a date and a place count, and the domains of rules are those of all
+    dates. Which gizmos are shown depends on the date (timed_layer.py).
+
     t: the numbers of its rows
     kept: mask of the rows that are shown so far
     segments: segments of all lines, if gizmos are lines
@@ -56,15 +59,17 @@ class ShownRows:
         self.fitted: set[str] = set()
         self.color: np.ndarray | None = None
         self.kept = np.ones(0 if self.flaws else len(self.t), bool)
+        self.timed = self.t.timeline is not None
         for step in (self._check_memory, self._drop, self._size_all, self._color_all):
             if not self.flaws:
                 step()
 
     def _check_memory(self) -> None:
         """Finds more rows than fit into memory."""
-        needed, free = len(self.t) * BYTES_PER_ROW, memory.free()
+        count = len(self.t.timeline) if self.timed else len(self.t)
+        needed, free = count * BYTES_PER_ROW, memory.free()
         if free is not None and needed > free.size:
-            text = f"has {len(self.t):,} rows, which need about {needed / 2**30:.1f} GiB, {free}; take fewer rows"
+            text = f"has {count:,} rows, which need about {needed / 2**30:.1f} GiB, {free}; take fewer rows"
             self.flaws.append(("source", text))
 
     def _leave_out(self, dropped: np.ndarray, reason: str) -> None:
@@ -76,6 +81,9 @@ class ShownRows:
 
     def _drop(self) -> None:
         """Leaves out all rows that cannot be shown."""
+        if self.timed:
+            self.kept = self.t.timeline.used
+            return
         self._drop_missing()
         if self.t.is_lines:
             self._drop_lines()
@@ -134,7 +142,7 @@ class ShownRows:
             wrong = self.kept & (self.sizes["radius"] < 0)
             text = f"must not be negative: {self.t.rows_text(wrong, self.t.values['radius'])}"
             self.flaws.append(("radius", f"{text}; take another column, or leave these cells empty"))
-        for key, size in self.sizes.items():
+        for key, size in self.sizes.items() if not self.timed else ():
             with np.errstate(invalid="ignore"):
                 self._leave_out(np.abs(size) < 1 / FARTHEST, f"of {key} 0")
         self._note_hanging("height" if upright else "radius")
@@ -191,6 +199,6 @@ class ShownRows:
         self.rules["color"] = rule.resolved(values)
         if rule.domain is None or rule.norm == "quantile":
             self.fitted.add("color")
-        if colours.missing:
+        if colours.missing and not self.timed:
             self.counts[COLORLESS] = colours.missing
         self.color = colours.linear

@@ -36,7 +36,7 @@ def legend_content(scene: Scene) -> LegendContent | None:
             continue
         if legend.bars and isinstance(rows.rules.get("color"), ResolvedColors):
             text = label(legend, name, layers[name], "color")
-            bars.append(bar_of(text, rows.rules["color"], rows.values["color"]))
+            bars.append(bar_of(text, rows.rules["color"], rows.known("color")))
         for key in rows.gizmo.sizes if legend.sizes else ():
             if isinstance(rows.rules.get(key), SizeRule):
                 scale = _scale(scene, rows, key, label(legend, name, layers[name], key))
@@ -49,6 +49,7 @@ def legend_content(scene: Scene) -> LegendContent | None:
     written = ("title", "subtitle", "source", "no_data", "position", "theme", "size", "font")
     own = {name: getattr(legend, name) for name in written}
     kept, places = (scale for scale in sizes if scale.entries), _places(scene, notes)
+    own["date"] = scene.data.date_text or ""
     return LegendContent(
         **own, bars=tuple(different(bars)), sizes=tuple(kept), places=tuple(places), notes=tuple(notes)
     )
@@ -56,7 +57,8 @@ def legend_content(scene: Scene) -> LegendContent | None:
 
 def _scale(scene: Scene, rows: Rows, key: str, label: str) -> SizeScale:
     """The scale of the heights or radii of a layer; without entries if none can be shown."""
-    rule, values = rows.rules[key], np.abs(rows.values[key])
+    rule, values = rows.rules[key], np.abs(rows.known(key))
+    values = values[~np.isnan(values)]
     shape = "bar" if key == "height" else "square" if rows.gizmo.name == "box" else "disk"
     most = float(values.max(initial=0.0))
     if rule.domain is None:
@@ -167,9 +169,11 @@ def _named_rows(rows: Rows) -> list[tuple[str, np.ndarray, float]]:
         # A line has many segments of one name; the first stands for all.
         first = {name: i for i, name in reversed(list(enumerate(rows.texts)))}
         return [(rows.texts[i], rows.ground.point[i], 0.0) for i in sorted(first.values()) if rows.texts[i].strip()]
-    size = next((np.abs(rows.values[key]) for key in ("height", "radius") if key in rows.values), np.zeros(len(rows)))
-    order = np.argsort(-size, kind="stable").tolist()
-    return [(rows.texts[i], rows.ground.point[i], float(rows.stand.radius[i])) for i in order if rows.texts[i].strip()]
+    # The largest sizes of all dates, so that names stay where they are while bars grow.
+    largest = rows.values if rows.in_time is None else rows.in_time.largest
+    size = next((np.abs(largest[key]) for key in ("height", "radius") if key in largest), np.zeros(len(rows)))
+    named = (i for i in np.argsort(-size, kind="stable").tolist() if rows.texts[i].strip() and not rows.hidden[i])
+    return [(rows.texts[i], rows.ground.point[i], float(rows.stand.radius[i])) for i in named]
 
 
 def _unknown(name: str, known: dict[str, Any]) -> str:

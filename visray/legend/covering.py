@@ -29,7 +29,7 @@ def _hidden(scene: Scene, rows: Rows, panels: Sequence[Box]) -> int:
     if not len(rows):
         return 0
     low, high = (_below(scene, points, panels) for points in _ends(rows))
-    gizmos = (low & high).any(axis=0)
+    gizmos = (low & high).any(axis=0) & ~rows.hidden
     # A line is hidden if all its segments are.
     return int(np.logical_and.reduceat(gizmos, rows.first).sum())
 

@@ -131,12 +131,15 @@ def _attempt(
 def _heading(
     content: LegendContent, width: int, height: int, em: float, pen: Pen, notes: list[str]
 ) -> tuple[list[TextLine], float]:
-    """The lines of title and subtitle, and the height below them. notes: gets a note if they are cut."""
+    """The lines of title, subtitle and date, and the height below them. notes: gets a note if they are cut."""
     margin, texts = em * MARGIN, []
     top, end = margin, HEADING_SHARE * height
     for text, size, bold, name in ((content.title, TITLE * em, True, "title"),
-                                   (content.subtitle, SUBTITLE * em, False, "subtitle")):  # fmt: skip
-        most = max(int((end - top) / (size * LEADING)), 1 if bold else 0)
+                                   (content.subtitle, SUBTITLE * em, False, "subtitle"),
+                                   (content.date, TITLE * em, False, "date")):  # fmt: skip
+        # A long subtitle leaves room for the date.
+        below = TITLE * em * LEADING if content.date and name != "date" else 0.0
+        most = max(int((end - top - below) / (size * LEADING)), 1 if bold or name == "date" else 0)
         lines, cut = pen.wrapped(text, size, bold, width - 2 * margin, most) if text.strip() else ([], False)
         if cut:
             notes.append(f"legend: the {name} is too long, and cut; shorten data.legend.{name}")

@@ -90,6 +90,7 @@ class LegendContent:
 
     places: those that come first are named first if there is no room for all.
     no_data, position, theme, size, font: as in visray.data.legend.Legend.
+    date: the date that data with a time show; "" for none.
     notes: what the legend leaves out, each a sentence for users.
     """
 
@@ -104,10 +105,12 @@ class LegendContent:
     theme: Literal["auto", "light", "dark"] = "auto"
     size: float = 1.0
     font: str | None = None
+    date: str = ""
     notes: tuple[str, ...] = ()
 
     def texts(self) -> list[str]:
         """All texts of the legend."""
         keys = [text for bar in self.bars for text in (bar.label, *(tick.text for tick in bar.ticks))]
         keys += [text for scale in self.sizes for text in (scale.label, *(text for text, _ in scale.entries))]
-        return [self.title, self.subtitle, self.source, self.no_data, *keys, *(place.name for place in self.places)]
+        own = self.title, self.subtitle, self.date, self.source, self.no_data
+        return [*own, *keys, *(place.name for place in self.places)]

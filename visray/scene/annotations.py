@@ -12,6 +12,7 @@ from pydantic import Tag
 from typing_extensions import TypeAliasType
 
 from visray.data.number_column import NumberColumn
+from visray.data.time_column import TimeColumn
 from visray.operands import OperandsRule
 from visray.quantities import Quantity
 from visray.transforms import STEPS
@@ -114,6 +115,7 @@ _JSON_NAMES = {
     bool: "true or false",
     str: "a string",
     NumberColumn: "a list of numbers",
+    TimeColumn: "a list of dates or numbers",
     NoneType: "null",
     tuple: "a list [...]",
     dict: "an object {...} that holds entries by name",

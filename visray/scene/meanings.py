@@ -138,6 +138,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "base": "what the data stand on: a globe, a map, or a plane with a map",
         "layers": "layers of data, by name",
         "legend": "what is written over the picture, or null",
+        "date": "the moment that layers with a time show: a date such as 2020-06-15, or a number; null: the first one",
     },
     AnyBase: {"material": "the name of one of the scene's materials, or default", "transform": "transformation steps"},
     FlatBase: {
@@ -161,6 +162,8 @@ MEANINGS: dict[type, dict[str, str]] = {
         "sunk": "share of the gizmo's height that is below the base, from 0 to 1",
         "lift": "height of the gizmo's foot above the base, in world units; null: 0, or a little for disks",
         "rows": "numbers that replace those of the source, by the number of the row, counted from 0",
+        "time": "column with the date of each row, or its moment as a number; rows of one name are then one place",
+        "between": "numbers between two dates: interpolated, or held, which is the last known one",
     },
     RowEdit: {
         "lon": "longitude in degrees",
@@ -197,6 +200,7 @@ MEANINGS: dict[type, dict[str, str]] = {
         "source": "text at the bottom: where the data come from",
         "places": "names of rows that are written in the picture: none, all, or a list",
         "points": "further places that are named: longitude and latitude by name",
+        "date": "whether the date of data with a time is shown, or its format, such as %d %B %Y",
         "bars": "whether colours have keys",
         "sizes": "whether sizes have keys",
         "labels": "texts in place of the names of columns",

@@ -7,6 +7,7 @@ from functools import cached_property
 from itertools import islice
 from typing import Annotated, Any, Literal, Union
 
+import numpy as np
 from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter
 
 from visray import camera as cameras
@@ -212,6 +213,11 @@ class Scene:
     def representatives(self) -> Mapping[str, Object]:
         """Objects of all kinds and materials that the scene has: of the rows of a layer, only the first."""
         return self.objects if self.data is None else self.all_objects.representatives
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """Numbers of the objects that are not to be seen, in the order of all_objects: rows without data at a date."""
+        return np.zeros(0, int) if self.data is None else self.all_objects.hidden
 
     def materials_of(self, obj: Object) -> tuple[str, ...]:
         """Names of the materials that an object has: its own one, then those of its operands."""

@@ -1,6 +1,10 @@
 """Data layers with a time: numbers between dates, places that come and go, the date of the legend, and bad input."""
 
+import json
+import re
+from dataclasses import replace
 from datetime import datetime, timedelta
+from pathlib import Path
 
 import drjit as dr
 import numpy as np
@@ -17,9 +21,10 @@ from visray.data.timeline import Timeline
 from visray.errors import UserError
 from visray.legend.content import legend_content
 from visray.scene.address import value
-from visray.scene.check import checked
+from visray.scene.check import checked, examined
 from visray.setup import prepare
 
+ROOT = Path(__file__).resolve().parents[1]
 # Two places of all dates, a third from March to May, and a fourth without a colour in April.
 ROWS = [
     ("Bern", 7.45, 46.95, "2020-01-01", 2.0, 5.0), ("Bern", 7.45, 46.95, "2020-03-01", 8.0, 9.0),
@@ -452,3 +457,92 @@ def test_lines_do_not_change_in_time():
         scene(
             source={"type": "FeatureCollection", "features": [line]}, gizmo="line", time="day", height=None, color=None
         )
+
+
+def test_the_page_has_the_messages_of_visray():
+    page = (ROOT / "docs" / "data-in-time.md").read_text(encoding="utf-8")
+    written = re.search(r"```text\n(.*?)```", page, re.DOTALL)[1].splitlines()
+    source = str(ROOT / "scenes" / "data" / "coastal-months.csv")
+    said = []
+    for time, date in (("month", "2003-01"), ("name", None)):
+        said += examined({"data": {"layers": {"air": {"source": source, "time": time}}, "date": date}})[1]
+    assert said == written
+
+
+# The scene, and the command.
+
+
+def test_the_year_of_the_scene_closes():
+    s = vr.load(ROOT / "scenes" / "data-year.json")
+    ends = [at(replace(s, animation=None), date).data.rows["air"] for date in ("2001-01", "2002-01")]
+    assert np.array_equal(*(x.values["height"] for x in ends)) and len(ends[0]) == 80
+    assert not ends[0].hidden.any()
+
+
+def test_rows_turn_with_the_globe_in_the_scene_of_a_year():
+    s = vr.load(ROOT / "scenes" / "data-year.json")
+    start, quarter = (vr.at(s, t).data for t in (0.0, 3.0))
+    assert [x.date_text for x in (start, quarter)] == ["January", "April"]
+    x, y, z = start.rows["air"].ground.point.T
+    np.testing.assert_allclose(quarter.rows["air"].ground.point, np.stack([z, y, -x], axis=1), atol=1e-12)
+
+
+def test_the_command_shows_a_date(tmp_path, capsys):
+    from visray.cli import main
+
+    table, saved = ROOT / "scenes" / "data" / "coastal-months.csv", tmp_path / "saved.json"
+    words = [
+        "data",
+        str(table),
+        "--time-column",
+        "month",
+        "--size",
+        "96x64",
+        "--spp",
+        "1",
+        "-o",
+        str(tmp_path / "a.png"),
+    ]
+    assert main([*words, "--date", "2001-07-16", "--held", "--save", str(saved), "--json"]) == 0
+    choices = json.loads(capsys.readouterr().out)["choices"]
+    assert choices["places"] == "80" and choices["time"] == "month" and choices["color"] == "temperature"
+    written = json.loads(saved.read_text())["data"]
+    assert written["date"] == "2001-07-16"
+    [layer] = written["layers"].values()
+    assert (layer["time"], layer["between"]) == ("month", "held")
+    python = vr.data_scene(str(table), time_column="month", date="2001-07-16", held=True, size=(96, 64))
+    [rows] = python.data.rows.values()
+    assert rows.values["color"][rows.texts.index("Shanghai")] == 26.3
+
+
+@pytest.mark.parametrize(
+    ("words", "arguments", "text"),
+    [
+        (["--time-column", "mont"], {"time_column": "mont"}, 'time_column = "mont": there is no such column in'),
+        (["--date", "2001"], {"date": "2001"}, 'date: goes with dates of rows; name their column, as in time_column='),
+        (["--held"], {"held": True}, 'held: goes with dates of rows; name their column, as in time_column="date"'),
+        (["--time-column", "name"], {"time_column": "name"}, 'time_column: line 2 "Shanghai" is no date; write a date'),
+        (["--time-column", "month", "--date", "2003"], {"time_column": "month", "date": 2003}, "date: is outside of"),
+        (["--time-column", "month", "--date", "x"], {"time_column": "month", "date": "x"}, "date: is no date; write a"),
+    ],
+)  # fmt: skip
+def test_the_command_refuses_dates_in_one_line(words, arguments, text, capsys):
+    from visray.cli import main
+
+    table = str(ROOT / "scenes" / "data" / "coastal-months.csv")
+    assert main(["data", table, *words]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    option = text.replace("_column", "-column", 1) if text.startswith("time") else text
+    option = re.sub('time_column=("date")?', "--time-column", option)
+    assert said[0].startswith(f"visray: --{option}")
+    with pytest.raises(UserError) as error:
+        vr.data_scene(table, **arguments)
+    assert error.value.lines[0].startswith(text)
+
+
+def test_the_camera_sees_the_largest_sizes_of_all_dates():
+    table = {"name": ["a", "a", "b", "b"], "lon": [1, 1, 3, 3], "lat": [50, 50, 51, 51]}
+    table |= {"day": [0, 1, 0, 1], "v": [1, 100, 1, 100]}
+    first, last = (vr.data_scene(table, time_column="day", height="v", date=day) for day in (0, 1))
+    assert first.camera == last.camera

@@ -18,7 +18,7 @@ import visray as vr
 DATA = Path(__file__).resolve().parents[1] / "scenes" / "data"
 TABLES = sorted(DATA.glob("*.csv"))
 # Columns that hold texts.
-TEXTS = {"name", "country", "code", "continent", "place", "time"}
+TEXTS = {"name", "country", "code", "continent", "place", "time", "month"}
 # Columns in degrees Celsius.
 WARMTHS = {
     "january", "february", "march", "april", "may", "june",
@@ -28,6 +28,7 @@ WARMTHS = {
 LIMITS = {
     "lon": (-180, 180), "lat": (-90, 90), "population": (0, 2e9), "rain": (0, 15_000), "depth": (-5, 700),
     "magnitude": (4, 10), "gdp": (0, 3e7), "gdp_per_head": (0, 3e5),
+    "temperature": (-30, 40),
 } | dict.fromkeys(WARMTHS, (-30, 40))  # fmt: skip
 
 
@@ -54,7 +55,7 @@ def test_tables_hold_what_the_page_says(path):
     for column in set(rows[0]) & {"name", "place"}:
         assert all(row[column] == row[column].strip() != "" for row in rows)
     if "name" in rows[0]:
-        assert len({(row["name"], row.get("country")) for row in rows}) == len(rows)
+        assert len({(row["name"], row.get("country"), row.get("month")) for row in rows}) == len(rows)
 
 
 def test_all_data_are_listed_and_small():
@@ -235,6 +236,12 @@ def test_thinned_lines_stay_near(made, most):
 def test_middle_of_a_ring(made):
     area, middle = made["area_and_middle"](np.array([[0, 0], [0, 3], [6, 0], [0, 0]], float))
     assert area == 9 and middle == pytest.approx([2, 1])
+
+
+def test_months_are_what_their_script_makes(tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["make_months.py", "-o", str(tmp_path / "made.csv")])
+    runpy.run_path(str(DATA.parent / "make_months.py"), run_name="__main__")
+    assert (tmp_path / "made.csv").read_bytes() == (DATA / "coastal-months.csv").read_bytes()
 
 
 def netcdf(records: int) -> bytes:

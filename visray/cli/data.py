@@ -40,6 +40,15 @@ def data_command(
     color: Annotated[str | None, Parameter(help="Column shown as colour.")] = None,
     lon: Annotated[str | None, Parameter(help="Column of longitudes. Default: found by its name.")] = None,
     lat: Annotated[str | None, Parameter(help="Column of latitudes. Default: found by its name.")] = None,
+    time_column: Annotated[
+        str | None, Parameter(help="Column of dates or other moments: rows of one name are then one place.")
+    ] = None,
+    date: Annotated[
+        str | None, Parameter(help="The date that is shown, with --time-column. Default: the first one.")
+    ] = None,
+    held: flag(
+        "With --time-column: numbers stay what they are until the next date. Else they are interpolated."
+    ) = False,
     palette: Annotated[str | None, Parameter(help="Palette of the colours, such as viridis or RdBu.")] = None,
     norm: Annotated[
         str | None, Parameter(help="Norm of the colours: linear, log, symmetric, power or quantile.")
@@ -137,7 +146,7 @@ def data_command(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
         domain=ends, bands=bands, **texts,
         gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
-        source_line=source_line,
+        source_line=source_line, time_column=time_column, date=date, held=held,
         places=places if places in ("auto", "none", "all") else parse_list(places),
         spp=spp, **({} if film is None else {"size": film}),
     )  # fmt: skip

@@ -8,7 +8,10 @@ from dataclasses import replace
 from math import isfinite
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from visray.arguments import checked_arguments, python_number, shown
+from visray.data.shown_date import Date
 from visray.data.source import TableValue
 from visray.data_picture.drawn_map import passing_map, write_own_map
 from visray.data_picture.picture import TEXTURE, data_picture
@@ -21,6 +24,7 @@ from visray.scene.source import wrong_texts
 from visray.terminal import printable
 
 BASES = ("auto", "map", "globe")
+DATE = TypeAdapter(Date | None)
 EDGES = "west, east, south and north in degrees, such as (-10, 30, 35, 60)"
 # How messages that name options of the command name the arguments instead.
 REWORDED = (
@@ -29,6 +33,8 @@ REWORDED = (
     (r"--(lon|lat) (\".*?\") --(lon|lat)", r"\1=\2 and --\3"),
     (r"--(\w+) (\".*?\")", r"\1=\2"),
     (r"--(norm|base|gizmo) (quantile|map|globe|sphere)", r'\1="\2"'),
+    (r"--time-column (\w+)", r'time_column="\1"'),
+    (r"--time-column", "time_column"),
     (r"--(\w+)", r"\1"),
 )
 
@@ -42,6 +48,9 @@ def data_scene(
     color: str | None = None,
     lon: str | None = None,
     lat: str | None = None,
+    time_column: str | None = None,
+    date: Any = None,
+    held: bool = False,
     palette: str | None = None,
     norm: str | None = None,
     domain: Sequence | None = None,
@@ -68,6 +77,9 @@ def data_scene(
     height, radius, color: columns shown as the height of bars, the size of spheres or the width of bars, and colours.
         Without any, the first column with quantities is shown.
     lon, lat, name: columns of longitudes, latitudes and names; by default found by their names.
+    time_column: column of dates or other moments: rows of one name are then one place. date: the one that is shown, a
+        date such as "2020-06-15", or a number; by default the first one. held: whether numbers are held between dates,
+        and not interpolated.
     palette, norm: of the colours. domain: values at their two ends. bands: number of their steps.
     labels, units: texts in place of the names of columns, and units, each by column: {"rain": "mm"}.
     gizmo: shape of a datum, such as "cylinder" or "sphere".
@@ -86,6 +98,7 @@ def data_scene(
     """
     wishes = Wishes(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
+        time_column=time_column, date=_date(date), held=held,
         domain=_numbers("domain", domain, "must be two numbers, such as (0, 100)", 2), bands=_bands(bands),
         labels=_texts("labels", labels), units=_texts("units", units),
         gizmo=gizmo, base=_base(base), image=None if map is None else os.fspath(map),
@@ -129,6 +142,14 @@ def _source(table: Any) -> str | TableValue:
         return TableValue(table_of(table))
     except UserError as error:
         raise UserError(*(text.replace("; give a dict", "; give a path, a dict") for text in error.lines)) from None
+
+
+def _date(date: Any) -> str | float | None:
+    """The date that is shown. Raises a UserError if it is none."""
+    try:
+        return DATE.validate_python(python_number(date))
+    except ValidationError:
+        raise UserError(f'date = {shown(date)}: must be a date such as "2020-06-15", or a number') from None
 
 
 def _base(base: str) -> str:

@@ -70,7 +70,7 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
         # A column that is shown as a size and as a colour needs one key.
         sizes=wishes.color not in (wishes.height, wishes.radius),
     )  # fmt: skip
-    data = Data(base=base, layers={name: layer}, legend=legend)
+    data = Data(base=base, layers={name: layer}, legend=legend, date=wishes.date)
     if flaws := data.flaws():
         raise UserError(*flaw_lines(table.path, flaws))
     rows = data.rows[name]
@@ -117,6 +117,8 @@ def _layer_name(source: str | TableValue) -> str:
 def _choices(table: Table, wishes: Wishes, layer: DataLayer, base: Base, count: int) -> dict[str, str]:
     """What was chosen, by name."""
     chosen = {"rows": f"{count:,} of {len(table):,}"}
+    if wishes.time_column is not None:
+        chosen = {"places": f"{count:,}", "time": wishes.time_column}
     columns = ("lon", "lat", "height", "radius", "color")
     chosen |= {name: getattr(wishes, name) for name in columns if getattr(wishes, name)}
     chosen["gizmo"] = layer.gizmo
@@ -153,7 +155,7 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
 def _skewed(rows: Rows) -> str:
     """Words that say where half of the values lie that are shown as colours, if that is a small part of their range;
     else ""."""
-    values = rows.values.get("color", np.zeros(0))
+    values = rows.known("color") if "color" in rows.values else np.zeros(0)
     values = values[np.isfinite(values)]
     if len(values) < FEW:
         return ""

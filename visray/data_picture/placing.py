@@ -29,8 +29,9 @@ RADIUS_OF_COLUMN, SMALLEST, LARGEST = 1.5, 0.008, 0.02
 LINE_PIXELS, WIDEST = 1.1, 4.0
 # Fields of the rule of colours that options set.
 COLOURS = ("palette", "norm", "domain", "bands")
-# Options that set fields of the layer.
-OPTIONS = ("lon", "lat", "name", "height", "radius", "color", "gizmo")
+# Options that set fields of the layer, by field.
+OPTIONS = {name: f"--{name}" for name in ("lon", "lat", "name", "height", "radius", "color", "gizmo")}
+OPTIONS["time"] = "--time-column"
 
 
 def layer_for(source: str | TableValue, table: Table, wishes: Wishes) -> DataLayer:
@@ -42,7 +43,8 @@ def layer_for(source: str | TableValue, table: Table, wishes: Wishes) -> DataLay
         color = ColorRule(column=color, **chosen)
     return DataLayer(
         source=source, lon=wishes.lon, lat=wishes.lat, name=wishes.name, gizmo=gizmo, height=wishes.height,
-        radius=wishes.radius, color=color, material=DATA_MATERIAL,
+        radius=wishes.radius, color=color, material=DATA_MATERIAL, time=wishes.time_column,
+        between="held" if wishes.held else "interpolated",
         # The middle of a sphere is the place of its datum.
         sunk=0.5 if gizmo == "sphere" else 0.0,
     )  # fmt: skip
@@ -93,7 +95,10 @@ def places(layer: DataLayer, table: Table) -> tuple[np.ndarray, np.ndarray]:
     kept = on_earth(lon, lat)
     if not kept.any():
         raise UserError(f"{table.path}: no row has a longitude and a latitude")
-    return lon[kept], lat[kept]
+    if layer.time is None:
+        return lon[kept], lat[kept]
+    # A place that has many dates counts once.
+    return tuple(np.unique([lon[kept], lat[kept]], axis=1))
 
 
 def sized(layer: DataLayer, base: Base, lon: np.ndarray, lat: np.ndarray, pixels: int) -> DataLayer:
@@ -137,4 +142,5 @@ def _flaw_line(path: str, part: str, text: str) -> str:
     if part.endswith(tuple(f"color.{name}" for name in COLOURS)):
         text = text.replace('write "reversed": true', "write _r at the end of its name")
         return printable(f"--{part.rpartition('.')[2]}: {text}")
-    return printable(f"--{field}: {text}" if field in OPTIONS else f"{path}: {text}")
+    option = "--date" if part == "date" else OPTIONS.get(field, path)
+    return printable(f"{option}: {text}")

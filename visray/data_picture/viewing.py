@@ -47,7 +47,8 @@ def _weighted(rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Longitudes and latitudes on a globe that a picture should show, with weights: those of the rows with their sizes,
     or those of the segments of lines with their lengths. Shapes: (N) each."""
     if rows.gizmo.name != "line":
-        sizes = rows.values.get("height", rows.values.get("radius", np.ones(len(rows))))
+        values = rows.values if rows.in_time is None else rows.in_time.largest
+        sizes = values.get("height", values.get("radius", np.ones(len(rows))))
         return rows.values["lon"], rows.values["lat"], np.abs(sizes)
     x, y, z = rows.ground.up.T
     length = np.linalg.norm(rows.fields["b"] - rows.fields["a"], axis=0)
@@ -105,12 +106,17 @@ def _window(scene: Scene) -> fit.Window:
 
 
 def _gizmo_balls(base: Base, rows: Rows) -> fit.Balls:
-    """The base and all gizmos."""
+    """The base and all gizmos; of places that change in time, with the largest sizes of all dates."""
     outline = fit.outline(base)
     if "a" in rows.fields and rows.gizmo.name == "line":
         points = np.concatenate([rows.fields["a"].T, rows.fields["b"].T])
         return outline.joined(fit.Balls(points, np.tile(rows.fields["radius"], 2)))
     stand = rows.stand
+    if rows.in_time is not None:
+        sizes = rows.in_time.sizes
+        stand = replace(
+            stand, foot=rows.ground.point.T, height=sizes.get("height", sizes["radius"]), radius=sizes["radius"]
+        )
     extent = 2 * stand.radius if "height" not in rows.gizmo.sizes else stand.height
     tops = (stand.foot + stand.up * (stand.sign * extent * (1 - stand.sunk))).T
     feet = fit.Balls(stand.foot.T, stand.radius)

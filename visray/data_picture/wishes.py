@@ -42,7 +42,9 @@ FEW = 15
 class Wishes:
     """What a user asks for; None: it is chosen here.
 
-    lon, lat, name, height, radius, color: columns
+    lon, lat, name, height, radius, color, time_column: columns
+    date: the date that is shown, as text or number
+    held: whether numbers are held between dates, and not interpolated
     palette, norm, gizmo: names
     domain: values at the two ends of the colours
     bands: number of steps of the colours
@@ -58,6 +60,9 @@ class Wishes:
 
     lon: str | None = None
     lat: str | None = None
+    time_column: str | None = None
+    date: str | float | None = None
+    held: bool = False
     name: str | None = None
     height: str | None = None
     radius: str | None = None
@@ -82,13 +87,16 @@ class Wishes:
 def checked(table: Table, wishes: Wishes) -> Wishes:
     """The wishes. Raises a UserError if a column or a gizmo does not exist, or wishes do not go together."""
     problems = []
-    for option in ("lon", "lat", "name", "height", "radius", "color"):
+    for option in ("lon", "lat", "name", "height", "radius", "color", "time_column"):
         column = getattr(wishes, option)
         if column is not None and column not in table.columns:
             text = f"there is no such column in {table.path}; {hint(column, table.names)}"
             if option == "color" and color_flaw(column) is None:
                 text += f'; to give all rows one colour, write "color": "{column}" into the layer of the scene'
-            problems.append(printable(f'--{option} = "{column}": {text}'))
+            problems.append(printable(f'--{option.replace("_", "-")} = "{column}": {text}'))
+    for option, given in (("date", wishes.date is not None), ("held", wishes.held)):
+        if given and wishes.time_column is None:
+            problems.append(f"--{option}: goes with dates of rows; name their column, as in --time-column date")
     if wishes.gizmo is not None and (wishes.gizmo not in GIZMOS or wishes.gizmo == "geometry"):
         problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {gizmo_hint(wishes.gizmo)}'))
     elif wishes.gizmo and wishes.height and "height" not in GIZMOS[wishes.gizmo].sizes:
@@ -137,12 +145,12 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
             raise UserError(*(text.replace("say which one", "write --lon and --lat") for text in error.lines)) from None
         wishes = replace(wishes, lon=wishes.lon or lon, lat=wishes.lat or lat)
     if wishes.places == "auto":
-        few = len(table) <= FEW and not lines and (wishes.name or name_column(table))
+        few = not lines and _has_few_names(table, wishes)
         wishes = replace(wishes, places="all" if few else "none")
     if wishes.places != "none" and wishes.name is None:
         wishes = replace(wishes, name=name_column(table))
     if not (wishes.height or wishes.radius or wishes.color):
-        record = _quantity(table, (wishes.lon, wishes.lat))
+        record = _quantity(table, (wishes.lon, wishes.lat, wishes.time_column))
         first, least = (record["column"], record["min"]) if record else (None, None)
         # Bars of negative values would hang below the ground, where they are not seen.
         bars = wishes.gizmo is None and (least is None or least >= 0)
@@ -151,10 +159,18 @@ def completed(table: Table, wishes: Wishes) -> Wishes:
     return replace(wishes, color=wishes.color or wishes.height or wishes.radius)
 
 
+def _has_few_names(table: Table, wishes: Wishes) -> bool:
+    """Whether there are few rows, or few places if these have dates, with names."""
+    column = wishes.name or name_column(table)
+    if column is None:
+        return False
+    return (len(table) if wishes.time_column is None else len(set(table.texts(column).tolist()))) <= FEW
+
+
 def passed_over(table: Table, wishes: Wishes) -> list[str]:
     """Sentences about columns that would have been chosen, but hold some texts. wishes: the completed ones, of a user
     who names no column to show"""
-    other, shown = (wishes.lon, wishes.lat), wishes.color
+    other, shown = (wishes.lon, wishes.lat, wishes.time_column), wishes.color
     records = {record["column"]: record for record in _quantities(table, other)}
     if shown not in records or records[shown]["kind"] == "mixed":
         return []

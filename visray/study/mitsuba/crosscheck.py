@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from visray.animation.moment import still_at
 from visray.data.all_objects import address_of
 from visray.errors import UserError
 from visray.features import features
@@ -33,7 +34,8 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     """Compares visray and Mitsuba: rays through pixel centres, shadow rays, random rays, and the picture.
 
     Objects and effects that Mitsuba does not have are left out in both programs (omitted_effects.OMISSIONS). The media
-    of transparent solids are compared with a witness instead (media.py).
+    of transparent solids are compared with a witness instead (media.py). Of an animated scene, the beginning is
+    checked.
 
     rays: number of random rays
     seed: seed of the random rays
@@ -43,7 +45,7 @@ def check(scene: Scene, *, rays: int = 100_000, seed: int = 0, other: Scene | No
     if rays < 1:
         raise UserError(f"rays = {rays}: must be at least 1")
     # Written out, a scene with data has the same bits (tests/test_data_scene.py).
-    scene, other = written_out(scene), other and written_out(other)
+    scene, other = written_out(still_at(scene, None)), other and written_out(other)
     shapes, left_out = mitsuba_shapes(_without_instances(other or scene))
     if not shapes:
         why = "; ".join(f"{address_of(name)}: {reason}" for name, reason in left_out.items()) or "it has no objects"

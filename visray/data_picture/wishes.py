@@ -96,7 +96,8 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
             problems.append(printable(f'--{option.replace("_", "-")} = "{column}": {text}'))
     for option, given in (("date", wishes.date is not None), ("held", wishes.held)):
         if given and wishes.time_column is None:
-            problems.append(f"--{option}: goes with dates of rows; name their column, as in --time-column date")
+            text = "goes with dates of rows; name their column, as in --time-column date"
+            problems.append(f"--{option}: {text}")
     if wishes.gizmo is not None and (wishes.gizmo not in GIZMOS or wishes.gizmo == "geometry"):
         problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {gizmo_hint(wishes.gizmo)}'))
     elif wishes.gizmo and wishes.height and "height" not in GIZMOS[wishes.gizmo].sizes:

@@ -141,6 +141,14 @@ ONE_TRACK = {
         key_track("objects.box.transform", [{"scale": 1}], [{"scale": (1, -1, 1)}]),
         at('values.1 = [{"scale": [1, -1, 1]}]', "has another sign than the key before"),
     ),
+    "a factor through 0": (
+        key_track("objects.scaled.transform.0.scale", 1, -1),
+        at("values.1 = -1", "has another sign than the key before"),
+    ),
+    "one of three factors through 0": (
+        key_track("objects.scaled.transform.1.scale.2", 1, -1),
+        at("values.1 = -1", "has another sign than the key before"),
+    ),
     "a scale of 0": (
         key_track("objects.box.transform", [{"scale": 1}], [{"scale": 0}]),
         at("values.1.0.scale = 0", "a scale must not be 0"),
@@ -219,7 +227,8 @@ ONE_TRACK = {
 def test_a_wrong_track_gets_one_line(what: str) -> None:
     track, expected = ONE_TRACK[what]
     sheet = vr.Rectangle(center=(0, 0, 0), width=(1, 0, 0), height=(0, 1, 0))
-    more = {"objects": SCENE.objects | {"sheet": sheet}} if "sheet" in str(track) else {}
+    scaled = vr.Sphere(transform=(vr.Scale(scale=2.0), vr.Scale(scale=(1, 1, 2))))
+    more = {"objects": SCENE.objects | {"sheet": sheet, "scaled": scaled}} if "objects.s" in str(track) else {}
     found = lines({"a": track}, more)
     assert len(found) == 1 or what == "an unknown key"
     assert found[0].startswith(expected)

@@ -25,7 +25,7 @@ numbers are from our list of its defects, D1 to D37; those not named here lie in
 | D33 the second colour inverts the first | the same | test_every_row... (same) |
 | D34 data mirrored on maps | not mirrored; mirrored with compat | test_a_datum_in_the_north_west... (same) |
 | D35 gizmos but three crash | box and cone; others an error | test_wrong_properties (same) |
-| D36 animation crashes | one picture, with a warning | test_what_is_ignored_is_reported |
+| D36 animation crashes | objects move | test_legacy_animation |
 | D37 invalid JSON | an error with line and column | test_shipped_pairs_that_are_refused |
 | D37 "lookAt:" | read, with a warning | test_spellings_that_slipped... |
 | D37 a picture in another folder | found, with a warning | test_pictures_elsewhere |
@@ -604,12 +604,9 @@ def test_wrong_meshes(pair: Pair) -> None:
     assert text.startswith('scene: objects.pot.objFileName = "FOLDER/pot.obj": ')
 
 
-def test_all_that_is_not_built_is_named_at_once(pair: Pair) -> None:
-    found = pair.errors(BALL | {"radius": 0}, typeScene="TEMPORALVW")
-    assert found == [
-        'scene: typeScene = "TEMPORALVW": an animated scene (test) is not built yet',
-        "scene: objects.ball.radius = 0.0: must be greater than 0",
-    ]
+def test_what_is_unknown_and_what_is_wrong_is_named_at_once(pair: Pair) -> None:
+    found = pair.errors(BALL | {"radius": 0}, BALL | {"type": "torus"}, typeScene="VIRTUALWORLD")
+    assert found[1:] == ["scene: objects.ball.radius = 0.0: must be greater than 0"] and "unknown type" in found[0]
 
 
 @pytest.mark.parametrize(
@@ -768,9 +765,10 @@ def test_what_is_ignored_is_reported(pair: Pair) -> None:
     assert loaded.film.width == 400
     assert loaded.lights["light 1"] == PointLight(position=(0.0, 5.0, 0.0), Id=(0.0, 0.0, 0.0), Is=(0.0, 0.0, 0.0))
     assert warnings == [
-        "scene: objects.ball.colour: unknown key, ignored; one of name, type, material, data, center, radius",
+        "scene: objects.ball.colour: unknown key, ignored; one of name, type, material, data, animation, center, "
+        "radius",
         "scene: objects.ball.center = [1]: must be 3 numbers; missing ones are 0",
-        'setup: renderType = "temporal": a sequence of frames is not built yet; the scene is one picture',
+        'setup: renderType = "temporal": nothing moves in the scene; it is one picture',
         "setup: camera.zoom: unknown key, ignored; one of lookFrom, lookAt, vup, vfov, aspectRatio, pixelsX, "
         "defocusBlur, aperture",
         'setup: camera.pixelsX = "wide": ignored; must be a number',

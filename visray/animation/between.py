@@ -41,9 +41,9 @@ def _step(a: dict, b: dict) -> str | None:
     return _STEP_FLAWS[step_key(a)](a, b)
 
 
-def _scale(a: dict, b: dict) -> str | None:
+def _factors(a: Any, b: Any) -> str | None:
     """Whether a factor between two scales is 0."""
-    product = np.sign(np.broadcast_to(a["scale"], 3)) * np.sign(np.broadcast_to(b["scale"], 3))
+    product = np.sign(np.broadcast_to(a, 3)) * np.sign(np.broadcast_to(b, 3))
     return "has another sign than the key before, and a scale between them is 0" if (product < 0).any() else None
 
 
@@ -68,9 +68,15 @@ def _nothing(a: Any, b: Any) -> None:
     """All values between two are valid."""
 
 
-_STEP_FLAWS = {"translate": _nothing, "scale": _scale, "rotate": _rotation, "matrix": _matrix}
+_STEP_FLAWS = {
+    "translate": _nothing,
+    "scale": lambda a, b: _factors(a["scale"], b["scale"]),
+    "rotate": _rotation,
+    "matrix": _matrix,
+}
 _FLAWS = {
     "number": _nothing,
+    "factor": _factors,
     "vector": _vectors,
     "direction": _directions,
     "step": _step,

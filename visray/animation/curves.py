@@ -1,8 +1,9 @@
 """Curves: values of any sort through keys, as functions of time.
 
-A sort of values says how they are interpolated: `number` (a number, or lists of numbers at any depth), `vector` (three
-numbers that must not all be 0, interpolated as numbers), `direction` (three numbers of which only the direction
-counts), `step` (a step of a transform) or `steps` (a list of these).
+A sort of values says how they are interpolated: `number` (a number, or lists of numbers at any depth), `factor` (a
+scale, in which no number is 0) and `vector` (three numbers that are not all 0), which are interpolated as numbers,
+`direction` (three numbers of which only the direction counts), `step` (a step of a transform) or `steps` (a list of
+these).
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import numpy as np
 from visray.animation import interpolation, rotations
 from visray.transforms import STEPS, Rotate
 
-Sort = Literal["number", "vector", "direction", "step", "steps"]
+Sort = Literal["number", "factor", "vector", "direction", "step", "steps"]
 Interpolation = Literal["linear", "smooth", "step"]
 
 
@@ -154,5 +155,12 @@ def _plain(values: np.ndarray) -> Any:
     return float(values) if values.ndim == 0 else tuple(map(_plain, values))
 
 
-_CURVES = {"number": _numbers, "vector": _numbers, "direction": _directions, "step": _step, "steps": _step_list}
+_CURVES = {
+    "number": _numbers,
+    "factor": _numbers,
+    "vector": _numbers,
+    "direction": _directions,
+    "step": _step,
+    "steps": _step_list,
+}
 _STEP_CURVES = {"translate": _translations, "scale": _scales, "rotate": _rotations, "matrix": _matrices}

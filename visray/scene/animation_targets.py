@@ -10,7 +10,7 @@ from visray.number_table import NumberTable
 from visray.quantities import NOT_ZERO, Direction, Quantity
 from visray.scene.edits import keys_of, value_at
 from visray.scene.scene import Scene
-from visray.transforms import STEPS
+from visray.transforms import STEPS, Scale
 
 _DIRECTION = next(m for m in Direction.__metadata__ if isinstance(m, Quantity))
 
@@ -28,6 +28,8 @@ def sort_of(scene: Scene, address: str) -> Sort:
     if name == "transform":
         return "steps"
     holder = value_at(scene, owner) if owner and not is_row(scene, address) else scene
+    if isinstance(holder, Scale) or (name.isdigit() and owner.endswith(".scale") and sort_of(scene, owner) == "factor"):
+        return "factor"
     marks = _marks(holder, name) if is_dataclass(holder) else ()
     return "direction" if _DIRECTION in marks else "vector" if NOT_ZERO in marks else "number"
 

@@ -45,6 +45,7 @@ from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import SCENE, SCENES, SETUP
 from visray.scene.legacy.materials import Materials
 from visray.scene.legacy.meshes import Meshes
+from visray.scene.legacy.moves import FRAMES, Moves
 from visray.scene.legacy.names import with_legacy_address
 from visray.scene.legacy.objects import clip_polynomials, objects
 from visray.scene.legacy.resources import Resources
@@ -110,12 +111,17 @@ def convert(
     e = Entry(raw_setup, "", SETUP, setup_log)
     resources = Resources(scene_file, allow_outside)
     materials = Materials(enabled_effects(e), Textures(resources, compat))
-    objects_by_name, data = _objects_and_data(Entry(raw, "", SCENE, log), materials, Meshes(resources, compat), compat)
-    setup_parts = setup(e, materials.by_name.values(), compat)
+    moves = Moves(log)
+    objects_by_name, data = _objects_and_data(
+        Entry(raw, "", SCENE, log), materials, Meshes(resources, compat), moves, compat
+    )
+    setup_parts = setup(e, materials.by_name.values(), compat, bool(moves.tracks))
     clip_polynomials(objects_by_name, setup_parts["camera"]["origin"], log)
-    scene_parts = {
+    scene_parts: dict[str, Any] = {
         "textures": materials.textures.by_name, "materials": materials.by_name, "objects": objects_by_name
-    } | ({"data": data.fields} if data.fields else {})  # fmt: skip
+    }  # fmt: skip
+    scene_parts |= {"data": data.fields} if data.fields else {}
+    scene_parts |= {"animation": moves.animation} if moves.tracks else {}
     scene, flaws = examined(setup_parts | scene_parts)
     kinds = {name: fields["type"] for name, fields in objects_by_name.items()}
     in_scene_file = tuple(f"{part}." for part in scene_parts)
@@ -156,15 +162,19 @@ def _check_order(raw: Any, raw_setup: Any, log: Log, setup_log: Log) -> None:
 
 
 def _objects_and_data(
-    e: Entry, materials: Materials, meshes: Meshes, compat: bool
+    e: Entry, materials: Materials, meshes: Meshes, moves: Moves, compat: bool
 ) -> tuple[dict[str, dict], DataParts]:
-    """Dict of the objects in a scene file, by name, and its data. Logs an error if visray cannot render scenes of this
-    type yet.
+    """Dict of the objects in a scene file, by name, and its data.
 
     e: the scene file.
+    moves: receives the tracks of the objects.
     """
     raw_objects, parts = e.items("objects"), DataParts()
     kind = _kind(e)
+    moves.frames = e.integer("numFrames", FRAMES)
+    if moves.frames < 1:
+        e.error("numFrames", "must be at least 1")
+        moves.frames = FRAMES
     if kind == "REALDATA" and e.items("properties"):
         parts = data_parts(e, materials, compat)
     elif kind == "REALDATA" and isinstance(e.values.get("base"), dict):
@@ -176,11 +186,14 @@ def _objects_and_data(
         e.log.error("objects: the key is missing; it is the list of the scene's objects")
     if kind == "REALDATA" and e.has("objects"):
         e.log.warn("objects: are drawn with the data; VisRayTrace drew no objects in data scenes")
-    return objects(raw_objects, materials, meshes, e.log), parts
+    found = objects(raw_objects, materials, meshes, moves, e.log)
+    if kind == "TEMPORAL" and not moves.tracks:
+        e.log.warn(line("typeScene", e.text("typeScene"), 'no object has the key "animation"; the scene stands still'))
+    return found, parts
 
 
 def _kind(e: Entry) -> str | None:
-    """The kind of scene, one of SCENES; None with an error in the log if it is unknown or cannot be rendered yet."""
+    """The kind of scene, one of SCENES; None with an error in the log if it is unknown."""
     written = e.text("typeScene")
     has_data = not e.has("objects") and (e.has("properties") or e.has("base"))
     if written is None:
@@ -190,9 +203,7 @@ def _kind(e: Entry) -> str | None:
     if kind is None:
         e.log.error(line("typeScene", written, f"unknown typeScene; {hint(written.upper(), SCENES)}"))
     elif kind == "TEMPORAL":
-        name = e.text("scene") or "no name"
-        e.log.error(line("typeScene", written, f"an animated scene ({name}) is not built yet"))
-        return None
+        kind = "REALDATA" if has_data else kind
     elif kind != "REALDATA" and has_data:
         e.log.warn(line("typeScene", written, "is read as REALDATA, because the file has data and no objects"))
         return "REALDATA"

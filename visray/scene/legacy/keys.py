@@ -1,7 +1,7 @@
 """Keys of VisRayTrace files with all their spellings, and the words that some of the keys can have as values."""
 
 # For each kind of JSON object: its keys, each with its other spellings.
-OBJECT = {"name": (), "type": (), "material": (), "data": ()}
+OBJECT = {"name": (), "type": (), "material": (), "data": (), "animation": ()}
 OBJECTS = {
     "sphere": OBJECT | {"center": (), "radius": ("radious",)},
     "plane": OBJECT | {"point": (), "normal": ()},
@@ -28,7 +28,7 @@ PROPERTY = _single_spelling("name minValue maxValue minValueReal maxValueReal co
 MATERIAL = _single_spelling("type ka kd ks shininess opacity kt nut dmax id textureFile colorGradient")
 MATERIALS = ("lambertian", "metal", "transparent", "materialtextura")
 
-SCENE = _single_spelling("scene typeScene objects base Real Virtual") | {"properties": ("attributes",)}
+SCENE = _single_spelling("scene typeScene objects base Real Virtual numFrames") | {"properties": ("attributes",)}
 # Beginnings of the value of typeScene. Files that came with VisRayTrace write VIRTUAL or ONLINE in place of
 # VIRTUALWORLD. They also write the renderType VIRTUAL in place of ONLINE.
 SCENES = ("VIRTUAL", "ONLINE", "REALDATA", "TEMPORAL")

@@ -12,6 +12,7 @@ from visray.scene.legacy.entry import Entry, Log
 from visray.scene.legacy.keys import OBJECTS
 from visray.scene.legacy.materials import Materials
 from visray.scene.legacy.meshes import Meshes
+from visray.scene.legacy.moves import Moves
 from visray.scene.legacy.names import unique_name, valid_name
 from visray.scene.messages import line
 
@@ -21,8 +22,8 @@ READ_CORRECTLY = re.compile(r"-?(\d+(\.\d*)?)?([xyz]\^?\d?)*", re.ASCII)
 REPEATED_WITH_EXPONENT = re.compile(r"([xyz])\^?\d.*\1|([xyz]).*\2\^?\d", re.ASCII)
 
 
-def objects(raw: list[Any], materials: Materials, meshes: Meshes, log: Log) -> dict[str, dict]:
-    """Dict of the objects by name. Adds their materials to `materials`.
+def objects(raw: list[Any], materials: Materials, meshes: Meshes, moves: Moves, log: Log) -> dict[str, dict]:
+    """Dict of the objects by name. Adds their materials to `materials`, and their tracks to `moves`.
 
     raw: list of the objects as the file gives them.
     """
@@ -40,7 +41,7 @@ def objects(raw: list[Any], materials: Materials, meshes: Meshes, log: Log) -> d
         material = materials.name(entry, name, f"objects.{name}", log)
         if shape["type"] == "rectangle" and "texture" in materials.by_name[material]:
             shape |= _height_for_texture(shape)
-        by_name[name] = shape | {"material": material}
+        by_name[name] = moves.add(name, shape, entry) | {"material": material}
     return by_name
 
 

@@ -25,19 +25,20 @@ def enabled_effects(e: Entry) -> EnabledEffects:
     return EnabledEffects(e.flag("reflections", True), e.flag("refractions", True), e.flag("textures", True))
 
 
-def setup(e: Entry, materials: Iterable[dict], compat: bool) -> dict:
+def setup(e: Entry, materials: Iterable[dict], compat: bool, moves: bool) -> dict:
     """Dict of the camera, film, background, ambient, lights and settings of the visray scene.
 
     e: the setup.
     materials: fields of the materials of the scene's objects.
     compat: whether VisRayTrace's rules apply.
+    moves: whether the scene is animated.
     """
     e.text("output")
     render = e.text("renderType")
     if render is not None and render.strip().upper() not in RENDERS:
         e.log.warn(line("renderType", render, f"ignored; {hint(render, RENDERS)}"))
-    elif render is not None and render.strip().upper() == "TEMPORAL":
-        e.log.warn(line("renderType", render, "a sequence of frames is not built yet; the scene is one picture"))
+    elif render is not None and render.strip().upper() == "TEMPORAL" and not moves:
+        e.log.warn(line("renderType", render, "nothing moves in the scene; it is one picture"))
     has_bounces = any(any(m.get(share, BLACK)) for m in materials for share in ("kr", "kt"))
     return {
         **camera_and_film(e),

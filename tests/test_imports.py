@@ -61,8 +61,9 @@ animation.moment
 data_report mesh_report clip_report constant_report csg_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
-output.image output.sequence
-output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output
+output.image output.lock
+output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence output.frame_files
+output
 projection
 legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing
 legend.ticks legend.bars legend.content legend.covering legend.layer legend data_picture
@@ -89,11 +90,12 @@ dark
 adaptive
 cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
 cluster.merging cluster.crew cluster.connecting cluster.picture cluster
-certificate provenance picture_layers animation_report explaining renderer
+certificate provenance picture_layers animation_report explaining renderer animating
 edges
 gradients
 study
-cli.stuck cli.keeping cli.options cli.rendering cli.studies cli.files cli.data cli.commands cli.program cli
+cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.animating
+cli.studies cli.files cli.data cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

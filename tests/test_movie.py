@@ -189,8 +189,8 @@ def test_names_of_frames() -> None:
     ("name", "message"),
     [
         ("shot.exr", r"is one file, and each frame needs its own; write .*shot\.####\.exr$"),
-        ("shot.jpg", r"no sequence of pictures; right would be a folder"),
-        ("shot.##.tif", r"no sequence of pictures; right would be a folder"),
+        ("shot.jpg", r"is no place for frames; right would be a folder"),
+        ("shot.##.tif", r"is no place for frames; right would be a folder"),
     ],
 )
 def test_an_output_that_names_no_sequence(tmp_path: Path, name: str, message: str) -> None:

@@ -8,7 +8,7 @@ While a process uses a checkpoint it holds a lock, which the operating system fr
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,6 +19,7 @@ from visray.array_file import opened_arrays, write_arrays
 from visray.errors import CheckpointWarning, UserError
 from visray.film import Film
 from visray.output.files import check_writable
+from visray.output.lock import locked
 from visray.picture_identity import PictureIdentity
 from visray.quantities import Arrays
 
@@ -48,39 +49,24 @@ class Checkpoint:
     every: ClassVar[float] = EVERY
 
     def __init__(self, path: str | os.PathLike[str], resume: bool = False):
-        # Here, because few renders need it.
-        from filelock import FileLock
-
         self.path, self.resume = Path(path), resume
         self.due, self.is_done, self.has_failed = 0.0, False, False
-        self.lock = FileLock(f"{self.path}.lock")
+        self.held = ExitStack()
 
     def __enter__(self) -> "Checkpoint":
-        from filelock import Timeout
-
         check_writable(self.path)
-        try:
-            self.lock.acquire(timeout=0)
-        except Timeout:
-            raise UserError(f"{self.path}: another process uses it; wait for its end, or stop it") from None
-        except (OSError, NotImplementedError) as error:
-            raise UserError(f"{self.path}: cannot be locked, {error}; write to another folder") from error
-        if self.path.exists() and not self.resume:
-            self._release()
-            raise UserError(f"{self.path}: is there already; go on with --resume (resume=True), or delete it first")
+        with ExitStack() as stack:
+            stack.enter_context(locked(self.path))
+            if self.path.exists() and not self.resume:
+                raise UserError(f"{self.path}: is there already; go on with --resume (resume=True), or delete it first")
+            self.held = stack.pop_all()
         self.due = clock.now() + self.every
         return self
 
     def __exit__(self, error: type | None, *_: object) -> None:
         if error is None and self.is_done:
             self.path.unlink(missing_ok=True)
-        self._release()
-
-    def _release(self) -> None:
-        """Frees the lock, and removes its file. Windows removes no file that is open: there it stays."""
-        with suppress(OSError):
-            os.unlink(self.lock.lock_file)
-        self.lock.release()
+        self.held.close()
 
     @contextmanager
     def opened(self, identity: PictureIdentity, goal: dict[str, Any]) -> Iterator[Mapping[str, np.ndarray] | None]:

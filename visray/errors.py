@@ -32,3 +32,7 @@ class CheckpointWarning(UserWarning):
 
 class ClusterWarning(UserWarning):
     """A worker of a cluster is refused, and others do its work."""
+
+
+class StructureWarning(UserWarning):
+    """A frame of an animation needs other kernels than the frame before."""

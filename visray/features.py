@@ -7,7 +7,7 @@ settings switch effects off, and the picture is bit for bit the same (tests/test
 An address is the dotted name of a value in a scene, such as `materials.red.kd`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from visray import modes
 from visray.camera import OrthographicCamera
@@ -30,12 +30,13 @@ class Feature:
 
     name: name of the effect, such as "shadows".
     on: whether the effect is simulated.
-    reason: why the effect is simulated, or why it is left out.
+    reason: why the effect is simulated, or why it is left out. It makes no difference to a kernel, so it is not
+        compared.
     """
 
     name: str
     on: bool
-    reason: str
+    reason: str = field(compare=False)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ time, so a pass must not be short. Ctrl-C waits for a pass to end, so a pass mus
 import threading
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 import drjit as dr
 
@@ -78,19 +78,53 @@ class PassTimer:
         )
 
 
+class Compilations:
+    """Counts the kernels that are new to this process, whether they are compiled or come from a cache on the disk. A
+    context manager: only kernels in its block are counted. One at a time may be used.
+
+    count: number of new kernels so far
+    """
+
+    current: ClassVar["Compilations | None"] = None
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.flag = dr.scoped_set_flag(dr.JitFlag.KernelHistory)
+
+    def __enter__(self) -> "Compilations":
+        Compilations.current = self
+        self.flag.__enter__()
+        dr.kernel_history_clear()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.read()
+        self.flag.__exit__(*error)
+        Compilations.current = None
+
+    def read(self) -> list[dict[str, Any]]:
+        """Counts the kernels that ran since the last call, and returns their entries of Dr.Jit's history."""
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+        self.count += sum(not k["cache_hit"] or k["cache_disk"] for k in kernels)
+        return kernels
+
+
 def timed_eval(arrays: Any) -> float:
     """Computes arrays, and returns the seconds that their kernels ran.
 
     Kernels may already run inside dr.eval, together with compilation. Only Dr.Jit's own history of kernels can separate
     the two. If the caller already records this history, the result includes compilation.
     """
-    if dr.flag(dr.JitFlag.KernelHistory):
+    log = Compilations.current
+    if log is None and dr.flag(dr.JitFlag.KernelHistory):
         # Reading the history clears it, and the caller who records it would lose it.
         return _wall_seconds(arrays)
     with _HISTORY, dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        if log is not None:
+            log.read()
         dr.kernel_history_clear()
         passed = _wall_seconds(arrays)
-        kernels = dr.kernel_history()
+        kernels = dr.kernel_history() if log is None else log.read()
     # If other code of the process has read the history meanwhile, it is empty.
     return clock.kernel_seconds(kernels) if kernels else passed
 

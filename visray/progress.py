@@ -88,7 +88,8 @@ class Interrupts:
     interrupts at once. Where the program handles SIGTERM, as the command line does, SIGTERM is the same request. In
     other programs, SIGTERM ends the process, as they expect.
 
-    An interrupt in the middle of Dr.Jit's tracing would leave an incomplete kernel behind.
+    An interrupt in the middle of Dr.Jit's tracing would leave an incomplete kernel behind. Instances may be nested: a
+    request to the inner one is a request to the outer one too.
 
     last: number of the last signal that was a request, in any instance; None if there was none.
     requested: whether Ctrl-C was pressed.
@@ -114,13 +115,25 @@ class Interrupts:
 
     def loses_nothing(self) -> bool:
         """Whether nothing would be lost if the process ended now."""
-        return not self.has_results
+        outer = self._outer()
+        return not self.has_results and (outer is None or outer.loses_nothing())
+
+    def _outer(self) -> "Interrupts | None":
+        """The instance in whose block this one is used, if there is one."""
+        owner = getattr(self.previous_handlers.get(signal.SIGINT), "__self__", None)
+        return owner if isinstance(owner, Interrupts) else None
+
+    def _ask(self) -> None:
+        """Records a request, also for the outer instances."""
+        self.requested = True
+        if (outer := self._outer()) is not None:
+            outer._ask()
 
     def _request(self, number: int, frame: FrameType | None) -> None:
         """Handler of the signals: the first one is recorded, the second goes to the previous handler."""
         Interrupts.last = number
         if not self.requested:
-            self.requested = True
+            self._ask()
         elif callable(previous_handler := self.previous_handlers.get(number)):
             previous_handler(number, frame)
         else:

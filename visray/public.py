@@ -2,6 +2,7 @@
 
 # ruff: noqa: F403 - lights and primitives list their own public names
 from visray import lights, primitives
+from visray.animating import animate
 from visray.animation.animation import Animation
 from visray.animation.ellipse import Ellipse, EllipseTrack
 from visray.animation.keys import KeysTrack
@@ -88,6 +89,7 @@ __all__ = [
     "UserError",
     "__version__",
     "at",
+    "animate",
     "cost",
     "data_scene",
     "derivative",

@@ -152,6 +152,8 @@ def render(
         del facts["spp_asked"]
     if animated.animation is not None:
         facts["time"] = float(at or 0.0)
+    if "forward" in pictures:
+        facts["next_scene_hash"] = prepared.after.hash()
     return Image(pictures, facts | {"interrupted": int(interrupts.requested)})
 
 

@@ -1,12 +1,63 @@
 """Frames of an animation: their numbers and their times."""
 
+import math
 import re
+from typing import Any, NamedTuple
 
 from visray.animation.animation import Animation
+from visray.arguments import python_number, shown
 from visray.errors import UserError
 
 _RANGE = re.compile(r"(-?\d+)?:(-?\d+)?(?::(-?\d+)?)?")
 RULE = "write a:b:step, as Python's slices (b is left out), or one number, counted from 0"
+
+
+class Frame(NamedTuple):
+    """A frame of an animation: its number, and its time in seconds."""
+
+    number: int
+    time: float
+
+
+def chosen_frames(
+    animation: Animation | None, frames: str | slice | int | None = None, fps: float | None = None
+) -> list[Frame]:
+    """The chosen frames of an animation. Raises UserError if there is no animation.
+
+    frames, fps: as in `frame_times`, but not yet checked
+    """
+    if isinstance(frames, slice):
+        frames = _text(frames)
+    if fps is not None and (isinstance(fps, bool) or not isinstance(fps, int | float)):
+        raise UserError(f"fps = {shown(fps)}: must be a number greater than 0, such as 25")
+    times = frame_times(_given(animation), None if frames is None else str(frames), fps)
+    return [Frame(number, t) for number, t in times]
+
+
+def frames_at(animation: Animation | None, times: Any) -> list[Frame]:
+    """Frames at given times, numbered from 0. Raises UserError if there is no animation, or if a time is outside."""
+    duration = _given(animation).duration
+    try:
+        given = [python_number(t) for t in times]
+    except TypeError:
+        raise UserError(f"times = {shown(times)}: must be a list of times in seconds, such as [0, 0.5]") from None
+    for t in given:
+        if isinstance(t, bool) or not isinstance(t, int | float) or not 0 <= t <= duration:
+            raise UserError(f"times: {shown(t)} must be a time of the animation, from 0 to {duration:g} s")
+    return [Frame(number, float(t)) for number, t in enumerate(given)]
+
+
+def frame_at(animation: Animation, t: float) -> int | None:
+    """The number of the frame at a time; None if the time is between two frames."""
+    number = round(t * animation.fps)
+    return number if math.isclose(number / animation.fps, t) else None
+
+
+def _given(animation: Animation | None) -> Animation:
+    """The animation. Raises UserError if there is none."""
+    if animation is None:
+        raise UserError("animation = None: nothing moves in the scene; give it an animation, or render it as it is")
+    return animation
 
 
 def frame_times(

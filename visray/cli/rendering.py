@@ -4,17 +4,17 @@ Facts are the metadata of a rendered Image: how it was made, and how large its e
 """
 
 import warnings
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from visray import clock
 from visray.cli.keeping import checkpoint_path, kept
+from visray.cli.moment import files_at, moment
 from visray.cli.options import (
     INTERRUPTED,
     At,
@@ -27,16 +27,31 @@ from visray.cli.options import (
     SceneFile,
     Settings,
     Setup,
-    Share,
     Threads,
     app,
     flag,
     load_scene,
     parse_size,
 )
+from visray.cli.picture_options import (
+    EPILOGUE,
+    Backend,
+    Error,
+    Exposure,
+    Float,
+    Gamma,
+    Layers,
+    NoLegend,
+    Precision,
+    Quiet,
+    Samples,
+    Seed,
+    Size,
+    needed_layers,
+    parse_gamma,
+)
 from visray.errors import UserError
-from visray.modes import MODES, Mode
-from visray.output.layers import LAYERS, NAMES, Layer, names_from
+from visray.output.layers import names_from
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
 
@@ -55,45 +70,7 @@ ADAPTIVE_FACTS = (
 CERTIFICATE_FACTS = ("unresolved", "residual_ulps")
 
 
-def _list(title: str, records: Iterable[Layer | Mode]) -> str:
-    """A list for the help text, in Markdown, with the name and the meaning of each record.
-
-    title: text above the list. records: the layers or the shading modes.
-    """
-    return "\n".join([title, "", *(f"- **{record.name}**: {record.meaning}" for record in records)])
-
-
-EPILOGUE = "\n\n".join(
-    [
-        _list("Layers of an EXR file, for `--layers`:", LAYERS),
-        _list("Shading modes, for `--set settings.shading=MODE`:", MODES),
-    ]
-)
-
-
-def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
-    """Names of the layers to render, as a tuple.
-
-    text: value of the option --layers, names separated by commas, to which RGB, A and the legend of a data scene are
-        added. If it is None or "all":
-        all layers if there is an EXR file, else only colour, coverage, the certificate and the legend.
-    outputs: paths of the files to write.
-    """
-    has_exr = any(o.suffix.lower() == ".exr" for o in outputs)
-    if text is None or text == "all":
-        return NAMES if has_exr else ("RGB", "A", *names_from("certificate", "overlay"))
-    by_lower = {name.lower(): name for name in NAMES}
-    asked = [word.strip() for word in text.split(",")]
-    if unknown := [word for word in asked if word.lower() not in by_lower]:
-        raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
-    always = ("RGB", "A", *names_from("overlay"))
-    names = tuple(dict.fromkeys((*always, *(by_lower[word.lower()] for word in asked))))
-    if len(names) > len(always) and not has_exr:
-        warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
-    return names
-
-
-def _summary_of_samples(facts: dict[str, Any]) -> str:
+def summary_of_samples(facts: dict[str, Any]) -> str:
     """Samples per pixel and the error of a picture, as a part of a sentence."""
     stopped = ", stopped" if facts["interrupted"] else ""
     if "error" not in facts:
@@ -108,24 +85,15 @@ def _summary_of_samples(facts: dict[str, Any]) -> str:
     # The upper end of the interval is the root of a sum of squares, too.
     if facts.get("unseen_error", 0.0) > 0.2 * facts["error_high"]:
         largest += f", {facts['unseen_error']:.2g} in case that no sample met {facts['unseen']}"
-    above = "" if _goal_met(facts) else f", above the {facts['error_asked']:g} asked"
+    above = "" if goal_met(facts) else f", above the {facts['error_asked']:g} asked"
     mean = f"{facts['spp']:,.0f}" if facts["spp"] >= 100 else f"{facts['spp']:.3g}"
     spp = f"{mean} spp ({facts['spp_least']:,} to {facts['spp_most']:,} in a pixel){stopped}"
     return f"{spp}, error {facts['error']:.3g} (95 %: {low} to {high}{largest}){above}"
 
 
-def _goal_met(facts: dict[str, Any]) -> bool:
+def goal_met(facts: dict[str, Any]) -> bool:
     """Whether the error is as small as the user asked for. True if no error was asked for."""
     return facts.get("error_high", 0.0) <= facts.get("error_asked", inf)
-
-
-def parse_gamma(text: str) -> Any:
-    """Display curve from a text: a number if the text is one, else the text itself, such as "srgb". It is checked
-    later, together with the output files."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def check_legend(scene: "Scene", path: Path | None) -> None:
@@ -145,7 +113,8 @@ def check_legend(scene: "Scene", path: Path | None) -> None:
 def without_legend(image: "Image") -> "Image":
     """The picture without the layer of the legend."""
     left_out = names_from("overlay")
-    return replace(image, layers={name: values for name, values in image.layers.items() if name not in left_out})
+    layers = {name: values for name, values in image.layers.items() if name not in left_out}
+    return replace(image, layers=layers, metadata=image.metadata | {"legend": 0})
 
 
 @app.command(name="render", help_epilogue=EPILOGUE)
@@ -157,37 +126,33 @@ def render_command(
     compat: Compat = False,
     allow_outside: Outside = False,
     output: Outputs = [],  # noqa: B006 - only read
-    spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")] = None,
-    error: Annotated[
-        Share | None,
-        Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
-    ] = None,
+    spp: Samples = None,
+    error: Error = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
     at: At = None,
-    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")] = None,
-    precision: Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")] = None,
-    seed: Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")] = None,
+    frame: Annotated[
+        Integer | None, Parameter(help="The moment as the number of a frame. In -o shot.####.exr, it replaces ####.")
+    ] = None,
+    size: Size = None,
+    precision: Precision = None,
+    seed: Seed = None,
     threads: Threads = None,
-    backend: Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")] = "llvm",
+    backend: Backend = "llvm",
     cluster: Cluster = None,
     set: Settings = [],  # noqa: B006 - the name of the option; only read
-    layers: Annotated[
-        str | None, Parameter(help="Layers of the EXR file, separated by commas: see below. Default: all.")
-    ] = None,
-    gamma: Annotated[str, Parameter(help="Display curve of the PNG file: srgb, or an exponent such as 2.2.")] = "srgb",
-    exposure: Annotated[float, Parameter(help="Exposure of the PNG file, in stops: 1 is twice as bright.")] = 0.0,
-    float32: flag(
-        "Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float"
-    ) = False,
+    layers: Layers = None,
+    gamma: Gamma = "srgb",
+    exposure: Exposure = 0.0,
+    float32: Float = False,
     legend: Annotated[
         Path | None, Parameter(help="A .png file for the legend alone, with a transparent background.")
     ] = None,
-    no_legend: flag("Draw no legend into the picture of a data scene, and put none into its EXR file.") = False,
+    no_legend: NoLegend = False,
     checkpoint: flag(
         "Keep the samples in a file beside the first output, OUTPUT.checkpoint, until all is written."
     ) = False,
     resume: flag("Go on with the checkpoint of a render that has not ended, to the same bits.") = False,
-    quiet: flag("Print nothing, and show no progress.") = False,
+    quiet: Quiet = False,
     json: Json = False,
     more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
@@ -209,7 +174,8 @@ def render_command(
         from visray.renderer import render
 
         Goal.from_arguments(error, time, spp, begun)
-        outputs = output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")]
+        at = moment(loaded, at, frame)
+        outputs = files_at(loaded, output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")], at)
         names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
         for path in outputs:
             check_destination(path, curve, exposure)
@@ -248,7 +214,7 @@ def render_command(
         write_line(_line(image, outputs, seconds))
     if facts["interrupted"]:
         return INTERRUPTED
-    return 0 if _goal_met(facts) or time is not None else 1
+    return 0 if goal_met(facts) or time is not None else 1
 
 
 def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, Any]:
@@ -271,7 +237,7 @@ def _line(image: "Image", outputs: list[Path], seconds: float) -> str:
     """
     facts = image.metadata
     names = ", ".join(str(path) for path in outputs)
-    line = f"{names}: {image.width} x {image.height}, {_summary_of_samples(facts)}, {seconds:.2f} s"
+    line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}, {seconds:.2f} s"
     if "residual_ulps" in facts:
         residual = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
         line += f"; roots: {facts['unresolved']} unresolved, {residual}"

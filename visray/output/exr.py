@@ -87,6 +87,18 @@ def read_exr(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[
     return _layers(pixels), _metadata(file.header())
 
 
+def read_facts(path: str | os.PathLike[str]) -> tuple[dict[str, Any], set[str]]:
+    """The metadata of an EXR file, and the names of its channels. No pixels are read. Raises UserError if the file is
+    damaged or is none."""
+    path = os.fspath(path)
+    try:
+        check_header(path)
+        header = OpenEXR.File(path, header_only=True).header()
+    except (UserError, RuntimeError, ValueError) as error:
+        raise UserError(f"{path}: the EXR file cannot be read ({error}); write it anew") from error
+    return _metadata(header), {channel.name for channel in header["channels"]}
+
+
 def _warn_of_clamping(path: str | os.PathLike[str], name: str, values: np.ndarray, error_stated: bool) -> None:
     """Warns if numbers of a layer are beyond the range of half. Shapes: values (H, W) or (H, W, n).
 

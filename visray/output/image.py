@@ -128,6 +128,7 @@ class Image:
         names = list(self.layers) if layers is None else list(layers)
         if not names:
             raise UserError(f"{path}: no layers were chosen; name some of {', '.join(self.layers)}")
+        facts |= {"float32": 1} if float32 else {}
         exr.write_exr(path, {name: _checked(self, name) for name in names}, facts, float32)
 
     @staticmethod

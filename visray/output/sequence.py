@@ -7,6 +7,7 @@ from pathlib import Path
 
 from visray.errors import UserError
 from visray.output.image import SUFFIXES
+from visray.output.movie import ALL as MOVIES
 
 HASHES = re.compile(r"#+(?=[^#]*$)")
 # The number of a frame in a folder of frames has so many digits.
@@ -40,8 +41,8 @@ def patterns(output: Path, stem: str) -> list[Path]:
     if known:
         pattern = output.with_name(f"{output.stem}.{FOLDER_HASHES}{output.suffix}")
         raise UserError(f"{output}: is one file, and each frame needs its own; write {pattern}")
-    right = f"a folder, or a name such as shot.{FOLDER_HASHES}.exr, with {' or '.join(SUFFIXES)}"
-    raise UserError(f"{output}: is the name of no sequence of pictures; right would be {right}")
+    right = f"a folder, a name such as shot.{FOLDER_HASHES}.exr with {' or '.join(SUFFIXES)}, or a movie: {MOVIES}"
+    raise UserError(f"{output}: is no place for frames; right would be {right}")
 
 
 def existing(pattern_list: Iterable[Path], numbers: Iterable[int]) -> list[Path]:

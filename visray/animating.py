@@ -1,0 +1,217 @@
+"""Renders the frames of an animated scene, one after the other. The scene is prepared once. For each frame, only what
+moves is made again, and nothing is compiled unless a frame needs other kernels.
+
+A frame has the bits that vr.render(scene, at=t) gives it. Its noise stands still, because all frames have one seed.
+"""
+
+import re
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from visray import clock
+from visray.adaptive.error_floor import Files
+from visray.adaptive.stopping import Goal
+from visray.animation.frames import Frame, chosen_frames, frames_at
+from visray.animation.moment import assignments, at
+from visray.arguments import checked_arguments
+from visray.errors import StructureWarning, UserError
+from visray.motion_blur import frame_hash, values_while_open
+from visray.motion_vectors import next_frame
+from visray.moving import moving
+from visray.output.image import Image
+from visray.output.layers import NAMES, names_from
+from visray.progress import Bar
+from visray.renderer import ANYWHERE, checked_layers, prepare, render
+from visray.scene.adjusted import adjusted
+from visray.scene.load import load
+from visray.scene.scene import Scene
+from visray.setup import Prepared, set_threads
+from visray.version import __version__
+from visray.warn import warn
+
+# Seconds for the picture that is thrown away, which compiles what frames with a time limit need.
+COMPILING_TIME = 1e-3
+NUMBER = re.compile(r"[+-]?\d[\d.,]*(e[+-]?\d+)?")
+
+
+@checked_arguments
+def animate(
+    scene: Scene | str | Path,
+    times: Any = None,
+    *,
+    frames: str | slice | int | None = None,
+    fps: float | None = None,
+    spp: int | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int | None = None,
+    precision: str | None = None,
+    threads: int | None = None,
+    backend: str = "llvm",
+    layers: Sequence[str] = NAMES,
+    progress: bool = True,
+    error: float | None = None,
+    time: float | None = None,
+    allow_outside: bool = False,
+    legend: bool = True,
+) -> Iterator[Image]:
+    """Renders frames of an animated scene, or of a scene file. Each picture is rendered when it is asked for:
+
+    for image in vr.animate(scene, frames="0:50"):
+        image.write(f"ball.{image.metadata['frame']:04d}.png")
+
+    times: times in seconds; None: the times of `frames`.
+    frames: which frames of the animation: a range a:b:step, as Python's slices, or one number; None: all of them.
+    fps: frames per second; None: those of the animation.
+    time: seconds that each frame may take.
+
+    All others are as in vr.render. The metadata of the pictures have `frame`, its number, and `time`. The scene is
+    prepared once; then only what moves is made again, and nothing is compiled. If a frame does need other kernels, a
+    StructureWarning says why. After Ctrl-C, the last picture consists of the samples taken so far.
+    """
+    Goal.from_arguments(error, time, spp, clock.now())
+    options = {"layers": checked_layers(layers), "error": error, "time": time, "legend": legend, "backend": backend}
+    scene = load(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
+    scene = adjusted(scene, spp=spp, size=size, seed=seed, precision=precision)
+    if times is None:
+        chosen = chosen_frames(scene.animation, frames, fps)
+    elif frames is None and fps is None:
+        chosen = frames_at(scene.animation, times)
+    else:
+        raise UserError("times: goes with neither frames nor fps, which choose times; leave one of them out")
+    if threads is not None:
+        set_threads(threads)
+    return (image for _, image in made(chosen, FrameMaker(scene, options, fps), progress))
+
+
+def made(
+    frames: Sequence[Frame], make: Callable[[Frame], Image], progress: bool = True
+) -> Iterator[tuple[Frame, Image]]:
+    """Yields frames with their pictures, in their order. After Ctrl-C, the last picture is incomplete.
+
+    make: makes the picture of a frame. progress: whether a progress bar is shown.
+    """
+    with Bar("frames", len(frames), progress, before="compiling") as bar:
+        for done, frame in enumerate(frames):
+            image = make(frame)
+            bar.title = f"frame {frame.number}, {done + 1} of {len(frames)}"
+            bar.update(done + 1)
+            yield frame, image
+            if image.metadata["interrupted"]:
+                return
+
+
+@dataclass
+class FrameMaker:
+    """Renders frames of an animated scene.
+
+    scene: the scene, with its animation.
+    options: options of vr.render: backend, layers, error, time, legend.
+    fps: frames per second; None: those of the animation.
+    files: the files that a frame will be written to.
+    checkpoint: the file that keeps the samples of a frame until it is finished; None for none.
+    prepared: the scene of the last frame, prepared.
+    moved: what made up the last frame: the values of the animation at its time, while the shutter is open, and at the
+        next frame, if there are motion vectors.
+    image: the last picture.
+    said: notes that were shown already, without their numbers.
+    """
+
+    scene: Scene
+    options: dict[str, Any]
+    fps: float | None = None
+    files: Callable[[Frame], Files] = lambda frame: ANYWHERE
+    checkpoint: Callable[[Frame], Path] | None = None
+    prepared: Prepared | None = None
+    moved: tuple | None = None
+    image: Image | None = None
+    said: set[tuple[type[Warning], str]] = field(default_factory=set)
+
+    def facts(self, frame: Frame) -> dict[str, Any]:
+        """What the metadata of a frame say if it is up to date; None for what they do not have."""
+        moment, more = at(self.scene, frame.time), {}
+        if self._has_motion():
+            more = {"next_scene_hash": next_frame(self.scene, frame.time, self.fps).hash()}
+        return {
+            "scene_hash": frame_hash(moment, values_while_open(self.scene, frame.time, self.fps)),
+            "visray": __version__,
+            "backend": self.options["backend"],
+            "error_asked": self.options["error"],
+            "time_asked": self.options["time"],
+            "interrupted": 0,
+            "legend": None if self.options["legend"] else 0,
+        } | more
+
+    def __call__(self, frame: Frame) -> Image:
+        """The picture of a frame. If nothing moves since the last one, it is the same picture."""
+        begun = clock.now()
+        with self._said_once(frame):
+            moved = self._moved(frame.time)
+            if moved != self.moved:
+                self.image, self.moved = self._rendered(frame, moved[0]), moved
+        facts = {"frame": frame.number, "time": frame.time, "render_seconds": clock.now() - begun}
+        facts |= {} if self.options["legend"] else {"legend": 0}
+        return replace(self.image, metadata=self.image.metadata | facts)
+
+    def _moved(self, t: float) -> tuple:
+        """What makes up the frame at time t: see `moved`."""
+        rate = self.fps or self.scene.animation.fps
+        after = assignments(self.scene, t + 1 / rate) if self._has_motion() else None
+        return assignments(self.scene, t), values_while_open(self.scene, t, self.fps), after
+
+    def _has_motion(self) -> bool:
+        """Whether motion vectors are asked for."""
+        return bool(set(self.options["layers"]) & set(names_from("motion")))
+
+    def _rendered(self, frame: Frame, values: dict[str, Any]) -> Image:
+        """The picture of a frame. values: the values of the animation."""
+        options = {key: value for key, value in self.options.items() if key != "backend"} | {"progress": False}
+        if self.prepared is None:
+            # The update changes nothing here. It compiles now what later frames need.
+            self.prepared = prepare(at(self.scene, frame.time), self.options["backend"]).updated(values)
+            if options["time"] is not None:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    render(self._moving(frame), **options | {"time": COMPILING_TIME})
+        else:
+            before, self.prepared = self.prepared, self.prepared.updated(values)
+            if note := _change_of_structure(before, self.prepared):
+                warnings.warn(note, StructureWarning, stacklevel=1)
+        path = self.checkpoint and self.checkpoint(frame)
+        resume = path is not None and path.exists()
+        return render(self._moving(frame), **options, files=self.files(frame), checkpoint=path, resume=resume)
+
+    def _moving(self, frame: Frame) -> Prepared:
+        """The prepared scene of a frame, with what moves until the next frame."""
+        return moving(self.prepared, self.scene, frame.time, self.fps)
+
+    @contextmanager
+    def _said_once(self, frame: Frame) -> Iterator[None]:
+        """Shows each warning of a `with` block at its end, unless it was shown for an earlier frame, perhaps with other
+        numbers. A warning that does not come with the first frame says its frame."""
+        is_first = self.image is None
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+        for note in caught:
+            text = str(note.message)
+            key = note.category, NUMBER.sub("", text)
+            if key not in self.said:
+                self.said.add(key)
+                warn(text if is_first else f"frame {frame.number}: {text}", note.category)
+
+
+def _change_of_structure(before: Prepared, after: Prepared) -> str | None:
+    """Why a frame needs other kernels than the frame before, as a sentence; None if it does not."""
+    old, new = before.features, after.features
+    if old != new:
+        changes = [f"{x.name} comes ({x.reason})" for x in new.listed if x.on and not old[x.name]]
+        changes += [f"{x.name} goes" for x in new.listed if not x.on and old[x.name]]
+        return f"other kernels are compiled: {', '.join(changes) or 'a shininess has more digits'}"
+    # Scenes that differ only in numbers share this set.
+    if after.looked is not before.looked:
+        return "everything is prepared again, as more than numbers changes; perhaps other kernels are compiled"
+    return None

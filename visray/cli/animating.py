@@ -1,0 +1,193 @@
+"""The command `visray animate`: its options and its help."""
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from visray import clock
+from visray.cli.frame_report import FrameReport
+from visray.cli.keeping import checkpoint_path
+from visray.cli.options import (
+    INTERRUPTED,
+    Compat,
+    Json,
+    Outside,
+    SceneFile,
+    Settings,
+    Setup,
+    Threads,
+    app,
+    flag,
+    load_scene,
+    parse_size,
+)
+from visray.cli.picture_options import (
+    EPILOGUE,
+    Backend,
+    Error,
+    Exposure,
+    Float,
+    Gamma,
+    Layers,
+    NoLegend,
+    Precision,
+    Quiet,
+    Samples,
+    Seed,
+    Size,
+    needed_layers,
+    parse_gamma,
+)
+from visray.errors import UserError
+from visray.progress import Bar, Interrupts
+from visray.terminal import kept_notes, write_json, write_line
+
+if TYPE_CHECKING:
+    from visray.animating import FrameMaker
+    from visray.animation.frames import Frame
+    from visray.output.frame_files import FrameFiles, FrameWriter
+
+Destinations = Annotated[
+    list[Path],
+    Parameter(
+        name=("--output", "-o"),
+        help="A folder; or a name such as shot.####.exr or shot.####.png, where #### becomes the number of the frame; "
+        "or a movie: .mp4, .gif or .webp. May be given more than once. Default: a folder with the name of the scene.",
+        show_default=False,
+    ),
+]
+
+
+@app.command(name="animate", help_epilogue=EPILOGUE)
+def animate_command(
+    scene: SceneFile,
+    /,
+    *,
+    setup: Setup = None,
+    compat: Compat = False,
+    allow_outside: Outside = False,
+    output: Destinations = [],  # noqa: B006 - only read
+    frames: Annotated[
+        str | None, Parameter(help="Frames to render: a:b or a:b:step, without b, or one number. Default: all.")
+    ] = None,
+    fps: Annotated[float | None, Parameter(help="Frames per second. Default: as the scene says.")] = None,
+    spp: Samples = None,
+    error: Error = None,
+    time: Annotated[float | None, Parameter(help="Make the best picture of each frame in this many seconds.")] = None,
+    size: Size = None,
+    precision: Precision = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    backend: Backend = "llvm",
+    set: Settings = [],  # noqa: B006 - the name of the option; only read
+    layers: Layers = None,
+    gamma: Gamma = "srgb",
+    exposure: Exposure = 0.0,
+    float32: Float = False,
+    no_legend: NoLegend = False,
+    checkpoint: flag(
+        "Keep the frames of a movie as PNG files in a folder MOVIE.frames, and the samples of a long frame in a file."
+    ) = False,
+    resume: flag("Render only frames whose files are missing, or are of another scene. Implies --checkpoint.") = False,
+    overwrite: flag("Render all frames, and replace the files that exist.") = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Render the frames of an animated scene to EXR and PNG files, and to movies. Ctrl-C keeps the finished frames.
+
+    Frame k has the bits that `visray render --at` gives its time. Noise stands still, as all frames have one seed.
+    """
+    begun = clock.now()
+    if quiet:
+        warnings.simplefilter("ignore")
+    with kept_notes() as notes:
+        if resume and overwrite:
+            raise UserError("--resume and --overwrite: keep the finished frames or replace them; leave one out")
+        changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        with Bar(f"reading {scene.name}", 1, not (quiet or json)):
+            loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
+        from visray.adaptive.error_floor import Files
+        from visray.adaptive.stopping import Goal
+        from visray.animating import FrameMaker
+        from visray.animation.frames import chosen_frames
+        from visray.output.frame_files import FrameFiles
+        from visray.setup import set_threads
+
+        Goal.from_arguments(error, time, spp, begun)
+        chosen = chosen_frames(loaded.animation, frames, fps)
+        files = FrameFiles.of(
+            output or [Path(scene.stem)],
+            scene.stem,
+            checkpoint or resume,
+            fps=fps or loaded.animation.fps,
+            gamma=parse_gamma(gamma),
+            exposure=exposure,
+            float32=float32,
+        )
+        options = {"error": error, "time": time, "legend": not no_legend, "backend": backend}
+        options["layers"] = needed_layers(layers, list(files.sequences))
+        shown = {"gamma": files.gamma, "exposure": exposure, "float32": float32}
+        maker = FrameMaker(loaded, options, fps, lambda frame: Files(files.paths(frame.number), **shown))
+        if (checkpoint or resume) and time is None:
+            maker.checkpoint = lambda frame: checkpoint_path([*files.paths(frame.number), *files.movies])
+        files.check(chosen[0].number)
+        if not (resume or overwrite):
+            _refuse_existing(files, chosen)
+        if threads is not None:
+            set_threads(threads)
+        report = FrameReport(files, len(chosen), begun)
+        with files.opened([frame.number for frame in chosen]) as writer:
+            missing = _missing(chosen, maker, writer) if resume else chosen
+            stopped = _write_frames(missing, maker, writer, report, progress=not (quiet or json))
+    if json:
+        write_json(report.facts() | {"stopped": stopped, "notes": notes})
+    elif not quiet:
+        write_line(report.line(stopped))
+    if stopped:
+        return INTERRUPTED
+    return 0 if report.goals_met or time is not None else 1
+
+
+def _refuse_existing(files: "FrameFiles", chosen: list["Frame"]) -> None:
+    """Raises a UserError if files of frames exist."""
+    found = files.existing([frame.number for frame in chosen])
+    if found:
+        more = f", and {len(found) - 1} more files of these frames" if found[1:] else ""
+        right = "--resume renders only what is missing, --overwrite replaces what exists"
+        raise UserError(f"{found[0]}: exists already{more}; {right}")
+
+
+def _missing(chosen: list["Frame"], maker: "FrameMaker", writer: "FrameWriter") -> list["Frame"]:
+    """The frames that are to be rendered: those without files, or with files of another scene. The others go to the
+    movies."""
+    missing = []
+    for frame in chosen:
+        if writer.files.are_made(frame.number, maker.facts(frame), maker.options["layers"]):
+            writer.keep(frame.number)
+        else:
+            missing.append(frame)
+    return missing
+
+
+def _write_frames(
+    frames: list["Frame"], maker: "FrameMaker", writer: "FrameWriter", report: FrameReport, progress: bool
+) -> bool:
+    """Renders and writes frames. Returns whether Ctrl-C was pressed. Then the finished frames are kept."""
+    from visray.animating import made
+    from visray.pass_timer import Compilations
+
+    with Interrupts(has_results=False) as interrupts, Compilations() as compilations:
+        interrupts.has_results = writer.has_frames
+        for frame, image in made(frames, maker, progress):
+            if image.metadata["interrupted"]:
+                break
+            writer.write(frame.number, image)
+            interrupts.has_results = True
+            report.add(image.metadata, compilations.count)
+            if interrupts.requested:
+                break
+        if interrupts.requested and not writer.has_frames:
+            raise KeyboardInterrupt
+        return interrupts.requested

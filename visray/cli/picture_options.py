@@ -1,0 +1,76 @@
+"""Options of the commands that make pictures: how a picture is made, and how it is written."""
+
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from visray.cli.options import Integer, Share, flag
+from visray.errors import UserError
+from visray.modes import MODES, Mode
+from visray.output.layers import LAYERS, NAMES, Layer, names_from
+
+Samples = Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")]
+Error = Annotated[
+    Share | None,
+    Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the mean luminance."),
+]
+Size = Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels, such as 640x480.")]
+Precision = Annotated[Literal["single", "double"] | None, Parameter(help="Precision of shading.")]
+Seed = Annotated[Integer | None, Parameter(help="Seed of the random numbers. Another gives other noise.")]
+Backend = Annotated[Literal["llvm", "cuda", "metal"], Parameter(help="cuda and metal are untested.")]
+Layers = Annotated[str | None, Parameter(help="Layers of the EXR file, separated by commas: see below. Default: all.")]
+Gamma = Annotated[str, Parameter(help="Display curve of the PNG file: srgb, or an exponent such as 2.2.")]
+Exposure = Annotated[float, Parameter(help="Exposure of the PNG file, in stops: 1 is twice as bright.")]
+Float = flag("Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float")
+NoLegend = flag("Draw no legend into the picture of a data scene, and put none into its EXR file.")
+Quiet = flag("Print nothing, and show no progress.")
+
+
+def _list(title: str, records: Iterable[Layer | Mode]) -> str:
+    """A list for the help text, in Markdown, with the name and the meaning of each record.
+
+    title: text above the list. records: the layers or the shading modes.
+    """
+    return "\n".join([title, "", *(f"- **{record.name}**: {record.meaning}" for record in records)])
+
+
+EPILOGUE = "\n\n".join(
+    [
+        _list("Layers of an EXR file, for `--layers`:", LAYERS),
+        _list("Shading modes, for `--set settings.shading=MODE`:", MODES),
+    ]
+)
+
+
+def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
+    """Names of the layers to render, as a tuple.
+
+    text: value of the option --layers, names separated by commas, to which RGB, A and the legend of a data scene are
+        added. If it is None or "all":
+        all layers if there is an EXR file, else only colour, coverage, the certificate and the legend.
+    outputs: paths of the files to write.
+    """
+    has_exr = any(o.suffix.lower() == ".exr" for o in outputs)
+    if text is None or text == "all":
+        return NAMES if has_exr else ("RGB", "A", *names_from("certificate", "overlay"))
+    by_lower = {name.lower(): name for name in NAMES}
+    asked = [word.strip() for word in text.split(",")]
+    if unknown := [word for word in asked if word.lower() not in by_lower]:
+        raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
+    always = ("RGB", "A", *names_from("overlay"))
+    names = tuple(dict.fromkeys((*always, *(by_lower[word.lower()] for word in asked))))
+    if len(names) > len(always) and not has_exr:
+        warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
+    return names
+
+
+def parse_gamma(text: str) -> Any:
+    """Display curve from a text: a number if the text is one, else the text itself, such as "srgb". It is checked
+    later, together with the output files."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

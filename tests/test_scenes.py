@@ -90,6 +90,10 @@ def test_the_field_is_what_its_script_writes():
     assert json.loads(made["text"](made["plants"]())) == json.loads((SCENES[0].parent / "field.json").read_text())
 
 
+def test_the_bouncing_balls_are_what_their_script_writes():
+    assert script("make_bouncing")["text"]() == (SCENES[0].parent / "bouncing-balls.json").read_text()
+
+
 @pytest.mark.parametrize("name", script("make_csg")["SCENES"])
 def test_the_scenes_of_many_operands_are_what_their_script_writes(name):
     assert script("make_csg")["text"](name) == (SCENES[0].parent / f"csg-{name}.json").read_text()

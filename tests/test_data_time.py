@@ -224,13 +224,19 @@ def test_places_without_names_are_those_of_one_position():
         np.array(["2020-01-01", "2020-01-03"], "M8[ns]"), [datetime(2020, 1, 1), datetime(2020, 1, 3)],
     ],
 )  # fmt: skip
-def test_times_may_be_given_as_dates(time):
+def test_times_may_be_given_as_dates(time, tmp_path):
     s = scene(source=None, lon=[1, 1], lat=[2, 2], name=["x", "x"], time=time, height=[1.0, 3.0], color=None)
     s = checked(vr.replaced(s, "data.date", "2020-01-02"))
     assert numbers(s) == [2.0] and s.data.shown_date.finest.resolution == "day"
     # Texts are written as they are, and read again.
-    again = vr.loads(vr.dump(s)) if hasattr(vr, "loads") else s
-    assert numbers(again) == [2.0]
+    path = tmp_path / "written.json"
+    path.write_text(vr.dump(s))
+    again = vr.load(path)
+    assert numbers(again) == [2.0] and again.hash() == s.hash()
+    times = list(json.loads(path.read_text())["data"]["layers"]["a"]["time"])
+    assert [dates.parse(text) for text in times] == [18262, 18264]
+    other = vr.replaced(again, "data.layers.a.time", ["2020-01-01", "2020-01-04"])
+    assert numbers(other)[0] == pytest.approx(5 / 3) and other.hash() != s.hash()
 
 
 @pytest.mark.parametrize("date", ["2020-01-02", datetime(2020, 1, 2), np.datetime64("2020-01-02"), 2020 + 1 / 366])
@@ -288,6 +294,46 @@ def test_a_date_compiles_nothing_and_has_the_bits_of_a_new_scene():
             made = [kernel for kernel in dr.kernel_history() if kernel["type"] == dr.KernelType.JIT]
         assert made and all(kernel["cache_hit"] for kernel in made)
         assert np.array_equal(updated["RGB"], vr.render(at(s, date), progress=False)["RGB"])
+
+
+@pytest.mark.slow
+def test_a_geometry_changes_in_time():
+    """A union of two solids, whose rows are bodies of their own: its pictures, and those of an updated scene."""
+    parts = [vr.Sphere(radius=0.4), vr.Box(min=(-0.3, 0, -0.3), max=(0.3, 1, 0.3))]
+    for shape in (
+        vr.Csg(op="merge", of=parts),
+        vr.Mesh(vertices=[[1, 0, 0], [-1, 0, 1], [0, 1, 0]], faces=[[0, 1, 2]]),
+    ):
+        s = replace(scene(), geometries={"shape": shape})
+        layer = replace(s.data.layers["a"], gizmo="geometry", geometry="shape", radius=0.06)
+        s = checked(replace(s, data=replace(s.data, layers={"a": layer}, date="2020-05-20")))
+        updated = prepare(s).updated({"data.date": "2020-04-10"})
+        images = [vr.render(x, progress=False)["RGB"] for x in (updated, at(s, "2020-04-10"), s)]
+        assert np.array_equal(images[0], images[1]) and not np.array_equal(images[0], images[2])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("abc"), st.integers(0, 9), st.floats(-9, 9) | st.none(), st.floats(0, 9) | st.none()),
+        min_size=1, max_size=20, unique_by=lambda row: row[:2],
+    ),
+    st.floats(0, 1), st.booleans(),
+)  # fmt: skip
+def test_any_table_has_a_scene_or_one_line(rows, share, held):
+    """Whatever is missing: what is shown is finite, and between the numbers of its place."""
+    columns = dict(zip(("name", "day", "rain", "heat"), map(list, zip(*rows))))
+    columns |= {"lon": [ord(name) for name in columns["name"]], "lat": [50] * len(rows)}
+    first, last = min(columns["day"]), max(columns["day"])
+    s = scene(
+        source=columns, time="day", date=first + share * (last - first), between="held" if held else "interpolated"
+    )
+    found = s.data.rows["a"]
+    for i, name in enumerate(found.texts):
+        own = [row[2] for row in rows if row[0] == name and row[2] is not None]
+        assert min(own) <= found.values["height"][i] <= max(own)
+    assert all(np.isfinite(x).all() for x in found.fields.values()) and np.isfinite(found.color).all()
+    assert len(found.hidden) == len(found) and s.data.notes() is not None
 
 
 # What is said.

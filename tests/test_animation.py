@@ -427,3 +427,47 @@ def test_directions_are_told_by_their_type() -> None:
     """The unit of directions is that of no other triple."""
     mark = next(m for m in Direction.__metadata__ if isinstance(m, Quantity))
     assert quantities(vr.DirectionalLight)["direction"] == mark != quantities(vr.PointLight)["position"]
+
+
+DAYS = {
+    "lon": [0.0, 0.0], "lat": [0.0, 0.0], "name": ["here", "here"], "when": ["2020-02-21", "2020-03-02"],
+    "rain": [1.0, 11.0],
+}  # fmt: skip
+
+
+def of_days(*values: Any, date: Any = None) -> vr.Scene:
+    """A scene with data of two days, whose date moves in two seconds."""
+    layer = vr.DataLayer(source=DAYS, time="when", height=vr.SizeRule(column="rain", domain=(0, 20)))
+    return vr.Scene(
+        data=vr.Data(layers={"rain": layer}, date=date),
+        animation=vr.Animation(
+            duration=2, tracks={"a": vr.KeysTrack(address="data.date", times=(0, 2), values=values)}
+        ),
+    )
+
+
+@pytest.mark.parametrize("date", [None, "2020-02-22"])
+def test_dates_move_day_by_day(date: Any) -> None:
+    """Ten days from the first day to the last one, as February has 29."""
+    scene = of_days("2020-02-21", "2020-03-02", date=date)
+    assert vr.at(scene, 1).data.date == "2020-02-26T00:00:00.000000"
+    for t, rain in ((0, 1), (0.2, 2), (1, 6), (2, 11)):
+        assert vr.value(vr.at(scene, t), "data.rain.0.height") == pytest.approx(rain, abs=1e-9)
+
+
+def test_a_number_as_date_is_a_year() -> None:
+    first, last = 2020 + 51.5 / 366, 2020 + 60.5 / 366
+    assert vr.value(vr.at(of_days(first, last), 1), "data.rain.0.height") == pytest.approx(6, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        (("2020-02-21", "soon"), r'values.1 = "soon": must be a date such as 2020-06-15, or a number'),
+        (("2020-02-21", 2020.5), r"values.1 = 2020.5: must be a date like the first key, or a number like it"),
+        (("2020-02-21", "2021"), r'values.1 = "2021": is outside of the dates of the data, which are from 2020-02-21'),
+    ],
+)
+def test_wrong_dates_are_refused(values: tuple, text: str) -> None:
+    with pytest.raises(vr.UserError, match=f"^animation.tracks.a.{text}"):
+        vr.at(of_days(*values), 0)

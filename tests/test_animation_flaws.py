@@ -67,7 +67,11 @@ ONE_TRACK = {
     ),
     "a track": (
         key_track("animation.fps", 1, 2),
-        at('address = "animation.fps"', "tracks move what is in the scene beside the animation"),
+        at('address = "animation.fps"', "tracks move what a picture of one moment shows"),
+    ),
+    "the shutter": (
+        key_track("camera.shutter.close", 0.1, 1),
+        at('address = "camera.shutter.close"', "tracks move what a picture of one moment shows"),
     ),
     "times out of order": (
         key_track(ADDRESS, *[(0, 0, 0)] * 3, times=[0, 2, 1]),

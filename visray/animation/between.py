@@ -79,6 +79,7 @@ _FLAWS = {
     "factor": _factors,
     "vector": _vectors,
     "direction": _directions,
+    "date": _nothing,
     "step": _step,
     "steps": lambda a, b: next((text for x, y in zip(a, b) if (text := _step(x, y))), None),
 }

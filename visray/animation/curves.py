@@ -2,8 +2,8 @@
 
 A sort of values says how they are interpolated: `number` (a number, or lists of numbers at any depth), `factor` (a
 scale, in which no number is 0) and `vector` (three numbers that are not all 0), which are interpolated as numbers,
-`direction` (three numbers of which only the direction counts), `step` (a step of a transform) or `steps` (a list of
-these).
+`direction` (three numbers of which only the direction counts), `date` (dates as texts, or numbers), `step` (a step of a
+transform) or `steps` (a list of these).
 """
 
 from collections.abc import Callable
@@ -14,9 +14,10 @@ from typing import Any, Literal
 import numpy as np
 
 from visray.animation import interpolation, rotations
+from visray.data import dates
 from visray.transforms import STEPS, Rotate
 
-Sort = Literal["number", "factor", "vector", "direction", "step", "steps"]
+Sort = Literal["number", "factor", "vector", "direction", "date", "step", "steps"]
 Interpolation = Literal["linear", "smooth", "step"]
 
 
@@ -79,6 +80,14 @@ def _directions(keyed: Keyed, values: tuple) -> Callable[[float], Any]:
     directions = keyed.arcs(np.array([rotations.unit(v) for v in vectors]))
     lengths = keyed.numbers(np.linalg.norm(vectors, axis=1))
     return lambda t: _plain(lengths(t) * directions(t))
+
+
+def _dates(keyed: Keyed, values: tuple) -> Callable[[float], Any]:
+    """Curve of dates: as many days pass in each second between two keys."""
+    if not isinstance(values[0], str):
+        return _numbers(keyed, values)
+    at = keyed.numbers(np.array([dates.parse(x) for x in values]))
+    return lambda t: dates.text(float(at(t)), "microsecond")
 
 
 def _step_list(keyed: Keyed, values: tuple) -> Callable[[float], Any]:
@@ -160,6 +169,7 @@ _CURVES = {
     "factor": _numbers,
     "vector": _numbers,
     "direction": _directions,
+    "date": _dates,
     "step": _step,
     "steps": _step_list,
 }

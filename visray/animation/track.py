@@ -17,7 +17,7 @@ Turns = Annotated[Real, Field(ge=-1e6, le=1e6)]
 Address = Annotated[str, Field(strict=True, min_length=1)]
 
 # Steps of a track at whose ends the scene is checked.
-CHECKS = 16
+CHECKS = 4
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from visray.animation.animation import Track
 from visray.animation.between import between_flaws
 from visray.animation.curves import Sort, step_key
 from visray.animation.keys import KeysTrack
+from visray.data import dates
 from visray.errors import UserError
 from visray.scene.animation_targets import discrete, given_shape, shape, sort_of, still
 from visray.scene.animation_values import track_values
@@ -15,6 +16,8 @@ from visray.scene.edits import edited, value_at
 from visray.scene.messages import line
 from visray.scene.scene import Scene
 
+# What tracks cannot move: themselves, and what only pictures of several moments have.
+UNMOVED = ("animation", "camera.shutter")
 # Function that returns the flaws of a scene as plain dicts (check.examined).
 Examine = Callable[[dict], tuple[Any, list[str]]]
 
@@ -59,8 +62,8 @@ def _own_flaws(scene: Scene, small: Scene, name: str, track: Track, examine: Exa
 def _target_flaws(scene: Scene, track: Track) -> Iterator[str]:
     """The errors of the targets of a track: there are none, or they cannot move, or are not three numbers."""
     for address in track.addresses() if track.naming else ():
-        if _within(address, "animation"):
-            yield "tracks move what is in the scene beside the animation; name another address"
+        if any(_within(address, x) for x in UNMOVED):
+            yield "tracks move what a picture of one moment shows, and this is no part of it; name another address"
             continue
         try:
             value = value_at(scene, address)
@@ -92,7 +95,9 @@ def _form_flaw(sort: Sort, track: KeysTrack, i: int, current: Any) -> str | None
     """What is wrong with the form of the value of a key; None if it has that of the scene's own value, `current`."""
     value, first = track.values[i], track.values[0]
     if not _fits(sort, value, current):
-        return f"must be {_form(sort, current)}, like the value in the scene"
+        return f"must be {_form(sort, current)}"
+    if sort == "date" and isinstance(value, str) != isinstance(first, str):
+        return "must be a date like the first key, or a number like it"
     if sort == "steps" and _fits(sort, first, current) and _kinds(value) != _kinds(first):
         return f"must have the steps of the first key, in its order: {', '.join(_kinds(first)) or 'none'}"
     return None
@@ -104,17 +109,30 @@ def _fits(sort: Sort, value: Any, current: Any) -> bool:
         return step_key(value) == step_key(vars(current))
     if sort == "steps":
         return isinstance(value, tuple) and all(step_key(x) is not None for x in value)
+    if sort == "date":
+        return given_shape(value) == () or _is_date(value)
     return given_shape(value) == shape(current)
+
+
+def _is_date(value: Any) -> bool:
+    """Whether a value is a text with a date."""
+    try:
+        return isinstance(value, str) and bool(dates.parsed(value))
+    except ValueError:
+        return False
 
 
 def _form(sort: Sort, current: Any) -> str:
     """Words for the form of the scene's own value."""
     if sort == "step":
-        return f'a step with the key "{step_key(vars(current))}"'
+        return f'a step with the key "{step_key(vars(current))}", like the value in the scene'
     if sort == "steps":
         return 'a list of steps, such as [{"rotate": 30}]'
+    if sort == "date":
+        return "a date such as 2020-06-15, or a number"
     size = shape(current)
-    return "a number" if not size else f"a list of {' x '.join(map(str, size))} numbers"
+    numbers = "a number" if not size else f"a list of {' x '.join(map(str, size))} numbers"
+    return f"{numbers}, like the value in the scene"
 
 
 def _kinds(steps: tuple) -> list[str | None]:

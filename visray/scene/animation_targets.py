@@ -14,6 +14,9 @@ from visray.transforms import STEPS, Scale
 
 _DIRECTION = next(m for m in Direction.__metadata__ if isinstance(m, Quantity))
 
+# The address of the date of data. It moves even if it is null or a text in the scene.
+DATE = "data.date"
+
 
 def still(scene: Scene) -> Scene:
     """The scene as it is written, without what moves it."""
@@ -24,6 +27,8 @@ def sort_of(scene: Scene, address: str) -> Sort:
     """How the values at an address are interpolated. Domain: an address of the scene whose value can move."""
     if type(value_at(scene, address)) in STEPS.values():
         return "step"
+    if address == DATE:
+        return "date"
     owner, _, name = address.rpartition(".")
     if name == "transform":
         return "steps"
@@ -48,6 +53,8 @@ def _marks(holder: Any, name: str) -> tuple:
 def discrete(scene: Scene, address: str) -> str | None:
     """Reason why the value at an address cannot move; None if it can. Domain: an address of the scene."""
     found = value_at(scene, address)
+    if address == DATE:
+        return None
     if type(found) in STEPS.values() or address.rpartition(".")[2] == "transform" or shape(found) is not None:
         return None
     if found is None:

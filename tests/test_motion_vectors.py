@@ -346,6 +346,23 @@ def test_a_parameter_moves_a_polynomial_surface_onto_the_next_one() -> None:
     assert len(p) > 50 and np.abs(moved - 1.1 * p).max() < 1e-12
 
 
+def test_a_surface_moves_along_its_normal_even_where_its_gradient_vanishes() -> None:
+    """The heart: at y = 0 the polynomial has a triple root, and Newton's method would be lost."""
+
+    def heart(s: float) -> Polynomial:
+        text = "(x^2 + 9/4*z^2 + y^2 - s)^3 - x^2*y^3 - 9/80*z^2*y^3"
+        return Polynomial(expression=text, parameters={"s": s}, clip=Ball(radius=2.0))
+
+    look = Look.of(*(scene_of({"it": heart(s)}, replace(VIEW, origin=(0.5, 0.8, 4.5))) for s in (1.0, 1.05)))
+    p, way = look.hit["P"].T[look.seen], (look.points_after() - look.hit["P"].T)[look.seen]
+    x, y, z = (p + way).T
+    # The cube root of what the polynomial adds to the ellipsoid is good to a third of the digits.
+    off = x**2 + 9 / 4 * z**2 + y**2 - 1.05 - np.cbrt((x**2 + 9 / 80 * z**2) * y**3)
+    assert len(p) > 100 and (np.abs(p[:, 1]) < 0.04).sum() > 3 and np.abs(off).max() < 1e-10
+    sideways = way - (way * look.hit["N"].T[look.seen]).sum(axis=1, keepdims=True) * look.hit["N"].T[look.seen]
+    assert np.abs(sideways).max() < 1e-12 and np.linalg.norm(way, axis=1).min() > 0.01
+
+
 @pytest.mark.parametrize("thing", [Capsule(a=(0.0, -0.4, 0.0), b=(0.0, 0.4, 0.0), radius=0.3), Torus(), Cylinder()])
 def test_other_sizes_keep_u_and_v(thing: Any) -> None:
     """Sizes that no frame expresses: the length of a capsule, the radii of a torus."""

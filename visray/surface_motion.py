@@ -5,7 +5,7 @@ keeps its texture coordinates u and v, too. Points of polynomial surfaces move a
 has no frame that follows its parameters.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
@@ -14,20 +14,16 @@ import numpy as np
 from visray.data.all_objects import BASE
 from visray.data.gizmos import carrier
 from visray.data.rows import Rows
-from visray.geometry import Frame
+from visray.geometry import Frame, gamma, l1_norm
 from visray.operands import ROLES
 from visray.primitives.csg_operands import Operand, operands
 from visray.primitives.instance import Instance
 from visray.primitives.primitive import Primitive, identity, scalars, to_world_matrix
 from visray.pytree import evaluated
 from visray.quantities import Arrays
+from visray.ray import NOTHING_KNOWN, Ray
 from visray.scene.scene import Scene
 from visray.transforms import Transform, compose, composed
-
-# Steps of Newton's method from a point to the changed surface. Each step doubles the number of right digits.
-STEPS = 5
-# A point is on the surface if the last step is shorter than this share of the whole way.
-ARRIVED = 1e-3
 
 
 @dataclass
@@ -153,7 +149,7 @@ def _moved(a: Arrays, was: Operand, now: Operand, points: np.ndarray) -> np.ndar
     before, behind = (_matrix(x.shape, x.steps) for x in (was, now))
     local = _applied(np.linalg.inv(before), points)
     points = _applied(behind, was.shape.reshaped(local, _parameters(was.shape), _parameters(now.shape)))
-    return _settled(a, now, points) if was.shape.flows and _bends(was, now) else points
+    return _settled(a, was, now, points) if was.shape.flows and _bends(was, now) else points
 
 
 def _matrix(shape: Primitive, steps: tuple[Transform, ...]) -> np.ndarray:
@@ -173,7 +169,9 @@ def _whole(matrix: np.ndarray | None) -> np.ndarray:
 
 def _applied(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """The points after an affine map. Shapes: matrix (4, 4), points (N, 3)."""
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    # Not a product of matrices: a library would use threads for it, and they would wait for those of Dr.Jit.
+    x, y, z = points.T
+    return np.stack([m[0] * x + m[1] * y + m[2] * z + m[3] for m in matrix[:3]]).T
 
 
 def _fields(shape: Primitive) -> dict[str, Any]:
@@ -200,17 +198,26 @@ def _nearest(a: Arrays, leaves: list[Operand], points: np.ndarray) -> np.ndarray
     return np.argmin(np.stack([np.broadcast_to(x, len(points)) for x in distances]), axis=0)
 
 
-def _settled(a: Arrays, leaf: Operand, points: np.ndarray) -> np.ndarray:
-    """The points, moved along the normal onto the surface of a shape. Those that do not arrive stay where they are."""
-    kind, placed = _placed(a, leaf)
-    p = q = a.put(a.W, points.T)
-    for _ in range(STEPS):
-        f, g = kind.surface_at(placed, q)
-        step = f * g
-        q = q - step
-        dr.eval(q, step)
-    arrived = dr.norm(step) <= ARRIVED * dr.norm(q - p)
-    return np.array(dr.select(arrived, q, p)).T
+def _settled(a: Arrays, was: Operand, now: Operand, points: np.ndarray) -> np.ndarray:
+    """Points of a surface, moved along its normal to the nearest point of the changed surface. Those whose normal does
+    not meet it stay where they are.
+
+    was, now: the shape at both moments. points: the points after the shape's transform
+    """
+    (old_kind, old), (kind, placed) = (_placed(a, x) for x in (replace(now, shape=was.shape), now))
+    p = a.put(a.W, points.T)
+    n = dr.normalize(old_kind.surface_at(old, p)[1])
+    # The points are rounded to single precision. The surface may lie on their other side.
+    back = gamma(8, "single") * l1_norm(p)
+    ways = []
+    for d in (n, -n):
+        dr.eval(p, d, back)
+        ray = Ray(p - back * d, d)
+        t = kind.crossing(kind.seen(placed, ray.o), ray, 0, None, NOTHING_KNOWN).t - back
+        ways.append(evaluated(t))
+    ahead = dr.abs(ways[0]) <= dr.abs(ways[1])
+    way = dr.select(ahead, ways[0], -ways[1])
+    return np.array(dr.select(dr.isfinite(way), dr.fma(way, n, p), p)).T
 
 
 def _move_rows(rows: Rows, after: Rows, seen: np.ndarray, first: int, found: Motion) -> None:

@@ -383,10 +383,10 @@ def test_notes_say_what_is_not_shown():
     notes = scene(rows, "2020-04-16").data.notes()
     assert notes == [
         "data.layers.a: rows that are not used: 1 without a date, 1 without a name",
-        "data.layers.a: 1 values of height are missing between others; they are interpolated",
+        "data.layers.a: height has 1 gap between known numbers; the numbers there are interpolated",
         "data.layers.a: 1 place has one date only, and is shown at that moment alone; to keep such places, write "
         '"between": "held"',
-        "data.layers.a: of 6 places, not shown on 2020-04-16: 1 have no numbers",
+        "data.layers.a: of 6 places, not shown on 2020-04-16: 1 without numbers",
         "data.layers.a: 1 of 6 places has the colour of missing values on 2020-04-16",
         "data.layers.a: 6 places are shown, and not: 1 without a height",
     ]  # fmt: skip

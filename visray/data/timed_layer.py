@@ -116,8 +116,10 @@ class TimedLayer:
             self.notes.append(f"all rows have one date, {time.moments.text(first)}, so nothing changes in time")
             return
         gaps = {key: n for key, x in values.items() if (n := time.gaps(x))}
-        filled = "the last known ones hold on" if time.held else "they are interpolated"
-        self.notes += [f"{n:,} values of {key} are missing between others; {filled}" for key, n in gaps.items()]
+        filled = "the last known number holds" if time.held else "the numbers there are interpolated"
+        self.notes += [
+            f"{key} has {n:,} {'gap' if n == 1 else 'gaps'} between known numbers; {filled}" for key, n in gaps.items()
+        ]
         single = int((np.diff(time.start)[self.place] == 1).sum())
         if single and not time.held:
             have, are = ("1 place has", "is") if single == 1 else (f"{single:,} places have", "are")
@@ -131,8 +133,8 @@ class TimedLayer:
         values = {key: x[self.place] for key, (x, _) in found.items()}
         known = {key: now[self.place] for key, (_, now) in found.items()}
         needed = [key for key in known if key != "color"]
-        reasons = {"have no numbers": ~np.logical_and.reduce([known[key] for key in needed])}
-        reasons["are outside of the map"] = ~self.base.inside(values["lon"], values["lat"])
+        reasons = {"without numbers": ~np.logical_and.reduce([known[key] for key in needed])}
+        reasons[OUTSIDE] = ~self.base.inside(values["lon"], values["lat"])
         sizes, slopes = {}, {}
         for key, size in self.shown.sizes.items():
             rule = self.shown.rules.get(key)
@@ -141,7 +143,7 @@ class TimedLayer:
                 sizes[key], slopes[key] = of_rule.size, of_rule.slope
             else:
                 sizes[key] = np.full(len(self.place), size[0])
-            reasons[f"have the {key} 0"] = np.abs(sizes[key]) < 1 / FARTHEST
+            reasons[f"of {key} 0"] = np.abs(sizes[key]) < 1 / FARTHEST
         color, rule = None, self.shown.rules.get("color")
         if isinstance(rule, ResolvedColors):
             values["color"] = np.where(known["color"], values["color"], np.nan)

@@ -90,7 +90,7 @@ dark
 adaptive
 cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
 cluster.merging cluster.crew cluster.connecting cluster.picture cluster
-certificate provenance picture_layers animation_report explaining renderer animating
+certificate provenance picture_layers sampled_layers animation_report explaining renderer animating
 edges
 gradients
 study

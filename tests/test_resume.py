@@ -10,6 +10,7 @@ import pytest
 from test_adaptive import EDGES, hall
 from test_checkpoint import Crash, always, crash, same  # noqa: F401 - fixtures
 from test_small_objects import mirrored, spark
+from virtual import Machine
 
 import visray as vr
 from visray.adaptive import lane_buffer
@@ -110,6 +111,25 @@ def test_ctrl_c_at_any_moment(what: str, short: None, tmp_path: Path, monkeypatc
     # The last one came when all samples were taken.
     image.metadata["interrupted"] = 0
     assert question > 8 and same(image, uninterrupted)
+
+
+def test_ctrl_c_before_there_is_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is nothing to write, but the samples are kept."""
+    path, made = tmp_path / "a.checkpoint", prepare(replace(EDGES, film=Film(width=200, height=150)))
+    expected = vr.render(made, progress=False, error=0.05)
+    with monkeypatch.context() as patch:
+        Machine(patch, rate=2e-4)
+        patch.setattr(lane_buffer, "first_pass_samples", lambda made: 2**12)
+        patch.setattr("visray.sampled_layers.first_hit_layers", lambda *_: {})
+        patch.setattr("visray.renderer.Interrupts", AfterSome)
+        AfterSome.left = 2
+        note = pytest.warns(CheckpointWarning, match=r"a\.checkpoint: keeps the samples; --resume goes on with them")
+        with note, pytest.raises(KeyboardInterrupt, match=r"^stopped before there was a picture$"):
+            vr.render(made, progress=False, error=0.05, checkpoint=path)
+    with np.load(path) as file:
+        counts = file["film.pixels.counts"]
+        assert counts.any() and not counts.all()
+    assert same(vr.render(made, progress=False, error=0.05, checkpoint=path, resume=True), expected)
 
 
 @pytest.mark.filterwarnings("ignore::visray.errors.StoppedWarning")

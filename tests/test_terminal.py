@@ -95,6 +95,7 @@ REPORT = "; please report it, with what VISRAY_TRACEBACK=1 shows\n"
         (MemoryError(), 2, "visray: there is not enough memory; make the picture or the scene smaller\n"),
         (PermissionError(13, "Permission denied", "a.json"), 2, "visray: a.json: Permission denied\n"),
         (KeyboardInterrupt(), 130, "visray: stopped before anything could be kept\n"),
+        (KeyboardInterrupt("stopped here"), 130, "visray: stopped here\n"),
         (BrokenPipeError(), 0, ""),
         (SystemExit(3), 3, ""),
     ],

@@ -8,36 +8,31 @@ import warnings
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visray import clock
-from visray import film as films
 from visray.adaptive.error_floor import Files
-from visray.adaptive.evidence import NotANumber
-from visray.adaptive.result import adaptive_sampler, render_adaptively
+from visray.adaptive.result import adaptive_sampler
 from visray.adaptive.stopping import Goal
 from visray.animation.moment import still_at
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.checkpoint import Checkpoint, held
 from visray.cluster.connecting import check_address, connected
-from visray.cluster.picture import Job, expose_on
-from visray.dark import dark_notes, warn_of_dark
-from visray.errors import GoalWarning, StoppedWarning, UserError
+from visray.cluster.picture import Job
+from visray.errors import GoalWarning, UserError
 from visray.legend.layer import has_legend
 from visray.motion_vectors import check_motion
 from visray.moving import moving
 from visray.output.image import Image, check_destination
 from visray.output.layers import BY_NAME, NAMES, names_from
-from visray.pass_timer import LONGEST_PASS, PassTimer
-from visray.passes import expose, identity_of
-from visray.picture_layers import alpha_of, check_numbers, developed, first_hit_layers, overlay, rasters
+from visray.picture_layers import check_numbers, overlay, rasters
 from visray.progress import Bar, Interrupts
 from visray.provenance import provenance
+from visray.sampled_layers import layers_for_goal, layers_of_spp
 from visray.scene.adjusted import adjusted
 from visray.scene.load import checked, load
 from visray.scene.scene import Scene
@@ -136,9 +131,9 @@ def render(
                 prepared = moving(prepared, animated, at or 0.0)
         kept, interrupts = map(stack.enter_context, (held(checkpoint, resume), Interrupts(has_results=False)))
         if goal:
-            values, facts = _layers_for_goal(prepared, goal, files, layers, progress, interrupts, kept)
+            values, facts = layers_for_goal(prepared, goal, files, layers, progress, interrupts, kept)
         else:
-            values, facts = _layers_of_spp(prepared, layers, progress, interrupts, kept, job)
+            values, facts = layers_of_spp(prepared, layers, progress, interrupts, kept, job)
         check_numbers(prepared, values["RGB"])
         drawn = overlay(prepared, values, layers)
     if goal:
@@ -183,66 +178,6 @@ def _check_checkpoint(goal: Goal | None, checkpoint: str | Path | Checkpoint | N
     if goal and goal.seconds is not None and checkpoint is not None:
         reason = "how far a picture comes in a time depends on the machine, so it cannot go on to the same bits"
         raise UserError(f"time = {goal.seconds:g}: goes with no checkpoint: {reason}; give an error, or samples")
-
-
-def _layers_of_spp(
-    prepared: Prepared,
-    layers: tuple[str, ...],
-    progress: bool,
-    interrupts: Interrupts,
-    checkpoint: Checkpoint | None,
-    job: Job | None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Takes the samples that the scene asks for. Returns the layers by name, and facts for the metadata.
-
-    job: the workers that take the samples; None: this process does.
-    """
-    timer = PassTimer()
-    look, keep, film = partial(_look, prepared, interrupts), None, None
-    if checkpoint is not None:
-        film = checkpoint.film(prepared.a, identity_of(prepared), prepared.scene.settings.spp)
-        keep = checkpoint.keep
-    if job is None:
-        film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
-    else:
-        film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep)
-    stopped = interrupts.requested
-    if checkpoint is not None:
-        checkpoint.end(film, finished=not stopped)
-    values, facts = developed(prepared, film)
-    # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
-    del film
-    if stopped and timer.compile_seconds > LONGEST_PASS:
-        # Their kernel would take about as long to compile, and Ctrl-C would wait for it.
-        text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
-        warnings.warn(text, StoppedWarning, stacklevel=4)
-        return values, {"spp": spp} | facts
-    return values | first_hit_layers(prepared, layers), {"spp": spp} | facts
-
-
-def _layers_for_goal(
-    prepared: Prepared,
-    goal: Goal,
-    files: Files,
-    layers: tuple[str, ...],
-    progress: bool,
-    interrupts: Interrupts,
-    checkpoint: Checkpoint | None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Takes samples until the goal is reached. Returns the layers by name, and facts for the metadata."""
-    # The first hit comes before the samples, because it takes a part of the time that the goal allows.
-    first_hit = first_hit_layers(prepared, layers)
-    try:
-        adaptive = render_adaptively(prepared, goal, files, layers, progress, interrupts, checkpoint)
-    except NotANumber as none:
-        check_numbers(prepared, none.mean)
-        raise
-    # A look for light would compile another kernel, which takes a part of the time.
-    coverage = np.array(adaptive.layers.get("A", np.ones(len(prepared.order))))
-    if not interrupts.requested:
-        notes = dark_notes(prepared, adaptive.layers["RGB"], coverage, interrupts, may_look=goal.seconds is None)
-        warn_of_dark(notes, stacklevel=4)
-    return adaptive.layers | first_hit, adaptive.facts
 
 
 def _warn_of_goal(goal: Goal, rgb: np.ndarray, facts: dict[str, Any], interrupts: Interrupts) -> None:
@@ -295,10 +230,3 @@ def prepare(scene: Scene | str | Path, backend: str = "llvm", allow_outside: boo
     """
     scene = load(scene, allow_outside=allow_outside) if isinstance(scene, (str, Path)) else scene
     return prepare_checked(checked(scene), backend)
-
-
-def _look(prepared: Prepared, interrupts: Interrupts, film: films.Film) -> None:
-    """Warns if the film is black or shows nothing."""
-    if not interrupts.requested:
-        # The line of code that called vr.render is five calls away.
-        warn_of_dark(dark_notes(prepared, film.mean, alpha_of(prepared, film), interrupts), stacklevel=6)

@@ -73,6 +73,11 @@ class Journal:
         """Whether the render takes decisions again that the checkpoint has."""
         return self.told < len(self.results)
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether there is a checkpoint."""
+        return self.checkpoint is not None
+
     def result(self, compute: Callable[[], Any]) -> np.ndarray:
         """The next result: from the checkpoint, or computed now. compute: function that returns numbers."""
         if self.replays:
@@ -99,15 +104,15 @@ class Journal:
 
     def keep(self, now: bool = False) -> None:
         """Writes the checkpoint, if there is one, and if it is time. now: whether it is written in any case."""
-        if self.checkpoint is not None:
+        if self.is_kept:
             self.checkpoint.write(self.identity, self.goal, self._arrays, now)
 
     def end(self, finished: bool) -> None:
         """Keeps a render that was stopped, or removes the checkpoint of one that is finished."""
         self.restore()
-        if self.checkpoint is not None and finished:
+        if self.is_kept and finished:
             self.checkpoint.done()
-        elif self.checkpoint is not None:
+        elif self.is_kept:
             self.keep(now=True)
             self.checkpoint.say_how_to_go_on()
         # The buffers know the journal too. Without this cycle, their films are freed at once.

@@ -194,7 +194,7 @@ class AdaptiveRun:
         if self.interrupts.requested and needed > FINISHING_SECONDS:
             # There is no complete picture yet to keep.
             self.journal.end(finished=False)
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(*["stopped before there was a picture"] * self.journal.is_kept)
         if needed > goal.seconds_left():
             took = goal.seconds_passed() + needed + goal.reserve
             self._miss_time(f"two samples of each pixel alone take about {took:.2g} s")

@@ -143,7 +143,8 @@ def _ended(error: BaseException, stop: _Stop) -> int:
         traceback.print_exception(error)
     # An interrupted import may raise any exception.
     if stop.count or isinstance(error, KeyboardInterrupt):
-        terminal.say("stopped before anything could be kept")
+        says_more = isinstance(error, KeyboardInterrupt) and error.args
+        terminal.say(str(error) if says_more else "stopped before anything could be kept")
         return INTERRUPTED
     if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
         # The program that reads the output, such as `head`, has ended.

@@ -397,6 +397,13 @@ def test_wrong_frames_are_refused(frames: Any, text: str) -> None:
         frame_times(vr.Animation(duration=2, fps=10), frames)
 
 
+def test_endless_lists_of_frames_are_refused() -> None:
+    long = vr.Animation(duration=86400, fps=1e6)
+    with pytest.raises(vr.UserError, match=r"^frames: these are 86400000000, and at most 1000000 are made at once"):
+        frame_times(long)
+    assert frame_times(long, "86399999999") == [(86399999999, 86399.999999)]
+
+
 @pytest.mark.parametrize("fps", [0, -1, math.inf, math.nan])
 def test_wrong_rates_are_refused(fps: float) -> None:
     with pytest.raises(vr.UserError, match=r"^fps = .*: must be greater than 0 and finite$"):

@@ -3,7 +3,7 @@
 import drjit as dr
 import numpy as np
 import pytest
-from track_samples import ADDRESSES, TRACK_SAMPLES, moving
+from track_samples import ADDRESSES, DURATION, TRACK_SAMPLES, keys, moving
 
 import visray as vr
 from visray.animation.moment import assignments
@@ -15,10 +15,40 @@ def picture(scene: vr.Scene | vr.Prepared) -> np.ndarray:
     return vr.render(scene, layers=["RGB"], progress=False)["RGB"]
 
 
+TABLE = {"lon": [0.0, 30.0, -20.0], "lat": [0.0, 20.0, 40.0], "rain": [1.0, 2.0, 3.0]}
+COLOR = vr.ColorRule(column="rain", domain=(0, 4), norm="power", exponent=1.0)
+HEIGHT = vr.SizeRule(column="rain", domain=(0, 4))
+DATA = vr.Scene(
+    camera=vr.Camera(origin=(4, 1.5, 0)),
+    film=vr.Film(width=24, height=18),
+    lights={"key": vr.PointLight(position=(3, 5, 4))},
+    data=vr.Data(layers={"rain": vr.DataLayer(source=TABLE, height=HEIGHT, radius=0.15, color=COLOR)}),
+    settings=vr.Settings(spp=1),
+)
+DATA_TRACKS = {
+    "a number of a row": keys("data.rain.0.height", 1.0, 3.0),
+    "the range of a palette": keys("data.layers.rain.color.domain", (0, 4), (1, 3)),
+    "an exponent of a palette": keys("data.layers.rain.color.exponent", 1.0, 3.0),
+    "the globe": vr.SpinTrack(of="data.base", turns=0.3),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", DATA_TRACKS)
+def test_a_track_of_data_compiles_nothing_after_the_first_frame(what: str) -> None:
+    animation = vr.Animation(duration=DURATION, tracks={"track": DATA_TRACKS[what]})
+    follows_without_compiling(vr.replaced(DATA, "animation", animation))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("what", TRACKS)
 def test_a_track_compiles_nothing_after_the_first_frame(what: str) -> None:
-    scene = moving(TRACKS[what])
+    follows_without_compiling(moving(TRACKS[what]))
+
+
+def follows_without_compiling(scene: vr.Scene) -> None:
+    """Checks that a prepared scene follows its tracks without another kernel, with the bits of the scene of each
+    moment."""
     prepared = vr.prepare(vr.at(scene, 0))
     first = picture(prepared)
     # Compiled once by any update: what puts rows into columns.

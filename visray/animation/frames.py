@@ -60,6 +60,10 @@ def _given(animation: Animation | None) -> Animation:
     return animation
 
 
+# Most frames of one call: eleven hours of them at 25 per second.
+MOST = 1_000_000
+
+
 def frame_times(
     animation: Animation, frames: str | slice | int | None = None, fps: float | None = None
 ) -> list[tuple[int, float]]:
@@ -73,6 +77,10 @@ def frame_times(
         raise UserError(f"fps = {rate:g}: must be greater than 0 and finite")
     count = max(1, round(animation.duration * rate))
     chosen = range(count) if frames is None else _chosen(frames, count)
+    if len(chosen) > MOST:
+        raise UserError(
+            f"frames: these are {len(chosen)}, and at most {MOST} are made at once; choose fewer, or fewer fps"
+        )
     return [(k, min(k / rate, animation.duration)) for k in chosen]
 
 

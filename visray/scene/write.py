@@ -54,6 +54,7 @@ DATA = (Data, DataLayer, RowEdit, Legend, SizeRule, ColorRule)
 KINDS = (
     Scene,
     cameras.KINDS[0],
+    cameras.Shutter,
     Film,
     SkyGradient,
     Settings,

@@ -310,6 +310,13 @@ def test_a_mesh_as_an_operand_moves_too() -> None:
     assert np.abs(moved - p)[on_ball].max() == 0 and np.abs(moved - p - [0, -0.1, 0])[flat].max() < 1e-12
 
 
+def test_a_mesh_grows_with_its_fit() -> None:
+    small, large = (replace(SAMPLES["Mesh"].posed, fit=size) for size in (1.5, 1.8))
+    look = Look.of(scene_of({"it": small}), scene_of({"it": large}))
+    p, moved = look.hit["P"].T[look.seen], look.points_after()[look.seen]
+    assert len(p) > 20 and np.abs(moved - 1.2 * p).max() < 1e-12
+
+
 def test_instances_and_their_geometries_move() -> None:
     pair = {"pair": Csg(op="union", of=(Sphere(radius=0.5), Sphere(center=(0.0, 0.7, 0.0), radius=0.4)))}
     turn = (Rotate(rotate=10.0, axis=(0.0, 0.0, 1.0)),)

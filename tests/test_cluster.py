@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -13,21 +14,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
+import PIL.ImageSequence
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_adaptive import with_settings
+from test_animate import COUNT, keys
+from test_animate import scene as animated
 from test_motion_blur import moving
 from test_same_bits import EACH, FILMS, SPP, at_once, made_of, same
 
 import visray as vr
 from visray.checkpoint import Checkpoint
+from visray.cli.program import main
 from visray.cluster import connecting, crew, local, part, refusal
 from visray.cluster.merging import Canvas
 from visray.cluster.part import Cutter, Pace, Part
 from visray.cluster.scene_package import ScenePackage
 from visray.cluster.worker import sample_blocks, tile
-from visray.errors import ClusterWarning, StoppedWarning, UserError
+from visray.errors import ClusterWarning, StoppedWarning, StructureWarning, UserError
 from visray.moments import BLOCK
 from visray.moving import moving as prepared_frame
 from visray.pass_timer import PassTimer
@@ -292,6 +298,49 @@ def test_what_a_killed_worker_had_is_done_by_the_other(workers: Any, monkeypatch
     monkeypatch.setattr(Canvas, "add", killing)
     assert equal(vr.render(scene, cluster=workers.address, progress=False), expected)
     assert [process.poll() for process in workers.processes] == [-signal.SIGKILL, None]
+
+
+@SLOW
+def test_frames_have_the_bits_of_one_process_though_a_worker_is_killed(workers: Any) -> None:
+    """With motion blur and motion vectors. One frame needs another kernel."""
+    tracks = {"x": keys("objects.ball.center.0", -1.0, 1.0), "kr": keys("materials.red.kr.0", 0.0, 0.0, 0.5)}
+    moved = animated(**tracks)
+    moved = replace(moved, camera=replace(moved.camera, shutter=vr.Shutter(moments=3)))
+    with pytest.warns(StructureWarning, match="^frame 3: "):
+        expected = list(vr.animate(moved, progress=False))
+    found = []
+    with warnings.catch_warnings():
+        # Which frames a worker has must not be seen.
+        warnings.simplefilter("error", StructureWarning)
+        for image in vr.animate(moved, progress=False, cluster=workers.address):
+            if not found:
+                workers.processes[1].kill()
+            found.append(image)
+    assert len(found) == COUNT == len(expected)
+    for one, other in zip(expected, found):
+        assert equal(one, other) and "forward" in one.layers
+        assert all(one.metadata[key] == other.metadata[key] for key in ("frame", "time", "scene_hash", "spp"))
+    assert len({image["RGB"].tobytes() for image in found}) == COUNT
+
+
+@SLOW
+def test_the_command_writes_the_same_files(workers: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.json").write_text(vr.dump(animated()))
+    for folder, more in (("one", []), ("many", ["--cluster", workers.address])):
+        Path(folder).mkdir()
+        options = ["-o", f"{folder}/a.###.png", "-o", f"{folder}/a.gif", "--error", "20%", "--quiet", *more]
+        assert main(["animate", "ball.json", *options]) == 0
+    names = sorted(path.name for path in Path("one").iterdir())
+    assert len(names) == COUNT + 1
+    for name in names:
+        assert pixels(Path("one") / name) == pixels(Path("many") / name)
+
+
+def pixels(path: Path) -> bytes:
+    """The pixels of a picture or of all frames of a movie: what is in a file but for the seconds that it took."""
+    with PIL.Image.open(path) as image:
+        return b"".join(frame.convert("RGB").tobytes() for frame in PIL.ImageSequence.Iterator(image))
 
 
 @SLOW

@@ -89,7 +89,7 @@ surface_motion motion_vectors moving
 dark
 adaptive
 cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
-cluster.merging cluster.crew cluster.connecting cluster.picture cluster
+cluster.merging cluster.crew cluster.connecting cluster.picture cluster.frames cluster
 certificate provenance picture_layers sampled_layers animation_report explaining renderer animating
 edges
 gradients

@@ -6,7 +6,7 @@ A frame has the bits that vr.render(scene, at=t) gives it. Its noise stands stil
 
 import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,13 +18,15 @@ from visray.adaptive.stopping import Goal
 from visray.animation.frames import Frame, chosen_frames, frames_at
 from visray.animation.moment import assignments, at
 from visray.arguments import checked_arguments
+from visray.cluster.connecting import check_address, connected
+from visray.cluster.frames import frames_on
 from visray.errors import StructureWarning, UserError
 from visray.motion_blur import frame_hash, values_while_open
 from visray.motion_vectors import next_frame
 from visray.moving import moving
 from visray.output.image import Image
 from visray.output.layers import NAMES, names_from
-from visray.progress import Bar
+from visray.progress import Bar, Interrupts
 from visray.renderer import ANYWHERE, checked_layers, prepare, render
 from visray.scene.adjusted import adjusted
 from visray.scene.load import load
@@ -57,6 +59,7 @@ def animate(
     time: float | None = None,
     allow_outside: bool = False,
     legend: bool = True,
+    cluster: str | None = None,
 ) -> Iterator[Image]:
     """Renders frames of an animated scene, or of a scene file. Each picture is rendered when it is asked for:
 
@@ -67,6 +70,8 @@ def animate(
     frames: which frames of the animation: a range a:b:step, as Python's slices, or one number; None: all of them.
     fps: frames per second; None: those of the animation.
     time: seconds that each frame may take.
+    cluster: address of a Dask scheduler, or local:N, as in vr.render. Its workers render whole frames, with `error` or
+        `time` too. After Ctrl-C no picture follows.
 
     All others are as in vr.render. The metadata of the pictures have `frame`, its number, and `time`. The scene is
     prepared once; then only what moves is made again, and nothing is compiled. If a frame does need other kernels, a
@@ -84,7 +89,19 @@ def animate(
         raise UserError("times: goes with neither frames nor fps, which choose times; leave one of them out")
     if threads is not None:
         set_threads(threads)
-    return (image for _, image in made(chosen, FrameMaker(scene, options, fps), progress))
+    maker = FrameMaker(scene, options, fps)
+    if cluster is None:
+        return (image for _, image in made(chosen, maker, progress))
+    check_address(cluster)
+    return _made_on_cluster(cluster, threads, chosen, maker, progress)
+
+
+def _made_on_cluster(
+    cluster: str, threads: int | None, frames: Sequence[Frame], maker: "FrameMaker", progress: bool
+) -> Iterator[Image]:
+    """Yields the pictures of frames, rendered by workers. cluster, threads: as in `animate`."""
+    with connected(cluster, threads) as crew:
+        yield from (image for _, image in frames_on(crew, maker, frames, progress, Interrupts()))
 
 
 def made(
@@ -155,6 +172,16 @@ class FrameMaker:
         facts = {"frame": frame.number, "time": frame.time, "render_seconds": clock.now() - begun}
         facts |= {} if self.options["legend"] else {"legend": 0}
         return replace(self.image, metadata=self.image.metadata | facts)
+
+    def received(self, frame: Frame, image: Image, notes: Iterable[tuple[type[Warning], str]]) -> Image:
+        """The picture of a frame that another process has rendered, with the hashes of the scene as it is here: there,
+        files have other paths. notes: classes and texts of its warnings."""
+        with self._said_once(frame):
+            for category, text in notes:
+                warnings.warn(text.removeprefix(f"frame {frame.number}: "), category, stacklevel=1)
+        self.image = image
+        hashes = {key: fact for key, fact in self.facts(frame).items() if key.endswith("scene_hash")}
+        return replace(image, metadata=image.metadata | hashes)
 
     def _moved(self, t: float) -> tuple:
         """What makes up the frame at time t: see `moved`."""

@@ -1,6 +1,9 @@
 """The command `visray animate`: its options and its help."""
 
 import warnings
+from collections.abc import Callable, Generator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +14,7 @@ from visray.cli.frame_report import FrameReport
 from visray.cli.keeping import checkpoint_path
 from visray.cli.options import (
     INTERRUPTED,
+    Cluster,
     Compat,
     Json,
     Outside,
@@ -48,6 +52,7 @@ if TYPE_CHECKING:
     from visray.animating import FrameMaker
     from visray.animation.frames import Frame
     from visray.output.frame_files import FrameFiles, FrameWriter
+    from visray.output.image import Image
 
 Destinations = Annotated[
     list[Path],
@@ -80,6 +85,7 @@ def animate_command(
     precision: Precision = None,
     seed: Seed = None,
     threads: Threads = None,
+    cluster: Cluster = None,
     backend: Backend = "llvm",
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     layers: Layers = None,
@@ -112,10 +118,13 @@ def animate_command(
         from visray.adaptive.stopping import Goal
         from visray.animating import FrameMaker
         from visray.animation.frames import chosen_frames
+        from visray.cluster.connecting import check_address
         from visray.output.frame_files import FrameFiles
         from visray.setup import set_threads
 
         Goal.from_arguments(error, time, spp, begun)
+        if cluster is not None:
+            check_address(cluster)
         chosen = chosen_frames(loaded.animation, frames, fps)
         files = FrameFiles.of(
             output or [Path(scene.stem)],
@@ -140,7 +149,8 @@ def animate_command(
         report = FrameReport(files, len(chosen), begun)
         with files.opened([frame.number for frame in chosen]) as writer:
             missing = _missing(chosen, maker, writer) if resume else chosen
-            stopped = _write_frames(missing, maker, writer, report, progress=not (quiet or json))
+            made = partial(_made, cluster, threads, missing, maker, not (quiet or json))
+            stopped = _write_frames(made, writer, report)
     if json:
         write_json(report.facts() | {"stopped": stopped, "notes": notes})
     elif not quiet:
@@ -171,23 +181,43 @@ def _missing(chosen: list["Frame"], maker: "FrameMaker", writer: "FrameWriter") 
     return missing
 
 
-def _write_frames(
-    frames: list["Frame"], maker: "FrameMaker", writer: "FrameWriter", report: FrameReport, progress: bool
-) -> bool:
-    """Renders and writes frames. Returns whether Ctrl-C was pressed. Then the finished frames are kept."""
+def _made(
+    cluster: str | None,
+    threads: int | None,
+    frames: list["Frame"],
+    maker: "FrameMaker",
+    progress: bool,
+    interrupts: Interrupts,
+) -> Generator[tuple["Frame", "Image"]]:
+    """Yields frames with their pictures, which this process renders, or the workers of a cluster."""
     from visray.animating import made
+    from visray.cluster.connecting import connected
+    from visray.cluster.frames import frames_on
+
+    if cluster is None:
+        yield from made(frames, maker, progress)
+        return
+    with connected(cluster, threads) as crew:
+        yield from frames_on(crew, maker, frames, progress, interrupts)
+
+
+def _write_frames(
+    made: Callable[[Interrupts], Generator[tuple["Frame", "Image"]]], writer: "FrameWriter", report: FrameReport
+) -> bool:
+    """Writes frames that `made` yields. Returns whether Ctrl-C was pressed. Then the finished frames are kept."""
     from visray.pass_timer import Compilations
 
     with Interrupts(has_results=False) as interrupts, Compilations() as compilations:
         interrupts.has_results = writer.has_frames
-        for frame, image in made(frames, maker, progress):
-            if image.metadata["interrupted"]:
-                break
-            writer.write(frame.number, image)
-            interrupts.has_results = True
-            report.add(image.metadata, compilations.count)
-            if interrupts.requested:
-                break
+        with closing(made(interrupts)) as pairs:
+            for frame, image in pairs:
+                if image.metadata["interrupted"]:
+                    break
+                writer.write(frame.number, image)
+                interrupts.has_results = True
+                report.add(image.metadata, compilations.count)
+                if interrupts.requested:
+                    break
         if interrupts.requested and not writer.has_frames:
             raise KeyboardInterrupt
         return interrupts.requested

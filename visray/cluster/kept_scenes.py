@@ -4,8 +4,10 @@ import tempfile
 import threading
 import warnings
 from collections import OrderedDict
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from visray.animation.moment import still_at
 from visray.cluster.scene_package import ScenePackage
@@ -27,11 +29,20 @@ class KeptScene:
     folder: the folder of its files, which ends with it
     scene: the scene
     prepared: the scene as it was prepared last, for a backend and a moment
+    made: what was made of it last, by what was asked for
     """
 
     folder: tempfile.TemporaryDirectory
     scene: Scene
-    prepared: dict[tuple[str, float | None], Prepared]
+    prepared: dict[tuple[str, float | None], Prepared] = field(default_factory=dict)
+    made: dict[Any, Any] = field(default_factory=dict)
+
+    def made_once(self, key: Any, make: Callable[[], Any]) -> Any:
+        """What `make` returned when it was last called with this key. Only the last one is kept."""
+        if key not in self.made:
+            self.made.clear()
+            self.made[key] = make()
+        return self.made[key]
 
 
 def kept_scene(package: ScenePackage) -> KeptScene:
@@ -39,7 +50,7 @@ def kept_scene(package: ScenePackage) -> KeptScene:
     kept = _kept.pop(package.digest, None)
     if kept is None:
         folder = tempfile.TemporaryDirectory(prefix="visray-")
-        kept = KeptScene(folder, package.unpacked(Path(folder.name)), {})
+        kept = KeptScene(folder, package.unpacked(Path(folder.name)))
     _kept[package.digest] = kept
     while len(_kept) > KEPT:
         _kept.popitem(last=False)

@@ -21,10 +21,10 @@ def quiet() -> Iterator[None]:
     try:
         for logger in loggers:
             logger.setLevel(logging.CRITICAL + 1)
-        with warnings.catch_warnings():
-            for name in LOGGERS:
-                warnings.filterwarnings("ignore", module=rf"{name}(\.|$)")
-            yield
+        # These filters stay. A generator, which the caller may leave at any time, could not take them back in order.
+        for name in LOGGERS:
+            warnings.filterwarnings("ignore", module=rf"{name}(\.|$)")
+        yield
     finally:
         for logger, level in zip(loggers, levels):
             logger.setLevel(level)

@@ -12,9 +12,6 @@ from visray.progress import Bar, Interrupts
 from visray.study.cost.knobs import Choice
 from visray.study.cost.measuring import Measurement, Studio, Turn
 
-# On a worker: the choices that it has compiled last, by their package and themselves.
-_compiled: dict[tuple, tuple[Studio, list[Measurement]]] = {}
-
 
 def measured_on(
     crew: Crew, studio: Studio, choices: list[Measurement], turns: Sequence[Turn], bar: Bar
@@ -41,13 +38,9 @@ def turn_of(
     seeds: the seeds of all turns
     """
     with ready(order):
-        key = package.digest, repr(choices), seeds
-        if key not in _compiled:
-            with unpacking():
-                scene = kept_scene(package).scene
-            studio = Studio(scene, seeds, Interrupts())
-            _compiled.clear()
-            _compiled[key] = studio, studio.prepared(choices)
-        studio, measured = _compiled[key]
+        with unpacking():
+            kept = kept_scene(package)
+        studio = Studio(kept.scene, seeds, Interrupts())
+        studio, measured = kept.made_once((repr(choices), seeds), lambda: (studio, studio.prepared(choices)))
         found = {i: studio.once(measured[i], turn.seeds) for i in turn.order}
         return [found[i] for i in range(len(choices))]

@@ -217,7 +217,10 @@ def _settled(a: Arrays, was: Operand, now: Operand, points: np.ndarray) -> np.nd
         ways.append(evaluated(t))
     ahead = dr.abs(ways[0]) <= dr.abs(ways[1])
     way = dr.select(ahead, ways[0], -ways[1])
-    return np.array(dr.select(dr.isfinite(way), dr.fma(way, n, p), p)).T
+    end = dr.select(dr.isfinite(way), dr.fma(way, n, p), p)
+    dr.eval(end)
+    # NumPy's array of all three at once would need a kernel for each number of points.
+    return np.stack([np.array(x) for x in end], axis=-1)
 
 
 def _move_rows(rows: Rows, after: Rows, seen: np.ndarray, first: int, found: Motion) -> None:

@@ -116,6 +116,17 @@ def test_a_frame_that_needs_other_kernels_says_why_and_has_its_bits() -> None:
         assert np.array_equal(image["RGB"], vr.render(one, at=image.metadata["time"], progress=False)["RGB"])
 
 
+def test_motion_blur_that_comes_is_said() -> None:
+    one = scene(x=vr.KeysTrack(address="objects.ball.center.0", times=(0.55, 1.0), values=(0.0, 1.0)))
+    one = replace(one, camera=replace(one.camera, shutter=vr.Shutter(moments=2)))
+    with pytest.warns(StructureWarning, match="^frame 3: other kernels are compiled: motion blur comes$"):
+        pictures = list(vr.animate(one, progress=False))
+    for image in pictures:
+        alone = vr.render(one, at=image.metadata["time"], progress=False)
+        assert image.metadata["scene_hash"] == alone.metadata["scene_hash"]
+        assert all(np.array_equal(image[name], alone[name]) for name in alone.layers)
+
+
 def test_notes_are_said_once_and_with_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     picture = vr.render(scene(), layers="RGB", progress=False)
 

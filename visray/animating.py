@@ -196,24 +196,19 @@ class FrameMaker:
     def _rendered(self, frame: Frame, values: dict[str, Any]) -> Image:
         """The picture of a frame. values: the values of the animation."""
         options = {key: value for key, value in self.options.items() if key != "backend"} | {"progress": False}
-        if self.prepared is None:
-            # The update changes nothing here. It compiles now what later frames need.
-            self.prepared = prepare(at(self.scene, frame.time), self.options["backend"]).updated(values)
-            if options["time"] is not None:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    render(self._moving(frame), **options | {"time": COMPILING_TIME})
-        else:
-            before, self.prepared = self.prepared, self.prepared.updated(values)
-            if note := _change_of_structure(before, self.prepared):
-                warnings.warn(note, StructureWarning, stacklevel=1)
+        before = self.prepared
+        # For the first frame, the update changes nothing. It compiles what later frames need.
+        base = before or prepare(at(self.scene, frame.time), self.options["backend"])
+        self.prepared = moving(base.updated(values), self.scene, frame.time, self.fps)
+        if before is None and options["time"] is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                render(self.prepared, **options | {"time": COMPILING_TIME})
+        if before is not None and (note := _change_of_structure(before, self.prepared)):
+            warnings.warn(note, StructureWarning, stacklevel=1)
         path = self.checkpoint and self.checkpoint(frame)
         resume = path is not None and path.exists()
-        return render(self._moving(frame), **options, files=self.files(frame), checkpoint=path, resume=resume)
-
-    def _moving(self, frame: Frame) -> Prepared:
-        """The prepared scene of a frame, with what moves until the next frame."""
-        return moving(self.prepared, self.scene, frame.time, self.fps)
+        return render(self.prepared, **options, files=self.files(frame), checkpoint=path, resume=resume)
 
     @contextmanager
     def _said_once(self, frame: Frame) -> Iterator[None]:
@@ -238,6 +233,8 @@ def _change_of_structure(before: Prepared, after: Prepared) -> str | None:
         changes = [f"{x.name} comes ({x.reason})" for x in new.listed if x.on and not old[x.name]]
         changes += [f"{x.name} goes" for x in new.listed if not x.on and old[x.name]]
         return f"other kernels are compiled: {', '.join(changes) or 'a shininess has more digits'}"
+    if (before.shutter is None) != (after.shutter is None):
+        return f"other kernels are compiled: motion blur {'goes' if after.shutter is None else 'comes'}"
     # Scenes that differ only in numbers share this set.
     if after.looked is not before.looked:
         return "everything is prepared again, as more than numbers changes; perhaps other kernels are compiled"

@@ -83,12 +83,13 @@ class Compilations:
     context manager: only kernels in its block are counted. One at a time may be used.
 
     count: number of new kernels so far
+    seconds: running time of all kernels so far
     """
 
     current: ClassVar["Compilations | None"] = None
 
     def __init__(self) -> None:
-        self.count = 0
+        self.count, self.seconds = 0, 0.0
         self.flag = dr.scoped_set_flag(dr.JitFlag.KernelHistory)
 
     def __enter__(self) -> "Compilations":
@@ -106,6 +107,7 @@ class Compilations:
         """Counts the kernels that ran since the last call, and returns their entries of Dr.Jit's history."""
         kernels = dr.kernel_history([dr.KernelType.JIT])
         self.count += sum(not k["cache_hit"] or k["cache_disk"] for k in kernels)
+        self.seconds += clock.kernel_seconds(kernels)
         return kernels
 
 

@@ -21,7 +21,7 @@ from visray.arguments import checked_arguments
 from visray.cluster.connecting import check_address, connected
 from visray.cluster.frames import frames_on
 from visray.errors import StructureWarning, UserError
-from visray.motion_blur import frame_hash, values_while_open
+from visray.motion_blur import frame_hash, opened, values_while_open
 from visray.motion_vectors import next_frame
 from visray.moving import moving
 from visray.output.image import Image
@@ -199,7 +199,9 @@ class FrameMaker:
         before = self.prepared
         # For the first frame, the update changes nothing. It compiles what later frames need.
         base = before or prepare(at(self.scene, frame.time), self.options["backend"])
-        self.prepared = moving(base.updated(values), self.scene, frame.time, self.fps)
+        # The next frame is a scene of its own, which takes time to make. Only motion vectors need it.
+        shown = moving if self._has_motion() else opened
+        self.prepared = shown(base.updated(values), self.scene, frame.time, self.fps)
         if before is None and options["time"] is not None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

@@ -73,24 +73,28 @@ class Gif:
         """The palette, chosen from some of the pixels of all frames. Shape: uint8 (n, 3)."""
         step = -(-sum(np.prod(shape[:2]) for shape in self.spool.shapes) // PALETTE_PIXELS)
         pixels = np.concatenate([self.spool[k].reshape(-1, 3)[k % step :: step] for k in range(len(self.spool))])
-        chosen = Pillow.fromarray(pixels[None]).quantize(COLORS, Pillow.Quantize.MEDIANCUT)
-        return _refined(np.array(chosen.getpalette(), np.float64).reshape(-1, 3), pixels)
+        return _chosen(pixels)
 
 
-def _refined(palette: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """A palette that is nearer to the colours of pixels, by rounds of k-means: each colour becomes the mean of the
-    pixels that are nearest to it. The pixels of a cell of red, green and blue go together.
+def _chosen(pixels: np.ndarray) -> np.ndarray:
+    """The colours that are nearest to those of pixels: by median cut, then by rounds of k-means, in which each colour
+    becomes the mean of those that are nearest to it.
 
-    Shapes: palette (n, 3), pixels uint8 (N, 3); result uint8 (n, 3).
+    The pixels of a cell of red, green and blue are one colour. It counts as the root of their number, because else a
+    large background takes all colours, and small objects get visible bands.
+
+    Shapes: pixels uint8 (N, 3); result uint8 (n, 3).
     """
     shifts = np.arange(3) * REFINED_BITS
     cell = ((pixels >> (8 - REFINED_BITS)).astype(np.int64) << shifts).sum(1)
     counts, sums = _sums(cell, np.ones(len(pixels)), pixels, 8**REFINED_BITS)
-    means, counts = sums[counts > 0] / counts[counts > 0, None], counts[counts > 0]
+    means, weights = sums[counts > 0] / counts[counts > 0, None], np.sqrt(counts[counts > 0])
+    first = Pillow.fromarray(np.round(means).astype(np.uint8)[None]).quantize(COLORS, Pillow.Quantize.MEDIANCUT)
+    palette = np.array(first.getpalette(), np.float64).reshape(-1, 3)
     for _ in range(ROUNDS):
         nearest = ((palette**2).sum(1) - 2 * means @ palette.T).argmin(1)
-        weights, sums = _sums(nearest, counts, means, len(palette))
-        palette = np.divide(sums, weights[:, None], out=palette.copy(), where=weights[:, None] > 0)
+        totals, sums = _sums(nearest, weights, means, len(palette))
+        palette = np.divide(sums, totals[:, None], out=palette.copy(), where=totals[:, None] > 0)
     return np.round(palette).astype(np.uint8)
 
 

@@ -545,7 +545,47 @@ def mode_records() -> list[str]:
     return table(*modes.table())
 
 
+def cluster_costs() -> list[str]:
+    """Lines with the cost of a task, and the bytes that travel."""
+    report = loaded("cluster_scale")
+    heads = ["result of a task", "scheduler, ms", "client, ms", "worker, ms"]
+    rows = [
+        [f"{r['bytes']:,} bytes", *(f"{1e3 * r[f'{who}_seconds']:.1f}" for who in ("scheduler", "client", "worker"))]
+        for r in report["tasks"]
+    ]
+    sizes, large, cache = report["sizes"], report["large_picture"], report["kernel_cache"]
+    return [
+        *prose("Processor time of one task, without its work, with two workers, through the scheduler:"),
+        *table(heads, rows),
+        *prose(
+            f"So tasks of {large['task_seconds']:g} s keep a scheduler busy with about {large['scheduler_limit']:.0f} "
+            f"workers. A tile comes back with {sizes['film_bytes']:.0f} bytes per pixel, whatever its number of "
+            f"samples; sample blocks with {sizes['block_bytes']:.0f} bytes per pixel and block of 16 samples. A frame "
+            f"comes back with {sizes['.png']['layer_bytes']:.0f} bytes per pixel for PNG files, and "
+            f"{sizes['.exr']['layer_bytes']:.0f} for EXR files with all layers of box.json. "
+            f"{cache['processes'] - 1} processes that compiled the same kernels at once into one empty cache left a "
+            f"whole cache in {cache['rounds']} of {cache['rounds']} rounds, and all pictures were the same."
+        ),
+        "",
+        *prose(measured(report, "cluster_scale")),
+    ]
+
+
+def cluster_jobs() -> list[str]:
+    """Lines with the simulated large job."""
+    report, rows = loaded("cluster_scale"), []
+    for job in report["jobs"]:
+        what = f"{job['files'].removeprefix('.').upper()}{'' if job['written'] else ', not written'}"
+        runs = [f"{run['hours']:.2f} h, {100 * run['idle_share']:.0f} %" for run in job["runs"]]
+        seconds = f"{job['frame_seconds']:.0f}", f"{job['client_seconds']:.2f}"
+        rows.append([job["scene"], what, *seconds, *runs, f"{job['limit']:,.0f}"])
+    workers = [f"{run['workers']:,} workers" for run in report["jobs"][0]["runs"]]
+    return table(["scene", "files", "frame, s", "client, s", *workers, "limit, workers"], rows)
+
+
 FIGURES = {
+    "cluster_costs": cluster_costs,
+    "cluster_jobs": cluster_jobs,
     "layers": layer_records,
     "modes": mode_records,
     "estimates": estimates,

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -366,8 +365,8 @@ def test_a_worker_that_is_unfit_is_refused_by_name(workers: Any) -> None:
 
         refusal.__version__ = version
 
-    def without_folder(folder: str | None) -> None:
-        tempfile.tempdir = folder
+    def without_folder(dask_worker: Any) -> None:
+        dask_worker.local_directory = "/none"
 
     run = workers.client.run
     run(lambda: older("0.0.9"), workers=[first])
@@ -375,14 +374,14 @@ def test_a_worker_that_is_unfit_is_refused_by_name(workers: Any) -> None:
     with pytest.warns(ClusterWarning, match=line + "the same version there; the others do its work$"):
         assert equal(vr.render(scene, cluster=workers.address, progress=False), expected)
     run(lambda: older(vr.__version__), workers=[first])
-    run(lambda: without_folder("/none"), workers=[second])
+    run(without_folder, workers=[second])
     scene = with_settings(scene, spp=5)
     line = (
         rf"^cluster = .*: worker {second} \(local-\d\): cannot write the scene's files, .*none.*: No such file or dir"
     )
     with pytest.warns(ClusterWarning, match=line):
         assert equal(vr.render(scene, cluster=workers.address, progress=False), vr.render(scene, progress=False))
-    run(lambda: without_folder("/none"), workers=[first])
+    run(without_folder, workers=[first])
     with (
         pytest.warns(ClusterWarning, match="cannot write"),
         pytest.raises(UserError, match=r"cannot write the scene's files, .*; no other worker is left$"),

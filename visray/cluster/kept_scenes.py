@@ -49,12 +49,19 @@ def kept_scene(package: ScenePackage) -> KeptScene:
     """The scene of a package, unpacked when it is first asked for. Domain: ONE_AT_A_TIME is held."""
     kept = _kept.pop(package.digest, None)
     if kept is None:
-        folder = tempfile.TemporaryDirectory(prefix="visray-")
+        folder = tempfile.TemporaryDirectory(prefix="visray-", dir=_folder_of_worker())
         kept = KeptScene(folder, package.unpacked(Path(folder.name)))
     _kept[package.digest] = kept
     while len(_kept) > KEPT:
         _kept.popitem(last=False)
     return kept
+
+
+def _folder_of_worker() -> str:
+    """Folder of Dask's worker. Dask removes those of workers that were killed, when another one starts there."""
+    from distributed import get_worker
+
+    return get_worker().local_directory
 
 
 def kept_prepared(package: ScenePackage, backend: str, at: float | None) -> Prepared:

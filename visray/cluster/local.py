@@ -16,7 +16,7 @@ from visray.errors import UserError
 # Seconds after which a worker ends itself if its scheduler is gone.
 ORPHANED = "10"
 # Seconds in which a worker that is asked to end does so.
-PATIENCE = 5.0
+PATIENCE = 2.0
 
 
 @dataclass

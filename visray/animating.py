@@ -21,11 +21,11 @@ from visray.arguments import checked_arguments
 from visray.cluster.connecting import check_address, connected
 from visray.cluster.frames import frames_on
 from visray.errors import StructureWarning, UserError
-from visray.motion_blur import frame_hash, opened, values_while_open
-from visray.motion_vectors import next_frame
+from visray.motion_blur import frame_hash, values_while_open
+from visray.motion_vectors import has_motion, next_frame
 from visray.moving import moving
 from visray.output.image import Image
-from visray.output.layers import NAMES, names_from
+from visray.output.layers import NAMES
 from visray.progress import Bar, Interrupts
 from visray.renderer import ANYWHERE, checked_layers, prepare, render
 from visray.scene.adjusted import adjusted
@@ -150,7 +150,7 @@ class FrameMaker:
     def facts(self, frame: Frame) -> dict[str, Any]:
         """What the metadata of a frame say if it is up to date; None for what they do not have."""
         moment, more = at(self.scene, frame.time), {}
-        if self._has_motion():
+        if has_motion(self.options["layers"]):
             more = {"next_scene_hash": next_frame(self.scene, frame.time, self.fps).hash()}
         return {
             "scene_hash": frame_hash(moment, values_while_open(self.scene, frame.time, self.fps)),
@@ -186,12 +186,8 @@ class FrameMaker:
     def _moved(self, t: float) -> tuple:
         """What makes up the frame at time t: see `moved`."""
         rate = self.fps or self.scene.animation.fps
-        after = assignments(self.scene, t + 1 / rate) if self._has_motion() else None
+        after = assignments(self.scene, t + 1 / rate) if has_motion(self.options["layers"]) else None
         return assignments(self.scene, t), values_while_open(self.scene, t, self.fps), after
-
-    def _has_motion(self) -> bool:
-        """Whether motion vectors are asked for."""
-        return bool(set(self.options["layers"]) & set(names_from("motion")))
 
     def _rendered(self, frame: Frame, values: dict[str, Any]) -> Image:
         """The picture of a frame. values: the values of the animation."""
@@ -199,9 +195,7 @@ class FrameMaker:
         before = self.prepared
         # For the first frame, the update changes nothing. It compiles what later frames need.
         base = before or prepare(at(self.scene, frame.time), self.options["backend"])
-        # The next frame is a scene of its own, which takes time to make. Only motion vectors need it.
-        shown = moving if self._has_motion() else opened
-        self.prepared = shown(base.updated(values), self.scene, frame.time, self.fps)
+        self.prepared = moving(base.updated(values), self.scene, frame.time, self.fps, self.options["layers"])
         if before is None and options["time"] is not None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

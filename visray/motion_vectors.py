@@ -4,6 +4,7 @@ They are those of the surface point that the ray through the pixel's centre meet
 infinitely far away, so only a camera that turns moves it.
 """
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
@@ -31,6 +32,11 @@ def next_frame(scene: Scene, t: float, fps: float | None = None) -> Scene:
     """
     animation = scene.animation
     return at(scene, min(t + 1 / (fps or animation.fps), animation.duration))
+
+
+def has_motion(layers: Collection[str]) -> bool:
+    """Whether motion vectors are asked for. layers: names of the layers that are wanted."""
+    return not set(names_from("motion")).isdisjoint(layers)
 
 
 def check_motion(layers: tuple[str, ...], after: Scene | None) -> None:

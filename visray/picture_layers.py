@@ -15,7 +15,7 @@ from visray import integrator
 from visray.data.all_objects import address_of
 from visray.errors import LegendWarning, StoppedWarning, UserError
 from visray.legend.layer import drawn_legend
-from visray.motion_vectors import forward
+from visray.motion_vectors import forward, has_motion
 from visray.output.curves import LUMINANCE
 from visray.output.layers import BY_NAME, NAMES, names_from
 from visray.setup import Prepared
@@ -71,7 +71,7 @@ def first_hit_layers(prepared: Prepared, layers: tuple[str, ...]) -> dict[str, A
     """Dict of the layers of the first hit by name, of the certificate, and of the motion vectors. It is empty if no
     layer in `layers` is one of these."""
     needed = set(layers) & set(names_from("first hit"))
-    moves = set(layers) & set(names_from("motion")) and prepared.after is not None
+    moves = has_motion(layers) and prepared.after is not None
     if set(layers) & set(names_from("certificate")) and any(b.kind.finds_roots for b in prepared.kernel.batches):
         needed.add("certificate")
     found = _first_hit(prepared) if needed or moves else {}

@@ -128,7 +128,7 @@ def render(
         with Bar("preparing", 1, progress):
             prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
             if animated.animation is not None:
-                prepared = moving(prepared, animated, at or 0.0)
+                prepared = moving(prepared, animated, at or 0.0, layers=layers)
         kept, interrupts = map(stack.enter_context, (held(checkpoint, resume), Interrupts(has_results=False)))
         if goal:
             values, facts = layers_for_goal(prepared, goal, files, layers, progress, interrupts, kept)

@@ -2,6 +2,7 @@
 
     python reference/docs_pictures.py                    # the scenes of the pages, and the gallery
     python reference/docs_pictures.py bowl everything    # only these files of scenes/
+    python reference/docs_pictures.py barth-turn blur    # strips of animated scenes, and sharp beside blurred
 
 The scene "everything" is the picture at the top of README.md.
 """
@@ -33,6 +34,17 @@ PICTURES = {
     "heart": {"size": LARGE, "error": 0.01},
     "showcase": {"size": (640, 360)},
 }
+# Strips of docs/: frames of animated scenes side by side, at these seconds.
+STRIPS = {
+    "bouncing-balls": (0.2, 0.76, 1.32, 1.88, 2.44),
+    "heart-beat": (0.0, 0.08, 0.16, 0.26, 0.36),
+    "barth-turn": (0.4, 1.1, 1.8, 2.4, 3.0),
+    "earth-and-moon": (0.0, 1.6, 3.2, 4.8, 6.4),
+    "data-year": (0.0, 2.4, 4.8, 7.2, 9.6),
+}
+STRIP_SIZE, GAP = (240, 135), 4
+# The frame that is shown sharp and blurred: scene, seconds, size, and frames per second.
+BLUR = "bouncing-balls", 0.98, (400, 225), 10.0
 # Scenes of pages that have a picture, by the name of the picture: the page, the number of the scene among those of the
 # page, and the options of `visray render`.
 SCENES = {
@@ -92,8 +104,42 @@ def picture(name: str) -> None:
     save_small(target, target)
 
 
+def strip(name: str) -> None:
+    """Renders frames of an animated scene side by side."""
+    scene = vr.load(ROOT / "scenes" / f"{name}.json")
+    beside(name, list(vr.animate(scene, STRIPS[name], size=STRIP_SIZE, spp=100, layers=("RGB",), legend=False)))
+
+
+def blur() -> None:
+    """Renders a frame with a closed shutter, and with one that is open for the whole frame."""
+    name, t, size, fps = BLUR
+    scene = vr.replaced(vr.load(ROOT / "scenes" / f"{name}.json"), "animation.fps", fps)
+    shutters = (None, vr.Shutter(close=1))
+    scenes = [vr.replaced(scene, "camera.shutter", shutter) for shutter in shutters]
+    beside("blur", [vr.render(x, at=t, size=size, spp=256, layers=("RGB",)) for x in scenes])
+
+
+def beside(name: str, images: list[vr.Image]) -> None:
+    """Writes pictures of one size beside each other to docs/animation-NAME.png."""
+    target = DOCS / f"animation-{name}.png"
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{i}.png" for i in range(len(images))]
+        for image, file in zip(images, files):
+            image.write(file)
+        pictures = [Image.open(file) for file in files]
+        width, height = pictures[0].size
+        row = Image.new("RGB", (len(pictures) * (width + GAP) - GAP, height), "white")
+        for i, shown in enumerate(pictures):
+            row.paste(shown.convert("RGB"), (i * (width + GAP), 0))
+        row.save(target)
+    save_small(target, target)
+
+
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         scenes_of_pages()
-    for scene_name in sys.argv[1:] or GALLERY:
-        picture(scene_name)
+    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur"):
+        if scene_name == "blur":
+            blur()
+        else:
+            (strip if scene_name in STRIPS else picture)(scene_name)

@@ -79,22 +79,29 @@ def whole(goal: str) -> tuple[dict[str, bytes], float, float]:
         return layers(folder / "a.exr"), first, time.perf_counter() - start
 
 
-def killed(goal: str, folder: Path, after: float, *more: str) -> None:
-    """A render that is killed after some seconds, so that it can do nothing about it."""
-    process = subprocess.Popen(command(goal, folder, *more), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(after)
+def killed(goal: str, folder: Path, rng: np.random.Generator, *more: str) -> None:
+    """A render that is killed at a random moment, so that it can do nothing about it: at any time, or soon after it has
+    written one of its first checkpoints."""
+    _, first, seconds = whole(goal)
+    process = subprocess.Popen(command(goal, folder, *more), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    if checkpoints := int(rng.integers(4)):
+        for _ in range(checkpoints):
+            process.stdout.readline()
+        time.sleep(rng.uniform(0, 0.2 * (seconds - first)))
+    else:
+        time.sleep(rng.uniform(0.8 * first, 1.02 * seconds))
     process.kill()
-    process.wait()
+    process.communicate()
 
 
 def killed_and_resumed(goal: str, seed: int, folder: Path) -> bool:
     """Kills a render at a random moment, and goes on. Returns whether there was a checkpoint."""
     rng = np.random.default_rng(seed)
-    expected, first, seconds = whole(goal)
+    expected = whole(goal)[0]
     (folder / "a.exr").write_bytes(OLD)
-    killed(goal, folder, rng.uniform(0.8 * first, 1.02 * seconds), "--checkpoint")
+    killed(goal, folder, rng, "--checkpoint")
     if rng.random() < 0.3:
-        killed(goal, folder, rng.uniform(0.8 * first, 1.02 * seconds), "--resume")
+        killed(goal, folder, rng, "--resume")
     content = (folder / "a.exr").read_bytes()
     assert content == OLD or layers(folder / "a.exr") == expected
     was_kept = (folder / "a.exr.checkpoint").exists()
@@ -120,7 +127,7 @@ def test_killed_at_many_moments(goal: str, tmp_path: Path) -> None:
         folder = tmp_path / str(seed)
         folder.mkdir()
         kept += killed_and_resumed(goal, 100 + seed, folder)
-    assert 8 < kept < 25
+    assert kept > 0
 
 
 @pytest.mark.slow

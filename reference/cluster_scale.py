@@ -220,15 +220,20 @@ def large_job(costs: list[dict], sizes: dict, name: str, rate: float) -> list[di
     mean = PIXELS * SPP / (rate * THREADS)
     seconds = mean * np.random.default_rng(0).lognormal(-(SPREAD**2) / 2, SPREAD, FRAMES)
     small, large = costs[0], costs[-1]
-    per_byte = max(large["client_seconds"] - small["client_seconds"], 0) / (large["bytes"] - small["bytes"])
+    per_byte, scheduler_per_byte = (
+        max(large[key] - small[key], 0) / (large["bytes"] - small["bytes"])
+        for key in ("client_seconds", "scheduler_seconds")
+    )
     rows = []
     for suffix, is_written in ((".png", True), (".exr", True), (".png", False)):
         size = sizes[suffix]["layer_bytes"] * PIXELS
         transfer = small["client_seconds"] + size * max(per_byte, 1 / NETWORK)
         client = transfer + is_written * sizes[suffix]["write_seconds"] * PIXELS
-        job = Job(seconds, small["scheduler_seconds"], client)
+        # Results go through the scheduler.
+        job = Job(seconds, small["scheduler_seconds"] + size * scheduler_per_byte, client)
         row = {"scene": name, "files": suffix, "written": is_written, "frame_seconds": mean, "frame_bytes": size,
-               "transfer_seconds": transfer, "client_seconds": client, "limit": mean / client,
+               "transfer_seconds": transfer, "client_seconds": client,
+               "scheduler_seconds": job.scheduler, "limit": mean / client,
                "total_bytes": size * FRAMES}  # fmt: skip
         rows.append(row | {"runs": [simulated(job, workers) for workers in WORKERS]})
     return rows

@@ -604,10 +604,12 @@ def cluster_jobs() -> list[str]:
     for job in report["jobs"]:
         what = f"{job['files'].removeprefix('.').upper()}{'' if job['written'] else ', not written'}"
         runs = [f"{run['hours']:.2f} h, {100 * run['idle_share']:.0f} %" for run in job["runs"]]
-        seconds = f"{job['frame_seconds']:.0f}", f"{job['client_seconds']:.2f}"
+        seconds = f"{job['frame_seconds']:.0f}", f"{job['scheduler_seconds']:.2f}", f"{job['client_seconds']:.2f}"
         rows.append([job["scene"], what, *seconds, *runs, f"{job['limit']:,.0f}"])
     workers = [f"{run['workers']:,} workers" for run in report["jobs"][0]["runs"]]
-    return table(["scene", "files", "frame, s", "client, s", *workers, "limit, workers"], rows)
+    busiest = max(run["scheduler_busy"] for job in report["jobs"] for run in job["runs"])
+    text = f"The scheduler, through which all frames go, is busy for at most {100 * busiest:.0f} % of the time."
+    return [*table(["scene", "files", "frame, s", "scheduler, s", "client, s", *workers, "limit, workers"], rows), text]
 
 
 FIGURES = {

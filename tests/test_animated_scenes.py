@@ -54,7 +54,7 @@ def test_later_frames_use_the_kernels_of_the_first_one(name):
     last = len(frame_times(scene.animation)) - 1
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        for image in vr.animate(scene, frames=f"0::{last // 2}", size=SIZE, spp=2, progress=False):
+        for image in vr.animate(scene, frames=f"0::{last // 2}", size=SIZE, spp=2, progress=False, legend=False):
             pictures.append(image["RGB"])
             kernels.append({k["hash"] for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT})
             dr.kernel_history_clear()

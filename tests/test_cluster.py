@@ -261,7 +261,7 @@ def test_motion_blur_and_a_checkpoint_on_workers(workers: Any, tmp_path: Path) -
     options = {"checkpoint": path, "resume": True, "cluster": workers.address}
     assert equal(vr.render(scene, progress=False, **options), vr.render(scene, progress=False)) and not path.exists()
     prepared = prepared_frame(vr.prepare(vr.at(moving(), 0.5)), moving(), 0.5)
-    with pytest.raises(UserError, match=r"^cluster = .*: takes no prepared frame of an animation; give its scene, and"):
+    with pytest.raises(UserError, match=r"^cluster = .*: takes no prepared frame with motion blur; give its scene"):
         vr.render(prepared, cluster=workers.address, progress=False)
 
 

@@ -109,8 +109,8 @@ def render(
     given = scene if isinstance(scene, Prepared) else None
     if given and backend not in ("llvm", given.a.backend):
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
-    if cluster and given and given.after is not None:
-        raise UserError(f"cluster = {cluster!r}: takes no prepared frame of an animation; give its scene, and `at`")
+    if cluster and given and given.shutter:
+        raise UserError(f"cluster = {cluster!r}: takes no prepared frame with motion blur; give its scene, and `at`")
     animated = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
     check_motion(layers, given.after if given else animated.animation)
     asked = scene = still_at(animated, at)

@@ -287,10 +287,10 @@ def test_a_smooth_path_along_a_line_is_the_line() -> None:
 @given(st.floats(0, DURATION))
 def test_ellipses_are_those_of_the_original(t: float) -> None:
     """p = center + (rx cos a, 0, rz sin a), with a = 3 pi / 2 + 2 pi t / period."""
-    inner = vr.Ellipse(radii=(0.2, 0.1), period=0.5)
+    inner = vr.Ellipse(radii=(0.2, 0.1), period=-0.5)
     tracks = vr.EllipseTrack(address="objects.ball.center", radii=(3, 2), period=1.6, center=(1, 2, 3), around=inner)
     found = vr.at(moving(tracks), t).objects["ball"].center
-    a, b = (1.5 * math.pi + 2 * math.pi * t / period for period in (1.6, 0.5))
+    a, b = (1.5 * math.pi + 2 * math.pi * t / period for period in (1.6, -0.5))
     expected = 1 + 3 * math.cos(a) + 0.2 * math.cos(b), 2, 3 + 2 * math.sin(a) + 0.1 * math.sin(b)
     assert found == pytest.approx(expected, abs=1e-12)
 

@@ -218,7 +218,7 @@ ONE_TRACK = {
     ),
     "a period of 0": (
         {"type": "ellipse", "address": ADDRESS, "radii": (1, 1), "period": 0},
-        at("period = 0", "must be greater than 0"),
+        at("period = 0", "must be at least 1e-06, or at most -1e-06"),
     ),
     "a camera in its target": (
         {"type": "path", "address": "camera.target", "points": [(1, 1, 7), (0, 1, 7)]},

@@ -4,19 +4,31 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from visray.animation.track import CHECKS, Address, Stage, Track
 from visray.quantities import Point, Real
 
+# Seconds of the shortest turn. There may be 86400 s of them.
+SHORTEST = 1e-6
 Radius = Annotated[Real, Field(ge=0, le=1e9)]
-Period = Annotated[Real, Field(gt=0)]
+
+
+def _turns(period: float) -> float:
+    """The period unchanged; raises ValueError if a turn takes next to no time."""
+    if abs(period) < SHORTEST:
+        raise ValueError(f"must be at least {SHORTEST:g}, or at most {-SHORTEST:g}")
+    return period
+
+
+Period = Annotated[Real, AfterValidator(_turns)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ellipse:
     """A point on a horizontal ellipse with the radii `radii` in x and z. At the time t it is at (rx cos a, 0, rz sin
-    a), with the angle a = `phase` + 360 t / `period`, in degrees."""
+    a), with the angle a = `phase` + 360 t / `period`, in degrees: clockwise when seen from above, or with a negative
+    period the other way round."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
     radii: tuple[Radius, Radius]

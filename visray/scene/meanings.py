@@ -242,7 +242,7 @@ MEANINGS: dict[type, dict[str, str]] = {
     },
     Ellipse: {
         "radii": "radii in x and in z, in world units",
-        "period": "seconds of one turn",
+        "period": "seconds of one turn, not 0; clockwise when seen from above, negative: the other way round",
         "phase": "degrees at the time 0; 0 is the direction of x, 90 that of z",
     },
     EllipseTrack: {

@@ -142,7 +142,7 @@ def test_without_motion_there_is_no_blur():
     """Off costs nothing: the scene has no moments, and the picture has the bits of the plain scene."""
     rest = vr.KeysTrack(address="objects.ball.radius", times=(0, 1, 2), values=(0.5, 0.5, 0.6))
     scene = moving(tracks={"rest": rest})
-    assert values_while_open(scene, 0.0) == () and len(values_while_open(scene, 1.0)) == 32
+    assert values_while_open(scene, 0.0) == () and len(values_while_open(scene, 1.0)) == 16
     assert values_while_open(replace(scene, camera=replace(scene.camera, shutter=None)), 1.0) == ()
     blurred, sharp = (vr.render(x, progress=False) for x in (scene, vr.at(scene, 0.0)))
     assert np.array_equal(blurred["RGB"], sharp["RGB"])

@@ -14,6 +14,8 @@ from samples import polynomial_sphere
 from visray import film as films
 from visray import integrator, memory, passes
 from visray import pass_timer as pace
+from visray.animation.animation import Animation
+from visray.animation.spin import SpinTrack
 from visray.camera import Camera
 from visray.data.base import GlobeBase
 from visray.data.data_scene import Data
@@ -386,11 +388,12 @@ def test_ids_follow_the_file_whatever_the_families() -> None:
 
 
 def test_every_layer_is_made_as_its_record_says() -> None:
-    """A polynomial surface and a legend, to an error: all layers there are, with their types and numbers a pixel."""
+    """A polynomial surface that turns and a legend, to an error: all layers there are, with their types and numbers."""
     ball = polynomial_sphere((0.0, 0.0, 0.0), 1.0)
     data = Data(base=GlobeBase(center=(0.0, -3.0, 0.0)), legend=Legend(title="A ball"))
     film = Film(width=180, height=160)
-    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=film, objects={"ball": ball}, data=data)
+    moves = Animation(duration=1, tracks={"turn": SpinTrack(of="objects.ball")})
+    scene = Scene(camera=Camera(origin=(0, 0, 5)), film=film, objects={"ball": ball}, data=data, animation=moves)
     image = render(scene, error=0.5, progress=False)
     assert tuple(image.layers) == NAMES
     for layer in LAYERS:

@@ -80,7 +80,7 @@ class Shutter:
     __pydantic_config__ = ConfigDict(extra="forbid")
     open: ShareOfFrame = 0.0
     close: ShareOfFrame = 0.5
-    moments: Annotated[int, Field(strict=True, ge=1, le=1024)] = 32
+    moments: Annotated[int, Field(strict=True, ge=1, le=1024)] = 16
 
     def times(self, t: float, frame: float) -> list[float]:
         """The moments in seconds: the middles of equal parts of the time in which the shutter is open.

@@ -694,7 +694,8 @@ def test_one_wrong_setting(tmp_path: Path, settings: dict, what: str) -> None:
         ({"focus": -0.5}, "focus = -0.5: must be at least 0"),
         (
             {"Aperture": 1},
-            "Aperture: unknown key; did you mean 'aperture'? (one of type, origin, target, up, shutter, fov, aperture, focus)",
+            "Aperture: unknown key; did you mean 'aperture'? "
+            "(one of type, origin, target, up, shutter, fov, aperture, focus)",
         ),
     ],
 )

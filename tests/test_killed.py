@@ -112,6 +112,17 @@ def killed_and_resumed(goal: str, seed: int, folder: Path) -> bool:
     return was_kept
 
 
+def test_a_killed_render_goes_on(tmp_path: Path) -> None:
+    """Killed after its first checkpoint; what goes on has the bits of a render in Python."""
+    process = begun("samples", tmp_path)
+    process.kill()
+    process.communicate()
+    assert (tmp_path / "a.exr.checkpoint").exists() and not (tmp_path / "a.exr").exists()
+    assert ran("samples", tmp_path, "--resume").returncode == 0
+    vr.render(str(SCENES / "sphere.json"), size=(160, 120), spp=200, progress=False).write(tmp_path / "b.exr")
+    assert layers(tmp_path / "a.exr") == layers(tmp_path / "b.exr")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_killed_at_a_random_moment(seed: int, tmp_path: Path) -> None:

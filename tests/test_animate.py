@@ -243,6 +243,8 @@ def test_finished_frames_are_not_rendered_again(file: Path, capsys: pytest.Captu
     Path("a.0003.exr").write_bytes(Path("a.0003.exr").read_bytes()[:2000])
     report = reported(capsys, *words)
     assert [f["frame"] for f in report["frames"]] == [1, 2, 3] and Path("a.webp").read_bytes() == first
+    assert report["found"] == 2
+    assert report["notes"] == ["a.####.exr: 2 finished frames made again: 1 of spp 1, not 2, 1 damaged"]
     # What makes another picture: the scene, the display curve, the type of numbers, a layer that is missing.
     for more in (("--set", "materials.red.shininess=9"), ("--gamma", "2.2"), ("--float",)):
         assert reported(capsys, *words, *more)["rendered"] == COUNT
@@ -257,12 +259,66 @@ def test_finished_frames_are_not_rendered_again(file: Path, capsys: pytest.Captu
     assert [f["frame"] for f in report["frames"]] == [1, 3]
 
 
+@pytest.mark.parametrize("name", ["a.gif", "a.webp", "a.mp4"])
+def test_a_movie_that_exists_is_not_replaced_unasked(file: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    words = file, "-o", name
+    assert run(*words, "--frames", "1:5", "--quiet") == 0
+    first = Path(name).read_bytes()
+    for more, message in (
+        ((), "exists already; --resume renders only what is missing, --overwrite replaces what exists"),
+        (("--resume",), "exists already, and none of its frames is kept; --overwrite renders it anew"),
+    ):
+        capsys.readouterr()
+        assert run(*words, *more) == 2 and Path(name).read_bytes() == first
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1 and f"{name}: {message}" in line
+    assert run(*words, "--frames", "1:5", "--overwrite", "--checkpoint", "--quiet") == 0
+    assert Path(name).read_bytes() == first
+    capsys.readouterr()
+    assert run(*words, "--frames", "1:3", "--resume") == 2 and Path(name).read_bytes() == first
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and f"{name}: lasts 0.8 s, and 0.4 s of it would be left; choose" in line
+    report = reported(capsys, *words, "--resume")
+    assert (report["found"], report["rendered"], report["notes"]) == (4, 1, []) and Path(name).read_bytes() != first
+    Path(name).write_bytes(first[:40])
+    assert run(*words, "--resume") == 2
+    assert f"{name}: is no movie that can be read; --overwrite replaces it" in capsys.readouterr().err
+
+
+def test_frames_of_other_samples_or_scenes_are_made_again_with_a_note(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = file, "-o", "a.gif", "--resume"
+    assert run(*words, "--quiet") == 0
+    for more, reason in (
+        (("--spp", "1"), "of spp 2, not 1"),
+        (("--spp", "1", "--seed", "7"), "of seed 0, not 7"),
+        (("--spp", "1", "--seed", "7", "--set", "objects.ball.radius=0.5"), "of another scene"),
+        (("--spp", "1", "--seed", "7", "--set", "objects.ball.radius=0.5", "--gamma", "2"), "of another display curve"),
+    ):
+        report = reported(capsys, *words, *more)
+        assert report["notes"] == [f"a.gif.frames/ball.####.png: 5 finished frames made again: 5 {reason}"]
+        assert (report["found"], report["rendered"]) == (0, COUNT)
+    capsys.readouterr()
+    assert run(*words, *more) == 0
+    assert f"a.gif: 0 of {COUNT} frames rendered, {COUNT} found finished, " in capsys.readouterr().out
+
+
+def test_an_output_is_named_once(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for names in (("a.gif", "a.gif"), ("out", "out/ball.####.png")):
+        assert run(file, *(word for name in names for word in ("-o", name))) == 2
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1 and f"{names[1]}: is an output twice; name each output once" in line
+
+
 def test_files_that_exist_are_refused_at_once(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(file, "-o", "out", "--frames", 2, "--quiet") == 0
     before = Path("out/ball.0002.png").stat().st_mtime_ns
     assert run(file, "-o", "out") == 2
     line = capsys.readouterr().err
-    assert line.count("\n") == 1 and "out/ball.0002.exr: exists already, and 1 more files of these frames" in line
+    assert line.count("\n") == 1 and "out/ball.0002.exr: exists already, and 1 more of these files" in line
     assert len(list(Path("out").iterdir())) == 2
     assert run(file, "-o", "out", "--overwrite", "--resume") == 2
     assert run(file, "-o", "out", "--overwrite", "--quiet") == 0
@@ -323,8 +379,14 @@ def test_ctrl_c_keeps_the_finished_frames_and_a_movie_of_them(
     assert len(means(Path("a.webp"))) == len(list(Path().glob("a.*.exr"))) == report["rendered"]
     monkeypatch.undo()
     monkeypatch.chdir(file.parent)
-    assert reported(capsys, file, "-o", "a.webp", "-o", "a.####.exr", "--resume")["asked"] == COUNT
-    assert len(means(Path("a.webp"))) == COUNT
+    assert "a.webp: keeps no frames, so --overwrite begins anew; with --checkpoint" in report["notes"][0]
+    assert run(file, "-o", "a.webp", "-o", "a.####.exr", "--resume") == 2
+    assert "a.webp: exists already, and none of its frames is kept; --overwrite" in capsys.readouterr().err
+    Path("a.webp").unlink()
+    again = reported(capsys, file, "-o", "a.####.exr", "--resume")
+    assert (again["asked"], again["found"]) == (COUNT, report["rendered"])
+    assert run(file, "-o", "a.webp", "-o", "a.####.exr", "--resume") == 0
+    assert f"{COUNT} frames rendered, " in capsys.readouterr().out and len(means(Path("a.webp"))) == COUNT
 
 
 def test_a_movie_gets_its_frames_in_order(tmp_path: Path) -> None:

@@ -62,7 +62,8 @@ data_report mesh_report clip_report constant_report csg_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output.lock
-output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence output.frame_files
+output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence
+output.up_to_date output.frame_files
 output
 projection
 legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing
@@ -94,8 +95,8 @@ certificate provenance picture_layers sampled_layers animation_report explaining
 edges
 gradients
 study
-cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.animating
-cli.studies cli.files cli.data cli.commands cli.program cli
+cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.resuming
+cli.animating cli.studies cli.files cli.data cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

@@ -26,6 +26,7 @@ from visray.motion_vectors import has_motion, next_frame
 from visray.moving import moving
 from visray.output.image import Image
 from visray.output.layers import NAMES
+from visray.output.up_to_date import Wanted
 from visray.progress import Bar, Interrupts
 from visray.renderer import ANYWHERE, checked_layers, prepare, render
 from visray.scene.adjusted import adjusted
@@ -161,6 +162,14 @@ class FrameMaker:
             "interrupted": 0,
             "legend": None if self.options["legend"] else 0,
         } | more
+
+    def wanted(self, frame: Frame) -> Wanted:
+        """What the files of a frame must be to be up to date."""
+        s = self.scene.settings
+        settings = {"seed": s.seed, "precision": s.precision}
+        if self.options["error"] is None and self.options["time"] is None:
+            settings = {"spp_asked": s.spp} | settings
+        return Wanted(self.facts(frame), settings, tuple(self.options["layers"]))
 
     def __call__(self, frame: Frame) -> Image:
         """The picture of a frame. If nothing moves since the last one, it is the same picture."""

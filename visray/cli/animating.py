@@ -44,6 +44,7 @@ from visray.cli.picture_options import (
     needed_layers,
     parse_gamma,
 )
+from visray.cli.resuming import missing_frames, refuse_existing, say_how_to_go_on
 from visray.errors import UserError
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
@@ -51,7 +52,7 @@ from visray.terminal import kept_notes, write_json, write_line
 if TYPE_CHECKING:
     from visray.animating import FrameMaker
     from visray.animation.frames import Frame
-    from visray.output.frame_files import FrameFiles, FrameWriter
+    from visray.output.frame_files import FrameWriter
     from visray.output.image import Image
 
 Destinations = Annotated[
@@ -142,15 +143,20 @@ def animate_command(
         if (checkpoint or resume) and time is None:
             maker.checkpoint = lambda frame: checkpoint_path([*files.paths(frame.number), *files.movies])
         files.check(chosen[0].number)
-        if not (resume or overwrite):
-            _refuse_existing(files, chosen)
+        if resume:
+            files.check_movies([frame.number for frame in chosen])
+        elif not overwrite:
+            refuse_existing(files, chosen)
         if threads is not None:
             set_threads(threads)
         report = FrameReport(files, len(chosen), begun)
         with files.opened([frame.number for frame in chosen]) as writer:
-            missing = _missing(chosen, maker, writer) if resume else chosen
+            missing = missing_frames(chosen, maker, writer) if resume else chosen
+            report.found = len(chosen) - len(missing)
             made = partial(_made, cluster, threads, missing, maker, not (quiet or json))
             stopped = _write_frames(made, writer, report)
+        if stopped and report.found + len(report.frames) < len(chosen):
+            say_how_to_go_on(files)
     if json:
         write_json(report.facts() | {"stopped": stopped, "notes": notes})
     elif not quiet:
@@ -158,27 +164,6 @@ def animate_command(
     if stopped:
         return INTERRUPTED
     return 0 if report.goals_met or time is not None else 1
-
-
-def _refuse_existing(files: "FrameFiles", chosen: list["Frame"]) -> None:
-    """Raises a UserError if files of frames exist."""
-    found = files.existing([frame.number for frame in chosen])
-    if found:
-        more = f", and {len(found) - 1} more files of these frames" if found[1:] else ""
-        right = "--resume renders only what is missing, --overwrite replaces what exists"
-        raise UserError(f"{found[0]}: exists already{more}; {right}")
-
-
-def _missing(chosen: list["Frame"], maker: "FrameMaker", writer: "FrameWriter") -> list["Frame"]:
-    """The frames that are to be rendered: those without files, or with files of another scene. The others go to the
-    movies."""
-    missing = []
-    for frame in chosen:
-        if writer.files.are_made(frame.number, maker.facts(frame), maker.options["layers"]):
-            writer.keep(frame.number)
-        else:
-            missing.append(frame)
-    return missing
 
 
 def _made(

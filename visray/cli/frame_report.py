@@ -19,13 +19,14 @@ class FrameReport:
     asked: number of frames that were asked for.
     begun: the moment when the command began (clock.now).
     frames: a dict of facts for each frame that was rendered.
+    found: number of frames whose files were finished already.
     goals_met: whether all frames have the error that was asked for.
     """
 
     def __init__(self, files: "FrameFiles", asked: int, begun: float):
         self.files, self.asked, self.begun, self.last = files, asked, begun, clock.now()
         self.frames: list[dict[str, Any]] = []
-        self.compiled, self.goals_met = 0, True
+        self.found, self.compiled, self.goals_met = 0, 0, True
         self.size = 0, 0
 
     def add(self, picture: dict[str, Any], compiled: int) -> None:
@@ -46,6 +47,7 @@ class FrameReport:
         return {
             "outputs": self.outputs(),
             "asked": self.asked,
+            "found": self.found,
             "rendered": len(self.frames),
             "compiled": self.compiled,
             "seconds": clock.now() - self.begun,
@@ -55,7 +57,7 @@ class FrameReport:
 
     def outputs(self) -> list[str]:
         """What was written: patterns of files, and movies."""
-        return [str(path) for path in (*self.files.sequences, *self.files.movies)]
+        return [str(path) for path in self.files.outputs]
 
     def pace(self) -> float | None:
         """Mean seconds of a frame after the first, which compiles kernels; None if there is none."""
@@ -64,9 +66,9 @@ class FrameReport:
 
     def line(self, stopped: bool) -> str:
         """The report as one line of text. stopped: whether Ctrl-C ended the work."""
-        count = (
-            f"{len(self.frames)} of {self.asked} frames" if len(self.frames) < self.asked else f"{self.asked} frames"
-        )
+        total = f"{self.asked} frame{'s' * (self.asked > 1)}"
+        count = f"{len(self.frames)} of {total}" if len(self.frames) < self.asked else total
+        found = f", {self.found} found finished" if self.found else ""
         pace = f", {self.pace():.3g} s a frame" if self.pace() is not None else ""
         end = ", stopped" if stopped else ""
-        return f"{', '.join(self.outputs())}: {count} rendered{end}, {clock.now() - self.begun:.2f} s{pace}"
+        return f"{', '.join(self.outputs())}: {count} rendered{found}{end}, {clock.now() - self.begun:.2f} s{pace}"

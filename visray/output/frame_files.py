@@ -3,23 +3,20 @@
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from visray.errors import UserError
-from visray.output import exr, png
+from visray.output import png
 from visray.output.curves import Gamma
 from visray.output.image import Image, check_destination
-from visray.output.layers import BY_NAME
 from visray.output.lock import locked
-from visray.output.movie import Movie, check_movie, is_movie, movie
+from visray.output.movie import Movie, check_movie, is_movie, movie, seconds_of
 from visray.output.sequence import FOLDER_HASHES, frame_file, patterns
-
-# Layers that are in every picture for which they are asked.
-ALWAYS = ("film", "first hit")
+from visray.output.up_to_date import MISSING, Wanted, outdated
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,20 @@ class FrameFiles:
         if keeps and movies and not any(map(_is_png, sequences)):
             folder = movies[0].with_name(f"{movies[0].name}.frames")
             sequences = (*sequences, folder / f"{stem}.{FOLDER_HASHES}.png")
+        for path in (*sequences, *movies):
+            if (*sequences, *movies).count(path) > 1:
+                raise UserError(f"{path}: is an output twice; name each output once")
         return FrameFiles(sequences, movies, **more)
+
+    @property
+    def outputs(self) -> list[Path]:
+        """Patterns of files, and movies."""
+        return [*self.sequences, *self.movies]
+
+    @property
+    def are_kept(self) -> bool:
+        """Whether a movie can be made again from files, or there is none."""
+        return not self.movies or any(map(_is_png, self.sequences))
 
     def paths(self, number: int) -> list[Path]:
         """The files of a frame, without movies."""
@@ -68,33 +78,28 @@ class FrameFiles:
             check_destination(path, self.gamma, self.exposure)
 
     def existing(self, numbers: Sequence[int]) -> list[Path]:
-        """Those files of the frames with these numbers that exist."""
-        return [path for number in numbers for path in self.paths(number) if path.exists()]
+        """Those movies, and those files of the frames with these numbers, that exist."""
+        files = [*self.movies, *(path for number in numbers for path in self.paths(number))]
+        return [path for path in files if path.exists()]
 
-    def are_made(self, number: int, facts: dict[str, Any], layers: Sequence[str]) -> bool:
-        """Whether all files of a frame exist and are up to date.
+    def check_movies(self, numbers: Sequence[int]) -> None:
+        """Raises UserError if a movie exists that would lose frames by being written again: because none of its frames
+        is kept, or because it is longer. numbers: the frames that it would have."""
+        lasts = len(numbers) / self.fps
+        is_kept = any(_is_png(path) and path.exists() for number in numbers for path in self.paths(number))
+        for path in filter(Path.exists, self.movies):
+            if not is_kept:
+                raise UserError(f"{path}: exists already, and none of its frames is kept; --overwrite renders it anew")
+            if (found := seconds_of(path)) > lasts + 0.5 / self.fps:
+                problem = f"lasts {found:g} s, and {lasts:g} s of it would be left"
+                raise UserError(f"{path}: {problem}; choose all of its frames, write to another file, or --overwrite")
 
-        facts: what their metadata must say; None for what they must not have.
-        layers: names of the layers that EXR files must have.
-        """
-        return bool(self.sequences) and all(self._is_made(path, facts, layers) for path in self.paths(number))
-
-    def _is_made(self, path: Path, facts: dict[str, Any], layers: Sequence[str]) -> bool:
-        """Whether a file of a frame exists and is up to date."""
-        if not path.exists():
-            return False
-        try:
-            if _is_png(path):
-                found = png.read_facts(path)
-                wanted = facts | {"gamma": self.gamma, "exposure": self.exposure}
-                return all(found.get(k) == (None if v is None else png.as_text(v)) for k, v in wanted.items())
-            found, channels = exr.read_facts(path)
-        except UserError:
-            return False
-        wanted = facts | {"float32": 1 if self.float32 else None}
-        asked = (BY_NAME[name] for name in layers)
-        needed = {c for layer in asked if layer.source in ALWAYS and layer.name != "variance" for c in layer.channels}
-        return all(found.get(key) == value for key, value in wanted.items()) and needed <= channels
+    def outdated(self, number: int, wanted: Wanted) -> str | None:
+        """Why a frame must be rendered: MISSING, or what its files are in place of what is wanted. None if all of them
+        are up to date."""
+        wanted = replace(wanted, curve={"gamma": self.gamma, "exposure": self.exposure}, float32=self.float32)
+        found = [outdated(path, wanted) for path in self.paths(number)] or [MISSING]
+        return next((x for x in found if x not in (None, MISSING)), MISSING if MISSING in found else None)
 
     @contextmanager
     def opened(self, numbers: Sequence[int]) -> Iterator["FrameWriter"]:
@@ -103,7 +108,7 @@ class FrameFiles:
         numbers: the frames of the movies, in their order.
         """
         with ExitStack() as stack:
-            for path in (*self.sequences, *self.movies):
+            for path in self.outputs:
                 stack.enter_context(locked(path))
             movies = [stack.enter_context(movie(path, self.fps)) for path in self.movies]
             yield FrameWriter(self, movies, list(numbers))

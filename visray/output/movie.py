@@ -10,10 +10,12 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
+from PIL import Image as Pillow
+from PIL import ImageSequence
 
 from visray.arguments import shown
 from visray.errors import RangeWarning, UserError
-from visray.output import files
+from visray.output import files, movie_mp4
 from visray.output.movie_gif import Gif
 from visray.output.movie_mp4 import Mp4
 from visray.output.movie_webp import WebP
@@ -41,6 +43,23 @@ def check_movie(path: Path, fps: float) -> None:
         raise UserError(f"fps = {shown(fps)}: must be a number of frames per second greater than 0, such as 25")
     FORMATS[path.suffix.lower()].check(path, fps)
     files.check_writable(path)
+
+
+def seconds_of(path: Path) -> float:
+    """How long a movie lasts, in seconds. Raises UserError if the file is no movie that can be read."""
+    try:
+        if path.suffix.lower() == ".mp4":
+            return movie_mp4.seconds_of(path)
+        with Pillow.open(path) as picture:
+            return sum(_duration(frame) for frame in ImageSequence.Iterator(picture)) / 1000
+    except (OSError, SyntaxError, RuntimeError) as error:
+        raise UserError(f"{path}: is no movie that can be read; --overwrite replaces it") from error
+
+
+def _duration(frame: Pillow.Image) -> int:
+    """How long a frame of a movie is shown, in milliseconds. Pillow knows it once the frame is loaded."""
+    frame.load()
+    return frame.info.get("duration", 0)
 
 
 class Movie:

@@ -42,6 +42,19 @@ def _ffmpeg() -> str:
         raise UserError(f"{problem}: pip install 'visray[movie]'; GIF and WebP do without") from None
 
 
+def seconds_of(path: Path) -> float:
+    """How long an MP4 file lasts, in seconds. Raises RuntimeError if ffmpeg cannot read it."""
+    _ffmpeg()
+    import imageio_ffmpeg
+
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(path))
+    about = imageio_ffmpeg.read_frames(str(path))
+    try:
+        return frames / next(about)["fps"]
+    finally:
+        about.close()
+
+
 class Mp4:
     """An MP4 file that is being written.
 

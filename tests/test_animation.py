@@ -472,7 +472,7 @@ def test_a_number_as_date_is_a_year() -> None:
     [
         (("2020-02-21", "soon"), r'values.1 = "soon": must be a date such as 2020-06-15, or a number'),
         (("2020-02-21", 2020.5), r"values.1 = 2020.5: must be a date like the first key, or a number like it"),
-        (("2020-02-21", "2021"), r'values.1 = "2021": is outside of the dates of the data, which are from 2020-02-21'),
+        (("2020-02-21", "2021"), r'values.1 = "2021": is outside of the dates of the data, from 2020-02-21'),
     ],
 )
 def test_wrong_dates_are_refused(values: tuple, text: str) -> None:

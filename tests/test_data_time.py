@@ -17,6 +17,7 @@ from visray.data import dates
 from visray.data.column import row_place
 from visray.data.gizmos import GIZMOS
 from visray.data.moments import moments_of_numbers
+from visray.data.shown_date import MOMENT
 from visray.data.timeline import Timeline
 from visray.errors import UserError
 from visray.legend.content import legend_content
@@ -114,6 +115,29 @@ def test_a_number_is_cut_to_the_decimals_of_the_data(number, decimals, text):
 def test_a_number_is_the_year_of_a_date():
     assert dates.text(dates.of_year(2020.5), "day") == "2020-07-02"  # a leap year has 366 days
     assert dates.of_year(2021.5) == dates.parse("2021-07-02T12:00")
+
+
+@given(st.datetimes(datetime(1, 1, 1), datetime(9998, 12, 30)), st.sampled_from(dates.UNITS[:-1]))
+def test_the_end_of_a_month_is_the_beginning_of_the_next(moment, unit):
+    number = (moment - dates.EPOCH) / timedelta(days=1)
+    end = dates.end(number, unit)
+    assert end > number - 100 / dates.DAY and dates.beginning(end, unit) == end
+    assert dates.beginning(end - MOMENT, unit) == dates.beginning(number, unit)
+
+
+def test_the_last_date_lasts_until_its_end_and_with_it():
+    months = [("Bern", 7.45, 46.95, f"2020-{m:02}", float(m), 1.0) for m in range(1, 13)]
+    s = scene(months)
+    for end in ("2020-12-15", "2021-01", "2021-01-01", 2021, 2021.0):
+        assert numbers(at(s, end)) == [12.0]
+    for value, written in (("2021-01-02", '"2021-01-02"'), (2021.01, "2021.01"), ("2019-12-31", '"2019-12-31"')):
+        text = f"data.date = {written}: is outside of the dates of the data, from 2020-01 to 2020-12; "
+        with pytest.raises(UserError) as error:
+            at(s, value)
+        assert error.value.lines == (text + "write 2020-01 at least and 2021-01, the end of 2020-12, at most",)
+    # Plain numbers count anything, and have no end.
+    with pytest.raises(UserError, match="from 0 to 3; write 0 at least and 3 at most"):
+        scene([("x", 1, 2, 0.0, 0, 0), ("x", 1, 2, 3.0, 2, 1)], 3.5)
 
 
 # Numbers between dates.
@@ -344,6 +368,8 @@ def test_any_table_has_a_scene_or_one_line(rows, share, held):
     [
         (("2020-01", "2020-06"), "2020-03-20", True, "2020-03"),
         (("2020-01", "2020-06"), "2020-06-30", True, "2020-06"),
+        (("2020-01", "2020-06"), "2020-07-01", True, "2020-06"),
+        (("2020-01-01", "2020-06-01"), "2020-06-02", "%d %B %Y", "01 June 2020"),
         (("2020-01-01", "2020-06-01"), "2020-03-20T15:00", True, "2020-03-20"),
         (("2020-01-01T00:00", "2020-06-01T00:00"), None, True, "2020-01-01"),
         (("2020-01-01T00:00", "2020-06-01T06:00"), "2020-03-20T15:20:30", True, "2020-03-20 15:20"),
@@ -473,7 +499,7 @@ def test_times_that_are_none_are_refused(times, text, own):
         ({"time": None, "between": "held"}, 'data.layers.a.between = "held": goes with the field time;'),
         ({"between": "linear"}, 'data.layers.a.between = "linear": unknown value; one of interpolated, held'),
         ({"rows": {"4": {"height": 1}}}, "data.layers.a.rows.4: there is no such row; the last one is 3"),
-        ({"date": "2020-06-02"}, 'data.date = "2020-06-02": is outside of the dates of the data, which are from'),
+        ({"date": "2020-06-02T00:01"}, 'data.date = "2020-06-02T00:01": is outside of the dates of the data, from 2020-01-01 to'),
         ({"date": "2019-12-31"}, 'data.date = "2019-12-31": is outside of the dates of the data'),
         ({"date": "June"}, 'data.date = "June": is no date; write a date such as'),
         ({"date": 1e9}, "data.date = 1000000000.0: must be a year from 1 to 9998"),

@@ -103,6 +103,23 @@ def beginning(number: float, unit: str) -> float:
     return number if unit == "microsecond" else parse(text(number, unit))
 
 
+def end(number: float, unit: str) -> float:
+    """The number of the end of the unit of time that a date lies in, which is the beginning of the next one. The end of
+    a microsecond is the date itself, and that of the year 9999 is its last second."""
+    if unit == "microsecond":
+        return number
+    start = moment_of(beginning(number, unit))
+    months = 12 * start.year + start.month - 1 + (12 if unit == "year" else 1)
+    try:
+        if unit in ("year", "month"):
+            after = datetime(months // 12, months % 12 + 1, 1)
+        else:
+            after = start + timedelta(**{f"{unit}s": 1})
+    except (ValueError, OverflowError):
+        after = datetime(9999, 12, 31, 23, 59, 59)
+    return (after - EPOCH) / timedelta(days=1)
+
+
 def of_year(year: float) -> float:
     """The number of a date that is a year with a fraction: 1987.5 is the middle of 1987. Raises ValueError for years
     that are not from 1 to 9999."""

@@ -38,6 +38,10 @@ class Moments:
         """A moment as text, as fine as the data."""
         return dates.text(number, self.resolution)
 
+    def end(self, number: float) -> float:
+        """The end of the month, the day and so on that a date lies in; a plain number as it is."""
+        return dates.end(number, self.resolution) if self.calendar else number
+
 
 def moments_of_numbers(numbers: np.ndarray, place: Place) -> Moments:
     """The moments of plain numbers. Raises ValueError if they are dates without hyphens. place: of a row, in words"""

@@ -19,6 +19,8 @@ def _written(given: Any) -> Any:
     return given.isoformat() if hasattr(given, "isoformat") else given
 
 
+# What is a moment before the end of a month, in days: more than the spacing of numbers of all dates.
+MOMENT = 1e-4 / 86_400
 # A date as text, or a number.
 Date = Annotated[Real | Annotated[str, Field(strict=True, min_length=1)], BeforeValidator(_written)]
 
@@ -29,7 +31,7 @@ class ShownDate:
 
     moments: number of the moment of each layer with a time, by the name of the layer
     finest: the moments of the layer with the finest dates, which says how the date is written; None without layers
-    number: the date as a number of that layer
+    number: the date as a number of that layer; at the end of the last month, day and so on, a moment before
     flaw: what is wrong with the date; None if nothing is
     """
 
@@ -60,7 +62,7 @@ class ShownDate:
             if flaw := _outside(timelines, timeline, moments[name]):
                 return ShownDate(firsts, finest, start, flaw)
         own = next(name for name, x in timelines.items() if x.moments is finest)
-        return ShownDate(moments, finest, moments[own])
+        return ShownDate(moments, finest, _before_end(timelines, timelines[own], moments[own]))
 
     def text(self, form: bool | str) -> str:
         """The date as the legend shows it. form: True, or a format such as "%B %Y". Domain: there is a layer; a format
@@ -85,8 +87,24 @@ def _fineness(moments: Moments) -> tuple:
 
 def _limits(timelines: Mapping[str, Timeline], of: Timeline) -> tuple[float, float]:
     """The first and the last moment of all layers whose moments are dates, or plain numbers, as those of a layer."""
-    found = [x.limits for x in timelines.values() if x.moments.calendar == of.moments.calendar]
+    found = [x.limits for x in _alike(timelines, of)]
     return min(first for first, _ in found), max(last for _, last in found)
+
+
+def _alike(timelines: Mapping[str, Timeline], of: Timeline) -> list[Timeline]:
+    """The layers whose moments are dates, or plain numbers, as those of a layer."""
+    return [x for x in timelines.values() if x.moments.calendar == of.moments.calendar]
+
+
+def _end(timelines: Mapping[str, Timeline], of: Timeline) -> float:
+    """The last moment that may be shown: the end of the last month, day and so on; of plain numbers, the last one."""
+    return max(x.moments.end(x.limits[1]) for x in _alike(timelines, of))
+
+
+def _before_end(timelines: Mapping[str, Timeline], of: Timeline, moment: float) -> float:
+    """A moment; the end of the last month, day and so on is a moment before, which is still a part of it."""
+    is_end = moment > _limits(timelines, of)[1] and moment == _end(timelines, of)
+    return moment - MOMENT if is_end else moment
 
 
 def _number(moments: Moments, date: float | str, name: str) -> float:
@@ -104,9 +122,11 @@ def _number(moments: Moments, date: float | str, name: str) -> float:
 
 def _outside(timelines: Mapping[str, Timeline], timeline: Timeline, moment: float) -> str | None:
     """What is wrong with a moment before the first date or after the last one of all layers; None if nothing is. The
-    last month, day and so on is part of the data up to its end."""
-    moments, (first, last) = timeline.moments, _limits(timelines, timeline)
-    begun = dates.beginning(moment, moments.resolution) if moments.calendar else moment
-    if first <= moment and begun <= last:
+    last month, day and so on is part of the data with its end."""
+    (first, last), end = _limits(timelines, timeline), _end(timelines, timeline)
+    if first <= moment <= end:
         return None
-    return f"is outside of the dates of the data, which are from {moments.text(first)} to {moments.text(last)}"
+    moments = max((x.moments for x in _alike(timelines, timeline)), key=_fineness)
+    start, stop = moments.text(first), moments.text(last)
+    at_most = stop if end == last else f"{moments.text(end)}, the end of {stop},"
+    return f"is outside of the dates of the data, from {start} to {stop}; write {start} at least and {at_most} at most"

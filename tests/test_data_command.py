@@ -338,6 +338,17 @@ def test_describe_tells_what_columns_hold(table, capsys):
     assert not list(Path().glob("*.png"))
 
 
+def test_describe_tells_from_when_to_when_dates_are(table, capsys):
+    csv = table("lon,lat,day,soon\n1,2,2020-03-01,2020-03\n1,2,2020-01-15,later\n1,2,,2020-01\n")
+    code, out, err = said(capsys, csv, "--describe")
+    assert (code, err) == (0, "")
+    day, soon = (next(line for line in out.splitlines() if name in line) for name in ("day", "soon"))
+    assert "2 dates" in day and "2020-01-15 to 2020-03-01 (2 different)" in day and "3 texts" in soon
+    columns = {x["column"]: x for x in json.loads(said(capsys, csv, "--describe", "--json")[1])["columns"]}
+    assert [columns[name]["first"] for name in columns] == [None, None, "2020-01-15", None]
+    assert [columns[name]["kind"] for name in columns] == ["numbers", "numbers", "dates", "texts"]
+
+
 def test_describe_of_a_bad_table_is_one_line(table, capsys):
     assert said(capsys, "missing.csv", "--describe")[0] == 2
     code, _, err = said(capsys, table("", "empty.csv"), "--describe")

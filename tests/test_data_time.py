@@ -130,10 +130,10 @@ def test_the_last_date_lasts_until_its_end_and_with_it():
     s = scene(months)
     for end in ("2020-12-15", "2021-01", "2021-01-01", 2021, 2021.0):
         assert numbers(at(s, end)) == [12.0]
-    for value, written in (("2021-01-02", '"2021-01-02"'), (2021.01, "2021.01"), ("2019-12-31", '"2019-12-31"')):
+    for date, written in (("2021-01-02", '"2021-01-02"'), (2021.01, "2021.01"), ("2019-12-31", '"2019-12-31"')):
         text = f"data.date = {written}: is outside of the dates of the data, from 2020-01 to 2020-12; "
         with pytest.raises(UserError) as error:
-            at(s, value)
+            at(s, date)
         assert error.value.lines == (text + "write 2020-01 at least and 2021-01, the end of 2020-12, at most",)
     # Plain numbers count anything, and have no end.
     with pytest.raises(UserError, match="from 0 to 3; write 0 at least and 3 at most"):
@@ -476,6 +476,9 @@ BAD_TIMES = [
     (["2020-01", "1987"], 'row 0 "2020-01" and row 1 "1987" have; write all in one form'),
     ([20200615, 20200616], "has numbers that are dates, such as 20200615; write 2020-06-15"),
     (["2020-01-01", "2020-01-01T00:00"], 'row 0 and row 1 are both "x" on 2020-01-01; a place has one row for each'),
+    (["01.2024", "12.2025"], "write 2024-01"),
+    (["3.6.2020", "15.06.2020"], 'row 0 "3.6.2020" is no date as it is read here; write 2020-06-03'),
+    ([1.2024, 12.202], "has months as 01.2024, which are no numbers; write 2024-01 for 01.2024, and so on"),
     (["", None], "no row has a date and a place; a layer needs one at least"),
 ]
 
@@ -490,6 +493,20 @@ def test_times_that_are_none_are_refused(times, text, own):
     assert error.value.lines[0].startswith("data.layers.a.time") and text in error.value.lines[0]
 
 
+@pytest.mark.parametrize("times", [[1.2, 2.2], [1.25, 2.2024], [0.2024, 13.2024], [1.2024, 1.9], [1.20241, 1.2024]])
+def test_other_moments_are_no_months(times):
+    assert scene([("x", 1, 2, time, 1, 1) for time in times]).data.shown_date.number == min(times)
+
+
+def test_months_of_a_file_are_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("name,lon,lat,month,v\nx,1,2,01.2020,3\nx,1,2,02.2020,4\n", encoding="utf-8")
+    with pytest.raises(UserError) as error:
+        vr.data_scene(path, time_column="month")
+    text = "time_column: has months as 01.2024, which are no numbers; write 2020-01 for 01.2020, and so on"
+    assert error.value.lines == (text,)
+
+
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
@@ -499,7 +516,7 @@ def test_times_that_are_none_are_refused(times, text, own):
         ({"time": None, "between": "held"}, 'data.layers.a.between = "held": goes with the field time;'),
         ({"between": "linear"}, 'data.layers.a.between = "linear": unknown value; one of interpolated, held'),
         ({"rows": {"4": {"height": 1}}}, "data.layers.a.rows.4: there is no such row; the last one is 3"),
-        ({"date": "2020-06-02T00:01"}, 'data.date = "2020-06-02T00:01": is outside of the dates of the data, from 2020-01-01 to'),
+        ({"date": "2020-06-02T00:01"}, 'data.date = "2020-06-02T00:01": is outside of the dates of the data, from 2020-01-01'),
         ({"date": "2019-12-31"}, 'data.date = "2019-12-31": is outside of the dates of the data'),
         ({"date": "June"}, 'data.date = "June": is no date; write a date such as'),
         ({"date": 1e9}, "data.date = 1000000000.0: must be a year from 1 to 9998"),

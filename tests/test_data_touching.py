@@ -43,6 +43,22 @@ def test_rows_of_one_place_and_radius_have_a_note(base: object) -> None:
     assert notes(base, source, radius="rain") == notes(base, source, color=None) == []
 
 
+def test_the_note_on_rows_of_one_place_names_the_dates() -> None:
+    source = {"lon": [5.0, 5.0], "lat": [5.0, 5.0], "rain": [1.0, 2.0]}
+    for column, values, named in (
+        ("the day", ["2020-01-01", "2020-01-02"], True),
+        ("Year", [2001, 2002], True),
+        ("the day", ["2020-01-01", "2020-01-01"], False),
+        ("number", [2001, 2002], False),
+        ("the day", ["2020-01-01", "soon"], False),
+    ):
+        (text,) = notes(vr.GlobeBase(), source | {column: values})
+        assert (f'write "time": "{column}" into the layer' in text) == named
+        assert (f'--time-column "{column}"' in text) == named
+        assert ("give them different radii" in text) != named
+    assert notes(vr.GlobeBase(), source | {"day": ["2020-01-01", "2020-01-02"]}, time="day") == []
+
+
 def lines(coordinates: list, base: object) -> tuple[np.ndarray, np.ndarray, dict]:
     source = {"type": "MultiLineString", "coordinates": coordinates}
     layer = vr.DataLayer(source=source, gizmo="line", radius=0.01)

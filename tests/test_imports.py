@@ -46,9 +46,10 @@ data.norm data.resolved_colors data.color_rule data.size_rule
 data.base data.fitted_base data.fit data.land data.basemap data.legend
 data.numerals data.table data.encoding data.dialect data.cells data.column_names data.csv_file data.values data.labelled
 data.interchange data.geojson data.geojson_text data.frames
+data.dates data.moments data.date_column
 data.reading data.positions data.name_column data.describe data.row_names
 data.number_column data.source data.gizmos
-data.dates data.time_column data.moments data.series data.timeline
+data.time_column data.series data.timeline
 data.layer data.layer_time data.row_edits data.layer_table data.outlines data.rows data.touching
 data.shown_rows data.standing data.timed_layer data.timed_rows data.resolve
 data.shown_date data.data_scene data.all_objects

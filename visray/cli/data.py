@@ -261,6 +261,8 @@ def _values(record: dict[str, Any]) -> str:
     if record["kind"] == "numbers":
         least, greatest, mean = (_written(record[key]) for key in ("min", "max", "mean"))
         return f"{least} to {greatest}, mean {mean}"
+    if record["kind"] == "dates":
+        return f"{record['first']} to {record['last']} ({record['distinct']:,} different)"
     shown = ", ".join(value if isinstance(value, str) else _written(value) for value in record["examples"])
     return shown + (f", ... ({record['distinct']:,} different)" if record["distinct"] > len(record["examples"]) else "")
 

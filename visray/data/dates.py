@@ -19,6 +19,7 @@ EPOCH = datetime(1970, 1, 1)
 DAY = 86_400 * 10**6  # microseconds
 _TIME = r"[T ]\d\d:\d\d(?P<second>:\d\d(?P<microsecond>[.,]\d{1,9})?)?(?P<zone>Z|[+-]\d\d:?\d\d)?"
 _DATE = re.compile(rf"\d{{4}}(?P<month>-\d\d(?P<day>-\d\d(?P<minute>{_TIME})?)?)?", re.ASCII)
+_DOTTED = re.compile(r"((?P<day>\d\d?)\.)?(?P<month>\d\d?)\.(?P<year>\d{4})", re.ASCII)
 _FORMATS = {
     "year": "%Y", "month": "%Y-%m", "day": "%Y-%m-%d", "minute": "%Y-%m-%d %H:%M", "second": "%Y-%m-%d %H:%M:%S",
     "microsecond": "%Y-%m-%dT%H:%M:%S.%f",
@@ -57,6 +58,19 @@ def parsed(text: str) -> tuple[float, str]:
     except (ValueError, OverflowError):
         raise ValueError("is no date of the calendar") from None
     return (moment - EPOCH) / timedelta(days=1), unit
+
+
+def rewritten(text: str) -> str | None:
+    """A date such as 15.06.2020 or 06.2020 as it is read here; None if the text is no such date."""
+    found = _DOTTED.fullmatch(text.strip())
+    if found is None:
+        return None
+    right = f"{found['year']}-{int(found['month']):02}" + (f"-{int(found['day']):02}" if found["day"] else "")
+    try:
+        parse(right)
+    except ValueError:
+        return None
+    return right
 
 
 def moment_of(number: float) -> datetime:

@@ -16,6 +16,9 @@ OF_DAYS = ("day", "minute", "second", "microsecond")
 MOST_DECIMALS = 6
 # Number that are written as in 20200615: they are not linear in time.
 _COMPACT = range(1000_01_01, 3000_01_01)
+# Years that may stand behind the point of numbers such as 1.2024, which are months: the number of a month of 2020 has
+# three decimals. Other moments with so many decimals do not all have such ones.
+_YEARS, _YEAR_DECIMALS = range(1800, 2200), (3, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,16 @@ def moments_of_numbers(numbers: np.ndarray, place: Place) -> Moments:
         right = f"{compact[:4]}-{compact[4:6]}-{compact[6:]}"
         raise ValueError(f"has numbers that are dates, such as {compact}; write {right}")
     decimals = next((k for k in range(MOST_DECIMALS) if (np.round(given, k) == given).all()), MOST_DECIMALS)
+    if decimals in _YEAR_DECIMALS and all(_month(x) for x in np.unique(given).tolist()):
+        text = f"has months as 01.2024, which are no numbers; write {_month(given[0])} for {given[0]:07.4f}, and so on"
+        raise ValueError(text)
     return Moments(numbers, decimals)
+
+
+def _month(x: float) -> str | None:
+    """The month that a number such as 1.2024 may stand for; None if it can be none."""
+    month, _, year = f"{x:.4f}".partition(".")
+    return dates.rewritten(f"{month}.{year}") if int(year) in _YEARS else None
 
 
 def _is_compact(x: float) -> bool:
@@ -94,6 +106,8 @@ def moments_of_texts(texts: Sequence[str], place: Place) -> Moments:
 
 def _why(text: str, error: ValueError) -> str:
     """What is wrong with a text that is no date."""
+    if right := dates.rewritten(text):
+        return f"is no date as it is read here; write {right}"
     return "is a number, and others are texts; write all in one form" if is_number(text.strip()) else str(error)
 
 

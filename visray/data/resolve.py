@@ -127,7 +127,7 @@ def _points(s: ShownRows) -> Rows:
     # Colours are those of the rows that are shown, and sizes those of all rows.
     slopes = {key: x if key == "color" else x[s.kept] for key, x in s.slopes.items()}
     standing = Standing.of(s.layer, s.base, ground, sizes)
-    s.notes += notes_of_touching(s.gizmo, s.base, standing.stand, standing.lift, kept, s.color is not None)
+    s.notes += notes_of_touching(s.gizmo, s.base, standing.stand, standing.lift, kept, s.color is not None, s.t.table)
     return _rows(s, kept, values, ground, standing.stand, standing.signed(slopes), s.gizmo.fields(standing.stand),
                  s.color, standing.lift)  # fmt: skip
 

@@ -3,7 +3,9 @@
 import numpy as np
 
 from visray.data.base import FlatBase
+from visray.data.date_column import date_column
 from visray.data.gizmos import Gizmo, Stand
+from visray.data.table import Table, shown
 
 # Gizmos with a flat lower end, and with a flat upper end.
 LOWER = ("cylinder", "box", "cone")
@@ -13,15 +15,21 @@ SAME = 1e-7
 
 
 def notes_of_touching(
-    gizmo: Gizmo, base: object, stand: Stand, lift: np.ndarray, number: np.ndarray, colored: bool
+    gizmo: Gizmo,
+    base: object,
+    stand: Stand,
+    lift: np.ndarray,
+    number: np.ndarray,
+    colored: bool,
+    table: Table | None = None,
 ) -> list[str]:
     """Sentences about gizmos that lie in the base or in each other.
 
     stand: where they stand. lift: height of their feet above the base. Shape: (N). number: number of each one's row.
-    colored: whether they differ in colour.
+    colored: whether they differ in colour. table: the rows' table, if its dates are not used.
     """
     notes = _in_base(gizmo, base, stand, lift == 0) if isinstance(base, FlatBase) else []
-    return notes + (_in_each_other(stand, number, base.size) if colored else [])
+    return notes + (_in_each_other(stand, number, base.size, table) if colored else [])
 
 
 def _in_base(gizmo: Gizmo, base: FlatBase, stand: Stand, at_base: np.ndarray) -> list[str]:
@@ -42,8 +50,8 @@ def _in_base(gizmo: Gizmo, base: FlatBase, stand: Stand, at_base: np.ndarray) ->
     return [f"{what}, where the picture shows noise of both; {advice}"]
 
 
-def _in_each_other(stand: Stand, number: np.ndarray, size: float) -> list[str]:
-    """A sentence about gizmos with one foot and one radius. size: that of the base"""
+def _in_each_other(stand: Stand, number: np.ndarray, size: float, table: Table | None) -> list[str]:
+    """A sentence about gizmos with one foot and one radius. size: that of the base. table: as above"""
     # The feet of one place, such as 180 degrees east and west, differ by rounding.
     numbers = np.round(np.stack([*stand.foot, stand.radius]) / (SAME * size))
     # Equal columns have equal sums. So they are neighbours after the sums are sorted, and sorting one number is fast.
@@ -54,4 +62,8 @@ def _in_each_other(stand: Stand, number: np.ndarray, size: float) -> list[str]:
         return []
     one, other = number[order[same[0] : same[0] + 2]]
     what = f"{len(same):,} rows stand in another row of the same place and radius, as {other} does in {one}"
-    return [f"{what}; give them different radii, or show one row for each place"]
+    right = "give them different radii, or show one row for each place"
+    if table is not None and (column := date_column(table)):
+        own = f'write "time": {shown(column)} into the layer of a scene, or --time-column {shown(column)}'
+        right = f"column {shown(column)} has dates; to show one date, {own} for visray data"
+    return [f"{what}; {right}"]

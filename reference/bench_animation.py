@@ -35,7 +35,7 @@ JUMP, SHIFT = 0.5, 0.7
 def scenes() -> dict[str, vr.Scene]:
     """The scenes by name, each with an animation."""
     teapot = vr.load(SCENES / "teapot.json")
-    turn = {name: vr.SpinTrack(of=f"objects.{name}", turns=0.5) for name in ("body", "lid")}
+    turn = {name: vr.SpinTrack(of=f"objects.{name}", center=(0, 0, 0), turns=0.5) for name in ("body", "lid")}
     loaded = {
         "bouncing balls": vr.load(SCENES / "bouncing-balls.json"),
         "heart that beats by a parameter": vr.load(SCENES / "heart-beat.json"),

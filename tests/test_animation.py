@@ -235,7 +235,7 @@ def test_a_spin_turns_what_the_written_transform_made() -> None:
 
 @pytest.mark.parametrize(("begin", "end"), [(0.5, 1.5), (0.0, None), (0.5, None)])
 def test_a_track_is_complete_at_its_end(begin: float, end: float | None) -> None:
-    scene = moving(vr.SpinTrack(of="objects.still", turns=0.5, begin=begin, end=end))
+    scene = moving(vr.SpinTrack(of="objects.still", center=(0, 0, 0), turns=0.5, begin=begin, end=end))
     last = DURATION if end is None else end
     for t in np.linspace(0, DURATION, 9):
         share = min(max((t - begin) / (last - begin), 0), 1)

@@ -244,8 +244,11 @@ TWO = {
     "one address": (key_track(ADDRESS, (0, 0, 0), (1, 0, 0)), ELLIPSE, ADDRESS),
     "a part of it": (ELLIPSE, key_track(f"{ADDRESS}.1", 0, 1), f"{ADDRESS}.1"),
     "what it is a part of": (key_track(f"{ADDRESS}.1", 0, 1), ELLIPSE, f"{ADDRESS}.1"),
-    "spin and a step": (SPIN, key_track("objects.box.transform.0.rotate", 0, 1), "objects.box.transform.0.rotate"),
-    "steps and spin": (key_track("objects.box.transform", [], []), SPIN, "objects.box.transform"),
+    "steps and a step": (
+        key_track("objects.box.transform", [], []),
+        key_track("objects.box.transform.0.rotate", 0, 1),
+        "objects.box.transform.0.rotate",
+    ),
     "two spins": (SPIN, SPIN, "objects.box.transform"),
     "orbit and origin": (key_track("camera.origin.0", 0, 1), ORBIT, "camera.origin.0"),
     "two orbits": (ORBIT, ORBIT, "camera.origin"),

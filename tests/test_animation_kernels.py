@@ -62,3 +62,16 @@ def follows_without_compiling(scene: vr.Scene) -> None:
     assert not np.array_equal(first, later[1.3])
     for t, seen in later.items():
         assert np.array_equal(seen, picture(vr.at(scene, t)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "tracks",
+    [
+        (TRACKS["keys"], vr.SpinTrack(of="objects.ball")),
+        (TRACKS["an instance"], vr.SpinTrack(of="objects.copy", axis=(1, 0, 0), turns=0.7)),
+        (TRACKS["a parameter"], vr.SpinTrack(of="objects.wave", axis=(1, 0, 0), turns=0.7)),
+    ],
+)
+def test_what_turns_in_place_while_it_moves_compiles_nothing(tracks: tuple) -> None:
+    follows_without_compiling(moving(*tracks))

@@ -53,6 +53,10 @@ class EllipseTrack(Ellipse, Track):
     center: Point | None = None
     around: Ellipse | None = None
 
+    @property
+    def needs_scene(self) -> bool:
+        return self.center is None
+
     def addresses(self) -> tuple[str, ...]:
         return (self.address,)
 

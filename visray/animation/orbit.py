@@ -26,6 +26,10 @@ class OrbitTrack(TimedTrack):
     def follows(self) -> bool:
         return True
 
+    @property
+    def needs_scene(self) -> bool:
+        return True
+
     def addresses(self) -> tuple[str, ...]:
         return ("camera.origin", "camera.up") if self.axis is not None else ("camera.origin",)
 

@@ -28,12 +28,15 @@ class Stage:
     value: function that returns the value at an address as the scene has it, without any track
     moved: function that returns the value at an address at the time in question, with the tracks that need no other
         one; only for tracks that follow others
+    center: function that returns the centre of the bounding box of what is at an address, after its transform, at the
+        time in question; only for tracks that follow others
     sort: function that returns how values at an address are interpolated (curves.Sort)
     """
 
     duration: float
     value: Callable[[str], Any]
     moved: Callable[[str], Any]
+    center: Callable[[str], tuple[float, float, float]]
     sort: Callable[[str], str]
 
 
@@ -43,16 +46,23 @@ class Track:
 
     naming: the field that names what moves; None if there is none
     is_point: whether what moves must be a point
+    extends: whether the track adds something to what other tracks write at its addresses
     """
 
     naming: ClassVar[str | None] = "address"
     is_point: ClassVar[bool] = False
+    extends: ClassVar[bool] = False
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
     @property
     def follows(self) -> bool:
         """Whether the track needs values that other tracks write at the same time."""
+        return False
+
+    @property
+    def needs_scene(self) -> bool:
+        """Whether the values of the track depend on those that the scene has at its addresses."""
         return False
 
     def addresses(self) -> tuple[str, ...]:

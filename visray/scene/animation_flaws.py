@@ -52,8 +52,10 @@ def _line(name: str, track: Track, part: str, text: str) -> str:
 def _own_flaws(scene: Scene, small: Scene, name: str, track: Track, examine: Examine) -> Iterator[str]:
     """The errors of one track: those that it finds itself, those of its targets, and those of its values. small: the
     scene as _touched returns it"""
-    found = [_line(name, track, part, text) for part, text in track.flaws(scene.animation.duration)]
-    found += [_line(name, track, track.naming, text) for text in _target_flaws(still(scene), track)]
+    own = track.flaws(scene.animation.duration)
+    found = [_line(name, track, part, text) for part, text in own]
+    if track.naming not in dict(own):
+        found += [_line(name, track, track.naming, text) for text in _target_flaws(still(scene), track)]
     yield from found
     if not found and isinstance(track, KeysTrack):
         yield from _value_flaws(still(small), name, track, examine)
@@ -142,14 +144,19 @@ def _kinds(steps: tuple) -> list[str | None]:
 
 def _overlaps(tracks: dict[str, Track]) -> Iterator[str]:
     """The errors of tracks that write a value, or a part of a value, that a track before them writes too."""
-    owners: dict[str, str] = {}
+    owners: list[tuple[str, str]] = []
     for name, track in tracks.items():
-        clashes = [(a, other) for a in track.addresses() for other in owners if _within(a, other) or _within(other, a)]
-        for address, other in clashes[:1]:
+        clashes = [
+            (address, other, owner)
+            for address in track.addresses()
+            for other, owner in owners
+            if (_within(address, other) or _within(other, address)) and track.extends == tracks[owner].extends
+        ]
+        for address, other, owner in clashes[:1]:
             shared = address if _within(address, other) else other
-            text = f"{_address(owners[other])} writes {shared} too; leave one of the two tracks out"
+            text = f"{_address(owner)} writes {shared} too; leave one of the two tracks out"
             yield _line(name, track, track.naming or "type", text)
-        owners |= dict.fromkeys(track.addresses(), name)
+        owners += [(address, name) for address in track.addresses()]
 
 
 def _within(address: str, other: str) -> bool:

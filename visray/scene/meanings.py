@@ -232,6 +232,8 @@ MEANINGS: dict[type, dict[str, str]] = {
     },
     SpinTrack: {
         "of": "the address of what turns: an object, a geometry, an operand, or data.base",
+        "center": "a point of the axis, in world units; null: the centre of the bounding box, about which it turns in "
+        "place",
         "turns": "number of turns; negative: the other way round",
     },
     PathTrack: {

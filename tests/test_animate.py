@@ -181,7 +181,44 @@ def test_a_scene_without_an_animation_is_refused(file: Path, capsys: pytest.Capt
     with pytest.raises(vr.UserError, match="nothing moves in the scene"):
         vr.animate(replace(scene(), animation=None))
     assert run(file, "--set", "animation=null") == 2
-    assert "nothing moves in the scene" in capsys.readouterr().err
+    assert "ball.json: nothing moves in it" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
+@pytest.mark.parametrize("phase", ["compiled code", "a cluster that starts"])
+def test_ctrl_c_leaves_no_lock_behind(file: Path, phase: str) -> None:
+    """In whatever phase it is pressed: in compiled code, whose process is ended at once, or when workers start."""
+    program = """
+import ctypes, os, signal, sys, threading, time
+from visray.animating import FrameMaker
+from visray.cli.program import main
+from visray.cluster import connecting
+
+def press():
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+def stuck(*more):
+    press()
+    # Without Python's handling of signals, as in Dr.Jit's compiler.
+    ctypes.CDLL(None).sleep(5)
+    ctypes.CDLL(None).sleep(5)
+
+def starting(*more):
+    press()
+    time.sleep(10)
+
+FrameMaker._rendered, connecting._crew = stuck, starting
+sys.exit(main(sys.argv[1:]))
+"""
+    more = []
+    if phase == "a cluster that starts":
+        pytest.importorskip("distributed")
+        more = ["--cluster", "local:1"]
+    words = ["animate", str(file), "-o", "a.####.png", "-o", "a.gif", "--checkpoint", *more]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "visray: stopped before anything could be kept\n")
+    assert sorted(x.name for x in Path().iterdir()) == ["ball.json"]
 
 
 def means(path: Path) -> list[np.ndarray]:
@@ -330,6 +367,10 @@ def test_files_that_exist_are_refused_at_once(file: Path, capsys: pytest.Capture
     [
         (("-o", "a.mov"), "is no place for frames; right would be a folder"),
         (("-o", "a.exr"), r"write a.####.exr"),
+        (("-o", "a.%04d.png"), "a.%04d.png: numbers of frames are written with #; write a.####.png"),
+        (("-o", "a%d.exr"), "a%d.exr: numbers of frames are written with #; write a####.exr"),
+        (("-o", "a.%2d.exr"), "a.%2d.exr: numbers of frames are written with #; write a.##.exr"),
+        (("--set", "animation=null"), "ball.json: nothing moves in it, as it has no animation; give it one"),
         (("-o", "ball"), "is a file, not a folder"),
         (("-o", "no/where/a.##.exr"), "cannot be made"),
         (("-o", "nowhere/a.gif"), "does not exist; create it first"),

@@ -115,6 +115,37 @@ def resumed(path: Path, sampler: str = "sobol", **arguments: Any) -> vr.Image:
     return vr.render(made_of(sampler), progress=False, checkpoint=path, resume=True, **arguments)
 
 
+def test_a_checkpoint_says_what_it_has(begun: Path) -> None:
+    with Checkpoint(begun, resume=True) as held:
+        assert held.found is None
+        vr.render(made_of("sobol"), progress=False, checkpoint=held)
+        assert held.found == 5
+
+
+def test_a_checkpoint_of_another_moment_says_the_moment(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    track = vr.KeysTrack(address="lights.lamp.position.0", times=(0.0, 1.0), values=(0.0, 1.0))
+    scene = replace(
+        SMALL,
+        lights={"lamp": vr.PointLight(position=(0.0, 3.0, 2.0))},
+        animation=vr.Animation(duration=1.0, tracks={"x": track}),
+    )
+    with Checkpoint(path) as held:
+        vr.render(scene, at=0.25, spp=2, progress=False, checkpoint=held)
+        held.is_done = False
+        made = prepare(vr.at(scene, 0.25))
+        held.keep(exposed_once(made, empty_film(made), 2), now=True)
+    for arguments, message in (
+        ({"at": 0.5}, r"is of the moment 0\.25 s, not 0\.5 s; ask for"),
+        ({}, r"is of the moment 0\.25 s, not 0\.0 s"),
+        ({"at": 0.25, "seed": 5}, r"is of seed \d+, not 5"),
+    ):
+        with pytest.raises(UserError, match=message):
+            vr.render(scene, spp=4, progress=False, checkpoint=path, resume=True, **arguments)
+    went_on = vr.render(scene, spp=4, at=0.25, progress=False, checkpoint=path, resume=True)
+    assert same(went_on, vr.render(scene, spp=4, at=0.25, progress=False))
+
+
 def test_more_samples_than_were_asked_for_first(begun: Path) -> None:
     more = vr.render(made_of("sobol"), progress=False, spp=SPP + 9)
     assert same(resumed(begun, spp=SPP + 9), more)

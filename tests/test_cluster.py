@@ -27,7 +27,7 @@ from test_same_bits import EACH, FILMS, SPP, at_once, made_of, same
 import visray as vr
 from visray.checkpoint import Checkpoint
 from visray.cli.program import main
-from visray.cluster import connecting, crew, local, part, refusal
+from visray.cluster import address, connecting, crew, local, part, refusal
 from visray.cluster.merging import Canvas
 from visray.cluster.part import Cutter, Pace, Part
 from visray.cluster.scene_package import ScenePackage
@@ -180,10 +180,37 @@ def test_a_worker_of_another_version_is_refused() -> None:
     assert refusal.refused(refusal.facts() | {"problem": "no LLVM"}, ours) == "no LLVM"
 
 
-@pytest.mark.parametrize("address", ["", "tcp://", "tcp://host", "host:8786", "local:", "local:x", "local:1.5"])
-def test_what_is_no_address_is_refused(address: str) -> None:
+@pytest.mark.parametrize("given", ["", "tcp://", "tcp://host", "host:8786", "local:", "local:x", "local:1.5"])
+def test_what_is_no_address_is_refused(given: str) -> None:
     with pytest.raises(UserError, match=r"^cluster = '.*': must be the address of a scheduler, such as tcp://"):
-        vr.render(vr.Scene(), cluster=address)
+        vr.render(vr.Scene(), cluster=given)
+
+
+@pytest.mark.parametrize("command", ["render", "animate", "cost"])
+def test_an_address_is_checked_before_the_scene_is_read(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "none.json", "--cluster", "local:0"]) == 2
+    assert capsys.readouterr().err.startswith("visray: cluster = 'local:0': the number of workers must be from 1 to ")
+
+
+def test_waiting_for_workers_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bar is there while workers start, or while a scheduler is asked."""
+    pytest.importorskip("distributed")
+    shown = []
+
+    class Seen(connecting.Bar):
+        def __enter__(self) -> "Seen":
+            shown.append((self.title, self.shown))
+            return super().__enter__()
+
+    def crew_of(*more: Any) -> None:
+        raise UserError("no crew")
+
+    monkeypatch.setattr(connecting, "Bar", Seen)
+    monkeypatch.setattr(connecting, "_crew", crew_of)
+    for where, progress in (("local:1", True), ("tcp://host:1", True), ("local:1", False)):
+        with pytest.raises(UserError, match="no crew"):
+            vr.render(vr.Scene(), cluster=where, progress=progress)
+    assert shown == [("starting 1 worker", True), ("connecting to tcp://host:1", True), ("starting 1 worker", False)]
 
 
 @pytest.mark.parametrize("count", [0, -1, local.cores() + 1])
@@ -199,7 +226,7 @@ def test_one_picture_to_a_goal_is_made_on_one_machine(goal: dict[str, float]) ->
 
 
 def test_without_dask_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connecting, "find_spec", lambda name: None)
+    monkeypatch.setattr(address, "find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"^cluster = 'local:1': needs Dask, .*: pip install 'visray\[cluster\]'$"):
         vr.render(vr.Scene(), cluster="local:1")
 

@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "visray"
 # From the ground up; a module imports only what stands on a lower line, or before it on its own line.
 FLOORS = """
-clock errors warn memory identity_cache drjit_import terminal arguments version pass_timer
+clock errors warn memory identity_cache drjit_import terminal arguments version pass_timer leftovers
 hints scene.garbage scene.source
 llvm
 quantities pytree output.curves operands
@@ -90,7 +90,8 @@ setup motion_blur passes attached_picture
 surface_motion motion_vectors moving
 dark
 adaptive
-cluster.quiet cluster.local cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part cluster.worker
+cluster.quiet cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part
+cluster.worker
 cluster.merging cluster.crew cluster.connecting cluster.picture cluster.frames cluster
 certificate provenance picture_layers sampled_layers animation_report explaining renderer animating
 edges

@@ -18,7 +18,8 @@ from visray.adaptive.stopping import Goal
 from visray.animation.frames import Frame, chosen_frames, frames_at
 from visray.animation.moment import assignments, at
 from visray.arguments import checked_arguments
-from visray.cluster.connecting import check_address, connected
+from visray.cluster.address import check_address
+from visray.cluster.connecting import connected
 from visray.cluster.frames import frames_on
 from visray.errors import StructureWarning, UserError
 from visray.motion_blur import frame_hash, values_while_open
@@ -101,7 +102,7 @@ def _made_on_cluster(
     cluster: str, threads: int | None, frames: Sequence[Frame], maker: "FrameMaker", progress: bool
 ) -> Iterator[Image]:
     """Yields the pictures of frames, rendered by workers. cluster, threads: as in `animate`."""
-    with connected(cluster, threads) as crew:
+    with connected(cluster, threads, progress) as crew:
         yield from (image for _, image in frames_on(crew, maker, frames, progress, Interrupts()))
 
 

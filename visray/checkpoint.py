@@ -20,7 +20,7 @@ from visray.errors import CheckpointWarning, UserError
 from visray.film import Film
 from visray.output.files import check_writable
 from visray.output.lock import locked
-from visray.picture_identity import PictureIdentity
+from visray.picture_identity import ANOTHER_SCENE, PictureIdentity
 from visray.quantities import Arrays
 
 # Seconds between two writings, and the largest share of the time that they may take: a large film takes seconds.
@@ -43,6 +43,8 @@ class Checkpoint:
     path: the file
     resume: whether a picture is continued. If not, a file that exists is an error, so that no samples are lost.
     every: least seconds between two writings
+    moment: the moment of an animated scene that the picture shows, in seconds; None for others
+    found: samples per pixel that the file had when the picture went on; None if it began anew
     due: the moment of the next writing (clock.now)
     """
 
@@ -50,6 +52,8 @@ class Checkpoint:
 
     def __init__(self, path: str | os.PathLike[str], resume: bool = False):
         self.path, self.resume = Path(path), resume
+        self.moment: float | None = None
+        self.found: float | None = None
         self.due, self.is_done, self.has_failed = 0.0, False, False
         self.held = ExitStack()
 
@@ -85,9 +89,14 @@ class Checkpoint:
         with opened_arrays(self.path, refusal) as (arrays, facts):
             asked = PictureIdentity(facts=_facts(identity, goal))
             if difference := asked.difference(PictureIdentity(facts=facts)):
+                if difference == ANOTHER_SCENE and facts.get("moment", self.moment) != self.moment:
+                    difference = f"is of the moment {facts['moment']} s, not {self.moment} s"
                 raise UserError(
                     f"{self.path}: {difference}; ask for what it was begun with, or delete it to begin anew"
                 )
+            width, height = facts["size"]
+            counts = [arrays[name].sum(dtype=float) for name in arrays if name.split(".")[-1] == "counts"]
+            self.found = float(sum(counts) / (width * height))
             yield arrays
 
     def film(self, a: Arrays, identity: PictureIdentity, spp: int | None = None) -> Film | None:
@@ -120,7 +129,7 @@ class Checkpoint:
             return
         begun = clock.now()
         try:
-            write_arrays(self.path, arrays(), _facts(identity, goal))
+            write_arrays(self.path, arrays(), _facts(identity, goal) | {"moment": self.moment})
         except UserError as error:
             if not self.has_failed:
                 text = f"{error}; the render goes on, and a crash loses what came after the last checkpoint"

@@ -21,7 +21,8 @@ from visray.animation.moment import still_at
 from visray.arguments import checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.checkpoint import Checkpoint, held
-from visray.cluster.connecting import check_address, connected
+from visray.cluster.address import check_address
+from visray.cluster.connecting import connected
 from visray.cluster.picture import Job
 from visray.errors import GoalWarning, UserError
 from visray.legend.layer import has_legend
@@ -123,13 +124,15 @@ def render(
     if threads is not None:
         set_threads(threads)
     with ExitStack() as stack:
-        crew = stack.enter_context(connected(cluster, threads)) if cluster else None
+        crew = stack.enter_context(connected(cluster, threads, progress)) if cluster else None
         job = Job.begun(crew, animated, at) if crew else None
         with Bar("preparing", 1, progress):
             prepared = given.adjusted(scene) if given else prepare_checked(scene, backend)
             if animated.animation is not None:
                 prepared = moving(prepared, animated, at or 0.0, layers=layers)
         kept, interrupts = map(stack.enter_context, (held(checkpoint, resume), Interrupts(has_results=False)))
+        if kept is not None and animated.animation is not None:
+            kept.moment = float(at or 0.0)
         if goal:
             values, facts = layers_for_goal(prepared, goal, files, layers, progress, interrupts, kept)
         else:

@@ -56,7 +56,7 @@ def frame_at(animation: Animation, t: float) -> int | None:
 def _given(animation: Animation | None) -> Animation:
     """The animation. Raises UserError if there is none."""
     if animation is None:
-        raise UserError("animation = None: nothing moves in the scene; give it an animation, or render it as it is")
+        raise UserError("animation: nothing moves in the scene, as it has none; give it one, or render it as it is")
     return animation
 
 

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Generator
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,6 +23,7 @@ from visray.cli.options import (
     Setup,
     Threads,
     app,
+    check_cluster,
     flag,
     load_scene,
     parse_size,
@@ -52,6 +53,7 @@ from visray.terminal import kept_notes, write_json, write_line
 if TYPE_CHECKING:
     from visray.animating import FrameMaker
     from visray.animation.frames import Frame
+    from visray.cluster.crew import Crew
     from visray.output.frame_files import FrameWriter
     from visray.output.image import Image
 
@@ -113,19 +115,19 @@ def animate_command(
         if resume and overwrite:
             raise UserError("--resume and --overwrite: keep the finished frames or replace them; leave one out")
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        check_cluster(cluster)
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
         from visray.adaptive.stopping import Goal
         from visray.animating import FrameMaker
         from visray.animation.frames import chosen_frames
-        from visray.cluster.connecting import check_address
         from visray.output.frame_files import FrameFiles
         from visray.setup import set_threads
 
         Goal.from_arguments(error, time, spp, begun)
-        if cluster is not None:
-            check_address(cluster)
+        if loaded.animation is None:
+            raise UserError(f"{scene}: nothing moves in it, as it has no animation; give it one, or use visray render")
         chosen = chosen_frames(loaded.animation, frames, fps)
         files = FrameFiles.of(
             output or [Path(scene.stem)],
@@ -153,8 +155,9 @@ def animate_command(
         with files.opened([frame.number for frame in chosen]) as writer:
             missing = missing_frames(chosen, maker, writer) if resume else chosen
             report.found = len(chosen) - len(missing)
-            made = partial(_made, cluster, threads, missing, maker, not (quiet or json))
-            stopped = _write_frames(made, writer, report)
+            with _crew(cluster if missing else None, threads, not (quiet or json)) as crew:
+                made = partial(_made, crew, missing, maker, not (quiet or json))
+                stopped = _write_frames(made, writer, report, crew is None)
         if stopped and report.found + len(report.frames) < len(chosen):
             say_how_to_go_on(files)
     if json:
@@ -166,30 +169,34 @@ def animate_command(
     return 0 if report.goals_met or time is not None else 1
 
 
-def _made(
-    cluster: str | None,
-    threads: int | None,
-    frames: list["Frame"],
-    maker: "FrameMaker",
-    progress: bool,
-    interrupts: Interrupts,
-) -> Generator[tuple["Frame", "Image"]]:
-    """Yields frames with their pictures, which this process renders, or the workers of a cluster."""
-    from visray.animating import made
+def _crew(cluster: str | None, threads: int | None, progress: bool) -> AbstractContextManager["Crew | None"]:
+    """The workers of a cluster, in a `with` block; None without a cluster. Until they are there, Ctrl-C ends the
+    command."""
     from visray.cluster.connecting import connected
+
+    return nullcontext() if cluster is None else connected(cluster, threads, progress)
+
+
+def _made(
+    crew: "Crew | None", frames: list["Frame"], maker: "FrameMaker", progress: bool, interrupts: Interrupts
+) -> Generator[tuple["Frame", "Image"]]:
+    """Yields frames with their pictures, which this process renders, or workers."""
+    from visray.animating import made
     from visray.cluster.frames import frames_on
 
-    if cluster is None:
-        yield from made(frames, maker, progress)
-        return
-    with connected(cluster, threads) as crew:
-        yield from frames_on(crew, maker, frames, progress, interrupts)
+    yield from made(frames, maker, progress) if crew is None else frames_on(crew, maker, frames, progress, interrupts)
 
 
 def _write_frames(
-    made: Callable[[Interrupts], Generator[tuple["Frame", "Image"]]], writer: "FrameWriter", report: FrameReport
+    made: Callable[[Interrupts], Generator[tuple["Frame", "Image"]]],
+    writer: "FrameWriter",
+    report: FrameReport,
+    are_made_here: bool,
 ) -> bool:
-    """Writes frames that `made` yields. Returns whether Ctrl-C was pressed. Then the finished frames are kept."""
+    """Writes frames that `made` yields. Returns whether Ctrl-C was pressed. Then the finished frames are kept.
+
+    are_made_here: whether this process renders them, and compiles for them.
+    """
     from visray.pass_timer import Compilations
 
     with Interrupts(has_results=False) as interrupts, Compilations() as compilations:
@@ -200,7 +207,7 @@ def _write_frames(
                     break
                 writer.write(frame.number, image)
                 interrupts.has_results = True
-                report.add(image.metadata, compilations.count)
+                report.add(image.metadata, compilations.count if are_made_here else None)
                 if interrupts.requested:
                     break
         if interrupts.requested and not writer.has_frames:

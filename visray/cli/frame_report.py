@@ -26,17 +26,19 @@ class FrameReport:
     def __init__(self, files: "FrameFiles", asked: int, begun: float):
         self.files, self.asked, self.begun, self.last = files, asked, begun, clock.now()
         self.frames: list[dict[str, Any]] = []
-        self.found, self.compiled, self.goals_met = 0, 0, True
+        self.compiled: int | None = 0
+        self.found, self.goals_met = 0, True
         self.size = 0, 0
 
-    def add(self, picture: dict[str, Any], compiled: int) -> None:
+    def add(self, picture: dict[str, Any], compiled: int | None) -> None:
         """Adds a frame whose files are written.
 
-        picture: metadata of its picture. compiled: number of kernels that were compiled for all frames so far.
+        picture: metadata of its picture. compiled: number of kernels that were compiled for all frames so far;
+        None if it is not known, because others compile them.
         """
         now = clock.now()
         facts = {key: picture[key] for key in FACTS if key in picture}
-        facts |= {"seconds": now - self.last, "compiled": compiled - self.compiled}
+        facts |= {"seconds": now - self.last, "compiled": None if compiled is None else compiled - (self.compiled or 0)}
         facts["files"] = [str(path) for path in self.files.paths(picture["frame"])]
         self.frames.append(facts)
         self.last, self.compiled = now, compiled

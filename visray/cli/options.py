@@ -112,6 +112,14 @@ def load_scene(
     return changed(loaded, dict(map(parse_assignment, assignments))) if assignments else loaded
 
 
+def check_cluster(address: str | None) -> None:
+    """Raises a UserError if the option --cluster is no address. None: it is not given."""
+    from visray.cluster.address import check_address
+
+    if address is not None:
+        check_address(address)
+
+
 def parse_size(text: str | None) -> tuple[int, int] | None:
     """Width and height from a text such as 640x480, or None if there is no text."""
     if text is None:

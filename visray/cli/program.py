@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from visray import drjit_import, terminal
+from visray import drjit_import, leftovers, terminal
 from visray.cli.stuck import watched
 from visray.errors import UserError
 
@@ -108,6 +108,7 @@ class _Stop:
         if self.count == 1:
             raise KeyboardInterrupt
         if self.count > 2:
+            leftovers.remove_all()
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)
 

@@ -29,6 +29,7 @@ from visray.cli.options import (
     Setup,
     Threads,
     app,
+    check_cluster,
     flag,
     load_scene,
     parse_size,
@@ -50,10 +51,11 @@ from visray.cli.picture_options import (
     needed_layers,
     parse_gamma,
 )
-from visray.errors import UserError
+from visray.errors import CheckpointWarning, UserError
 from visray.output.layers import names_from
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
+from visray.warn import warn
 
 if TYPE_CHECKING:
     from visray.output.image import Image
@@ -165,6 +167,7 @@ def render_command(
         warnings.simplefilter("ignore")
     with kept_notes() as notes:
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
+        check_cluster(cluster)
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
@@ -196,6 +199,9 @@ def render_command(
                 at=at,
                 cluster=cluster,
             )
+            if image.metadata["interrupted"] and kept_samples is None and time is None:
+                text = "its samples are not kept; with --checkpoint, --resume would go on"
+                warn(f"{outputs[0]}: {text}", CheckpointWarning)
             # While the files are written, Ctrl-C does not stop the program.
             with Interrupts():
                 results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
@@ -205,13 +211,14 @@ def render_command(
             if problems := [line for _, lines in results for line in lines]:
                 raise UserError(*problems)
     facts, outputs = image.metadata, [*outputs, *([legend] if legend else [])]
+    found = kept_samples.found if kept_samples else None
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
         all_notes = [*(more or {}).get("notes", ()), *notes]
-        write_json((more or {}) | _report(image, outputs, seconds) | {"notes": all_notes})
+        write_json((more or {}) | _report(image, outputs, seconds) | {"found_spp": found, "notes": all_notes})
     elif not quiet:
-        write_line(_line(image, outputs, seconds))
+        write_line(_line(image, outputs, seconds, found))
     if facts["interrupted"]:
         return INTERRUPTED
     return 0 if goal_met(facts) or time is not None else 1
@@ -230,14 +237,16 @@ def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, An
     )
 
 
-def _line(image: "Image", outputs: list[Path], seconds: float) -> str:
+def _line(image: "Image", outputs: list[Path], seconds: float, found: float | None) -> str:
     """The report of a render, as one line of text.
 
     outputs: paths of the files written. seconds: duration of the render.
+    found: samples per pixel of the checkpoint with which the render went on, or None.
     """
     facts = image.metadata
     names = ", ".join(str(path) for path in outputs)
-    line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}, {seconds:.2f} s"
+    begun = "" if found is None else f", {found:.3g} spp of them found in the checkpoint"
+    line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}{begun}, {seconds:.2f} s"
     if "residual_ulps" in facts:
         residual = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
         line += f"; roots: {facts['unresolved']} unresolved, {residual}"

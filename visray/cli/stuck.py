@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from visray import terminal
+from visray import leftovers, terminal
 
 # Seconds that the main thread has to answer.
 PATIENCE = 1.0
@@ -56,6 +56,7 @@ def _watch(reading: int, code: int) -> None:
             continue
         deadline = None
         if _loses_nothing() or presses > 1:
+            leftovers.remove_all()
             terminal.restore()
             terminal.say("stopped before anything could be kept" if presses == 1 else "stopped; nothing is kept")
             os._exit(code if last == signal.SIGINT else 128 + last)

@@ -20,6 +20,7 @@ from visray.cli.options import (
     Share,
     Threads,
     app,
+    check_cluster,
     flag,
     load_scene,
     load_still,
@@ -218,6 +219,7 @@ def cost(
     """
     if csv and json:
         raise UserError("--csv and --json: print one report; leave one out")
+    check_cluster(cluster)
     loaded = load_still(scene, setup, compat, set, None, allow_outside=allow_outside)
     from visray.progress import Interrupts
     from visray.study.cost.report import table

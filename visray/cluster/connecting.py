@@ -1,63 +1,64 @@
 """Connects to a scheduler by its address, or starts one on this machine."""
 
-import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from importlib.util import find_spec
 from typing import Any
 
+from visray.cluster.address import check_address, local_count
 from visray.cluster.crew import Crew
-from visray.cluster.local import LocalWorkers, check_count, cores, local_cluster
+from visray.cluster.local import LocalWorkers, cores, local_cluster
 from visray.cluster.quiet import quiet
 from visray.errors import UserError
+from visray.progress import Bar
 
 # Seconds in which a scheduler must answer, and in which workers must be there.
 ANSWER = 10.0
 # Seconds in which the workers of local:N must have started.
 START = 60.0
-ADDRESS = re.compile(r"(tcp|tls)://\S+:\d+")
-LOCAL = re.compile(r"local:(-?\d+)")
-
-
-def check_address(address: str) -> None:
-    """Raises UserError if this is not the address of a cluster, or if Dask is not installed."""
-    if (found := LOCAL.fullmatch(address)) is not None:
-        check_count(address, int(found[1]))
-    elif not ADDRESS.fullmatch(address):
-        raise UserError(
-            f"cluster = {address!r}: must be the address of a scheduler, such as tcp://host:8786, or local:N"
-        )
-    if find_spec("distributed") is None:
-        raise UserError(f"cluster = {address!r}: needs Dask, which is not installed: pip install 'visray[cluster]'")
 
 
 @contextmanager
-def connected(address: str, threads: int | None = None) -> Iterator[Crew]:
+def connected(address: str, threads: int | None = None, progress: bool = True) -> Iterator[Crew]:
     """The workers of a scheduler, in a `with` block. At its end they are free again, and those of local:N have ended.
 
     address: address of a scheduler, such as tcp://host:8786, or local:N for N workers on this machine
     threads: number of threads of each worker. None: all that a worker's machine has; with local:N its share of them.
+    progress: whether a progress bar is shown until the workers are there
     """
     check_address(address)
+    count = local_count(address)
+    title = f"connecting to {address}" if count is None else f"starting {count} worker{'s' * (count > 1)}"
     # Before the noise is kept away: the import gives Dask's loggers their handlers.
     import distributed  # noqa: F401
 
     with quiet(), ExitStack() as stack:
-        local = None
-        if (found := LOCAL.fullmatch(address)) is not None:
-            cluster, local = stack.enter_context(local_cluster(int(found[1])))
-            threads = threads or max(cores() // int(found[1]), 1)
-            client = stack.enter_context(_client(cluster, address))
-            _wait_for_all(client, local, address)
-        else:
-            client = stack.enter_context(_client(address, address))
-            _wait_for_one(client, address)
-        crew = Crew(client, address, threads, local)
-        crew.check()
+        with Bar(title, 1, progress):
+            crew = _crew(stack, address, count, threads)
         try:
             yield crew
         finally:
             crew.cancel()
+
+
+def _crew(stack: ExitStack, address: str, count: int | None, threads: int | None) -> Crew:
+    """The workers of a scheduler, once they are there.
+
+    stack: what ends them
+    count: number of workers on this machine; None for the address of a scheduler
+    address, threads: as in `connected`
+    """
+    local = None
+    if count is not None:
+        cluster, local = stack.enter_context(local_cluster(count))
+        threads = threads or max(cores() // count, 1)
+        client = stack.enter_context(_client(cluster, address))
+        _wait_for_all(client, local, address)
+    else:
+        client = stack.enter_context(_client(address, address))
+        _wait_for_one(client, address)
+    crew = Crew(client, address, threads, local)
+    crew.check()
+    return crew
 
 
 def _client(target: Any, address: str) -> Any:

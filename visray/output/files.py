@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from visray.errors import UserError
+from visray.leftovers import removed_at_the_end
 
 try:
     import fcntl
@@ -101,9 +102,9 @@ def _reserved(target: Path) -> Iterator[Path]:
             os.close(number)  # Windows renames no file that is open
         else:
             _lock(number)
-        yield path
+        with removed_at_the_end(path):
+            yield path
     finally:
-        path.unlink(missing_ok=True)
         if fcntl is not None:
             os.close(number)
 

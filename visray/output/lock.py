@@ -2,10 +2,11 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from visray.errors import UserError
+from visray.leftovers import removed_at_the_end
 
 
 @contextmanager
@@ -23,9 +24,7 @@ def locked(path: str | os.PathLike[str]) -> Iterator[None]:
     except (OSError, NotImplementedError) as error:
         raise UserError(f"{path}: cannot be locked, {error}; write to another folder") from error
     try:
-        yield
+        with removed_at_the_end(Path(lock.lock_file)):
+            yield
     finally:
-        # Windows removes no file that is open: there it stays.
-        with suppress(OSError):
-            Path(lock.lock_file).unlink()
         lock.release()

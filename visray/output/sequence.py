@@ -12,6 +12,8 @@ from visray.output.movie import ALL as MOVIES
 HASHES = re.compile(r"#+(?=[^#]*$)")
 # The number of a frame in a folder of frames has so many digits.
 FOLDER_HASHES = "####"
+# The number of a frame as other programs write it: %04d.
+PRINTF = re.compile(r"%0?(\d?)d")
 
 
 def is_pattern(path: Path) -> bool:
@@ -35,6 +37,9 @@ def patterns(output: Path, stem: str) -> list[Path]:
     """
     if output.is_dir() or not (output.suffix or is_pattern(output)):
         return [output / f"{stem}.{FOLDER_HASHES}{suffix}" for suffix in SUFFIXES]
+    if (numbered := PRINTF.search(output.name)) is not None:
+        name = output.name.replace(numbered[0], "#" * int(numbered[1] or len(FOLDER_HASHES)))
+        raise UserError(f"{output}: numbers of frames are written with #; write {output.with_name(name)}")
     known = output.suffix.lower() in SUFFIXES
     if known and is_pattern(output):
         return [output]

@@ -124,7 +124,7 @@ def cost(
         raise UserError(f"seeds = {seeds}: must be a whole number from {LEAST_SEEDS} to {MOST_SEEDS}")
     if threads is not None:
         set_threads(threads)
-    with connected(cluster, threads) if cluster else nullcontext() as crew, Interrupts() as interrupts:
+    with connected(cluster, threads, progress) if cluster else nullcontext() as crew, Interrupts() as interrupts:
         elsewhere = partial(measured_on, crew) if crew else None
         report = studied(scene, quick, seeds, progress, interrupts, elsewhere=elsewhere)
     return replace(report, scene=name, seconds=clock.now() - begun)

@@ -35,6 +35,7 @@ SHORT = (
     "is the same rotation as that of the key before, and rotations go the short way; for whole turns write a track of "
     "the type spin, or an address that ends with .rotate"
 )
+MATERIAL = "is the name of a material, and names do not move; move numbers of one"
 ONE_TRACK = {
     "an unknown object": (key_track("objects.bal.radius", 1, 2), at('address = "objects.bal.radius"', LACKS)),
     "an unknown field": (
@@ -42,8 +43,30 @@ ONE_TRACK = {
         at('address = "camera.fof"', "camera has no 'fof'; did you mean \"fov\"? (one of origin, target"),
     ),
     "a word": (
+        key_track("settings.sampler", "a", "b"),
+        at('address = "settings.sampler"', f"is discrete (a word), {NUMBERS_ONLY}"),
+    ),
+    "a material": (
         key_track("objects.ball.material", "a", "b"),
-        at('address = "objects.ball.material"', f"is discrete (a word), {NUMBERS_ONLY}"),
+        at('address = "objects.ball.material"', f"{MATERIAL}, such as materials.red.kd"),
+    ),
+    "a default material": (
+        key_track("objects.box.material", "a", "b"),
+        at('address = "objects.box.material"', f"{MATERIAL}, such as materials.NAME.kd"),
+    ),
+    "an address without its section": (
+        key_track("ball.radius", 1, 2),
+        at('address = "ball.radius"', "is no address; write objects.ball.radius"),
+    ),
+    "a field without its section": (key_track("fov", 30, 40), at('address = "fov"', "is no address; write camera.fov")),
+    "a spin without a section": ({"type": "spin", "of": "box"}, at('of = "box"', "is no address; write objects.box")),
+    "a name that is in no section": (
+        {"type": "spin", "of": "red"},
+        at('of = "red"', "the scene has no 'red'; one of camera, film"),
+    ),
+    "a spin of the camera": (
+        {"type": "spin", "of": "camera"},
+        at('of = "camera"', "a camera has no transform; for one that goes about its target, write a track of the type"),
     ),
     "a whole number": (
         key_track("settings.spp", 1, 2),
@@ -262,6 +285,24 @@ def test_two_tracks_of_one_value_are_refused(what: str) -> None:
     [found] = lines({"a": first, "b": second})
     assert found.startswith("animation.tracks.b.")
     assert found.endswith(f": animation.tracks.a writes {shared} too; leave one of the two tracks out")
+
+
+def test_a_name_in_two_sections_is_a_choice() -> None:
+    ball = {"ball": {"type": "point", "position": (0, 5, 0)}}
+    [found] = lines({"a": key_track("ball.intensity", 0, 1)}, {"lights": ball})
+    assert found == at('address = "ball.intensity"', "is no address; write lights.ball.intensity")
+    geometries = {"drop": {"type": "sphere"}, "ball": {"type": "sphere"}}
+    copies = {name: {"type": "instance", "geometry": name} for name in geometries} | {"ball": {"type": "sphere"}}
+    copies |= {"other": {"type": "instance", "geometry": "ball"}}
+    [found] = lines({"a": key_track("ball.radius", 1, 2)}, {"objects": copies, "geometries": geometries})
+    assert found.endswith("is no address; write geometries.ball.radius or objects.ball.radius")
+
+
+def test_a_date_without_its_section_is_that_of_the_data() -> None:
+    table = {"lon": [0.0, 0.0], "lat": [0.0, 0.0], "x": [1.0, 2.0], "day": ["2001-01", "2001-02"]}
+    data = {"layers": {"rain": {"source": table, "time": "day", "height": {"column": "x"}}}}
+    [found] = lines({"a": key_track("date", 2001, 2001.05)}, {"data": data})
+    assert found == at('address = "date"', "is no address; write data.date")
 
 
 def test_tracks_of_neighbours_are_accepted() -> None:

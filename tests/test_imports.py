@@ -59,7 +59,7 @@ animation.kinds animation.animation animation.frames animation
 scene.scene
 scene
 animation.moment
-data_report mesh_report clip_report constant_report csg_report
+data_report mesh_report clip_report constant_report csg_report track_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output.lock

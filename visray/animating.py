@@ -34,6 +34,7 @@ from visray.scene.adjusted import adjusted
 from visray.scene.load import load
 from visray.scene.scene import Scene
 from visray.setup import Prepared, set_threads
+from visray.track_report import warn_of_tracks
 from visray.version import __version__
 from visray.warn import warn
 
@@ -148,6 +149,9 @@ class FrameMaker:
     moved: tuple | None = None
     image: Image | None = None
     said: set[tuple[type[Warning], str]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        warn_of_tracks(self.scene)
 
     def facts(self, frame: Frame) -> dict[str, Any]:
         """What the metadata of a frame say if it is up to date; None for what they do not have."""

@@ -9,6 +9,7 @@ from visray.animation.moment import at
 from visray.features import features
 from visray.motion_blur import values_while_open
 from visray.scene.scene import Scene
+from visray.track_report import track_notes
 
 # Number of moments at which it is looked at which effects a scene needs.
 MOST_MOMENTS = 64
@@ -17,18 +18,18 @@ SHOWN = 8
 
 
 def animation_notes(scene: Scene) -> list[str]:
-    """A sentence each about what moves, about motion blur, and about effects that come or go. Domain: a checked
-    scene."""
+    """A sentence each about what moves, about motion blur, about tracks that go on after the end, and about effects
+    that come or go. Domain: a checked scene."""
     if scene.animation is None:
         shutter = scene.camera.shutter is not None
         return ["camera.shutter: blurs nothing, as the scene has no animation"] if shutter else []
-    return [_what_moves(scene), _blur(scene), *_changes(scene)]
+    return [_what_moves(scene), _blur(scene), *track_notes(scene), *_changes(scene)]
 
 
 def _what_moves(scene: Scene) -> str:
     """The length of the animation and the addresses that tracks write."""
     animation, frames = scene.animation, len(frame_times(scene.animation))
-    moved = [address for track in animation.tracks.values() for address in track.addresses()]
+    moved = list(dict.fromkeys(address for track in animation.tracks.values() for address in track.addresses()))
     listed = ", ".join(moved[:SHOWN]) + (f" and {len(moved) - SHOWN} more" if len(moved) > SHOWN else "")
     text = (
         f"animation: {animation.duration:g} s, {frames} frames, {animation.fps:g} a second; moves {listed or 'nothing'}"

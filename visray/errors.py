@@ -36,3 +36,7 @@ class ClusterWarning(UserWarning):
 
 class StructureWarning(UserWarning):
     """A frame of an animation needs other kernels than the frame before."""
+
+
+class AnimationWarning(UserWarning):
+    """A track goes on after the end of the animation, or an assignment has no effect, as a track writes the value."""

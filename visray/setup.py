@@ -25,6 +25,7 @@ from visray.quantities import BACKENDS, Arrays
 from visray.repack import repacked
 from visray.scene import address as addresses
 from visray.scene.scene import Scene
+from visray.track_report import warn_of_tracks
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ def prepare(
     attach: function that enables derivatives in the packed numbers, before anything is computed from them
     without: names of effects that are left out
     """
+    warn_of_tracks(scene)
     scene = still_at(scene, None)
     a = arrays(backend, scene.settings.precision)
     refuse_within_kernel()

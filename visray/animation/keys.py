@@ -47,6 +47,13 @@ class KeysTrack(Track):
             if not time > before
         ]
 
+    def notes(self, duration: float) -> list[tuple[str, str]]:
+        late = [t for t in self.times if t > duration]
+        if not late:
+            return []
+        are = f"{len(late)} of {len(self.times)} keys are" if late[1:] else f"the last key, {late[0]:g} s, is"
+        return [("times", f"{are} after the end of the animation, {duration:g} s, so the track is cut off there")]
+
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
         return {self.address: self._curve(stage.sort(self.address))(t)}
 

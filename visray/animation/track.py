@@ -84,6 +84,13 @@ class Track:
         """
         return []
 
+    def notes(self, duration: float) -> list[tuple[str, str]]:
+        """What is odd about the track, as pairs of a field's name and a message.
+
+        duration: length of the animation in seconds
+        """
+        return []
+
 
 @dataclass(frozen=True, kw_only=True)
 class TimedTrack(Track):
@@ -108,3 +115,11 @@ class TimedTrack(Track):
         if self.end is None:
             return [("begin", f"must be before the end of the animation, {duration:g} s")]
         return [("end", f"must be after begin, which is {self.begin:g} s")]
+
+    def notes(self, duration: float) -> list[tuple[str, str]]:
+        if self.end is None or self.end <= duration:
+            return []
+        last = f"the end of the animation, {duration:g} s"
+        if self.begin >= duration:
+            return [("begin", f"{self.begin:g} s is not before {last}, so the track moves nothing")]
+        return [("end", f"{self.end:g} s is after {last}, so the track is cut off there")]

@@ -3,19 +3,20 @@ the command line and Python use the same addresses.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, get_args
 
 from visray.arguments import checked_arguments
-from visray.errors import UserError
+from visray.errors import AnimationWarning, UserError
 from visray.quantities import Quantity, quantities
 from visray.scene.annotations import bare, is_union
 from visray.scene.check import checked, examined
-from visray.scene.edits import edited, entry_of, is_below_layer, keys_of, value_at
+from visray.scene.edits import edited, entry_of, is_below_layer, keys_of, value_at, within
 from visray.scene.scene import Scene
 from visray.scene.source import parse
 from visray.terminal import printable
+from visray.warn import warn
 
 # In the value of an assignment: a further assignment, after a comma, a semicolon or a space.
 SECOND = re.compile(rf"[,;\s]\s*((?:{'|'.join(f.name for f in fields(Scene))})(?:\.[^=]+)?\s*=.*)", re.DOTALL)
@@ -53,7 +54,18 @@ def changed(scene: Scene, assignments: Mapping[str, Any]) -> Scene:
     result, flaws = examined(edited(scene, assignments))
     if flaws:
         raise UserError(*flaws)
+    if result.animation is not None:
+        _warn_of_tracks(result, assignments)
     return result
+
+
+def _warn_of_tracks(scene: Scene, addresses: Collection[str]) -> None:
+    """Warns of assignments to values that a track of the scene writes."""
+    for name, track in scene.animation.tracks.items():
+        written = () if track.needs_scene else track.addresses()
+        for address in (a for a in addresses if any(within(a, other) for other in written)):
+            text = "writes this value at all times, so the assignment has no effect; change the track"
+            warn(f"{address}: animation.tracks.{name} {text}", AnimationWarning)
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

@@ -1,7 +1,8 @@
 """Flaws of animations: tracks without a target, with wrong keys, or with one target for two of them."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import fields, replace
 from typing import Any
 
 from visray.animation.animation import Track
@@ -12,7 +13,7 @@ from visray.data import dates
 from visray.errors import UserError
 from visray.scene.animation_targets import discrete, given_shape, shape, sort_of, still
 from visray.scene.animation_values import track_values
-from visray.scene.edits import edited, value_at
+from visray.scene.edits import edited, value_at, within
 from visray.scene.messages import line
 from visray.scene.scene import Scene
 
@@ -64,18 +65,31 @@ def _own_flaws(scene: Scene, small: Scene, name: str, track: Track, examine: Exa
 def _target_flaws(scene: Scene, track: Track) -> Iterator[str]:
     """The errors of the targets of a track: there are none, or they cannot move, or are not three numbers."""
     for address in track.addresses() if track.naming else ():
-        if any(_within(address, x) for x in UNMOVED):
+        if any(within(address, x) for x in UNMOVED):
             yield "tracks move what a picture of one moment shows, and this is no part of it; name another address"
             continue
         try:
             value = value_at(scene, address)
         except UserError as error:
-            yield str(error).removeprefix(f"{address}: ")
+            meant = _meant(scene, track, address)
+            yield f"is no address; write {' or '.join(meant)}" if meant else str(error).removeprefix(f"{address}: ")
             continue
         if text := discrete(scene, address):
             yield text
         elif track.is_point and shape(value) != (3,):
             yield "is not the address of a point, of three numbers"
+
+
+def _meant(scene: Scene, track: Track, address: str) -> list[str]:
+    """What the user may mean by an address without its first part, such as ring for objects.ring. address: the one that
+    the track writes"""
+    written = getattr(track, track.naming)
+    found = []
+    for section in (f.name for f in fields(scene) if f.name not in UNMOVED):
+        with suppress(UserError):
+            if discrete(scene, f"{section}.{address}") is None:
+                found.append(f"{section}.{written}")
+    return found
 
 
 def _value_flaws(scene: Scene, name: str, track: KeysTrack, examine: Examine) -> Iterator[str]:
@@ -150,18 +164,13 @@ def _overlaps(tracks: dict[str, Track]) -> Iterator[str]:
             (address, other, owner)
             for address in track.addresses()
             for other, owner in owners
-            if (_within(address, other) or _within(other, address)) and track.extends == tracks[owner].extends
+            if (within(address, other) or within(other, address)) and track.extends == tracks[owner].extends
         ]
         for address, other, owner in clashes[:1]:
-            shared = address if _within(address, other) else other
+            shared = address if within(address, other) else other
             text = f"{_address(owner)} writes {shared} too; leave one of the two tracks out"
             yield _line(name, track, track.naming or "type", text)
         owners += [(address, name) for address in track.addresses()]
-
-
-def _within(address: str, other: str) -> bool:
-    """Whether an address is another one, or a part of it."""
-    return f"{address}.".startswith(f"{other}.")
 
 
 def _wrong_moments(scene: Scene, examine: Examine) -> Iterator[str]:

@@ -14,6 +14,8 @@ from visray.transforms import STEPS, Scale
 
 _DIRECTION = next(m for m in Direction.__metadata__ if isinstance(m, Quantity))
 
+# Fields with the name of a material.
+MATERIALS = ("material", "cut_material", "back")
 # The address of the date of data. It moves even if it is null or a text in the scene.
 DATE = "data.date"
 
@@ -61,6 +63,9 @@ def discrete(scene: Scene, address: str) -> str | None:
         return "is null in the scene, and only numbers move; give it numbers first"
     if is_dataclass(found) or isinstance(found, dict):
         return f"is no value but has parts; name one: {', '.join(keys_of(found)) or 'there is none'}"
+    if isinstance(found, str) and address.rpartition(".")[2] in MATERIALS:
+        name = found if found in scene.materials else "NAME"
+        return f"is the name of a material, and names do not move; move numbers of one, such as materials.{name}.kd"
     sorts = {bool: "true or false", str: "a word", int: "a whole number"}
     return f"is discrete ({sorts.get(type(found), 'no number')}), and only numbers move; leave the track out"
 

@@ -79,6 +79,11 @@ def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
     return raw
 
 
+def within(address: str, other: str) -> bool:
+    """Whether an address is another one, or a part of it."""
+    return f"{address}.".startswith(f"{other}.")
+
+
 def is_below_layer(scene: Scene, address: str) -> bool:
     """Whether an address begins with a layer of data, such as `data.rain`, as those of its rows do."""
     head, *rest = address.split(".")

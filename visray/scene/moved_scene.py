@@ -13,7 +13,7 @@ from visray.meshes.triangle_mesh import MeshError
 from visray.primitives.csg_resolved import resolved
 from visray.primitives.plane import Plane
 from visray.primitives.primitive import Primitive, bounding_box
-from visray.scene.edits import edited, value_at, value_in
+from visray.scene.edits import edited, value_at, value_in, within
 from visray.scene.scene import Object, Scene
 from visray.transforms import Transform, compose
 
@@ -74,7 +74,7 @@ class MovedScene:
 
     def _below(self, address: str) -> dict[str, Any]:
         """What was written at an address, or at a part of it."""
-        return {a: x for a, x in self.written.items() if f"{a}.".startswith(f"{address}.")}
+        return {a: x for a, x in self.written.items() if within(a, address)}
 
 
 def _own_center(form: Primitive) -> np.ndarray:

@@ -98,7 +98,7 @@ edges
 gradients
 study
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.resuming
-cli.animating cli.studies cli.files cli.data cli.commands cli.program cli
+cli.animating cli.studies cli.files cli.describing cli.data cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

@@ -10,7 +10,8 @@ from visray.animation.kinds import KINDS
 from visray.quantities import Name, Real
 
 # Longest animation in seconds, and most frames per second: a day, and what high-speed cameras reach.
-Duration = Annotated[Real, Field(gt=0, le=86400)]
+LONGEST = 86_400
+Duration = Annotated[Real, Field(gt=0, le=LONGEST)]
 FramesPerSecond = Annotated[Real, Field(gt=0, le=1e6)]
 
 

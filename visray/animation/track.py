@@ -13,7 +13,8 @@ from pydantic import ConfigDict, Field
 from visray.quantities import Real
 
 Seconds = Annotated[Real, Field(ge=0)]
-Turns = Annotated[Real, Field(ge=-1e6, le=1e6)]
+MOST_TURNS = 1e6
+Turns = Annotated[Real, Field(ge=-MOST_TURNS, le=MOST_TURNS)]
 Address = Annotated[str, Field(strict=True, min_length=1)]
 
 # Steps of a track at whose ends the scene is checked.

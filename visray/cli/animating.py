@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -103,6 +103,7 @@ def animate_command(
     overwrite: flag("Render all frames, and replace the files that exist.") = False,
     quiet: Quiet = False,
     json: Json = False,
+    more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
     """Render the frames of an animated scene to EXR and PNG files, and to movies. Ctrl-C keeps the finished frames.
 
@@ -161,7 +162,8 @@ def animate_command(
         if stopped and report.found + len(report.frames) < len(chosen):
             say_how_to_go_on(files)
     if json:
-        write_json(report.facts() | {"stopped": stopped, "notes": notes})
+        all_notes = [*(more or {}).get("notes", ()), *notes]
+        write_json((more or {}) | report.facts() | {"stopped": stopped, "notes": all_notes})
     elif not quiet:
         write_line(report.line(stopped))
     if stopped:

@@ -7,14 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from visray import clock
+from visray.cli.describing import describe_table
 from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
 from visray.errors import UserError
-from visray.terminal import write_json, write_line
+from visray.terminal import write_line
 
 if TYPE_CHECKING:
     from visray.data_picture import DataPicture
@@ -31,7 +32,8 @@ def data_command(
         list[Path],
         Parameter(
             name=("--output", "-o"),
-            help="A .png or .exr file. May be given more than once. Default: the name of the table, as .png.",
+            help="A .png or .exr file; with --animate also a movie, .mp4, .gif or .webp, or a folder or shot.####.png "
+            "for frames. May be given more than once. Default: the name of the table, as .png.",
             show_default=False,
         ),
     ] = [],  # noqa: B006 - only read
@@ -49,6 +51,15 @@ def data_command(
     held: flag(
         "With --time-column: numbers stay what they are until the next date. Else they are interpolated."
     ) = False,
+    animate: Annotated[
+        float | None,
+        Parameter(help="Length in seconds of an animation, with --time-column: from the first date to the last one."),
+    ] = None,
+    turns: Annotated[
+        float | None,
+        Parameter(help="With --animate: how often the globe turns. Default: once.", allow_leading_hyphen=True),
+    ] = None,
+    overwrite: flag("With --animate: replace the frames and movies that exist.") = False,
     palette: Annotated[str | None, Parameter(help="Palette of the colours, such as viridis or RdBu.")] = None,
     norm: Annotated[
         str | None, Parameter(help="Norm of the colours: linear, log, symmetric, power or quantile.")
@@ -112,7 +123,7 @@ def data_command(
     rendered by `visray render`. Without --height, --radius and --color, the first column with quantities is shown.
     """
     if describe:
-        return _describe(file, json)
+        return describe_table(file, json)
     outputs = output or [Path(file.stem + ".png")]
     if save is not None:
         _check_save(save, file, outputs)
@@ -129,15 +140,19 @@ def data_command(
     if not file.is_file():
         table_from(str(file))  # says what is wrong, before the imports that take longer
     from visray.adaptive.stopping import Goal
+    from visray.cli.animating import animate_command
     from visray.cli.rendering import render_command
     from visray.data_picture import Wishes, data_picture
     from visray.output.files import check_writable
     from visray.output.image import check_destination
+    from visray.output.sequence import is_for_frames
     from visray.progress import Bar
 
     Goal.from_arguments(error, time, spp, clock.now())
+    moves = animate is not None and any(is_for_frames(path) for path in outputs)
     for path in outputs:
-        check_destination(path)
+        if not moves:
+            check_destination(path)
         if map is not None and map.resolve() == path.resolve():
             raise UserError(f"{path}: is the picture of the map; write to another file")
     if save is not None:
@@ -146,11 +161,12 @@ def data_command(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
         domain=ends, bands=bands, **texts,
         gizmo=gizmo, base=base, image=None if map is None else str(map), extent=edges, title=title,
-        source_line=source_line, time_column=time_column, date=date, held=held,
+        source_line=source_line, time_column=time_column, date=date, held=held, animate=animate,
+        turns=turns,
         places=places if places in ("auto", "none", "all") else parse_list(places),
         spp=spp, **({} if film is None else {"size": film}),
     )  # fmt: skip
-    with _scene_file(save) as scene:
+    with _scene_file(save, file.stem) as scene:
         with Bar(f"reading {file.name}", 1, not (quiet or json)):
             made = data_picture(str(file), wishes, str(_map_path(scene)))
             _write(made, scene, save is not None)
@@ -160,11 +176,23 @@ def data_command(
             write_line(f"{file}: " + ", ".join(f"{name} {text}" for name, text in made.choices.items()))
             if save is not None:
                 write_line(f"{save}: written")
+            if animate is not None and not moves:
+                write_line(_how_to_animate(save, file))
         report = {"choices": made.choices, "notes": made.notes} | ({} if save is None else {"scene": str(save)})
-        return render_command(
-            scene, allow_outside=True, output=outputs, error=error, time=time, threads=threads, quiet=quiet, json=json,
-            more=report,
-        )  # fmt: skip
+        options = {"allow_outside": True, "output": outputs, "error": error, "time": time, "threads": threads}
+        options |= {"quiet": quiet, "json": json, "more": report}
+        if moves:
+            return animate_command(scene, overwrite=overwrite, **options)
+        return render_command(scene, **options)
+
+
+def _how_to_animate(save: Path | None, file: Path) -> str:
+    """How a picture of the beginning of an animation becomes a movie. save: the scene file. file: the table"""
+    made = f"-o {file.stem}.mp4"
+    if save is not None:
+        outside = "" if file.resolve().is_relative_to(save.resolve().parent) else " --allow-outside"
+        made = f"visray animate {save}{outside} -o {save.stem}.mp4"
+    return f"the picture shows the beginning; {made} makes the movie"
 
 
 def _map_path(scene: Path) -> Path:
@@ -206,13 +234,14 @@ def _parse_pairs(option: str, text: str | None) -> dict[str, str]:
 
 
 @contextmanager
-def _scene_file(save: Path | None) -> Iterator[Path]:
-    """Yields the path of the scene file: that of the user, or one in a folder that is removed afterwards."""
+def _scene_file(save: Path | None, stem: str) -> Iterator[Path]:
+    """Yields the path of the scene file: that of the user, or one in a folder that is removed afterwards. stem: its
+    name without its ending; frames in a folder are called so."""
     if save is not None:
         yield save
         return
     with tempfile.TemporaryDirectory(prefix="visray-") as folder:
-        yield Path(folder, "scene.json")
+        yield Path(folder, f"{stem}.json")
 
 
 def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
@@ -228,45 +257,3 @@ def _write(made: "DataPicture", scene: Path, kept: bool) -> None:
     if made.drawn is not None:
         write_map(made.drawn, made.scene.textures["map"].file)
     write_text(scene, text)
-
-
-def _describe(file: Path, json: bool) -> int:
-    """Prints what the columns of a table hold. Returns the exit code."""
-    from visray import tables
-    from visray.data.describe import describe
-    from visray.data.positions import position_notes
-    from visray.data.reading import read_table
-
-    table = read_table(file)
-    records, positions = describe(table), position_notes(table)
-    if json:
-        report = {"file": str(file), "rows": len(table), "dialect": table.dialect, "notes": table.notes}
-        report["positions"] = positions
-        write_json(report | {"columns": records})
-        return 0
-    shown = tables.Table("column", "holds", "missing", "values")
-    for record in records:
-        missing = f"{record['missing']:,}" if record["missing"] else ""
-        shown.add_row(record["column"], f"{record['count']:,} {record['kind']}", missing, _values(record))
-    tables.show(shown)
-    lines = [f"{file}: {len(table):,} rows", table.dialect, *table.notes]
-    lines += positions + [record["problem"] for record in records if record["problem"]]
-    for line in filter(None, lines):
-        write_line(line)
-    return 0
-
-
-def _values(record: dict[str, Any]) -> str:
-    """The values of a column in words: a range, or the first few. record: of the column, as `describe` returns it."""
-    if record["kind"] == "numbers":
-        least, greatest, mean = (_written(record[key]) for key in ("min", "max", "mean"))
-        return f"{least} to {greatest}, mean {mean}"
-    if record["kind"] == "dates":
-        return f"{record['first']} to {record['last']} ({record['distinct']:,} different)"
-    shown = ", ".join(value if isinstance(value, str) else _written(value) for value in record["examples"])
-    return shown + (f", ... ({record['distinct']:,} different)" if record["distinct"] > len(record["examples"]) else "")
-
-
-def _written(number: float) -> str:
-    """A number with six digits, or all digits before the point if they are not many."""
-    return f"{number:,.0f}" if 1e5 <= abs(number) < 1e12 else f"{number:,.6g}"

@@ -51,6 +51,8 @@ def data_scene(
     time_column: str | None = None,
     date: Any = None,
     held: bool = False,
+    animate: float | None = None,
+    turns: float | None = None,
     palette: str | None = None,
     norm: str | None = None,
     domain: Sequence | None = None,
@@ -80,6 +82,8 @@ def data_scene(
     time_column: column of dates or other moments: rows of one name are then one place. date: the one that is shown, a
         date such as "2020-06-15", or a number; by default the first one. held: whether numbers are held between dates,
         and not interpolated.
+    animate: seconds of an animation that goes through all dates, as vr.animate renders it; on a globe, the earth turns
+        `turns` times, by default once. The camera sees all dates and turns.
     palette, norm: of the colours. domain: values at their two ends. bands: number of their steps.
     labels, units: texts in place of the names of columns, and units, each by column: {"rain": "mm"}.
     gizmo: shape of a datum, such as "cylinder" or "sphere".
@@ -99,6 +103,7 @@ def data_scene(
     wishes = Wishes(
         lon=lon, lat=lat, name=name, height=height, radius=radius, color=color, palette=palette, norm=norm,
         time_column=time_column, date=_date(date), held=held,
+        animate=_number("animate", animate), turns=_number("turns", turns),
         domain=_numbers("domain", domain, "must be two numbers, such as (0, 100)", 2), bands=_bands(bands),
         labels=_texts("labels", labels), units=_texts("units", units),
         gizmo=gizmo, base=_base(base), image=None if map is None else os.fspath(map),
@@ -150,6 +155,14 @@ def _date(date: Any) -> str | float | None:
         return DATE.validate_python(python_number(date))
     except ValidationError:
         raise UserError(f'date = {shown(date)}: must be a date such as "2020-06-15", or a number') from None
+
+
+def _number(name: str, given: Any) -> float | None:
+    """The number of an argument. Raises a UserError if it is none."""
+    number = python_number(given)
+    if number is not None and (isinstance(number, bool) or not isinstance(number, int | float)):
+        raise UserError(f"{name} = {shown(given)}: must be a number")
+    return None if number is None else float(number)
 
 
 def _base(base: str) -> str:

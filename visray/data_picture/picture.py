@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from visray.animation.animation import Animation
 from visray.data import basemap, fit
 from visray.data.base import Base, GlobeBase
 from visray.data.data_scene import RESERVED, Data
@@ -13,10 +14,12 @@ from visray.data.legend import Legend
 from visray.data.rows import Rows
 from visray.data.source import TableValue, table_from
 from visray.data.table import Table
+from visray.data_picture.animated import animation_of, turns, with_names
 from visray.data_picture.placing import BASE_MATERIAL, DATA_MATERIAL, base_for, flaw_lines, layer_for, places, sized
 from visray.data_picture.viewing import viewed
 from visray.data_picture.wishes import Wishes, checked, completed, passed_over
 from visray.errors import UserError
+from visray.legend.layout import LEAST_SIDE
 from visray.materials import Material
 from visray.scene.scene import Film, Scene, Settings
 from visray.terminal import printable
@@ -77,16 +80,19 @@ def data_picture(source: str | TableValue, wishes: Wishes, map_path: str) -> Dat
     if not len(rows):
         why = [", ".join(f"{n:,} {why}" for why, n in rows.counts.items()), *rows.notes]
         raise UserError(printable(f"{table.path}: no row can be shown; {'; '.join(why)}"))
+    animation, names = animation_of(layer, base, wishes), []
+    if animation is not None and asked.places == "auto" and wishes.places == "all":
+        data, names = with_names(data, animation)
     drawn = None if wishes.image else basemap.drawn(base, MAP_PIXELS * wishes.size[0])
-    scene = _scene(data, rows, wishes, wishes.image or map_path)
-    notes = _notes(scene, rows, wishes)
+    scene = _scene(data, rows, wishes, wishes.image or map_path, animation)
+    notes = [*names, *_notes(scene, rows, wishes)]
     if not (asked.height or asked.radius or asked.color):
         notes += passed_over(table, wishes)
     return DataPicture(scene, drawn, _choices(table, wishes, layer, base, len(rows.first)), notes)
 
 
-def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
-    """The scene of the data. texture: path of the map's picture."""
+def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str, animation: Animation | None) -> Scene:
+    """The scene of the data. texture: path of the map's picture. animation: of the scene"""
     width, height = wishes.size
     ambient = (fit.AMBIENT,) * 3
     plain = ONE_COLOUR if rows.color is None else (1.0, 1.0, 1.0)
@@ -101,6 +107,7 @@ def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str) -> Scene:
         textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
         materials=materials,
         data=data,
+        animation=animation,
         settings=Settings() if wishes.spp is None else Settings(spp=wishes.spp),
     )
     return viewed(scene, rows)
@@ -122,6 +129,8 @@ def _choices(table: Table, wishes: Wishes, layer: DataLayer, base: Base, count: 
     columns = ("lon", "lat", "height", "radius", "color")
     chosen |= {name: getattr(wishes, name) for name in columns if getattr(wishes, name)}
     chosen["gizmo"] = layer.gizmo
+    if wishes.animate is not None:
+        chosen["animation"] = f"{wishes.animate:g} s"
     if isinstance(base, GlobeBase):
         return chosen | {"base": "globe"}
     west, east, south, north = base.extent
@@ -144,7 +153,10 @@ def _notes(scene: Scene, rows: Rows, wishes: Wishes) -> list[str]:
         notes.append(f"{text} at longitude 0 and latitude 0, in the sea: is the position missing?")
     if (skewed := _skewed(rows)) and wishes.norm is None:
         notes.append(f"--color: {skewed}; most have nearly the same colour, and --norm quantile spreads them")
-    if isinstance(base, GlobeBase) and "lon" in rows.values:
+    if scene.animation is not None and min(wishes.size) < LEAST_SIDE:
+        text = "are too few for a legend; its place is left free for larger pictures of the scene"
+        notes.append(f"{wishes.size[0]} x {wishes.size[1]} pixels {text}")
+    if isinstance(base, GlobeBase) and "lon" in rows.values and not turns(scene.animation):
         toward = np.array(scene.camera.origin)[:, None] - rows.stand.foot
         far = int(((rows.stand.up * toward).sum(axis=0) < 0).sum())
         if far:

@@ -7,9 +7,10 @@ import numpy as np
 from visray.data import fit
 from visray.data.base import Base, GlobeBase
 from visray.data.rows import Rows
+from visray.data_picture.animated import places_move, turns
 from visray.legend.content import legend_content
 from visray.legend.fonts import Pen, fonts_for, quiet
-from visray.legend.layout import layout
+from visray.legend.layout import LEAST_SIDE, REFERENCE_PIXELS, layout
 from visray.scene.scene import Scene
 
 # Space between what is shown and the legend or the edge of the picture. The picture is from -1 to 1.
@@ -25,6 +26,8 @@ def viewed(scene: Scene, rows: Rows) -> Scene:
     """The scene with a camera, lights, and the legend at the side where it leaves most room."""
     base = scene.data.base
     balls = _gizmo_balls(base, rows)
+    if scene.animation is not None:
+        balls = _at_all_times(scene, rows, balls)
     at = fit.POPULATED
     if isinstance(base, GlobeBase):
         at = fit.middle_of(*_weighted(rows))
@@ -78,6 +81,7 @@ def _distance(scene: Scene) -> float:
 
 def _window(scene: Scene) -> fit.Window:
     """The part of the picture that the legend of a scene leaves free."""
+    scene = _legible(scene)
     width, height = scene.film.width, scene.film.height
     content = legend_content(scene)
     with quiet():
@@ -103,6 +107,31 @@ def _window(scene: Scene) -> fit.Window:
         bottom=1 - 2 * bottom / height + MARGIN,
         top=1 - 2 * top / height - MARGIN,
     )
+
+
+def _legible(scene: Scene) -> Scene:
+    """An animated scene with a film of the usual size, if its own is too small for a legend: it may be a draft of a
+    larger one, to which the camera must fit as well."""
+    width, height = scene.film.width, scene.film.height
+    if scene.animation is None or min(width, height) >= LEAST_SIDE:
+        return scene
+    scale = (REFERENCE_PIXELS / (width * height)) ** 0.5
+    return replace(scene, film=replace(scene.film, width=round(scale * width), height=round(scale * height)))
+
+
+def _at_all_times(scene: Scene, rows: Rows, balls: fit.Balls) -> fit.Balls:
+    """What an animation shows. balls: what the rows of one date show, with the largest sizes of all dates."""
+    base, [layer] = scene.data.base, scene.data.layers.values()
+    if places_move(layer, base):
+        lon, lat = (rows.in_time.known[key] for key in ("lon", "lat"))
+        lon, lat = (x[base.inside(lon, lat)] for x in (lon, lat))
+        sizes = {key: float(x.max()) for key, x in rows.in_time.sizes.items()}
+        balls = balls.joined(fit.balls(base, lon, lat, sizes.get("height", 0.0), sizes["radius"]))
+    if not turns(scene.animation):
+        return balls
+    centre = fit.outline(base).centre
+    reach = (np.linalg.norm(balls.centre - centre, axis=1) + balls.radius).max()
+    return fit.Balls(centre, np.array([reach]))
 
 
 def _gizmo_balls(base: Base, rows: Rows) -> fit.Balls:

@@ -6,6 +6,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from visray.animation.animation import LONGEST
+from visray.animation.track import MOST_TURNS
 from visray.data.color_rule import NormName
 from visray.data.color_value import color_flaw
 from visray.data.describe import describe
@@ -45,6 +47,8 @@ class Wishes:
     lon, lat, name, height, radius, color, time_column: columns
     date: the date that is shown, as text or number
     held: whether numbers are held between dates, and not interpolated
+    animate: seconds of an animation that goes through all dates
+    turns: how often a globe turns in it
     palette, norm, gizmo: names
     domain: values at the two ends of the colours
     bands: number of steps of the colours
@@ -63,6 +67,8 @@ class Wishes:
     time_column: str | None = None
     date: str | float | None = None
     held: bool = False
+    animate: float | None = None
+    turns: float | None = None
     name: str | None = None
     height: str | None = None
     radius: str | None = None
@@ -94,10 +100,12 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
             if option == "color" and color_flaw(column) is None:
                 text += f'; to give all rows one colour, write "color": "{column}" into the layer of the scene'
             problems.append(printable(f'--{option.replace("_", "-")} = "{column}": {text}'))
-    for option, given in (("date", wishes.date is not None), ("held", wishes.held)):
+    animated = wishes.animate is not None
+    for option, given in (("date", wishes.date is not None), ("held", wishes.held), ("animate", animated)):
         if given and wishes.time_column is None:
             text = "goes with dates of rows; name their column, as in --time-column date"
             problems.append(f"--{option}: {text}")
+    problems += _animation_problems(wishes)
     if wishes.gizmo is not None and (wishes.gizmo not in GIZMOS or wishes.gizmo == "geometry"):
         problems.append(printable(f'--gizmo = "{wishes.gizmo}": there is no such gizmo; {gizmo_hint(wishes.gizmo)}'))
     elif wishes.gizmo and wishes.height and "height" not in GIZMOS[wishes.gizmo].sizes:
@@ -121,6 +129,21 @@ def checked(table: Table, wishes: Wishes) -> Wishes:
     if problems:
         raise UserError(*problems)
     return wishes
+
+
+def _animation_problems(wishes: Wishes) -> list[str]:
+    """What is wrong with the wishes for an animation, each a sentence."""
+    if wishes.animate is None:
+        return [] if wishes.turns is None else ["--turns: goes with --animate, the length of the animation in seconds"]
+    problems = []
+    if not 0 < wishes.animate <= LONGEST:
+        text = f"must be a number of seconds greater than 0, such as 10, and at most {LONGEST}"
+        problems.append(f"--animate = {wishes.animate:g}: {text}")
+    if wishes.turns is not None and not abs(wishes.turns) <= MOST_TURNS:
+        problems.append(f"--turns = {wishes.turns:g}: must be a number of turns, such as 1, or -1 for the other way")
+    if wishes.date is not None:
+        problems.append("--date: changes during --animate; leave one of them out")
+    return problems
 
 
 def gizmo_hint(word: str) -> str:

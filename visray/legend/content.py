@@ -173,7 +173,8 @@ def _named_rows(rows: Rows) -> list[tuple[str, np.ndarray, float]]:
     largest = rows.values if rows.in_time is None else rows.in_time.largest
     size = next((np.abs(largest[key]) for key in ("height", "radius") if key in largest), np.zeros(len(rows)))
     named = (i for i in np.argsort(-size, kind="stable").tolist() if rows.texts[i].strip() and not rows.hidden[i])
-    return [(rows.texts[i], rows.ground.point[i], float(rows.stand.radius[i])) for i in named]
+    radius = rows.stand.radius if rows.in_time is None else rows.in_time.sizes["radius"]
+    return [(rows.texts[i], rows.ground.point[i], float(radius[i])) for i in named]
 
 
 def _unknown(name: str, known: dict[str, Any]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from visray.errors import UserError
 from visray.output.image import SUFFIXES
 from visray.output.movie import ALL as MOVIES
+from visray.output.movie import is_movie
 
 HASHES = re.compile(r"#+(?=[^#]*$)")
 # The number of a frame in a folder of frames has so many digits.
@@ -19,6 +20,11 @@ PRINTF = re.compile(r"%0?(\d?)d")
 def is_pattern(path: Path) -> bool:
     """Whether the name of a file is a pattern of frames."""
     return "#" in path.name
+
+
+def is_for_frames(output: Path) -> bool:
+    """Whether an output is for the frames of an animation: a movie, a pattern or a folder."""
+    return is_movie(output) or is_pattern(output) or output.is_dir() or not output.suffix
 
 
 def frame_file(pattern: Path, number: int) -> Path:

@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-# Key of the context of pydantic's serialisation. If it is true, a table is written as the digest of its content.
-DIGESTS = "digests"
+from visray.named_files import DIGESTS
 
 
 def canonical(values: np.ndarray) -> np.ndarray:

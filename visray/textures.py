@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from visray.named_files import FileRule
 from visray.quantities import Color, Real
 
 STRICT = ConfigDict(extra="forbid", revalidate_instances="always")
@@ -41,7 +42,7 @@ class ImageTexture(Texture):
     """
 
     type: Literal["image"] = "image"
-    file: Annotated[str, Field(strict=True, min_length=1)]
+    file: Annotated[str, FileRule()]
     filter: Literal["nearest", "bilinear"] = "bilinear"
     wrap: Wrap | tuple[Wrap, Wrap] = "repeat"
     encoding: Literal["auto", "srgb", "linear"] = "auto"

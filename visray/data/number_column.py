@@ -6,7 +6,8 @@ import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
 
-from visray.number_table import DIGESTS, NumberTable
+from visray.named_files import DIGESTS
+from visray.number_table import NumberTable
 
 
 def listed(column: np.ndarray) -> list:

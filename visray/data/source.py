@@ -13,7 +13,8 @@ from pydantic_core import core_schema
 from visray.data.number_column import listed
 from visray.data.table import Table
 from visray.errors import UserError
-from visray.number_table import DIGESTS, canonical
+from visray.named_files import DIGESTS, file_digest, stamp_of
+from visray.number_table import canonical
 
 
 class TableValue:
@@ -90,27 +91,6 @@ class SourceRule:
         cell = {"anyOf": [{"type": "number"}, {"type": "string"}, {"type": "null"}]}
         columns = {"type": "object", "additionalProperties": {"type": "array", "items": cell}}
         return {"anyOf": [{"type": "string", "minLength": 1}, columns]}
-
-
-def file_digest(path: str) -> str:
-    """SHA-256 of the content of a file; the path itself if it cannot be read."""
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):
-        return path
-
-
-def stamp_of(source: "str | TableValue | None") -> Any:
-    """A value that changes if the content of a source does."""
-    if not isinstance(source, str):
-        return source
-    try:
-        facts = os.stat(source)
-    # ValueError: the path has a NUL character.
-    except (OSError, ValueError):
-        return source
-    return source, facts.st_mtime_ns, facts.st_size, facts.st_ino
 
 
 def table_from(source: "str | TableValue | None") -> Table | None:

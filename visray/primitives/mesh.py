@@ -13,9 +13,10 @@ from pydantic import ConfigDict, Field
 from visray.geometry import Frame, Similarity
 from visray.meshes.fit import fit_transform
 from visray.meshes.normals import normalised, smooth_normals
-from visray.meshes.reading import part, read
+from visray.meshes.reading import files_of_mesh, part, read
 from visray.meshes.topology import Topology, oriented, topology
 from visray.meshes.triangle_mesh import MeshError, TriangleMesh, from_arrays
+from visray.named_files import FileRule
 from visray.number_table import NumberTable, TableRule
 from visray.primitives.mesh_body import MeshBody
 from visray.primitives.mesh_buffers import Body
@@ -114,7 +115,7 @@ class Mesh(Primitive):
     """
 
     type: Literal["mesh"] = "mesh"
-    file: Annotated[str, Field(strict=True, min_length=1)] | None = None
+    file: Annotated[str, FileRule(files_of_mesh)] | None = None
     part: Annotated[str, Field(strict=True, min_length=1)] | None = None
     vertices: Vertices | None = None
     faces: Faces | None = None

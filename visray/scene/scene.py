@@ -16,7 +16,7 @@ from visray.animation.animation import Animation
 from visray.data.all_objects import AllObjects, address_of
 from visray.data.data_scene import Data
 from visray.materials import Material
-from visray.number_table import DIGESTS
+from visray.named_files import DIGESTS
 from visray.primitives.csg_bodies import Body, separate_bodies
 from visray.primitives.csg_operands import has_operands, materials_of, operands
 from visray.primitives.csg_resolved import resolved
@@ -259,7 +259,8 @@ class Scene:
         return resolved(obj, self.geometries)
 
     def hash(self) -> str:
-        """SHA-256 of the scene's canonical JSON. Equal scenes have equal hashes."""
+        """SHA-256 of the scene's canonical JSON, and of the contents of all files that it names: textures, meshes and
+        tables. Equal scenes with equal files have equal hashes. A file that has not changed is read once."""
         return hashlib.sha256(ADAPTER.dump_json(self, context={DIGESTS: True})).hexdigest()
 
 

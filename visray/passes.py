@@ -53,7 +53,7 @@ def expose(
 
     progress: whether a progress bar is shown
     film: film to continue, of the same picture and pixels; None starts an empty film
-    timer: records how long the passes take
+    timer: records how long the passes take; one that knows passes of such a scene decides about the first one
     look: function that is called with the film after the first pass
     keep: function that is called with the film after each launch (Checkpoint.keep). It must not change the film, whose
         arrays may be those of NumPy, or use it later.
@@ -66,9 +66,10 @@ def expose(
         film = empty_film(prepared)
     film.check(identity_of(prepared), prepared.order)
     settings, n = prepared.scene.settings, len(prepared.order)
-    first = first_pass_samples(prepared)
+    known = timer.sample_seconds is not None
+    first = int(min(timer.next_samples(), settings.spp * n)) if known else first_pass_samples(prepared)
     passes = -(-settings.spp * n // max(first, n))
-    count, room = -(-settings.spp // passes), first if first >= n else _least_samples(prepared)
+    count, room = -(-settings.spp // passes), first if known or first >= n else _least_samples(prepared)
     with Bar("rendering", settings.spp, progress, before="compiling") as bar:
         while (done := int(film.counts.min())) < settings.spp and not (film.counts.any() and interrupts.requested):
             targets = np.maximum(film.counts, min(done + count, settings.spp))

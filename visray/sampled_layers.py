@@ -34,7 +34,9 @@ def layers_of_spp(
 
     job: the workers that take the samples; None: this process does.
     """
-    timer = PassTimer()
+    # With an open shutter a pass is many launches, whose seconds say nothing about others.
+    timer = PassTimer() if prepared.shutter else prepared.pace
+    compiled_before = timer.compile_seconds
     look, keep, film = partial(_look, prepared, interrupts), None, None
     if checkpoint is not None:
         film = checkpoint.film(prepared.a, identity_of(prepared), prepared.scene.settings.spp)
@@ -49,7 +51,7 @@ def layers_of_spp(
     values, facts = developed(prepared, film)
     # Frees the film. If there are many pixels, the layers of the first hit may need its memory.
     del film
-    if stopped and timer.compile_seconds > LONGEST_PASS:
+    if stopped and timer.compile_seconds - compiled_before > LONGEST_PASS:
         # Their kernel would take about as long to compile, and Ctrl-C would wait for it.
         text = "stopped before the layers of the first hit were computed, which needs a kernel of its own"
         warnings.warn(text, StoppedWarning, stacklevel=4)

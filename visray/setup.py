@@ -21,6 +21,7 @@ from visray.kernel_scene import KernelScene, kernel_scene
 from visray.material_report import warn_of_sheets
 from visray.mesh_report import warn_of_meshes
 from visray.pack import Packed, pack
+from visray.pass_timer import PassTimer
 from visray.quantities import BACKENDS, Arrays
 from visray.repack import repacked
 from visray.scene import address as addresses
@@ -44,6 +45,7 @@ class Prepared:
     shutter: the moments at which samples see the scene (motion_blur.py); None without motion blur
     looked: what pictures of the scene were already looked at for (dark/); one set for all scenes that are made from it
         by `updated`
+    pace: how long passes without motion blur take; one for the same scenes
     after: the scene of the next frame of an animation, for motion vectors; None for a scene of its own
     """
 
@@ -58,6 +60,7 @@ class Prepared:
     identities: tuple
     shutter: Any = None
     looked: set[str] = field(default_factory=set)
+    pace: PassTimer = field(default_factory=PassTimer)
     after: Scene | None = None
 
     @checked_arguments

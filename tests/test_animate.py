@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-import visray as vr
+import visray as vr  # isort: skip - before drjit
+import drjit as dr
+
 from visray.animating import FrameMaker
 from visray.animation.frames import chosen_frames
 from visray.cli.program import main
@@ -127,6 +129,26 @@ def test_motion_blur_that_comes_is_said() -> None:
         assert all(np.array_equal(image[name], alone[name]) for name in alone.layers)
 
 
+def test_frames_that_stand_still_amid_motion_blur_say_what_they_compile() -> None:
+    """Their kernels are those without blur, which are compiled once; blur that comes again has its kernels."""
+    track = vr.KeysTrack(
+        address="objects.ball.center.0", times=(0.0, 0.35, 0.5, 0.7, 1.0), values=(0.0, 1.0, 1.0, 1.0, 0.0)
+    )
+    one = scene(x=track)
+    one = replace(one, camera=replace(one.camera, shutter=vr.Shutter(moments=2)))
+    dr.flush_kernel_cache()
+    with Compilations() as log, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        counts = []
+        for image in vr.animate(one, frames=[0, 1, 2, 3, 4, 2], progress=False):
+            log.read()
+            counts.append(log.count)
+            assert image.metadata["interrupted"] == 0
+    assert [str(w.message) for w in caught] == ["frame 2: other kernels are compiled: motion blur goes"]
+    new = np.diff(counts, prepend=0)
+    assert new[0] > 0 and new[2] > 0 and not new[[1, 3, 4, 5]].any()
+
+
 def test_notes_are_said_once_and_with_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     picture = vr.render(scene(), layers="RGB", progress=False)
 
@@ -152,7 +174,18 @@ def test_times_and_frames_in_python() -> None:
     assert [(x.metadata["frame"], x.metadata["time"]) for x in pictures] == [(0, 0.3), (1, 0.3), (2, 0.9)]
     assert (pictures[0].width, pictures[0].height, pictures[0].metadata["spp"]) == (8, 6, 1)
     assert [f.number for f in chosen_frames(one.animation, slice(None, None, 2))] == [0, 2, 4]
-    assert [f.number for f in chosen_frames(one.animation, 3)] == [3]
+    for given, numbers in (
+        (3, [3]),
+        (np.int64(3), [3]),
+        ([3], [3]),
+        ([4, 0, -1], [4, 0, 4]),
+        (range(0, 5, 2), [0, 2, 4]),
+        (np.arange(2), [0, 1]),
+        ((np.uint8(1), 2), [1, 2]),
+    ):
+        assert [f.number for f in chosen_frames(one.animation, given)] == numbers
+    pictures = list(vr.animate(one, frames=range(1, 5, 3), progress=False, layers="RGB", spp=1, size=(8, 6)))
+    assert [x.metadata["time"] for x in pictures] == [0.2, 0.8]
     assert [f.time for f in chosen_frames(one.animation, "0:3", fps=10)] == [0.0, 0.1, 0.2]
 
 
@@ -165,6 +198,15 @@ def test_times_and_frames_in_python() -> None:
         ({"frames": "5:9"}, "is outside; the animation has 5 frames, 0 to 4"),
         ({"frames": "2:2"}, "chooses no frame"),
         ({"frames": slice("a")}, "is no range of frames"),
+        ({"frames": [0, 5]}, "^frames: 5 is outside; the animation has 5 frames, 0 to 4$"),
+        (
+            {"frames": [0, 1.5]},
+            r"^frames = \[0, 1.5\]: 1.5 is no number of a frame; must be numbers of frames, such as",
+        ),
+        ({"frames": ["a"]}, "'a' is no number of a frame"),
+        ({"frames": range(0)}, r"^frames = range\(0, 0\): chooses no frame; "),
+        ({"frames": 2.5}, r"^frames = 2.5: must be numbers of frames, such as \[0, 12\]"),
+        ({"frames": True}, "^frames = True: must be numbers of frames"),
         ({"fps": 0}, "fps = 0: must be greater than 0"),
         ({"fps": float("nan")}, "fps = nan: must be greater than 0"),
         ({"fps": "x"}, "fps = 'x': must be a number"),
@@ -175,6 +217,20 @@ def test_times_and_frames_in_python() -> None:
 def test_wrong_arguments_are_refused_before_anything_is_rendered(given: dict[str, Any], message: str) -> None:
     with pytest.raises(vr.UserError, match=message):
         vr.animate(scene(), **given)
+
+
+def test_a_prepared_scene_is_one_moment() -> None:
+    made = vr.prepare(scene())
+    line = "prepared scene is one moment, without an animation: give the scene itself"
+    for call in (
+        lambda: vr.render(made, at=0.5),
+        lambda: vr.at(made, 0.5),
+        lambda: vr.animate(made),
+        lambda: made.updated({"animation.duration": 3.0}),
+        lambda: made.updated({"animation": scene().animation}),
+    ):
+        with pytest.raises(vr.UserError, match=line):
+            call()
 
 
 def test_a_scene_without_an_animation_is_refused(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ ODD = [
 # Arguments with which a function would do its work.
 GOOD = {
     "scene": BALL, "path": str(SCENES / "sphere.json"), "address": "objects.a.radius", "new": 2.0, "error": 0.01,
-    "t": 0.0,
+    "t": 0.0, "images": [IMAGE],
     "wrt": ["objects.a.radius"], "x": 0, "y": 0, "points": (0.0, 0.0, 0.0),
     "table": {"lon": [2.0, 3.0], "lat": [41.0, 42.0], "rain": [1.0, 2.0]},
 }  # fmt: skip
@@ -63,10 +63,12 @@ def refuses_or_begins(function, arguments):
 
 
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
-def test_odd_arguments_of_functions(function, no_work):
+def test_odd_arguments_of_functions(function, no_work, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     names = list(inspect.signature(function).parameters)
     required = [n for n, p in inspect.signature(function).parameters.items() if p.default is p.empty]
     good = {name: GOOD[name] for name in required + (["error"] if function is vr.tune else [])}
+    good |= {"path": "a.webp"} if function is vr.write_movie else {}
     for name in names:
         for odd in ODD:
             refuses_or_begins(function, good | {name: odd})

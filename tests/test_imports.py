@@ -64,7 +64,7 @@ feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.image output.lock
 output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence
-output.up_to_date output.frame_files
+output.up_to_date output.frame_files output.movie_of_images
 output
 projection
 legend.labels legend.parts legend.fonts legend.boxes legend.keys legend.placing legend.layout legend.drawing

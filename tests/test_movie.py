@@ -4,6 +4,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from PIL import Image as Pillow
 import visray as vr
 from visray.errors import RangeWarning
 from visray.output import movie_mp4, sequence
+from visray.output.curves import linear
 from visray.output.movie import FORMATS, movie
 from visray.output.movie_gif import MOST_FPS
 from visray.output.movie_spool import milliseconds
@@ -82,6 +84,41 @@ def test_a_movie_holds_the_frames_in_their_colours_at_their_speed(path: Path) ->
 def test_the_same_frames_give_the_same_bytes(path: Path) -> None:
     assert write(path, frames()) == write(path, frames())
     assert write(path, frames()) != write(path, frames()[::-1])
+
+
+def test_pictures_of_a_loop_become_a_movie(path: Path) -> None:
+    """Of Image, as they are shown, and of arrays, from a generator too."""
+    pictures = frames()
+    expected = write(path, pictures, 5)
+    vr.write_movie(path.with_stem("arrays"), (picture for picture in pictures), fps=5)
+    vr.write_movie(str(path.with_stem("one array")), np.stack(pictures), fps=np.int64(5))
+    images = [vr.Image({"RGB": linear(picture / 255).astype(np.float32)}) for picture in pictures]
+    vr.write_movie(path.with_stem("images"), iter(images), 5)
+    for name in ("arrays", "one array", "images"):
+        assert path.with_stem(name).read_bytes() == expected
+    darker = [image.display("srgb", -1) for image in images]
+    vr.write_movie(path.with_stem("darker"), images, 5, exposure=-1)
+    assert path.with_stem("darker").read_bytes() == write(path.with_stem("as array"), darker, 5) != expected
+
+
+@pytest.mark.parametrize(
+    ("images", "message"),
+    [
+        ([], "a movie has at least one frame"),
+        (5, "images = 5: must be a list or a generator of pictures"),
+        (vr.Image({"RGB": np.ones((2, 2, 3), np.float32)}), "images = <Image 2 x 2: RGB>: must be a list or a gener"),
+        ([frames()[0], 3], r"images\[1\] = 3: must be an Image, or a uint8 array"),
+        ([frames()[0] / 255], r"images\[0\]: is an array of float64 with the shape \(36, 64, 3\); must be"),
+        ([frames()[0][..., 0]], r"images\[0\]: is an array of uint8 with the shape \(36, 64\); must be"),
+        ([frames()[0], frames()[0][1:]], "its frames have 64 x 36 pixels, and this one has 64 x 35"),
+    ],
+)
+def test_what_is_no_picture_leaves_the_old_movie(tmp_path: Path, images: Any, message: str) -> None:
+    path = tmp_path / "a.webp"
+    first = write(path, frames())
+    with pytest.raises(vr.UserError, match=message):
+        vr.write_movie(path, images)
+    assert path.read_bytes() == first and [x.name for x in tmp_path.iterdir()] == ["a.webp"]
 
 
 def test_odd_sizes_are_padded_in_a_movie_that_has_only_even_ones(path: Path) -> None:

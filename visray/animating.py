@@ -48,7 +48,7 @@ def animate(
     scene: Scene | str | Path,
     times: Any = None,
     *,
-    frames: str | slice | int | None = None,
+    frames: str | slice | int | Sequence[int] | None = None,
     fps: float | None = None,
     spp: int | None = None,
     size: tuple[int, int] | None = None,
@@ -70,7 +70,7 @@ def animate(
         image.write(f"ball.{image.metadata['frame']:04d}.png")
 
     times: times in seconds; None: the times of `frames`.
-    frames: which frames of the animation: a range a:b:step, as Python's slices, or one number; None: all of them.
+    frames: which frames of the animation: a range a:b:step, as Python's slices, a number, or a list; None: all of them.
     fps: frames per second; None: those of the animation.
     time: seconds that each frame may take.
     cluster: address of a Dask scheduler, or local:N, as in vr.render. Its workers render whole frames, with `error` or
@@ -138,6 +138,7 @@ class FrameMaker:
         next frame, if there are motion vectors.
     image: the last picture.
     said: notes that were shown already, without their numbers.
+    blurs: whether frames with the features of the last one were blurred.
     """
 
     scene: Scene
@@ -149,6 +150,7 @@ class FrameMaker:
     moved: tuple | None = None
     image: Image | None = None
     said: set[tuple[type[Warning], str]] = field(default_factory=set)
+    blurs: set[bool] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         warn_of_tracks(self.scene)
@@ -214,8 +216,9 @@ class FrameMaker:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 render(self.prepared, **options | {"time": COMPILING_TIME})
-        if before is not None and (note := _change_of_structure(before, self.prepared)):
+        if before is not None and (note := self._change_of_structure(before)):
             warnings.warn(note, StructureWarning, stacklevel=1)
+        self.blurs.add(self.prepared.shutter is not None)
         path = self.checkpoint and self.checkpoint(frame)
         resume = path is not None and path.exists()
         return render(self.prepared, **options, files=self.files(frame), checkpoint=path, resume=resume)
@@ -235,17 +238,17 @@ class FrameMaker:
                 self.said.add(key)
                 warn(text if is_first else f"frame {frame.number}: {text}", note.category)
 
-
-def _change_of_structure(before: Prepared, after: Prepared) -> str | None:
-    """Why a frame needs other kernels than the frame before, as a sentence; None if it does not."""
-    old, new = before.features, after.features
-    if old != new:
-        changes = [f"{x.name} comes ({x.reason})" for x in new.listed if x.on and not old[x.name]]
-        changes += [f"{x.name} goes" for x in new.listed if not x.on and old[x.name]]
-        return f"other kernels are compiled: {', '.join(changes) or 'a shininess has more digits'}"
-    if (before.shutter is None) != (after.shutter is None):
-        return f"other kernels are compiled: motion blur {'goes' if after.shutter is None else 'comes'}"
-    # Scenes that differ only in numbers share this set.
-    if after.looked is not before.looked:
-        return "everything is prepared again, as more than numbers changes; perhaps other kernels are compiled"
-    return None
+    def _change_of_structure(self, before: Prepared) -> str | None:
+        """Why a frame needs other kernels than those before it, such as `before`; None if it does not."""
+        after, old, new = self.prepared, before.features, self.prepared.features
+        if old != new:
+            self.blurs.clear()
+            changes = [f"{x.name} comes ({x.reason})" for x in new.listed if x.on and not old[x.name]]
+            changes += [f"{x.name} goes" for x in new.listed if not x.on and old[x.name]]
+            return f"other kernels are compiled: {', '.join(changes) or 'a shininess has more digits'}"
+        if (is_blurred := after.shutter is not None) not in self.blurs:
+            return f"other kernels are compiled: motion blur {'comes' if is_blurred else 'goes'}"
+        # Scenes that differ only in numbers share this set.
+        if after.looked is not before.looked:
+            return "everything is prepared again, as more than numbers changes; perhaps other kernels are compiled"
+        return None

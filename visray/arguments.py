@@ -12,6 +12,8 @@ from visray.errors import UserError
 from visray.terminal import printable
 
 LONGEST_VALUE = 60
+# What vr.prepare returns, and what to give in its place.
+ONE_MOMENT = "a prepared scene is one moment, without an animation: give the scene itself"
 
 
 def checked_arguments(function: Callable) -> Callable:
@@ -50,7 +52,9 @@ def checked_argument(name: str, value: Any, annotation: Any) -> Any:
     kinds = list(dict.fromkeys(_described(member) for member in members))
     right = " or ".join(kinds)
     if any(getattr(member, "__name__", "") == "Scene" for member in members):
-        raise UserError(f"a scene is a visray Scene, not a {type(value).__name__}")
+        kind = type(value).__name__
+        more = f"; {ONE_MOMENT}" if kind == "Prepared" else ""
+        raise UserError(f"a scene is a visray Scene, not a {kind}{more}")
     raise UserError(f"{name} = {shown(value)}: must be {right}")
 
 

@@ -26,6 +26,7 @@ from visray.gradients import derivative, difference, gradient
 from visray.lights import *
 from visray.materials import Material
 from visray.output.image import Image
+from visray.output.movie_of_images import write_movie
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.primitives import *
 from visray.primitives.clips import Ball, Block
@@ -105,4 +106,5 @@ __all__ = [
     "tune",
     "value",
     "why",
+    "write_movie",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ from visray.adaptive.error_floor import Files
 from visray.adaptive.result import adaptive_sampler
 from visray.adaptive.stopping import Goal
 from visray.animation.moment import still_at
-from visray.arguments import checked_arguments, shown
+from visray.arguments import ONE_MOMENT, checked_arguments, shown
 from visray.certificate import certificate_facts, warn_of_roots
 from visray.checkpoint import Checkpoint, held
 from visray.cluster.address import check_address
@@ -112,6 +112,8 @@ def render(
         raise UserError(f"backend = {backend!r}: the scene is prepared for {given.a.backend}; prepare it for the other")
     if cluster and given and given.shutter:
         raise UserError(f"cluster = {cluster!r}: takes no prepared frame with motion blur; give its scene, and `at`")
+    if given and at is not None:
+        raise UserError(f"at = {at:g}: {ONE_MOMENT}")
     animated = adjusted(given.scene if given else scene, spp=spp, size=size, seed=seed, precision=precision)
     check_motion(layers, given.after if given else animated.animation)
     asked = scene = still_at(animated, at)

@@ -10,7 +10,7 @@ import numpy as np
 from visray import film as films
 from visray import images, llvm
 from visray.animation.moment import still_at
-from visray.arguments import checked_arguments
+from visray.arguments import ONE_MOMENT, checked_arguments
 from visray.clip_report import warn_of_clips
 from visray.csg_report import warn_of_empty_csg
 from visray.data_report import warn_of_data
@@ -77,6 +77,8 @@ class Prepared:
             raise UserError("updated: takes a dict from addresses to values, such as {'objects.ball.radius': 2.0}")
         if _identities(self.scene) != self.identities:
             raise UserError("updated: the prepared scene's own dicts were changed in place; prepare it anew")
+        if moving := [a for a in assignments if a.split(".")[0] == "animation" and assignments[a] is not None]:
+            raise UserError(f"{moving[0]}: {ONE_MOMENT}, and prepare it anew")
         scene = addresses.changed(self.scene, assignments)
         return self._with(scene, repacked(self.packed, self.scene, scene, assignments, self.a))
 

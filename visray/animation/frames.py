@@ -19,19 +19,44 @@ class Frame(NamedTuple):
     time: float
 
 
-def chosen_frames(
-    animation: Animation | None, frames: str | slice | int | None = None, fps: float | None = None
-) -> list[Frame]:
+def chosen_frames(animation: Animation | None, frames: Any = None, fps: float | None = None) -> list[Frame]:
     """The chosen frames of an animation. Raises UserError if there is no animation.
 
-    frames, fps: as in `frame_times`, but not yet checked
+    frames, fps: as in `frame_times`, but not yet checked; `frames` may also be a list of numbers, in any order
     """
+    frames = python_number(frames)
+    if (frames is not None and not isinstance(frames, str | slice | int)) or isinstance(frames, bool):
+        return _listed(_given(animation), frames, fps)
     if isinstance(frames, slice):
         frames = _text(frames)
     if fps is not None and (isinstance(fps, bool) or not isinstance(fps, int | float)):
         raise UserError(f"fps = {shown(fps)}: must be a number greater than 0, such as 25")
     times = frame_times(_given(animation), None if frames is None else str(frames), fps)
     return [Frame(number, t) for number, t in times]
+
+
+def _listed(animation: Animation, frames: Any, fps: float | None) -> list[Frame]:
+    """The frames with the numbers in a list. Negative numbers count from the end."""
+    right = f"must be numbers of frames, such as [0, 12] or range(0, 50, 2); or {RULE}"
+    try:
+        numbers = [python_number(number) for number in frames]
+    except TypeError:
+        raise UserError(f"frames = {shown(frames)}: {right}") from None
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int):
+            raise UserError(f"frames = {shown(frames)}: {shown(number)} is no number of a frame; {right}")
+    if not numbers:
+        raise UserError(f"frames = {shown(frames)}: chooses no frame; {right}")
+    every = chosen_frames(animation, None, fps)
+    for number in numbers:
+        if not -len(every) <= number < len(every):
+            raise UserError(f"frames: {number} {_outside(len(every))}")
+    return [every[number] for number in numbers]
+
+
+def _outside(count: int) -> str:
+    """What is wrong with the number of a frame of an animation with `count` frames."""
+    return f"is outside; the animation has {count} frame{'s' * (count > 1)}, 0 to {count - 1}"
 
 
 def frames_at(animation: Animation | None, times: Any) -> list[Frame]:
@@ -97,7 +122,7 @@ def _chosen(frames: str | slice | int, count: int) -> range:
     if step == 0:
         raise UserError(f"frames = {shown}: the step must not be 0")
     if any(not -count <= x <= count for x in ends):
-        raise UserError(f"frames = {shown}: is outside; the animation has {count} frames, 0 to {count - 1}")
+        raise UserError(f"frames = {shown}: {_outside(count)}")
     found = range(count)[asked] if isinstance(asked, slice) else range(count)[asked : asked + 1 or None]
     if not found:
         raise UserError(f"frames = {shown}: chooses no frame; {RULE}")

@@ -13,7 +13,7 @@ from track_samples import ADDRESSES, DURATION, SCENE, TRACK_SAMPLES, keys, movin
 
 import visray as vr
 from visray.animation import interpolation, paths, rotations
-from visray.animation.frames import frame_times
+from visray.animation.frames import chosen_frames, frame_times
 from visray.animation.kinds import KINDS
 from visray.animation.moment import assignments
 from visray.quantities import Direction, Quantity, quantities
@@ -270,6 +270,42 @@ def test_a_path_passes_through_its_points(path: Any, closed: bool) -> None:
         assert made.at(share) == pytest.approx(point, abs=1e-12)
 
 
+def pyramid(points: np.ndarray, i: int, share: float) -> np.ndarray:
+    """The centripetal Catmull-Rom curve after the point i, in its Bezier form (C. Yuksel et al.): share of the
+    parameter."""
+    p0, p1, p2, p3 = points[i - 1 : i + 3]
+    d1, d2, d3 = (np.linalg.norm(b - a) ** 0.5 for a, b in ((p0, p1), (p1, p2), (p2, p3)))
+    b1 = (d1**2 * p2 - d2**2 * p0 + (2 * d1**2 + 3 * d1 * d2 + d2**2) * p1) / (3 * d1 * (d1 + d2))
+    b2 = (d3**2 * p1 - d2**2 * p3 + (2 * d3**2 + 3 * d3 * d2 + d2**2) * p2) / (3 * d3 * (d3 + d2))
+    s, r = share, 1 - share
+    return r**3 * p1 + 3 * r**2 * s * b1 + 3 * r * s**2 * b2 + s**3 * p2
+
+
+def test_a_smooth_path_is_the_curve_of_its_authors() -> None:
+    made = paths.spline(POINTS, False)
+    for i in (1, 2):
+        for k in (0, 1, 100, 255):
+            u = made.parameters[i * made.every + k]
+            assert made.at_parameter(u) == pytest.approx(pyramid(POINTS, i, k / made.every), abs=1e-12)
+
+
+def test_a_smooth_path_is_measured_in_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, one = [], paths._catmull_rom
+    monkeypatch.setattr(paths, "_catmull_rom", lambda *given: calls.append(1) or one(*given))
+    made = paths.spline(np.random.default_rng(1).random((50, 3)), True)
+    assert len(calls) == 1 and len(made.lengths) == 50 * made.every + 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("path", [paths.polygon, paths.spline])
+def test_steps_that_rounding_swallows_leave_no_hole_in_a_path(path: Any) -> None:
+    """The second step is 1e-9 long, and the length before it is rounded by 1e-7."""
+    points = np.array([[0, 0, 0], [1e9, 0, 0], [1e9, 1e-9, 0], [0, 1, 0]])
+    made = path(points, False)
+    found = np.array([made.at(s) for s in np.linspace(0, 1, 101)])
+    assert np.isfinite(found).all() and found[0] == pytest.approx(points[0]) and found[-1] == pytest.approx(points[-1])
+
+
 def test_a_smooth_path_has_no_corners() -> None:
     made = paths.spline(POINTS, True)
     for share in (*made.shares()[:-1], 0.999999999):
@@ -404,10 +440,25 @@ def test_endless_lists_of_frames_are_refused() -> None:
     assert frame_times(long, "86399999999") == [(86399999999, 86399.999999)]
 
 
-@pytest.mark.parametrize("fps", [0, -1, math.inf, math.nan])
+@pytest.mark.parametrize("fps", [0, -1, 1e6 + 1, 1e308, 10**99, math.inf, math.nan])
 def test_wrong_rates_are_refused(fps: float) -> None:
-    with pytest.raises(vr.UserError, match=r"^fps = .*: must be greater than 0 and finite$"):
+    with pytest.raises(vr.UserError, match=r"^fps = .*: must be greater than 0, and at most 1e\+06$"):
         frame_times(vr.Animation(duration=2), fps=fps)
+
+
+@pytest.mark.parametrize(
+    "frames",
+    ["9" * 5000, f"-{'9' * 5000}:", f"0:{10**4000}", 10**5000, slice(0, 10**5000)],
+    ids=["text", "begin", "end", "number", "slice"],
+)
+def test_numbers_of_thousands_of_digits_are_outside(frames: Any) -> None:
+    with pytest.raises(vr.UserError, match=r"^frames = .{1,60}: is outside; the animation has 20 frames") as refused:
+        chosen_frames(vr.Animation(duration=2, fps=10), frames)
+    assert len(refused.value.lines) == 1
+
+
+def test_zeros_before_a_number_change_nothing() -> None:
+    assert frame_times(vr.Animation(duration=2, fps=10), f"{'0' * 5000}7") == [(7, 0.7)]
 
 
 # Files.

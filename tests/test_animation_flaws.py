@@ -104,6 +104,26 @@ ONE_TRACK = {
         key_track(ADDRESS, *[(0, 0, 0)] * 2, times=[1, 1]),
         at("times.1 = 1.0", "must be after times.0, which is 1 s"),
     ),
+    "a key far too late": (
+        key_track(ADDRESS, *[(0, 0, 0)] * 3, times=[0, 1, 1.7e308], interpolation="smooth"),
+        at("times.2 = 1.7e+308", "must be at most 86400"),
+    ),
+    "a key far too soon": (
+        key_track(ADDRESS, *[(0, 0, 0)] * 3, times=[0, 5e-324, 1], interpolation="smooth"),
+        at("times.1 = 5e-324", "must be after times.0, which is 0 s, by at least 1e-09 s"),
+    ),
+    "numbers too far apart": (
+        key_track("objects.box.transform.0.rotate", 0, 1.7e308, interpolation="smooth"),
+        at("values.1 = 1.7e+308", "is more than 1e+290 away from the key before"),
+    ),
+    "a step of next to nothing": (
+        {"type": "path", "address": ADDRESS, "points": [(0, 0, 0), (1e-170, 0, 0)], "interpolation": "smooth"},
+        at("points.1 = [1e-170, 0.0, 0.0]", "must differ from the point before, points.0, in a number by at least 1e"),
+    ),
+    "an end too soon": (
+        {"type": "path", "address": ADDRESS, "points": [(0, 0, 0), (1, 0, 0)], "begin": 1, "end": 1 + 1e-12},
+        at("end = 1.000000000001", "must be after begin, which is 1 s, by at least 1e-09 s"),
+    ),
     "one key": (key_track(ADDRESS, (0, 0, 0)), at("times = [0.0]", "a track has at least two keys")),
     "no key": (key_track(ADDRESS), at("times = []", "a track has at least two keys")),
     "more values than times": (

@@ -14,7 +14,7 @@ import visray as vr
 from visray.errors import RangeWarning
 from visray.output import movie_mp4, sequence
 from visray.output.curves import linear
-from visray.output.movie import FORMATS, movie
+from visray.output.movie import FORMATS, check_movie, movie, seconds_of
 from visray.output.movie_gif import MOST_FPS
 from visray.output.movie_spool import milliseconds
 
@@ -186,6 +186,22 @@ except UserError as error:
 def test_no_movie_has_such_a_speed(path: Path, fps: float) -> None:
     with pytest.raises(vr.UserError, match=r"^fps = .*: must be a number of frames per second greater than 0"):
         write(path, frames(), fps)
+
+
+def test_a_frame_that_lasts_too_long_is_refused_at_once(path: Path) -> None:
+    longest = FORMATS[path.suffix].longest
+    for fps in (0.99 / longest, 1e-300):
+        with pytest.raises(vr.UserError, match=r"a frame would last .* s, and at most .* s fit into such a file; give"):
+            check_movie(path, fps)
+    with pytest.raises(vr.UserError, match="must be at most 1e"):
+        check_movie(path, 10**400)
+    check_movie(path, 1.001 / longest)
+
+
+def test_a_frame_may_last_long(path: Path) -> None:
+    fps = 1.001 / FORMATS[path.suffix].longest
+    write(path, frames(), fps)
+    assert seconds_of(path) == pytest.approx(len(frames()) / fps, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", ["a.mov", "a.avi", "a", "a.exr"])

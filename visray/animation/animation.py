@@ -7,12 +7,13 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from visray.animation.keys import KeysTrack
 from visray.animation.kinds import KINDS
+from visray.animation.track import LONGEST
 from visray.quantities import Name, Real
 
-# Longest animation in seconds, and most frames per second: a day, and what high-speed cameras reach.
-LONGEST = 86_400
 Duration = Annotated[Real, Field(gt=0, le=LONGEST)]
-FramesPerSecond = Annotated[Real, Field(gt=0, le=1e6)]
+# What high-speed cameras reach.
+MOST_FPS = 1e6
+FramesPerSecond = Annotated[Real, Field(gt=0, le=MOST_FPS)]
 
 
 def _track_type(raw: Any) -> Any:

@@ -9,14 +9,27 @@ from visray.animation.curves import Sort, axis_of, step_key
 from visray.animation.rotations import opposite, quaternion, unit
 from visray.quantities import FARTHEST
 
+# Numbers of keys are not farther from each other: their slopes, and these times the seconds of a day, stay below 1e308.
+FURTHEST = 1e290
+
 
 def between_flaws(sort: Sort, values: tuple) -> list[tuple[int, str]]:
     """Errors of what lies between neighbouring values, as pairs of the number of the second one and a message.
 
     Domain: each value is valid, and all are of this sort and of one shape.
     """
+    if sort == "number":
+        return _jumps(np.array(values, float))
     pairs = enumerate(pairwise(values), 1)
     return [(i, text) for i, (a, b) in pairs if (text := _FLAWS[sort](a, b))]
+
+
+def _jumps(values: np.ndarray) -> list[tuple[int, str]]:
+    """As between_flaws, for numbers. Shape: (K, ...)."""
+    with np.errstate(over="ignore"):
+        apart = np.abs(np.diff(values, axis=0)).reshape(len(values) - 1, -1).max(axis=1)
+    text = f"is more than {FURTHEST:g} away from the key before; give smaller numbers"
+    return [(int(i) + 1, text) for i in np.flatnonzero(apart > FURTHEST)]
 
 
 def _vectors(a: tuple, b: tuple) -> str | None:
@@ -75,7 +88,6 @@ _STEP_FLAWS = {
     "matrix": _matrix,
 }
 _FLAWS = {
-    "number": _nothing,
     "factor": _factors,
     "vector": _vectors,
     "direction": _directions,

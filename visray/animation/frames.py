@@ -4,11 +4,13 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from visray.animation.animation import Animation
-from visray.arguments import python_number, shown
+from visray.animation.animation import MOST_FPS, Animation
+from visray.arguments import LONGEST_VALUE, python_number, shown
 from visray.errors import UserError
 
 _RANGE = re.compile(r"(-?\d+)?:(-?\d+)?(?::(-?\d+)?)?")
+# Digits of numbers that are read: no frame has more. Python refuses texts of thousands of digits.
+_DIGITS = 18
 RULE = "write a:b:step, as Python's slices (b is left out), or one number, counted from 0"
 
 
@@ -31,7 +33,9 @@ def chosen_frames(animation: Animation | None, frames: Any = None, fps: float | 
         frames = _text(frames)
     if fps is not None and (isinstance(fps, bool) or not isinstance(fps, int | float)):
         raise UserError(f"fps = {shown(fps)}: must be a number greater than 0, such as 25")
-    times = frame_times(_given(animation), None if frames is None else str(frames), fps)
+    times = frame_times(
+        _given(animation), None if frames is None else frames if isinstance(frames, str) else _digits(frames), fps
+    )
     return [Frame(number, t) for number, t in times]
 
 
@@ -98,8 +102,8 @@ def frame_times(
     fps: frames per second; None: those of the animation
     """
     rate = animation.fps if fps is None else fps
-    if not 0 < rate < float("inf"):
-        raise UserError(f"fps = {rate:g}: must be greater than 0 and finite")
+    if not 0 < rate <= MOST_FPS:
+        raise UserError(f"fps = {shown(rate)}: must be greater than 0, and at most {MOST_FPS:g}")
     count = max(1, round(animation.duration * rate))
     chosen = range(count) if frames is None else _chosen(frames, count)
     if len(chosen) > MOST:
@@ -112,7 +116,7 @@ def frame_times(
 def _chosen(frames: str | slice | int, count: int) -> range:
     """Numbers of the chosen frames of `count` ones. Raises UserError if a frame does not exist, or if none is
     chosen."""
-    shown = frames if isinstance(frames, str) else _text(frames)
+    written = frames if isinstance(frames, str) else _text(frames)
     asked = _parsed(frames) if isinstance(frames, str) else frames
     if isinstance(asked, slice):
         ends = [x for x in (asked.start, asked.stop) if x is not None]
@@ -120,28 +124,45 @@ def _chosen(frames: str | slice | int, count: int) -> range:
     else:
         ends, step = [asked, asked + 1 if asked >= 0 else asked], 1
     if step == 0:
-        raise UserError(f"frames = {shown}: the step must not be 0")
+        raise UserError(f"frames = {_cut(written)}: the step must not be 0")
     if any(not -count <= x <= count for x in ends):
-        raise UserError(f"frames = {shown}: {_outside(count)}")
+        raise UserError(f"frames = {_cut(written)}: {_outside(count)}")
     found = range(count)[asked] if isinstance(asked, slice) else range(count)[asked : asked + 1 or None]
     if not found:
-        raise UserError(f"frames = {shown}: chooses no frame; {RULE}")
+        raise UserError(f"frames = {_cut(written)}: chooses no frame; {RULE}")
     return found
 
 
 def _parsed(text: str) -> slice | int:
     """The slice or the number that a text stands for."""
     if re.fullmatch(r"-?\d+", text.strip()):
-        return int(text)
+        return _whole(text.strip())
     parts = _RANGE.fullmatch(text.strip())
     if parts is None:
-        raise UserError(f"frames = {text!r}: is no range of frames; {RULE}")
-    return slice(*(None if x is None else int(x) for x in parts.groups()))
+        raise UserError(f"frames = {shown(text)}: is no range of frames; {RULE}")
+    return slice(*(None if x is None else _whole(x) for x in parts.groups()))
 
 
 def _text(frames: slice | int) -> str:
     """A slice or a number as it is written."""
     if isinstance(frames, int):
-        return str(frames)
+        return _digits(frames)
     parts = [frames.start, frames.stop] + ([] if frames.step is None else [frames.step])
-    return ":".join("" if x is None else str(x) for x in parts)
+    return ":".join("" if x is None else _digits(x) for x in parts)
+
+
+def _cut(written: str) -> str:
+    """Frames as they are written, cut if they are long."""
+    return written if len(written) <= LONGEST_VALUE else shown(written)
+
+
+def _whole(text: str) -> int:
+    """The whole number that a text stands for, or one that is outside of all frames as well."""
+    sign, digits = ("-", text[1:]) if text[0] == "-" else ("", text)
+    return int(sign + (digits.lstrip("0")[:_DIGITS] or "0"))
+
+
+def _digits(number: Any) -> str:
+    """A part of a slice as a text. A number of too many digits becomes one that is outside of all frames as well."""
+    most = 10**_DIGITS
+    return str(max(-most, min(number, most))) if isinstance(number, int) else str(number)

@@ -34,7 +34,7 @@ def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:
     before, after = rise[:-1], rise[1:]
     first, second = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
     same_way = np.sign(before) * np.sign(after) > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         mean = (first + second) / (first / before + second / after)
     inner = np.where(same_way, mean, 0.0)
     ends = [_end_slope(h[0], h[1], rise[0], rise[1]), _end_slope(h[-1], h[-2], rise[-1], rise[-2])]

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator
 
 from visray.animation.curves import Interpolation, Sort, curve
 from visray.animation.key_values import key_value
-from visray.animation.track import Address, Seconds, Stage, Track
+from visray.animation.track import LEAST, LEAST_SHOWN, Address, Seconds, Stage, Track
 
 KeyValue = Annotated[Any, BeforeValidator(key_value)]
 
@@ -42,9 +42,9 @@ class KeysTrack(Track):
         if len(self.values) != len(self.times):
             return [("values", f"has {len(self.values)} entries for {len(self.times)} times; give one for each time")]
         return [
-            (f"times.{i}", f"must be after times.{i - 1}, which is {before:g} s")
+            (f"times.{i}", f"must be after times.{i - 1}, which is {before:g} s{_least(before, time)}")
             for i, (before, time) in enumerate(pairwise(self.times), 1)
-            if not time > before
+            if not time - before >= LEAST
         ]
 
     def notes(self, duration: float) -> list[tuple[str, str]]:
@@ -66,3 +66,8 @@ class KeysTrack(Track):
         if sort not in self._curves:
             self._curves[sort] = curve(sort, self.interpolation, self.times, self.values)
         return self._curves[sort]
+
+
+def _least(before: float, time: float) -> str:
+    """What else a message says about the time of a key that comes too soon after the key before."""
+    return f", by at least {LEAST_SHOWN}" if time > before else ""

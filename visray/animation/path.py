@@ -10,7 +10,7 @@ from pydantic import Field
 
 from visray.animation.paths import Path, polygon, spline
 from visray.animation.track import Address, Stage, TimedTrack
-from visray.quantities import Triple
+from visray.quantities import FARTHEST, Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +43,9 @@ class PathTrack(TimedTrack):
             return [*found, ("points", "a path has at least two points; add one")]
         ring = [*enumerate(self.points), *([(0, self.points[0])] if self.closed else [])]
         return found + [
-            (f"points.{i}", f"must differ from the point before, points.{before}")
+            (f"points.{i}", f"must differ from the point before, points.{before}{_least(a, b)}")
             for (before, a), (i, b) in pairwise(ring)
-            if a == b
+            if max(abs(x - y) for x, y in zip(a, b)) < 1 / FARTHEST
         ]
 
     def values_at(self, t: float, stage: Stage) -> dict[str, Any]:
@@ -56,3 +56,8 @@ class PathTrack(TimedTrack):
     def _path(self) -> Path:
         points = np.array(self.points, float)
         return (polygon if self.interpolation == "linear" else spline)(points, self.closed)
+
+
+def _least(a: tuple, b: tuple) -> str:
+    """What else a message says about two neighbouring points that are too near to each other."""
+    return "" if a == b else f", in a number by at least {1 / FARTHEST:g}"

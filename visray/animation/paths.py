@@ -7,7 +7,6 @@ length.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,7 +22,7 @@ class Path:
 
     at_parameter: function that returns the point at a parameter
     parameters: increasing parameters
-    lengths: lengths of the path up to each of these
+    lengths: lengths of the path up to each of these. Some may be equal, because they are rounded.
     every: number of parameters from one point of the path to the next
     """
 
@@ -38,13 +37,14 @@ class Path:
         Error: the speed is constant to the second order of the steps: its error is the square of the share by which it
             changes, at even steps of the parameter, from one step to the next.
         """
-        length = share * self.lengths[-1]
-        return self.at_parameter(float(interpolation.cubic(self.lengths, self.parameters, self._slopes, length)))
+        return self.at_parameter(float(interpolation.cubic(*self._steps, share * self.lengths[-1])))
 
     @cached_property
-    def _slopes(self) -> np.ndarray:
-        """Change of the parameter with the length."""
-        return interpolation.slopes(self.lengths, self.parameters)
+    def _steps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lengths that increase, their parameters, and the change of the parameter with the length."""
+        longer = np.concatenate([[True], np.diff(self.lengths) > 0])
+        lengths, parameters = self.lengths[longer], self.parameters[longer]
+        return lengths, parameters, interpolation.slopes(lengths, parameters)
 
     def shares(self) -> tuple[float, ...]:
         """Shares of the length at which the path is at its points."""
@@ -62,7 +62,7 @@ def spline(points: np.ndarray, closed: bool) -> Path:
     """The centripetal Catmull-Rom curve through points (C. Yuksel, S. Schaefer and J. Keyser, Parameterization and
     applications of Catmull-Rom curves, 2011). An open one begins and ends toward the point beside. Shape: (N, 3).
 
-    Domain: neighbouring points differ.
+    Domain: neighbouring points differ so much that the roots of their distances add up to increasing numbers.
     """
     if closed:
         around = np.vstack([points[-1:], points, points[:2]])
@@ -70,13 +70,15 @@ def spline(points: np.ndarray, closed: bool) -> Path:
         around = np.vstack([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(around, axis=0), axis=1) ** 0.5)])
 
-    def at(u: float) -> np.ndarray:
-        i = min(max(int(np.searchsorted(knots, u, side="right")) - 2, 0), len(around) - 4)
-        return _catmull_rom(around[i : i + 4], knots[i : i + 4], u)
+    def at(u: np.ndarray) -> np.ndarray:
+        piece = np.clip(np.searchsorted(knots, u, side="right") - 2, 0, len(around) - 4)
+        return _catmull_rom(
+            [around[piece + k] for k in range(4)], [knots[piece + k, None] for k in range(4)], u[:, None]
+        )
 
-    pieces = [np.linspace(a, b, STEPS, endpoint=False) for a, b in pairwise(knots[1:-1])]
-    parameters = np.concatenate([*pieces, knots[-2:-1]])
-    return Path(at, parameters, _lengths(np.array([at(u) for u in parameters])), STEPS)
+    parameters = np.linspace(knots[1:-2], knots[2:-1], STEPS, endpoint=False, axis=1).ravel()
+    parameters = np.append(parameters, knots[-2])
+    return Path(lambda u: at(np.array([u]))[0], parameters, _lengths(at(parameters)), STEPS)
 
 
 def _lengths(points: np.ndarray) -> np.ndarray:
@@ -84,9 +86,9 @@ def _lengths(points: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
-def _catmull_rom(p: np.ndarray, knots: np.ndarray, u: float) -> np.ndarray:
-    """The point at the parameter u, which is between the second and the third of four knots (the pyramid of P. J. Barry
-    and R. N. Goldman, 1988)."""
+def _catmull_rom(p: list[np.ndarray], knots: list[np.ndarray], u: np.ndarray) -> np.ndarray:
+    """The points at parameters u, each between the second and the third of its four knots (the pyramid of P. J. Barry
+    and R. N. Goldman, 1988). Shapes: p four times (N, 3), knots four times (N, 1), u (N, 1)."""
 
     def mixed(a: np.ndarray, b: np.ndarray, i: int, j: int) -> np.ndarray:
         w = (u - knots[i]) / (knots[j] - knots[i])

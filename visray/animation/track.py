@@ -12,13 +12,19 @@ from pydantic import ConfigDict, Field
 
 from visray.quantities import Real
 
-Seconds = Annotated[Real, Field(ge=0)]
+# Longest animation in seconds: a day.
+LONGEST = 86400
+Seconds = Annotated[Real, Field(ge=0, le=LONGEST)]
 MOST_TURNS = 1e6
 Turns = Annotated[Real, Field(ge=-MOST_TURNS, le=MOST_TURNS)]
 Address = Annotated[str, Field(strict=True, min_length=1)]
 
 # Steps of a track at whose ends the scene is checked.
 CHECKS = 4
+# Least time between two keys. It is far less than a frame, and one can divide by it. Times of a day are rounded by
+# 1e-11 s, so it is a little less than the 1e-9 s of messages.
+LEAST = 2.0**-30
+LEAST_SHOWN = "1e-09 s"
 
 
 @dataclass(frozen=True)
@@ -111,16 +117,9 @@ class TimedTrack(Track):
 
     def flaws(self, duration: float) -> list[tuple[str, str]]:
         end = duration if self.end is None else self.end
-        if end > self.begin:
+        if end - self.begin >= LEAST:
             return []
         if self.end is None:
             return [("begin", f"must be before the end of the animation, {duration:g} s")]
-        return [("end", f"must be after begin, which is {self.begin:g} s")]
-
-    def notes(self, duration: float) -> list[tuple[str, str]]:
-        if self.end is None or self.end <= duration:
-            return []
-        last = f"the end of the animation, {duration:g} s"
-        if self.begin >= duration:
-            return [("begin", f"{self.begin:g} s is not before {last}, so the track moves nothing")]
-        return [("end", f"{self.end:g} s is after {last}, so the track is cut off there")]
+        least = f", by at least {LEAST_SHOWN}" if end > self.begin else ""
+        return [("end", f"must be after begin, which is {self.begin:g} s{least}")]

@@ -6,13 +6,14 @@ The file is written aside and takes its name when the movie is complete. The sam
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isfinite
+from math import inf
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageSequence
 
+from visray.animation.animation import MOST_FPS
 from visray.arguments import shown
 from visray.errors import RangeWarning, UserError
 from visray.output import files, movie_mp4
@@ -39,9 +40,15 @@ def check_movie(path: Path, fps: float) -> None:
     """
     if not is_movie(path):
         raise UserError(f"{path}: the name says no kind of movie that visray writes; end it in {ALL}")
-    if isinstance(fps, bool) or not (isinstance(fps, int | float) and isfinite(fps) and fps > 0):
+    if isinstance(fps, bool) or not (isinstance(fps, int | float) and 0 < fps < inf):
         raise UserError(f"fps = {shown(fps)}: must be a number of frames per second greater than 0, such as 25")
-    FORMATS[path.suffix.lower()].check(path, fps)
+    kind = FORMATS[path.suffix.lower()]
+    if fps > MOST_FPS:
+        raise UserError(f"fps = {shown(fps)}: must be at most {MOST_FPS:g}")
+    if 1 / fps > kind.longest:
+        problem = f"a frame would last {1 / fps:g} s, and at most {kind.longest:g} s fit into such a file"
+        raise UserError(f"{path}: {problem}; give at least {1 / kind.longest:.2g} frames per second")
+    kind.check(path, fps)
     files.check_writable(path)
 
 

@@ -33,6 +33,8 @@ class Gif:
 
     # What the size of a frame is a multiple of, and whether frames have alpha.
     multiple, has_alpha = 1, False
+    # Longest frame in seconds: its time is in 16 bits.
+    longest = UNIT * (2**16 - 1) / 1000
 
     def __init__(self, path: Path, width: int, height: int, fps: float):
         self.path, self.fps, self.spool = path, fps, Spool(path.parent)

@@ -47,10 +47,12 @@ def seconds_of(path: Path) -> float:
     _ffmpeg()
     import imageio_ffmpeg
 
-    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(path))
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     about = imageio_ffmpeg.read_frames(str(path))
     try:
-        return frames / next(about)["fps"]
+        fps = next(about)["fps"]
+        # ffmpeg says both with two decimals.
+        return seconds if seconds > fps else frames / fps
     finally:
         about.close()
 
@@ -63,6 +65,9 @@ class Mp4:
 
     # What the size of a frame is a multiple of, and whether frames have alpha.
     multiple, has_alpha = 2, False
+    # Longest frame in seconds. Times are in 31 bits, ffmpeg takes less than 20,000 a second for slow movies, and a
+    # frame may be shown two frames after it is decoded.
+    longest = 2**31 / 20_000 / 2
 
     def __init__(self, path: Path, width: int, height: int, fps: float):
         source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", repr(fps), "-i", "-"]

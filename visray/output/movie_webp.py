@@ -21,6 +21,8 @@ class WebP:
 
     # What the size of a frame is a multiple of, and whether frames have alpha.
     multiple, has_alpha = 1, True
+    # Longest frame in seconds: its milliseconds are in 24 bits.
+    longest = (2**24 - 1) / 1000
 
     def __init__(self, path: Path, width: int, height: int, fps: float):
         self.path, self.fps, self.spool = path, fps, Spool(path.parent)

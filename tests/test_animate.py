@@ -277,6 +277,37 @@ sys.exit(main(sys.argv[1:]))
     assert sorted(x.name for x in Path().iterdir()) == ["ball.json"]
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
+def test_a_cluster_that_ends_slowly_loses_no_finished_frame(file: Path) -> None:
+    """Between the last frame and the end of the movie, Ctrl-C is answered already."""
+    program = """
+import contextlib, os, signal, sys, time
+from visray.animating import FrameMaker
+from visray.cli import animating
+from visray.cli.program import main
+
+@contextlib.contextmanager
+def slow(*more):
+    yield None
+    time.sleep(2.5)
+
+rendered = FrameMaker._rendered
+
+def pressed(self, frame, values):
+    if frame.number == 2:
+        os.kill(os.getpid(), signal.SIGINT)
+    return rendered(self, frame, values)
+
+animating._crew, FrameMaker._rendered = slow, pressed
+sys.exit(main(sys.argv[1:]))
+"""
+    words = ["animate", str(file), "-o", "a.webp", "--quiet"]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True)
+    assert done.returncode == 130 and "stopping: what is done so far is kept" in done.stderr
+    assert len(means(Path("a.webp"))) in (2, 3) and not list(Path().glob("*.lock"))
+
+
 def means(path: Path) -> list[np.ndarray]:
     """The mean colours of the frames of a movie."""
     with Pillow.open(path) as picture:

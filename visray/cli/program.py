@@ -118,8 +118,9 @@ class _Stop:
         return self.number or (progress.Interrupts.last if progress else None)
 
     def loses_nothing(self) -> bool:
-        """Whether nothing would be lost if the process ended now: the main thread has not answered Ctrl-C yet."""
-        return self.count == 0
+        """Whether nothing would be lost if the process ended now: the main thread has not answered Ctrl-C yet, neither
+        here nor in long work, whose results may be about to be written."""
+        return self.last_signal() is None
 
     def repeat(self, unraisable: Any) -> None:
         """Handler of exceptions that Python cannot raise, because they occur while an object is deleted. A

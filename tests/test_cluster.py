@@ -2,11 +2,16 @@
 
 import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
+import threading
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,7 +32,7 @@ from test_same_bits import EACH, FILMS, SPP, at_once, made_of, same
 import visray as vr
 from visray.checkpoint import Checkpoint
 from visray.cli.program import main
-from visray.cluster import address, connecting, crew, local, part, refusal
+from visray.cluster import address, connecting, crew, folders, local, part, refusal
 from visray.cluster.merging import Canvas
 from visray.cluster.part import Cutter, Pace, Part
 from visray.cluster.scene_package import ScenePackage
@@ -35,6 +40,7 @@ from visray.cluster.worker import sample_blocks, tile
 from visray.errors import ClusterWarning, StoppedWarning, StructureWarning, UserError
 from visray.moments import BLOCK
 from visray.moving import moving as prepared_frame
+from visray.output.lock import locked
 from visray.pass_timer import PassTimer
 from visray.passes import empty_film, exposed_once, spread_lanes
 from visray.progress import Interrupts
@@ -229,6 +235,107 @@ def test_without_dask_a_line_says_what_to_install(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(address, "find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"^cluster = 'local:1': needs Dask, .*: pip install 'visray\[cluster\]'$"):
         vr.render(vr.Scene(), cluster="local:1")
+
+
+@pytest.mark.parametrize("port", [0, 65536])
+def test_a_port_that_no_machine_has_is_refused(port: int) -> None:
+    with pytest.raises(UserError, match=rf"^cluster = 'tcp://host:{port}': the port must be from 1 to 65535"):
+        vr.render(vr.Scene(), cluster=f"tcp://host:{port}")
+
+
+@pytest.mark.parametrize(
+    ("host", "is_right"),
+    [("a..b", False), ("a" * 64, False), ("1.2.3", False), ("1.2.3.256", False), ("user@host", False), ("::1", False)]
+    + [("-a", False), ("[1.2.3.4]", False), ("a/b", False), ("a.", True), ("h_1.x-2", True), ("[::1]", True)]
+    + [("1.2.3.4", True), ("a" * 63, True), ("1a", True)],
+)
+def test_a_host_that_no_machine_is_called_is_refused(host: str, is_right: bool) -> None:
+    given = f"tcp://{host}:8786"
+    if is_right:
+        address.check_address(given)
+        return
+    with pytest.raises(
+        UserError, match=rf"^cluster = '.*': {re.escape(host)} is no name of a machine; write one as in"
+    ):
+        vr.render(vr.Scene(), cluster=given)
+
+
+# What other programs send to who connects: nothing, a text, a small number as Dask's readers take it, or an end.
+OTHERS = [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 4, b"\x10" + bytes(200), None]
+
+
+@contextmanager
+def other_program(says: bytes | None) -> Iterator[int]:
+    """A program that is no scheduler, and its port."""
+    accepted = []
+
+    def serve() -> None:
+        with suppress(OSError):
+            while True:
+                accepted.append(listening.accept()[0])
+                accepted[-1].sendall(says) if says is not None else accepted[-1].close()
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=serve, daemon=True).start()
+        yield listening.getsockname()[1]
+        listening.shutdown(socket.SHUT_RDWR)
+    for connection in accepted:
+        connection.close()
+
+
+@pytest.mark.parametrize("says", OTHERS, ids=["silence", "text", "bytes", "end"])
+def test_what_answers_as_no_scheduler_is_refused(says: bytes | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(connecting, "ANSWER", 0.3)
+    reason = (
+        "no scheduler answers within 0.3 s; start one" if says == b"" else "is no Dask scheduler, or one for tls://"
+    )
+    with (
+        other_program(says) as port,
+        pytest.raises(UserError, match=rf"^cluster = 'tcp://127.0.0.1:{port}': {reason}"),
+    ):
+        vr.render(vr.Scene(), cluster=f"tcp://127.0.0.1:{port}", progress=False)
+
+
+def test_a_configuration_of_tls_that_does_not_fit_is_refused() -> None:
+    dask, name = pytest.importorskip("dask"), "distributed.comm"
+    pytest.importorskip("distributed")
+    with pytest.raises(UserError, match=r"^cluster = 'tls://host:8786': needs certificates; give Dask their files as"):
+        vr.render(vr.Scene(), cluster="tls://host:8786", progress=False)
+    with (
+        dask.config.set({f"{name}.tls.ca-file": "/none", f"{name}.tls.client.cert": "/none"}),
+        pytest.raises(UserError, match=r"^cluster = 'tls://host:8786': Dask's configuration of TLS cannot be used, "),
+    ):
+        vr.render(vr.Scene(), cluster="tls://host:8786", progress=False)
+    with (
+        dask.config.set({f"{name}.require-encryption": True}),
+        pytest.raises(UserError, match=r"^cluster = 'tcp://host:8786': Dask's configuration asks for encryption; use"),
+    ):
+        vr.render(vr.Scene(), cluster="tcp://host:8786", progress=False)
+
+
+def test_a_folder_that_a_killed_process_left_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not those of living processes, or of processes elsewhere, which hold their locks."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    program = (
+        "import os, signal, time\nfrom visray.cluster.folders import working_folder\nwith working_folder() as folder:\n"
+        "    (folder / 'a').mkdir()\n    print(folder, flush=True)\n    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    path = os.pathsep.join([str(SCENES.parent), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"TMPDIR": str(tmp_path), "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment)
+    left = Path(done.stdout.strip())
+    elsewhere = left.with_name(left.name + "x")
+    assert (left / "a").is_dir() and left.parent == tmp_path
+    with folders.working_folder() as own:
+        assert list(tmp_path.iterdir()) == [own]
+        elsewhere.mkdir()
+        with locked(elsewhere / folders.HELD):
+            folders.remove_left_behind()
+        assert sorted(tmp_path.iterdir()) == sorted([own, elsewhere])
+        folders.remove_left_behind()
+        assert list(tmp_path.iterdir()) == [own]
+    assert not list(tmp_path.iterdir())
 
 
 # With processes

@@ -90,9 +90,9 @@ setup motion_blur passes attached_picture
 surface_motion motion_vectors moving
 dark
 adaptive
-cluster.quiet cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal cluster.part
-cluster.worker
-cluster.merging cluster.crew cluster.connecting cluster.picture cluster.frames cluster
+cluster.quiet cluster.folders cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal
+cluster.part cluster.worker
+cluster.merging cluster.asking cluster.crew cluster.scheduler cluster.connecting cluster.picture cluster.frames cluster
 certificate provenance picture_layers sampled_layers animation_report explaining renderer animating
 edges
 gradients

@@ -10,6 +10,10 @@ class UserError(Exception):
         self.lines = lines
 
 
+class ClusterLost(UserError):
+    """The scheduler of a cluster or all its workers are lost in the middle of a job. What is done is kept."""
+
+
 class RangeWarning(UserWarning):
     """A file cannot hold some numbers of a picture: they are clamped."""
 

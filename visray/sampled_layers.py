@@ -44,7 +44,8 @@ def layers_of_spp(
     if job is None:
         film, spp = expose(prepared, progress, interrupts, film, timer, look, keep)
     else:
-        film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep)
+        keep_lost = partial(checkpoint.end, finished=False) if checkpoint else lambda film: None
+        film, spp = expose_on(job, prepared, progress, interrupts, film, look, keep, keep_lost)
     stopped = interrupts.requested
     if checkpoint is not None:
         checkpoint.end(film, finished=not stopped)

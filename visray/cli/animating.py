@@ -1,8 +1,8 @@
 """The command `visray animate`: its options and its help."""
 
 import warnings
-from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,7 +46,7 @@ from visray.cli.picture_options import (
     parse_gamma,
 )
 from visray.cli.resuming import missing_frames, refuse_existing, say_how_to_go_on
-from visray.errors import UserError
+from visray.errors import ClusterLost, UserError
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
 
@@ -159,8 +159,10 @@ def animate_command(
             with _crew(cluster if missing else None, threads, not (quiet or json)) as crew:
                 made = partial(_made, crew, missing, maker, not (quiet or json))
                 stopped = _write_frames(made, writer, report, crew is None)
-        if stopped and report.found + len(report.frames) < len(chosen):
+        if (stopped or report.lost) and report.found + len(report.frames) < len(chosen):
             say_how_to_go_on(files)
+        if report.lost:
+            raise report.lost
     if json:
         all_notes = [*(more or {}).get("notes", ()), *notes]
         write_json((more or {}) | report.facts() | {"stopped": stopped, "notes": all_notes})
@@ -189,6 +191,18 @@ def _made(
     yield from made(frames, maker, progress) if crew is None else frames_on(crew, maker, frames, progress, interrupts)
 
 
+@contextmanager
+def _held_back(writer: "FrameWriter", report: FrameReport) -> Iterator[None]:
+    """A `with` block that ends early if the cluster is lost in it and there are finished frames. They are kept before
+    the error is raised, in their movies too."""
+    try:
+        yield
+    except ClusterLost as error:
+        if not writer.has_frames:
+            raise
+        report.lost = error
+
+
 def _write_frames(
     made: Callable[[Interrupts], Generator[tuple["Frame", "Image"]]],
     writer: "FrameWriter",
@@ -203,7 +217,7 @@ def _write_frames(
 
     with Interrupts(has_results=False) as interrupts, Compilations() as compilations:
         interrupts.has_results = writer.has_frames
-        with closing(made(interrupts)) as pairs:
+        with closing(made(interrupts)) as pairs, _held_back(writer, report):
             for frame, image in pairs:
                 if image.metadata["interrupted"]:
                     break

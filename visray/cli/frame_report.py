@@ -6,6 +6,7 @@ from visray import clock
 from visray.cli.rendering import goal_met
 
 if TYPE_CHECKING:
+    from visray.errors import ClusterLost
     from visray.output.frame_files import FrameFiles
 
 # The facts about a frame that are reported, of those that its picture has.
@@ -21,6 +22,7 @@ class FrameReport:
     frames: a dict of facts for each frame that was rendered.
     found: number of frames whose files were finished already.
     goals_met: whether all frames have the error that was asked for.
+    lost: the error that is raised when the finished frames are kept; None if there is none.
     """
 
     def __init__(self, files: "FrameFiles", asked: int, begun: float):
@@ -29,6 +31,7 @@ class FrameReport:
         self.compiled: int | None = 0
         self.found, self.goals_met = 0, True
         self.size = 0, 0
+        self.lost: ClusterLost | None = None
 
     def add(self, picture: dict[str, Any], compiled: int | None) -> None:
         """Adds a frame whose files are written.

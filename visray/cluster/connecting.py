@@ -8,11 +8,13 @@ from visray.cluster.address import check_address, local_count
 from visray.cluster.crew import Crew
 from visray.cluster.local import LocalWorkers, cores, local_cluster
 from visray.cluster.quiet import quiet
+from visray.cluster.scheduler import check_scheduler
 from visray.errors import UserError
 from visray.progress import Bar
 
-# Seconds in which a scheduler must answer, and in which workers must be there.
-ANSWER = 10.0
+# Seconds in which a scheduler must answer, and its workers too. So a line is there within 10 s, with the start of the
+# program and of Dask.
+ANSWER = 8.0
 # Seconds in which the workers of local:N must have started.
 START = 60.0
 
@@ -54,10 +56,11 @@ def _crew(stack: ExitStack, address: str, count: int | None, threads: int | None
         client = stack.enter_context(_client(cluster, address))
         _wait_for_all(client, local, address)
     else:
+        check_scheduler(address, ANSWER)
         client = stack.enter_context(_client(address, address))
         _wait_for_one(client, address)
     crew = Crew(client, address, threads, local)
-    crew.check()
+    crew.check(ANSWER)
     return crew
 
 

@@ -3,15 +3,16 @@
 import time
 import uuid
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from visray import clock
+from visray.cluster.asking import facts_of
 from visray.cluster.local import LocalWorkers
-from visray.cluster.refusal import WorkerRefusal, facts, refused, versions
-from visray.errors import ClusterWarning, UserError
+from visray.cluster.refusal import WorkerRefusal, refused, versions
+from visray.errors import ClusterLost, ClusterWarning, UserError
 
 # Tasks that a worker has at once: one that it does, and one that it takes up as soon as that is done.
 AHEAD = 2
@@ -70,24 +71,27 @@ class Crew:
         """The smallest number of threads of a worker."""
         return self.threads or min(self._threads.values(), default=1)
 
-    def check(self) -> None:
-        """Leaves out workers of other versions, and says so. Raises UserError if no worker is left."""
-        for worker, found in self.client.run(facts, on_error="return").items():
-            self._threads[worker] = found["threads"] if isinstance(found, dict) else 1
-            theirs = found if isinstance(found, dict) else {"problem": f"cannot import visray: {found}"}
-            ours = {} if isinstance(found, Exception) else versions()
-            if reason := refused(theirs, ours):
-                where = f"{worker} on {theirs['machine']}" if "machine" in theirs else worker
-                self._refuse(worker, reason, where)
+    def check(self, seconds: float) -> None:
+        """Leaves out workers of other versions, and those that do not answer in these seconds, and says so. Raises
+        UserError if no worker is left."""
+        with self._reaching():
+            for worker, found in facts_of(self.client, seconds).items():
+                if isinstance(found, dict):
+                    self._threads[worker] = found["threads"]
+                if reason := found if isinstance(found, str) else refused(found, versions()):
+                    where = f"{worker} on {found['machine']}" if isinstance(found, dict) else worker
+                    self._refuse(worker, reason, where)
 
     def send(self, content: Any) -> None:
         """Sends what all further tasks need, such as a package, once to each worker."""
         if content == self._content and self._is_sent:
             return
         self._content = content
-        # There may be no worker at this moment, or the last one is lost just now. Then it is tried again later.
-        with suppress(TimeoutError):
-            self._package = self.client.scatter(content, broadcast=True, hash=False, timeout=SEND)
+        # There may be no worker at this moment, or one is lost just now. Then it is tried again later.
+        with self._reaching():
+            # Not to those that are refused: one that is stopped would never take it.
+            to = {"workers": list(self.workers()), "broadcast": True}
+            self._package = self.client.scatter(content, **to, hash=False, timeout=SEND)
 
     @property
     def _is_sent(self) -> bool:
@@ -96,15 +100,31 @@ class Crew:
 
     def workers(self) -> tuple[str, ...]:
         """Addresses of the workers that are there and not refused. Raises UserError if none can come any more."""
+        self._check_scheduler()
         now = clock.now()
         if now - self._counted >= COUNT:
             self._counted = now
-            if self.client.status != "running":
-                raise UserError(f"cluster = {self.address!r}: the scheduler is gone")
             if self.local and self.local.all_ended():
-                raise UserError(f"cluster = {self.address!r}: all workers have ended: {self.local.last_words()}")
-            self._workers = tuple(w for w in self.client.nthreads() if w not in self.refusals)
+                raise ClusterLost(f"cluster = {self.address!r}: all workers have ended: {self.local.last_words()}")
+            with self._reaching():
+                self._workers = tuple(w for w in self.client.nthreads() if w not in self.refusals)
         return self._workers
+
+    def _check_scheduler(self) -> None:
+        """Raises UserError if the scheduler is gone."""
+        if self.client.status != "running":
+            raise ClusterLost(f"cluster = {self.address!r}: the scheduler is gone")
+
+    @contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """A `with` block that ends early if a machine cannot be reached. Raises UserError if it is the scheduler's."""
+        from distributed.client import ClosedClientError
+
+        try:
+            yield
+        # The KeyError is that of a scheduler that has just lost the worker.
+        except (OSError, KeyError, ClosedClientError):
+            self._check_scheduler()
 
     def has_room(self) -> bool:
         """Whether the workers should get another task."""
@@ -144,8 +164,9 @@ class Crew:
 
     def cancel(self) -> None:
         """Takes all tasks back. A worker that is at one of them ends it, and its result is dropped."""
-        if self.pending:
-            self.client.cancel(list(self.pending))
+        if self.pending and self.client.status == "running":
+            with suppress(OSError):
+                self.client.cancel(list(self.pending))
         self.pending.clear()
         self.waiting.clear()
 
@@ -157,12 +178,13 @@ class Crew:
         if self.waiting and not self._is_sent:
             self.send(self._content)
         while self.waiting and self._is_sent:
-            task = self.waiting.pop(0)
+            task = self.waiting[0]
             # Dask takes a task with the name of another one for the same task.
             key = f"{task.name}-{self.job}-{uuid.uuid4().hex[:8]}"
             only = {"workers": list(workers), "allow_other_workers": False} if self.refusals else {}
-            future = self.client.submit(task.function, self._package, *task.args, key=key, pure=False, **only)
-            self.pending[future] = task
+            with self._reaching():
+                future = self.client.submit(task.function, self._package, *task.args, key=key, pure=False, **only)
+                self.pending[future] = self.waiting.pop(0)
 
     def _say_there_is_none(self) -> None:
         """Warns once that there is no worker."""
@@ -178,10 +200,9 @@ class Crew:
             return []
         from distributed.client import FutureCancelledError
 
-        try:
+        with self._reaching(), suppress(FutureCancelledError):
             return self.client.gather(futures)
-        except FutureCancelledError:
-            return []
+        return []
 
     def _refuse(self, worker: str, reason: str, where: str) -> None:
         """Gives no more tasks to a worker, and says so. Raises UserError if no worker is left."""
@@ -191,7 +212,7 @@ class Crew:
         self._counted = -COUNT
         text = f"cluster = {self.address!r}: worker {where}: {reason}"
         if not self.workers():
-            raise UserError(f"{text}; no other worker is left")
+            raise ClusterLost(f"{text}; no other worker is left")
         warnings.warn(f"{text}; the others do its work", ClusterWarning, stacklevel=2)
 
     def _explained(self, task: Task, error: Exception) -> Exception:

@@ -4,13 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from visray.cluster.folders import working_folder
 from visray.errors import UserError
 
 # Seconds after which a worker ends itself if its scheduler is gone.
@@ -76,11 +76,11 @@ def local_cluster(count: int) -> Iterator[tuple[Any, LocalWorkers]]:
 
     # The scheduler alone: the workers that Dask would start import the user's script once more.
     with (
-        tempfile.TemporaryDirectory(prefix="visray-workers-", ignore_cleanup_errors=True) as folder,
-        dask.config.set(temporary_directory=folder),
+        working_folder() as folder,
+        dask.config.set(temporary_directory=str(folder)),
         LocalCluster(n_workers=0, dashboard_address="127.0.0.1:8787", silence_logs=False) as cluster,
     ):
-        workers = LocalWorkers([], Path(folder))
+        workers = LocalWorkers([], folder)
         try:
             for number in range(count):
                 workers.processes.append(_started(cluster.scheduler_address, number, workers.folder))

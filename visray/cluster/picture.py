@@ -1,6 +1,7 @@
 """Renders a prepared scene into a film, as passes.expose does, with the workers of a cluster."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from visray.cluster.crew import Crew
@@ -9,6 +10,7 @@ from visray.cluster.part import TILES_PER_WORKER, Cutter, Pace, least_lanes
 from visray.cluster.refusal import versions
 from visray.cluster.scene_package import ScenePackage
 from visray.cluster.worker import Order, samples_of
+from visray.errors import ClusterLost
 from visray.film import Film
 from visray.passes import empty_film, first_pass_samples
 from visray.progress import Bar, Interrupts
@@ -42,6 +44,7 @@ def expose_on(
     film: Film | None,
     look: Callable[[Film], None],
     keep: Callable[[Film], None] | None,
+    keep_lost: Callable[[Film], None],
 ) -> tuple[Film, int]:
     """Takes all samples that the scene's settings ask for. Returns the film, and the smallest number of samples of a
     pixel. After Ctrl-C this number is smaller than asked for, perhaps 0: the film has the parts that have come back.
@@ -49,6 +52,7 @@ def expose_on(
     film: film to go on with; None starts an empty one
     look: function that is called with the film at the end, unless pixels have no sample
     keep: as in passes.expose
+    keep_lost: function that is called with the film if the cluster is lost; then ClusterLost is raised
 
     The result is bit for bit that of passes.expose, whatever the workers are, and however many.
     """
@@ -58,7 +62,7 @@ def expose_on(
     # The first tasks are short, and measured.
     pace = Pace(min(first_pass_samples(prepared), cutter.samples_left // (TILES_PER_WORKER * len(crew.workers()))))
     order = Order(versions(), prepared.a.backend, crew.threads, job.at)
-    with Bar("rendering", spp, progress, before="compiling") as bar:
+    with Bar("rendering", spp, progress, before="compiling") as bar, _kept(canvas, keep_lost):
         while (crew.is_busy or not cutter.is_done) and not (canvas.counts.any() and interrupts.requested):
             while crew.has_room() and not cutter.is_done:
                 part = cutter.part(pace.next_samples(cutter.samples_left, len(crew.workers())))
@@ -74,6 +78,17 @@ def expose_on(
     if film.counts.all():
         look(film)
     return film, int(film.counts.min())
+
+
+@contextmanager
+def _kept(canvas: Canvas, keep: Callable[[Film], None]) -> Iterator[None]:
+    """A `with` block, after which the samples that a picture has are kept if the cluster is lost in it."""
+    try:
+        yield
+    except ClusterLost:
+        if canvas.counts.any():
+            keep(canvas.finished())
+        raise
 
 
 def cutter_of(canvas: Canvas, crew: Crew, may_split: bool) -> Cutter:

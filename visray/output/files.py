@@ -124,18 +124,18 @@ def _tidy(folder: Path) -> None:
     A file is removed only if its name is one that visray gives, its process no longer exists, and nobody locks it: a
     process on another machine may have the same number.
     """
-    if fcntl is None:
-        return
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             name = _TEMPORARY.fullmatch(entry.name)
-            if name and entry.is_file(follow_symlinks=False) and not _is_alive(int(name[1])):
+            if name and entry.is_file(follow_symlinks=False) and not may_be_alive(int(name[1])):
                 with suppress(OSError):
                     _remove_unlocked(entry.path)
 
 
-def _is_alive(number: int) -> bool:
-    """Whether there is a process with this number on this machine."""
+def may_be_alive(number: int) -> bool:
+    """Whether there is a process with this number on this machine. True on Windows, where the question ends it."""
+    if fcntl is None:
+        return True
     try:
         os.kill(number, 0)
     except (ProcessLookupError, OverflowError):

@@ -20,6 +20,7 @@ import drjit as dr
 
 from visray.animating import FrameMaker
 from visray.animation.frames import chosen_frames
+from visray.cli.frame_report import FrameReport
 from visray.cli.program import main
 from visray.errors import GoalWarning, StructureWarning
 from visray.output import exr, png
@@ -428,6 +429,15 @@ def test_frames_of_other_samples_or_scenes_are_made_again_with_a_note(
     capsys.readouterr()
     assert run(*words, *more) == 0
     assert f"a.gif: 0 of {COUNT} frames rendered, {COUNT} found finished, " in capsys.readouterr().out
+
+
+def test_what_workers_compile_is_not_known(tmp_path: Path) -> None:
+    files = FrameFiles.of([tmp_path / "a.####.png"], "a", False, fps=5.0)
+    report = FrameReport(files, 2, 0.0)
+    for number in range(2):
+        report.add({"frame": number, "time": number / 5}, None)
+    facts = report.facts()
+    assert facts["compiled"] is None and [f["compiled"] for f in facts["frames"]] == [None, None]
 
 
 def test_an_output_is_named_once(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,14 +1,20 @@
 """Wrong animations are refused, each error in one line with its address."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from track_samples import SCENE, keys, moving
 
 import visray as vr
+from visray.scene.animation_flaws import animation_flaws
+from visray.scene.check import examined
 from visray.scene.edits import parts
+from visray.scene.key_checks import MOST_SCENES, spread
+from visray.scene.scene import ADAPTER
 
 ADDRESS = "objects.ball.center"
 
@@ -340,6 +346,56 @@ def test_tracks_that_go_wrong_only_together_are_named_with_the_time() -> None:
     target = key_track("camera.target", (0, 0, 0), (0, 0, 5), times=[0, 2])
     [found] = lines({"a": origin, "b": target})
     assert found == "animation.tracks: at 2 s, camera.target = [0.0, 0.0, 5.0]: must differ from origin"
+
+
+def many(kind: str, count: int = 2000) -> dict:
+    """A track of many keys, or points."""
+    numbers = np.random.default_rng(1).uniform(1, 2, (count, 3))
+    if kind == "path":
+        return {"type": "path", "address": ADDRESS, "points": numbers.tolist()}
+    times = np.linspace(0, 2, count).tolist()
+    if kind == "transform":
+        steps = [[{"rotate": 30 * x}] for x in numbers[:, 0].tolist()]
+        return {"address": "objects.box.transform", "times": times, "values": steps}
+    return {"address": ADDRESS, "times": times, "values": numbers.tolist()}
+
+
+@pytest.mark.parametrize("kind", ["path", "transform", "keys"])
+def test_many_keys_are_checked_in_few_scenes(kind: str) -> None:
+    raw = parts(SCENE) | {"animation": {"duration": 2, "tracks": {"a": many(kind)}}}
+    scene, seen = ADAPTER.validate_python(raw), []
+
+    def examine(one: dict) -> tuple:
+        seen.append(one)
+        return examined(one)
+
+    assert list(animation_flaws(scene, examine)) == []
+    assert 64 <= len(seen) <= 2 * MOST_SCENES
+
+
+@pytest.mark.parametrize(
+    ("address", "what"), [(ADDRESS, "values.1234.1 = 1e+20"), ("camera.fov", "values.1234 = 1e+20")]
+)
+def test_each_of_many_keys_is_checked(address: str, what: str) -> None:
+    track = many("keys") | {"address": address}
+    column = track["values"] if address == ADDRESS else [30 + x for x, _, _ in track["values"]]
+    column[1234] = [1, 1e20, 1] if address == ADDRESS else 1e20
+    [found] = lines({"a": track | {"values": column}})
+    assert found.startswith(f"animation.tracks.a.{what}") and "must be" in found
+
+
+@pytest.mark.parametrize("part", ["objects.box.transform.0", "objects.ball.center.1", "objects.bite.of.1.center"])
+def test_a_part_of_many_keys_is_checked(part: str) -> None:
+    good = {"objects.box.transform.0": {"rotate": 1.0}, "objects.ball.center.1": 0.5}.get(part, (0.5, 1.7, 0.5))
+    bad = {"objects.box.transform.0": {"rotate": math.inf}, "objects.ball.center.1": 1e10}.get(part, (1e10, 1, 1))
+    values = [good] * 777 + [bad] + [good] * 222
+    [found] = lines({"a": key_track(part, *values, times=np.linspace(0, 2, 1000).tolist())})
+    assert "values.777" in found and "must be" in found
+
+
+def test_some_are_spread_evenly() -> None:
+    assert spread(range(5), 5) == [0, 1, 2, 3, 4] and spread(range(9), 3) == [0, 4, 8]
+    assert spread(range(1000))[:: MOST_SCENES - 1] == [0, 999] and len(spread(range(1000))) == MOST_SCENES
 
 
 @pytest.mark.parametrize(

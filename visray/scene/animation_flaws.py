@@ -14,6 +14,7 @@ from visray.errors import UserError
 from visray.scene.animation_targets import discrete, given_shape, shape, sort_of, still
 from visray.scene.animation_values import track_values
 from visray.scene.edits import edited, value_at, within
+from visray.scene.key_checks import keys_to_check, spread
 from visray.scene.messages import line
 from visray.scene.scene import Scene
 
@@ -99,8 +100,8 @@ def _value_flaws(scene: Scene, name: str, track: KeysTrack, examine: Examine) ->
     found = [_line(name, track, f"values.{i}", text) for i, text in wrong.items() if text]
     found = found or [
         _at_key(name, track, i, flaw)
-        for i, value in enumerate(track.values)
-        for flaw in examine(edited(scene, {track.address: value}))[1]
+        for i in keys_to_check(scene, track.address, track.values)
+        for flaw in examine(edited(scene, {track.address: track.values[i]}))[1]
     ]
     if not found and track.interpolation != "step":
         found = [_line(name, track, f"values.{i}", text) for i, text in between_flaws(sort, track.values)]
@@ -174,10 +175,11 @@ def _overlaps(tracks: dict[str, Track]) -> Iterator[str]:
 
 
 def _wrong_moments(scene: Scene, examine: Examine) -> Iterator[str]:
-    """The errors of the scenes that all tracks make together, at times that each track names."""
-    times = {t for track in scene.animation.tracks.values() for t in track.check_times(scene.animation.duration)}
+    """The errors of the scenes that all tracks make together, at some of the times that each track names."""
+    tracks = scene.animation.tracks.values()
+    times = {t for track in tracks for t in spread(sorted({*track.check_times(scene.animation.duration)}))}
     seen: set[str] = set()
-    for t in sorted(times):
+    for t in spread(sorted(times)):
         for flaw in examine(edited(still(scene), track_values(scene, t)))[1]:
             address = flaw.partition(" = ")[0]
             if address not in seen:

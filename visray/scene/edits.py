@@ -75,7 +75,7 @@ def edited(scene: Scene, assignments: Mapping[str, Any]) -> dict[str, Any]:
         if address == "camera.type" and isinstance(new, str) and new in cameras.BY_TYPE:
             raw = raw | {"camera": cameras.retyped(raw["camera"], new)}
         else:
-            raw = _with(raw, address.split("."), _without_instances(new))
+            raw = with_value(raw, address.split("."), _without_instances(new))
     return raw
 
 
@@ -180,7 +180,7 @@ def _without_instances(new: Any) -> Any:
     return tuple(map(_without_instances, new)) if isinstance(new, (tuple, list)) else python_number(new)
 
 
-def _with(node: Any, keys: list[str], new: Any) -> Any:
+def with_value(node: Any, keys: list[str], new: Any) -> Any:
     """Copy of a node with another value at the end of a path of keys.
 
     keys: the path, from the node to the value.
@@ -193,6 +193,6 @@ def _with(node: Any, keys: list[str], new: Any) -> Any:
     key, *rest = keys
     node = plain(node) if is_dataclass(node) else node
     if isinstance(node, dict):
-        return node | {key: _with(node[key], rest, new)}
+        return node | {key: with_value(node[key], rest, new)}
     i = int(key)
-    return (*node[:i], _with(node[i], rest, new), *node[i + 1 :])
+    return (*node[:i], with_value(node[i], rest, new), *node[i + 1 :])

@@ -9,9 +9,10 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,14 +33,15 @@ from test_same_bits import EACH, FILMS, SPP, at_once, made_of, same
 import visray as vr
 from visray.checkpoint import Checkpoint
 from visray.cli.program import main
-from visray.cluster import address, connecting, crew, folders, local, part, refusal
+from visray.cluster import address, connecting, crew, folders, frames, local, part, refusal
 from visray.cluster.merging import Canvas
 from visray.cluster.part import Cutter, Pace, Part
 from visray.cluster.scene_package import ScenePackage
 from visray.cluster.worker import sample_blocks, tile
-from visray.errors import ClusterWarning, StoppedWarning, StructureWarning, UserError
+from visray.errors import CheckpointWarning, ClusterWarning, StoppedWarning, StructureWarning, UserError
 from visray.moments import BLOCK
 from visray.moving import moving as prepared_frame
+from visray.output.frame_files import FrameWriter
 from visray.output.lock import locked
 from visray.pass_timer import PassTimer
 from visray.passes import empty_film, exposed_once, spread_lanes
@@ -563,3 +565,110 @@ def test_the_terminal_shows_nothing_of_dask(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, env=environment)
     assert (done.returncode, done.stdout, done.stderr) == (0, "4\n", "")
     assert not list(folder.iterdir())
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen]]:
+    """A scheduler in a process of its own, with two workers: its address, and the process."""
+    pytest.importorskip("distributed")
+    found = tmp_path / "scheduler.json"
+    command = [sys.executable, "-m", "dask", "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", found]
+    with ExitStack() as stack:
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen([*command, "--host", "127.0.0.1"], **silent)
+        stack.callback(process.wait)
+        stack.callback(process.kill)
+        while not found.exists():
+            assert process.poll() is None
+            time.sleep(0.1)
+        address = json.loads(found.read_text())["address"]
+        folder = tmp_path / "workers"
+        folder.mkdir()
+        workers = local.LocalWorkers([], folder)
+        stack.callback(workers.end)
+        workers.processes += [local._started(address, number, folder) for number in range(2)]
+        yield address, process
+
+
+@SLOW
+def test_without_the_scheduler_a_picture_is_kept(
+    scheduler: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, add, path = scene_of("box.json", 60, 40, 20), Canvas.add, tmp_path / "a.checkpoint"
+    monkeypatch.setattr(crew, "AHEAD", 0)
+    monkeypatch.setattr(Canvas, "add", lambda *more: (add(*more), scheduler[1].kill(), scheduler[1].wait()))
+    with (
+        pytest.warns(CheckpointWarning, match="keeps the samples; --resume goes on with them$"),
+        pytest.raises(UserError, match=rf"^cluster = '{scheduler[0]}': the scheduler is gone$"),
+    ):
+        vr.render(scene, cluster=scheduler[0], checkpoint=path, progress=False)
+    monkeypatch.undo()
+    found = vr.render(scene, checkpoint=path, resume=True, progress=False)
+    assert equal(found, vr.render(scene, progress=False))
+
+
+@SLOW
+def test_without_the_scheduler_frames_are_kept(
+    scheduler: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("ball.json").write_text(vr.dump(animated()))
+    write = FrameWriter.write
+    monkeypatch.setattr(FrameWriter, "write", lambda *more: (write(*more), scheduler[1].kill(), scheduler[1].wait()))
+    monkeypatch.setattr(frames, "AHEAD", 1)
+    monkeypatch.setattr(crew, "AHEAD", 0)
+    assert main(["animate", "ball.json", "-o", "a.###.png", "-o", "a.gif", "--cluster", scheduler[0]]) == 2
+    said = capsys.readouterr().err
+    assert said.endswith(f"visray: cluster = '{scheduler[0]}': the scheduler is gone\n") and "--resume renders" in said
+    names = sorted(path.name for path in tmp_path.glob("a.*.png"))
+    assert 0 < len(names) < COUNT
+    with PIL.Image.open("a.gif") as movie:
+        assert movie.n_frames == len(names)
+
+
+@SLOW
+def test_a_worker_that_does_not_answer_is_refused(workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connecting, "ANSWER", 4.0)
+    scene = scene_of("box.json", 20, 15, 4)
+    workers.processes[0].send_signal(signal.SIGSTOP)
+    try:
+        with pytest.warns(ClusterWarning, match=r": does not answer within 4 s; the others do its work$"):
+            found = vr.render(scene, cluster=workers.address, progress=False)
+    finally:
+        workers.processes[0].send_signal(signal.SIGCONT)
+    assert equal(found, vr.render(scene, progress=False))
+
+
+@SLOW
+def test_what_a_stopped_worker_had_is_done_when_the_scheduler_gives_it_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    dask = pytest.importorskip("dask")
+    pytest.importorskip("distributed")
+    scene = scene_of("box.json", 60, 40, 20)
+    expected, add, started, stopped = vr.render(scene, progress=False), Canvas.add, local._started, []
+    monkeypatch.setattr(local, "_started", lambda *more: stopped.append(started(*more)) or stopped[-1])
+
+    def stopping(self: Canvas, *more: Any) -> None:
+        if not self.counts.any():
+            stopped[0].send_signal(signal.SIGSTOP)
+        add(self, *more)
+
+    monkeypatch.setattr(Canvas, "add", stopping)
+    with dask.config.set({"distributed.scheduler.worker-ttl": "1s"}):
+        assert equal(vr.render(scene, cluster="local:2", progress=False), expected)
+
+
+@SLOW
+def test_two_clients_at_once_have_their_own_pictures(workers: Any, tmp_path: Path) -> None:
+    path = os.pathsep.join([str(SCENES.parent), os.environ.get("PYTHONPATH", "")])
+    sizes = {"box.json": (60, 40, 20), "earth.json": (50, 30, 40)}
+    clients = []
+    for name, (width, height, spp) in sizes.items():
+        options = ["--size", f"{width}x{height}", "--spp", str(spp), "--cluster", workers.address, "--quiet"]
+        command = [sys.executable, "-m", "visray", "render", SCENES / name, "-o", tmp_path / f"{name}.exr", *options]
+        clients.append(subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}, cwd=tmp_path))
+    assert [client.wait() for client in clients] == [0, 0]
+    for name, size in sizes.items():
+        expected = tmp_path / f"{name}-expected.exr"
+        vr.render(scene_of(name, *size), progress=False).write(expected)
+        found, one = vr.Image.read(tmp_path / f"{name}.exr"), vr.Image.read(expected)
+        assert equal(found, one)

@@ -79,6 +79,7 @@ def test_frames_are_those_of_the_moments_bit_for_bit_and_compile_nothing() -> No
         paint=keys("materials.red.kd", (0.7, 0.1, 0.1), (0.1, 0.7, 0.1), interpolation="smooth"),
     )
     new, pictures = [], []
+    dr.flush_kernel_cache()
     with Compilations() as compilations:
         for image in vr.animate(one, progress=False):
             pictures.append(image)

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,12 @@ from visray.adaptive.stopping import Goal
 from visray.animation.frames import Frame, chosen_frames, frames_at
 from visray.animation.moment import assignments, at
 from visray.arguments import checked_arguments
+from visray.checkpoint import StaleCheckpoint, set_aside
 from visray.cluster.address import check_address
 from visray.cluster.connecting import connected
 from visray.cluster.frames import frames_on
 from visray.errors import StructureWarning, UserError
+from visray.made_layers import made_layers
 from visray.motion_blur import frame_hash, values_while_open
 from visray.motion_vectors import has_motion, next_frame
 from visray.moving import moving
@@ -173,10 +176,18 @@ class FrameMaker:
     def wanted(self, frame: Frame) -> Wanted:
         """What the files of a frame must be to be up to date."""
         s = self.scene.settings
-        settings = {"seed": s.seed, "precision": s.precision}
-        if self.options["error"] is None and self.options["time"] is None:
-            settings = {"spp_asked": s.spp} | settings
-        return Wanted(self.facts(frame), settings, tuple(self.options["layers"]))
+        settings = ({} if self.has_goal else {"spp_asked": s.spp}) | {"seed": s.seed, "precision": s.precision}
+        return Wanted(self.facts(frame), settings, self.layers)
+
+    @cached_property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers that finished frames have."""
+        return made_layers(self.scene, self.options["layers"], self.has_goal, self.options["legend"])
+
+    @property
+    def has_goal(self) -> bool:
+        """Whether frames are rendered to an error or in a time."""
+        return self.options["error"] is not None or self.options["time"] is not None
 
     def __call__(self, frame: Frame) -> Image:
         """The picture of a frame. If nothing moves since the last one, it is the same picture."""
@@ -220,8 +231,12 @@ class FrameMaker:
             warnings.warn(note, StructureWarning, stacklevel=1)
         self.blurs.add(self.prepared.shutter is not None)
         path = self.checkpoint and self.checkpoint(frame)
-        resume = path is not None and path.exists()
-        return render(self.prepared, **options, files=self.files(frame), checkpoint=path, resume=resume)
+        options |= {"files": self.files(frame), "checkpoint": path}
+        try:
+            return render(self.prepared, **options, resume=path is not None and path.exists())
+        except StaleCheckpoint as stale:
+            set_aside(path, stale)
+            return render(self.prepared, **options)
 
     @contextmanager
     def _said_once(self, frame: Frame) -> Iterator[None]:

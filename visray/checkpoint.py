@@ -29,6 +29,10 @@ EVERY, LARGEST_SHARE = 30.0, 0.05
 SAMPLES = {"goal": "a number of samples"}
 
 
+class StaleCheckpoint(UserError):
+    """A checkpoint with which a picture cannot go on: it is of another one, or is damaged."""
+
+
 class Checkpoint:
     """The file that keeps the samples of one picture, and its lock; a context manager.
 
@@ -86,7 +90,7 @@ class Checkpoint:
             yield None
             return
         refusal = "is no checkpoint of visray, or is damaged; delete it to begin anew"
-        with opened_arrays(self.path, refusal) as (arrays, facts):
+        with _refusals_are_stale(), opened_arrays(self.path, refusal) as (arrays, facts):
             asked = PictureIdentity(facts=_facts(identity, goal))
             if difference := asked.difference(PictureIdentity(facts=facts)):
                 if difference == ANOTHER_SCENE and facts.get("moment", self.moment) != self.moment:
@@ -107,7 +111,8 @@ class Checkpoint:
         with self.opened(identity, SAMPLES) as arrays:
             film = None if arrays is None else Film.of_arrays(a, arrays, identity)
         if film is not None and spp is not None and (most := int(film.counts.max())) > spp:
-            raise UserError(f"{self.path}: has {most} samples of a pixel, more than {spp}; ask for {most} or more")
+            text = f"{self.path}: has {most} samples of a pixel, more than {spp}; ask for {most} or more"
+            raise StaleCheckpoint(text)
         return film
 
     def keep(self, film: Film, now: bool = False) -> None:
@@ -155,6 +160,24 @@ class Checkpoint:
     def done(self) -> None:
         """The picture is finished. At the end of the block, the file is removed."""
         self.is_done = True
+
+
+@contextmanager
+def _refusals_are_stale() -> Iterator[None]:
+    """Makes a UserError in a `with` block a StaleCheckpoint."""
+    try:
+        yield
+    except UserError as error:
+        raise StaleCheckpoint(*error.lines) from error.__cause__
+
+
+def set_aside(path: Path, stale: StaleCheckpoint) -> None:
+    """Renames a checkpoint with which a picture cannot go on, so that the picture begins anew, and says so."""
+    kept = path.with_name(f"{path.name}.old")
+    os.replace(path, kept)
+    problem = str(stale).partition(";")[0]
+    text = f"{problem}; it is kept as {kept.name}, and the picture begins anew"
+    warnings.warn(text, CheckpointWarning, stacklevel=3)
 
 
 def _facts(identity: PictureIdentity, goal: dict[str, Any]) -> dict[str, Any]:

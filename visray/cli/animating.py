@@ -107,7 +107,8 @@ def animate_command(
 ) -> int:
     """Render the frames of an animated scene to EXR and PNG files, and to movies. Ctrl-C keeps the finished frames.
 
-    Frame k has the bits that `visray render --at` gives its time. Noise stands still, as all frames have one seed.
+    Frame k has the bits that `visray render --at` gives its time. With another --fps, the shutter and the motion
+    vectors follow it. Noise stands still, as all frames have one seed.
     """
     begun = clock.now()
     if quiet:
@@ -145,7 +146,7 @@ def animate_command(
         maker = FrameMaker(loaded, options, fps, lambda frame: Files(files.paths(frame.number), **shown))
         if (checkpoint or resume) and time is None:
             maker.checkpoint = lambda frame: checkpoint_path([*files.paths(frame.number), *files.movies])
-        files.check(chosen[0].number)
+        files.check([frame.number for frame in chosen])
         if resume:
             files.check_movies([frame.number for frame in chosen])
         elif not overwrite:
@@ -223,6 +224,7 @@ def _write_frames(
                     break
                 writer.write(frame.number, image)
                 interrupts.has_results = True
+                compilations.read()
                 report.add(image.metadata, compilations.count if are_made_here else None)
                 if interrupts.requested:
                     break

@@ -174,6 +174,7 @@ def render_command(
         from visray.adaptive.stopping import Goal
         from visray.checkpoint import held
         from visray.output.image import check_destination
+        from visray.output.sequence import check_unused
         from visray.renderer import render
 
         Goal.from_arguments(error, time, spp, begun)
@@ -182,6 +183,7 @@ def render_command(
         names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
         for path in outputs:
             check_destination(path, curve, exposure)
+            check_unused(path)
         check_legend(loaded, legend)
         with held(checkpoint_path(outputs) if checkpoint or resume else None, resume) as kept_samples:
             image = render(

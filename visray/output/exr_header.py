@@ -107,18 +107,26 @@ def _channel_count(listed: bytes) -> int:
 
 
 def _missing(file: BinaryIO, height: int, compression: bytes) -> int | None:
-    """Number of blocks of rows that the file lacks: those without a place in the file; None if the compression is
-    unknown. The table of places follows the header, 8 bytes for each block."""
+    """Number of blocks of rows that the file lacks: those without a place in the file, or that it cuts off; None if the
+    compression is unknown. The table of places follows the header, 8 bytes for each block."""
     rows = ROWS.get(compression[0])
     if rows is None:
         return None
     blocks, size = -(-height // rows), os.fstat(file.fileno()).st_size
-    present, start = 0, file.tell() + 8 * blocks
+    present, start, last = 0, file.tell() + 8 * blocks, 0
     while blocks > present and start <= size:
         table = file.read(min(8 * (blocks - present), 2**20))
         places = struct.unpack(f"<{len(table) // 8}Q", table)
         if not places or not all(start <= place < size for place in places):
             missing = sum(not start <= place < size for place in places)
             return missing + blocks - present - len(places)
-        present += len(places)
-    return blocks - present
+        present, last = present + len(places), max(last, *places)
+    return blocks - present or int(not _is_whole(file, last, size))
+
+
+def _is_whole(file: BinaryIO, place: int, size: int) -> bool:
+    """Whether the block of rows at a place is in a file of `size` bytes to its end. A block is its first row, the
+    number of its bytes, and these."""
+    file.seek(place)
+    head = file.read(8)
+    return len(head) == 8 and place + 8 + struct.unpack("<4xI", head)[0] <= size

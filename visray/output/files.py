@@ -34,7 +34,7 @@ _REASONS = {
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raises a UserError if a file cannot be written at `path`. Call this before a long render."""
     try:
-        _check(Path(path))
+        check_place(Path(path))
         with _reserved(_target(path)):
             pass
     except OSError as error:
@@ -50,7 +50,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     points to is replaced.
     """
     try:
-        _check(Path(path))
+        check_place(Path(path))
         target = _target(path)
         with _reserved(target) as temporary:
             yield temporary
@@ -62,7 +62,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise _explain(path, error) from error
 
 
-def _check(path: Path) -> None:
+def check_place(path: Path) -> None:
     """Raises a UserError if `path` is not a file that can be written, or if its folder does not exist."""
     folder = path.parent
     if path.is_dir():

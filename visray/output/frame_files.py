@@ -12,6 +12,7 @@ import numpy as np
 from visray.errors import UserError
 from visray.output import png
 from visray.output.curves import Gamma
+from visray.output.files import check_place
 from visray.output.image import Image, check_destination
 from visray.output.lock import locked
 from visray.output.movie import Movie, check_movie, is_movie, movie, seconds_of
@@ -69,13 +70,16 @@ class FrameFiles:
         """The files of a frame, without movies."""
         return [frame_file(pattern, number) for pattern in self.sequences]
 
-    def check(self, number: int) -> None:
-        """Makes the folders of the files. Raises UserError if the files cannot be written. number: of any frame."""
+    def check(self, numbers: Sequence[int]) -> None:
+        """Makes the folders of the files. Raises UserError if a file of the frames with these numbers cannot be
+        written."""
         for path in self.movies:
             check_movie(path, self.fps)
-        for path in self.paths(number):
+        for path in self.paths(numbers[0]):
             _make_folder(path.parent)
             check_destination(path, self.gamma, self.exposure)
+        for path in (path for number in numbers for path in self.paths(number)):
+            check_place(path)
 
     def existing(self, numbers: Sequence[int]) -> list[Path]:
         """Those movies, and those files of the frames with these numbers, that exist."""

@@ -8,6 +8,9 @@ from pathlib import Path
 from visray.errors import UserError
 from visray.leftovers import removed_at_the_end
 
+# The lock of a file has its name and this ending.
+LOCK_SUFFIX = ".lock"
+
 
 @contextmanager
 def locked(path: str | os.PathLike[str]) -> Iterator[None]:
@@ -16,7 +19,7 @@ def locked(path: str | os.PathLike[str]) -> Iterator[None]:
     # Here, because few commands need it.
     from filelock import FileLock, Timeout
 
-    lock = FileLock(f"{path}.lock")
+    lock = FileLock(f"{path}{LOCK_SUFFIX}")
     try:
         lock.acquire(timeout=0)
     except Timeout:

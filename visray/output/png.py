@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ KEYWORDS = {"software": "Software", "owner": "Author", "comments": "Comment", "c
 PREFIX = "visray/"
 # The PNG chunk that marks a file as sRGB, with perceptual intent.
 SRGB_CHUNK = (b"sRGB", b"\0")
+# The last chunk of a file: its length, its name and its checksum.
+END_CHUNK = b"\0\0\0\0IEND\xaeB`\x82"
 
 
 def write_png(path: str | os.PathLike[str], data: bytes) -> None:
@@ -34,10 +37,15 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
 
 
 def read_facts(path: str | os.PathLike[str]) -> dict[str, str]:
-    """The metadata of a PNG file by key, as text. Those of other programs are left out, and no pixels are read."""
+    """The metadata of a PNG file by key, as text. Those of other programs are left out. No pixels are decoded, but
+    their checksums are compared. Raises UserError if the file is damaged or has no end."""
     with _opened(path) as picture:
-        texts = picture.info.items()
-        return {key.removeprefix(PREFIX): text for key, text in texts if str(key).startswith(PREFIX)}
+        texts = list(picture.info.items())
+        picture.verify()
+    # Pillow does not ask for the checksum of the last chunk.
+    if not Path(path).read_bytes().endswith(END_CHUNK):
+        raise UserError(f"{os.fspath(path)}: the PNG file has no end; write it anew")
+    return {key.removeprefix(PREFIX): text for key, text in texts if str(key).startswith(PREFIX)}
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from visray.errors import UserError
 from visray.output.image import SUFFIXES
+from visray.output.lock import LOCK_SUFFIX, locked
 from visray.output.movie import ALL as MOVIES
 from visray.output.movie import is_movie
 
@@ -15,6 +16,22 @@ HASHES = re.compile(r"#+(?=[^#]*$)")
 FOLDER_HASHES = "####"
 # The number of a frame as other programs write it: %04d.
 PRINTF = re.compile(r"%0?(\d?)d")
+
+
+def check_unused(path: Path) -> None:
+    """Raises UserError if another process writes the sequence to which a file belongs."""
+    for lock in path.parent.glob(f"*#*{LOCK_SUFFIX}"):
+        pattern = lock.with_name(lock.name.removesuffix(LOCK_SUFFIX))
+        if _is_frame_of(path, pattern):
+            with locked(pattern):
+                pass
+
+
+def _is_frame_of(path: Path, pattern: Path) -> bool:
+    """Whether a file is that of a frame, by its name."""
+    digits = HASHES.search(pattern.name)
+    before, after = (re.escape(x) for x in (pattern.name[: digits.start()], pattern.name[digits.end() :]))
+    return re.fullmatch(rf"{before}\d{{{len(digits[0])},}}{after}", path.name) is not None
 
 
 def is_pattern(path: Path) -> bool:

@@ -1,6 +1,7 @@
 """Whether the file of a frame is up to date, as its metadata say, and why not."""
 
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,8 @@ from visray.output.layers import BY_NAME
 
 # A frame that has no file yet.
 MISSING = "missing"
-# Layers that are in every picture for which they are asked.
-ALWAYS = ("film", "first hit")
+# In a picture to a goal, each half of a pixel has at least two samples if the pixel has this many.
+ENOUGH_FOR_VARIANCE = 4
 # What a file is in which a fact is another one. Its samples, seed and precision are parts of its scene.
 DIFFERENCES = {
     "visray": "of another version of visray",
@@ -34,7 +35,7 @@ class Wanted:
 
     facts: what its metadata must say; None for what they must not have.
     settings: what its metadata say if the scene has the right settings. It tells why a scene is another one.
-    layers: names of the layers of an EXR file.
+    layers: names of the layers of an EXR file. To a goal, `variance` is missing if a pixel may have too few samples.
     curve: display curve and exposure of a PNG file.
     float32: whether colours of an EXR file are float.
     """
@@ -56,8 +57,9 @@ def outdated(path: Path, wanted: Wanted) -> str | None:
         found, channels = exr.read_facts(path)
     except UserError:
         return "damaged"
-    asked = (BY_NAME[name] for name in wanted.layers)
-    needed = {c for layer in asked if layer.source in ALWAYS and layer.name != "variance" for c in layer.channels}
+    has_few = found.get("spp_least", inf) < ENOUGH_FOR_VARIANCE or "small_object_pixels" in found
+    asked = (BY_NAME[name] for name in wanted.layers if not (name == "variance" and has_few))
+    needed = {channel for layer in asked for channel in layer.channels}
     facts = wanted.facts | {"float32": 1 if wanted.float32 else None}
     return _difference(found, facts, wanted.settings) or (None if needed <= channels else "without some layers")
 

@@ -87,7 +87,7 @@ media indirect
 integrator light_probe
 jacobian wavefront
 setup motion_blur passes attached_picture
-surface_motion motion_vectors moving
+surface_motion motion_vectors moving frame_checks
 dark
 adaptive
 cluster.quiet cluster.folders cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal

@@ -23,7 +23,8 @@ from visray.checkpoint import StaleCheckpoint, set_aside
 from visray.cluster.address import check_address
 from visray.cluster.connecting import connected
 from visray.cluster.frames import frames_on
-from visray.errors import StructureWarning, UserError
+from visray.errors import MomentError, StructureWarning, UserError, of_moment
+from visray.frame_checks import check_frames
 from visray.made_layers import made_layers
 from visray.motion_blur import frame_hash, values_while_open
 from visray.motion_vectors import has_motion, next_frame
@@ -96,6 +97,7 @@ def animate(
     if threads is not None:
         set_threads(threads)
     maker = FrameMaker(scene, options, fps)
+    check_frames(scene, chosen, progress)
     if cluster is None:
         return (image for _, image in made(chosen, maker, progress))
     check_address(cluster)
@@ -195,7 +197,10 @@ class FrameMaker:
         with self._said_once(frame):
             moved = self._moved(frame.time)
             if moved != self.moved:
-                self.image, self.moved = self._rendered(frame, moved[0]), moved
+                try:
+                    self.image, self.moved = self._rendered(frame, moved[0]), moved
+                except MomentError as error:
+                    raise error.of_frame(frame.number) from None
         facts = {"frame": frame.number, "time": frame.time, "render_seconds": clock.now() - begun}
         facts |= {} if self.options["legend"] else {"legend": 0}
         return replace(self.image, metadata=self.image.metadata | facts)
@@ -222,7 +227,9 @@ class FrameMaker:
         before = self.prepared
         # For the first frame, the update changes nothing. It compiles what later frames need.
         base = before or prepare(at(self.scene, frame.time), self.options["backend"])
-        self.prepared = moving(base.updated(values), self.scene, frame.time, self.fps, self.options["layers"])
+        with of_moment(f"at {frame.time:g} s"):
+            updated = base.updated(values)
+        self.prepared = moving(updated, self.scene, frame.time, self.fps, self.options["layers"])
         if before is None and options["time"] is not None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

@@ -1,5 +1,8 @@
 """Errors that a user can correct: one line each, never a traceback."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class UserError(Exception):
     """An error of one or more lines; each line says the address, what is wrong, and what would be right. The command
@@ -12,6 +15,25 @@ class UserError(Exception):
 
 class ClusterLost(UserError):
     """The scheduler of a cluster or all its workers are lost in the middle of a job. What is done is kept."""
+
+
+class MomentError(UserError):
+    """The scene of an animation is not valid at some moment. Each line begins with the time."""
+
+    def of_frame(self, number: int) -> "MomentError":
+        """The same error, with the number of the frame."""
+        return MomentError(*(f"frame {number}, {text}" for text in self.lines))
+
+
+@contextmanager
+def of_moment(when: str) -> Iterator[None]:
+    """A `with` block whose errors are those of a moment. when: words for it, such as "at 1 s"."""
+    try:
+        yield
+    except MomentError:
+        raise
+    except UserError as error:
+        raise MomentError(*(f"{when}: {text}" for text in error.lines)) from None
 
 
 class RangeWarning(UserWarning):

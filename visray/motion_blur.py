@@ -22,6 +22,7 @@ import drjit as dr
 import numpy as np
 
 from visray.animation.moment import assignments
+from visray.errors import of_moment
 from visray.kernel_scene import KernelScene
 from visray.moments import Moments
 from visray.pack import Packed
@@ -49,25 +50,28 @@ class OpenShutter:
 
     base: the prepared scene of the frame's own time.
     values: the values of the animation at each moment.
+    time: the frame's own time in seconds.
     kernels: the scenes of the moments that are kept, by number.
     """
 
     base: Prepared
     values: tuple[Values, ...]
+    time: float
     kernels: dict[int, KernelScene] = field(default_factory=dict)
 
     def kernel(self, number: int) -> KernelScene:
         """The scene of a moment, as kernels read it. number: number of the moment."""
         if number in self.kernels:
             return self.kernels[number]
-        made = self.base.updated(self.values[number])
+        with of_moment(f"at {self.time:g} s, while the shutter is open"):
+            made = self.base.updated(self.values[number])
         if len(self.values) * _changed(self.base.packed, made.packed) <= MOST_KEPT:
             self.kernels[number] = made.kernel
         return made.kernel
 
     def on(self, base: Prepared) -> "OpenShutter":
         """The same moments for a scene with other settings, or of another size."""
-        return OpenShutter(base, self.values)
+        return OpenShutter(base, self.values, self.time)
 
     def hash(self, scene: Scene) -> str:
         """Hash of a frame: that of the scene at its own time, and of the values at all moments."""
@@ -83,7 +87,7 @@ def opened(prepared: Prepared, scene: Scene, t: float, fps: float | None = None)
     fps: frames per second; None: those of the animation.
     """
     values = values_while_open(scene, t, fps)
-    return replace(prepared, shutter=OpenShutter(prepared, values)) if values else prepared
+    return replace(prepared, shutter=OpenShutter(prepared, values, t)) if values else prepared
 
 
 def values_while_open(scene: Scene, t: float, fps: float | None = None) -> tuple[Values, ...]:

@@ -103,7 +103,8 @@ def frame_times(
     """
     rate = animation.fps if fps is None else fps
     if not 0 < rate <= MOST_FPS:
-        raise UserError(f"fps = {shown(rate)}: must be greater than 0, and at most {MOST_FPS:g}")
+        text = f"{rate:g}" if isinstance(rate, float) else shown(rate)
+        raise UserError(f"fps = {text}: must be greater than 0, and at most {MOST_FPS:g}")
     count = max(1, round(animation.duration * rate))
     chosen = range(count) if frames is None else _chosen(frames, count)
     if len(chosen) > MOST:

@@ -6,7 +6,7 @@ from typing import Any
 
 from visray.animation.animation import Animation
 from visray.arguments import checked_arguments
-from visray.errors import UserError
+from visray.errors import UserError, of_moment
 from visray.identity_cache import IdentityCache
 from visray.scene.address import changed
 from visray.scene.animation_targets import still
@@ -41,7 +41,8 @@ def at(scene: Scene, t: float) -> Scene:
     duration = scene.animation.duration
     if not isinstance(t, int | float) or not math.isfinite(t) or not 0 <= t <= duration:
         raise UserError(f"t = {t}: must be a time of the animation, from 0 to {duration:g} s")
-    return changed(_sharp(still(scene)), assignments(scene, t))
+    with of_moment(f"at {t:g} s"):
+        return changed(_sharp(still(scene)), assignments(scene, t))
 
 
 def _checked(scene: Scene) -> Scene:

@@ -46,7 +46,7 @@ from visray.cli.picture_options import (
     parse_gamma,
 )
 from visray.cli.resuming import missing_frames, refuse_existing, say_how_to_go_on
-from visray.errors import ClusterLost, UserError
+from visray.errors import ClusterLost, MomentError, UserError
 from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
 
@@ -124,6 +124,7 @@ def animate_command(
         from visray.adaptive.stopping import Goal
         from visray.animating import FrameMaker
         from visray.animation.frames import chosen_frames
+        from visray.frame_checks import check_frames
         from visray.output.frame_files import FrameFiles
         from visray.setup import set_threads
 
@@ -153,6 +154,7 @@ def animate_command(
             refuse_existing(files, chosen)
         if threads is not None:
             set_threads(threads)
+        check_frames(loaded, chosen, not (quiet or json))
         report = FrameReport(files, len(chosen), begun)
         with files.opened([frame.number for frame in chosen]) as writer:
             missing = missing_frames(chosen, maker, writer) if resume else chosen
@@ -194,14 +196,18 @@ def _made(
 
 @contextmanager
 def _held_back(writer: "FrameWriter", report: FrameReport) -> Iterator[None]:
-    """A `with` block that ends early if the cluster is lost in it and there are finished frames. They are kept before
-    the error is raised, in their movies too."""
+    """A `with` block that ends early if the cluster is lost in it, or a frame is wrong, and there are finished frames.
+    They are kept before the error is raised, in their movies too."""
     try:
         yield
-    except ClusterLost as error:
+    except (ClusterLost, MomentError) as error:
         if not writer.has_frames:
             raise
-        report.lost = error
+        *first, last = error.lines
+        kept = (
+            error if isinstance(error, ClusterLost) else MomentError(*first, f"{last}; the frames before it are kept")
+        )
+        report.lost = kept
 
 
 def _write_frames(

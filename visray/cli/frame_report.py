@@ -6,7 +6,7 @@ from visray import clock
 from visray.cli.rendering import goal_met
 
 if TYPE_CHECKING:
-    from visray.errors import ClusterLost
+    from visray.errors import UserError
     from visray.output.frame_files import FrameFiles
 
 # The facts about a frame that are reported, of those that its picture has.
@@ -31,7 +31,7 @@ class FrameReport:
         self.compiled: int | None = 0
         self.found, self.goals_met = 0, True
         self.size = 0, 0
-        self.lost: ClusterLost | None = None
+        self.lost: UserError | None = None
 
     def add(self, picture: dict[str, Any], compiled: int | None) -> None:
         """Adds a frame whose files are written.

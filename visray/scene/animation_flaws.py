@@ -32,7 +32,7 @@ def animation_flaws(scene: Scene, examine: Examine) -> Iterator[str]:
     """
     if scene.animation is None:
         return
-    tracks, small = scene.animation.tracks, _touched(scene)
+    tracks, small = scene.animation.tracks, touched(scene)
     found = [text for name, track in tracks.items() for text in _own_flaws(scene, small, name, track, examine)]
     found = found or list(_overlaps(tracks))
     yield from found or _wrong_moments(small, examine)
@@ -53,7 +53,7 @@ def _line(name: str, track: Track, part: str, text: str) -> str:
 
 def _own_flaws(scene: Scene, small: Scene, name: str, track: Track, examine: Examine) -> Iterator[str]:
     """The errors of one track: those that it finds itself, those of its targets, and those of its values. small: the
-    scene as _touched returns it"""
+    scene as touched returns it"""
     own = track.flaws(scene.animation.duration)
     found = [_line(name, track, part, text) for part, text in own]
     if track.naming not in dict(own):
@@ -194,7 +194,7 @@ def _at_key(name: str, track: KeysTrack, i: int, flaw: str) -> str:
     return key + rest if rest != flaw and rest[:1] in " .:" else line(key, track.values[i], f"with it, {flaw}")
 
 
-def _touched(scene: Scene) -> Scene:
+def touched(scene: Scene) -> Scene:
     """The scene with as little as possible beside what the tracks write: a check of it takes no longer if the scene is
     large."""
     addresses = [a.split(".") for track in scene.animation.tracks.values() for a in track.addresses()]

@@ -628,7 +628,7 @@ def test_without_the_scheduler_frames_are_kept(
 
 @SLOW
 def test_a_worker_that_does_not_answer_is_refused(workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connecting, "ANSWER", 4.0)
+    monkeypatch.setattr(connecting, "WORKERS", 4.0)
     scene = scene_of("box.json", 20, 15, 4)
     workers.processes[0].send_signal(signal.SIGSTOP)
     try:

@@ -12,9 +12,10 @@ from visray.cluster.scheduler import check_scheduler
 from visray.errors import UserError
 from visray.progress import Bar
 
-# Seconds in which a scheduler must answer, and its workers too. So a line is there within 10 s, with the start of the
-# program and of Dask.
-ANSWER = 8.0
+# Seconds in which a scheduler must answer. So a line is there within 10 s, with the start of the program and of Dask.
+ANSWER = 6.0
+# Seconds in which a scheduler must have workers, and in which they must answer: the first time, they import visray.
+WORKERS = 10.0
 # Seconds in which the workers of local:N must have started.
 START = 60.0
 
@@ -60,7 +61,7 @@ def _crew(stack: ExitStack, address: str, count: int | None, threads: int | None
         client = stack.enter_context(_client(address, address))
         _wait_for_one(client, address)
     crew = Crew(client, address, threads, local)
-    crew.check(ANSWER)
+    crew.check(WORKERS)
     return crew
 
 
@@ -82,7 +83,7 @@ def _client(target: Any, address: str) -> Any:
 def _wait_for_one(client: Any, address: str) -> None:
     """Waits until the scheduler has a worker. Raises UserError if none comes."""
     try:
-        client.wait_for_workers(1, timeout=ANSWER)
+        client.wait_for_workers(1, timeout=WORKERS)
     except TimeoutError:
         raise UserError(f"cluster = {address!r}: it has no workers; start some with: dask worker {address}") from None
 

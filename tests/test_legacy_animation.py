@@ -193,3 +193,11 @@ def test_wrong_steps_are_refused(written: Write, step: dict, text: str) -> None:
 def test_a_wrong_number_of_frames_is_refused(written: Write) -> None:
     with pytest.raises(vr.UserError, match=r"numFrames = 0: must be at least 1"):
         convert(*written(BALL | {"animation": "ROTATION,3"}, numFrames=0))
+
+
+@pytest.mark.parametrize("suffix", ["ELLIPSE,1,1,1e-9", "DOUBLEELLIPSE,1,1,1e-300,1,1,1e-9", "ROTATION,1e-7"])
+def test_turns_of_next_to_no_frames_get_one_line(written: Write, suffix: str) -> None:
+    word = suffix.partition(",")[0]
+    with pytest.raises(vr.UserError, match=f"the number of frames of {word} must be at least 2.5e-05") as refused:
+        vr.load(*written(BALL | {"animation": suffix}))
+    assert len(refused.value.lines) == 1

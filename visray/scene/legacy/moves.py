@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from visray.animation.ellipse import SHORTEST
 from visray.hints import hint
 from visray.scene.legacy.entry import Entry, Log, is_number
 from visray.scene.messages import line
@@ -22,6 +23,8 @@ from visray.scene.messages import line
 FRAMES_PER_SECOND = 25
 # VisRayTrace rendered this number of frames.
 FRAMES = 20
+# Least number of frames of a turn.
+FEWEST = SHORTEST * FRAMES_PER_SECOND
 # The suffixes, each with the number of its numbers.
 SUFFIXES = {"ELLIPSE": 3, "DOUBLEELLIPSE": 6, "ROTATION": 1, "IGNORELIGHTS": 0}
 STEP = dict.fromkeys(("frames", "translate", "scale", "rotate"), ())
@@ -137,8 +140,10 @@ def _suffixes(written: Any, address: str, log: Log) -> list[tuple[str, Any]]:
                 line(address, written, f"{word} takes {count} numbers, the last of each three a number of frames")
             )
             return []
-        if any(frames <= 0 for frames in numbers[2::3] or numbers):
-            log.error(line(address, written, f"the number of frames of {word} must be greater than 0"))
+        turns = numbers[2::3] or numbers
+        if any(frames < FEWEST for frames in turns):
+            least = "greater than 0" if any(frames <= 0 for frames in turns) else f"at least {FEWEST:g}"
+            log.error(line(address, written, f"the number of frames of {word} must be {least}"))
             return []
         if word == "IGNORELIGHTS":
             log.warn(line(address, written, 'IGNORELIGHTS is ignored; give the material the shading "unlit"'))

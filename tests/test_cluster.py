@@ -288,7 +288,8 @@ def other_program(says: bytes | None) -> Iterator[int]:
 @pytest.mark.parametrize("says", OTHERS, ids=["silence", "text", "bytes", "end"])
 def test_what_answers_as_no_scheduler_is_refused(says: bytes | None, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    reason = "is no Dask scheduler, or one for tls://"
+    # Dask tries again if a connection ends before it is used.
+    reason = "is no Dask scheduler, or one for tls://" if says else "(is no Dask scheduler|no scheduler answers)"
     if says == b"":
         monkeypatch.setattr(connecting, "ANSWER", 0.3)
         reason = "no scheduler answers within 0.3 s; start one"

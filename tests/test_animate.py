@@ -18,11 +18,11 @@ from PIL import Image as Pillow
 import visray as vr  # isort: skip - before drjit
 import drjit as dr
 
-from visray.animating import FrameMaker
 from visray.animation.frames import chosen_frames
 from visray.cli.frame_report import FrameReport
 from visray.cli.program import main
 from visray.errors import GoalWarning, StructureWarning
+from visray.frame_maker import FrameMaker
 from visray.output import exr, png
 from visray.output.frame_files import FrameFiles
 from visray.output.lock import locked
@@ -249,7 +249,7 @@ def test_ctrl_c_leaves_no_lock_behind(file: Path, phase: str) -> None:
     """In whatever phase it is pressed: in compiled code, whose process is ended at once, or when workers start."""
     program = """
 import ctypes, os, signal, sys, threading, time
-from visray.animating import FrameMaker
+from visray.frame_maker import FrameMaker
 from visray.cli.program import main
 from visray.cluster import connecting
 
@@ -285,7 +285,7 @@ def test_a_cluster_that_ends_slowly_loses_no_finished_frame(file: Path) -> None:
     """Between the last frame and the end of the movie, Ctrl-C is answered already."""
     program = """
 import contextlib, os, signal, sys, time
-from visray.animating import FrameMaker
+from visray.frame_maker import FrameMaker
 from visray.cli import animating
 from visray.cli.program import main
 
@@ -584,7 +584,7 @@ def test_a_file_that_cannot_be_written_ends_in_one_line_and_the_frames_stay(file
     """As on a full disk: from the fourth frame on, the system allows only small files."""
     program = """
 import resource, sys
-from visray.animating import FrameMaker
+from visray.frame_maker import FrameMaker
 from visray.cli.program import main
 
 rendered = FrameMaker._rendered

@@ -93,7 +93,8 @@ adaptive
 cluster.quiet cluster.folders cluster.local cluster.address cluster.scene_package cluster.kept_scenes cluster.refusal
 cluster.part cluster.worker
 cluster.merging cluster.asking cluster.crew cluster.scheduler cluster.connecting cluster.picture cluster.frames cluster
-certificate provenance made_layers picture_layers sampled_layers animation_report explaining renderer animating
+certificate provenance made_layers picture_layers sampled_layers animation_report explaining renderer
+frame_maker animating
 edges
 gradients
 study

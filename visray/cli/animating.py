@@ -51,9 +51,9 @@ from visray.progress import Bar, Interrupts
 from visray.terminal import kept_notes, write_json, write_line
 
 if TYPE_CHECKING:
-    from visray.animating import FrameMaker
     from visray.animation.frames import Frame
     from visray.cluster.crew import Crew
+    from visray.frame_maker import FrameMaker
     from visray.output.frame_files import FrameWriter
     from visray.output.image import Image
 
@@ -122,9 +122,9 @@ def animate_command(
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
         from visray.adaptive.stopping import Goal
-        from visray.animating import FrameMaker
         from visray.animation.frames import chosen_frames
         from visray.frame_checks import check_frames
+        from visray.frame_maker import FrameMaker
         from visray.output.frame_files import FrameFiles
         from visray.setup import set_threads
 

@@ -7,8 +7,8 @@ from visray.errors import CheckpointWarning, UserError
 from visray.warn import warn
 
 if TYPE_CHECKING:
-    from visray.animating import FrameMaker
     from visray.animation.frames import Frame
+    from visray.frame_maker import FrameMaker
     from visray.output.frame_files import FrameFiles, FrameWriter
 
 

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 if sys.dont_write_bytecode:
     # Rewriting the asserts of all tests takes longer than importing everything else, and each worker would do it anew.
@@ -14,6 +15,9 @@ if sys.dont_write_bytecode:
 import visray  # noqa: F401, I001
 from virtual import machine  # noqa: F401 - for every test
 
+# No test asserts a time: machines are slow now and then.
+settings.register_profile("visray", deadline=None)
+settings.load_profile("visray")
 COLLECTED = pytest.StashKey[list]()
 
 

@@ -456,11 +456,11 @@ def test_describe(table):
     records = {record["column"]: record for record in describe(read)}
     assert records["city"] == {
         "column": "city", "kind": "texts", "count": 3, "missing": 1, "min": None, "max": None, "mean": None,
-        "distinct": 2, "examples": ["Vic", "Reus"], "problem": None,
+        "first": None, "last": None, "distinct": 2, "examples": ["Vic", "Reus"], "problem": None,
     }  # fmt: skip
     assert records["rain"] == {
         "column": "rain", "kind": "numbers", "count": 3, "missing": 1, "min": 1, "max": 4, "mean": 2.5,
-        "distinct": 3, "examples": [1, 2.5, 4], "problem": None,
+        "first": None, "last": None, "distinct": 3, "examples": [1, 2.5, 4], "problem": None,
     }  # fmt: skip
     assert records["odd"]["kind"] == "mixed" and 'line 3 "x"' in records["odd"]["problem"]
     assert records["odd"]["mean"] == pytest.approx(8 / 3) and records["odd"]["count"] == 4

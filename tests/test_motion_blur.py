@@ -5,7 +5,7 @@ from dataclasses import replace
 import drjit as dr
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import visray as vr
@@ -51,7 +51,6 @@ def mean_of_sharp(scene, t, spp):
     shifts=st.lists(st.integers(0, PARTS - 1), min_size=1, max_size=4),
     cuts=st.lists(st.integers(0, 60), max_size=4),
 )
-@settings(deadline=None)
 def test_each_sample_sees_the_moment_of_its_index(moments, spp, shifts, cuts):
     """Rationale: the ends of moments are computed in whole numbers. Expected: those of a loop over all samples."""
     sweeps, shift, end = Sweeps(moments, spp), np.array(shifts, np.int64), 60

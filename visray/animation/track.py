@@ -123,3 +123,11 @@ class TimedTrack(Track):
             return [("begin", f"must be before the end of the animation, {duration:g} s")]
         least = f", by at least {LEAST_SHOWN}" if end > self.begin else ""
         return [("end", f"must be after begin, which is {self.begin:g} s{least}")]
+
+    def notes(self, duration: float) -> list[tuple[str, str]]:
+        if self.end is None or self.end <= duration:
+            return []
+        last = f"the end of the animation, {duration:g} s"
+        if self.begin >= duration:
+            return [("begin", f"{self.begin:g} s is not before {last}, so the track moves nothing")]
+        return [("end", f"{self.end:g} s is after {last}, so the track is cut off there")]

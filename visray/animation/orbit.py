@@ -17,18 +17,12 @@ class OrbitTrack(TimedTrack):
     the camera goes with it."""
 
     naming: ClassVar[str | None] = None
+    follows: ClassVar[bool] = True
+    needs_scene: ClassVar[bool] = True
 
     type: Literal["orbit"] = "orbit"
     turns: Turns = 1.0
     axis: Direction | None = None
-
-    @property
-    def follows(self) -> bool:
-        return True
-
-    @property
-    def needs_scene(self) -> bool:
-        return True
 
     def addresses(self) -> tuple[str, ...]:
         return ("camera.origin", "camera.up") if self.axis is not None else ("camera.origin",)

@@ -15,20 +15,14 @@ class SpinTrack(TimedTrack):
 
     naming: ClassVar[str | None] = "of"
     extends: ClassVar[bool] = True
+    follows: ClassVar[bool] = True
+    needs_scene: ClassVar[bool] = True
 
     type: Literal["spin"] = "spin"
     of: Address
     axis: Direction = (0.0, 1.0, 0.0)
     turns: Turns = 1.0
     center: Point | None = None
-
-    @property
-    def follows(self) -> bool:
-        return True
-
-    @property
-    def needs_scene(self) -> bool:
-        return True
 
     def addresses(self) -> tuple[str, ...]:
         return (f"{self.of}.transform",)

@@ -54,23 +54,17 @@ class Track:
     naming: the field that names what moves; None if there is none
     is_point: whether what moves must be a point
     extends: whether the track adds something to what other tracks write at its addresses
+    follows: whether the track needs values that other tracks write at the same time
+    needs_scene: whether the values of the track depend on those that the scene has at its addresses
     """
 
     naming: ClassVar[str | None] = "address"
     is_point: ClassVar[bool] = False
     extends: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
+    needs_scene: ClassVar[bool] = False
 
     __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
-
-    @property
-    def follows(self) -> bool:
-        """Whether the track needs values that other tracks write at the same time."""
-        return False
-
-    @property
-    def needs_scene(self) -> bool:
-        """Whether the values of the track depend on those that the scene has at its addresses."""
-        return False
 
     def addresses(self) -> tuple[str, ...]:
         """Addresses that the track writes. They are the same at all times."""

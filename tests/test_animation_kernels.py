@@ -8,7 +8,8 @@ from track_samples import ADDRESSES, DURATION, TRACK_SAMPLES, keys, moving
 import visray as vr
 from visray.animation.moment import assignments
 
-TRACKS = {kind.type: track for kind, track in TRACK_SAMPLES.items()} | ADDRESSES
+KINDS = {kind.type: track for kind, track in TRACK_SAMPLES.items()}
+TRACKS = KINDS | ADDRESSES
 
 
 def picture(scene: vr.Scene | vr.Prepared) -> np.ndarray:
@@ -40,8 +41,7 @@ def test_a_track_of_data_compiles_nothing_after_the_first_frame(what: str) -> No
     follows_without_compiling(vr.replaced(DATA, "animation", animation))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("what", TRACKS)
+@pytest.mark.parametrize("what", [*KINDS, *(pytest.param(x, marks=pytest.mark.slow) for x in ADDRESSES)])
 def test_a_track_compiles_nothing_after_the_first_frame(what: str) -> None:
     follows_without_compiling(moving(TRACKS[what]))
 

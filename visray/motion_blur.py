@@ -96,7 +96,8 @@ def values_while_open(scene: Scene, t: float, fps: float | None = None) -> tuple
     if scene.camera.shutter is None:
         return ()
     values = tuple(assignments(scene, x) for x in scene.camera.shutter.times(t, 1 / (fps or scene.animation.fps)))
-    return values if any(x != assignments(scene, t) for x in values) else ()
+    now = assignments(scene, t)
+    return values if any(x != now for x in values) else ()
 
 
 def frame_hash(scene: Scene, values: tuple[Values, ...]) -> str:

@@ -29,7 +29,7 @@ class Journal:
     """Results of an adaptive render, and the buffers whose films are kept with them.
 
     results: the results so far, or those of the checkpoint.
-    told: number of results that the render has asked for.
+    position: number of results that the render has asked for.
     buffers: the buffers by name.
     saved: films of the checkpoint by name, for buffers that do not have them yet.
     """
@@ -37,7 +37,7 @@ class Journal:
     def __init__(self, interrupts: Interrupts | None = None) -> None:
         self.interrupts = interrupts or Interrupts()
         self.results: list[np.ndarray] = []
-        self.told = 0
+        self.position = 0
         self.buffers: dict[str, Filmed] = {}
         self.saved: dict[str, Film] = {}
         self.checkpoint: Checkpoint | None = None
@@ -71,7 +71,7 @@ class Journal:
     @property
     def replays(self) -> bool:
         """Whether the render takes decisions again that the checkpoint has."""
-        return self.told < len(self.results)
+        return self.position < len(self.results)
 
     @property
     def is_kept(self) -> bool:
@@ -81,14 +81,14 @@ class Journal:
     def result(self, compute: Callable[[], Any]) -> np.ndarray:
         """The next result: from the checkpoint, or computed now. compute: function that returns numbers."""
         if self.replays:
-            self.told += 1
-            return self.results[self.told - 1]
+            self.position += 1
+            return self.results[self.position - 1]
         self.restore()
         result = np.asarray(compute())
         # What is computed after Ctrl-C may be of fewer samples than the render would have taken by then.
         if not self.interrupts.requested:
             self.results.append(result)
-            self.told += 1
+            self.position += 1
         return result
 
     def add(self, name: str, buffer: Filmed) -> None:

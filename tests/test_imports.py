@@ -98,6 +98,8 @@ frame_maker animating
 edges
 gradients
 study
+surface_picture
+live
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.resuming
 cli.animating cli.studies cli.files cli.describing cli.data cli.commands cli.program cli
 public

@@ -23,7 +23,7 @@ polynomials.error polynomials.expression polynomials.constants polynomials.simpl
 polynomials.sympy_constants polynomials.functions polynomials.reader polynomials.grammar polynomials.monomials
 polynomials.modular polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.relations
 polynomials.factorization polynomials.program
-polynomials.volume polynomials.catalogue polynomials
+polynomials.volume polynomials.known_surface polynomials.catalogue polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere

@@ -4,64 +4,9 @@ Expressions consist of + - * / ^, x y z, numbers, pi, phi (the golden ratio), sq
 products and powers of the literature, because the expanded polynomials would be evaluated much less accurately.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from itertools import product
+from visray.polynomials.known_surface import KnownSurface, View, chebyshev, permuted, signed
 
-Point = tuple[float | str, float | str, float | str]
-
-
-@dataclass(frozen=True)
-class KnownSurface:
-    """A surface f = 0 inside a sphere.
-
-    title: name of the surface.
-    expression: text of f.
-    radius, centre: the sphere that is the default clip.
-    source: where the surface was published.
-    compact: whether the sphere contains the whole surface. Otherwise the sphere cuts the surface and leaves it open.
-    parameters: default values of the parameters in f.
-    singular: some of the real singular points in the sphere. A coordinate is a number or an expression without x, y, z.
-    """
-
-    title: str
-    expression: str
-    radius: float
-    source: str
-    compact: bool
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    parameters: dict[str, float] = field(default_factory=dict)
-    singular: tuple[Point, ...] = ()
-
-
-def _signed(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points, and all points that differ from them only in the signs of coordinates."""
-    signed = {}
-    for p in points:
-        for signs in product(*(("",) if c == "0" else ("", "-") for c in p)):
-            signed[tuple(s + c for s, c in zip(signs, p))] = None
-    return tuple(signed)
-
-
-def _permuted(*points: tuple[str, str, str]) -> tuple[Point, ...]:
-    """The points, and all points with cyclically permuted coordinates."""
-    return tuple(dict.fromkeys(q for a, b, c in points for q in ((a, b, c), (b, c, a), (c, a, b))))
-
-
-def _chebyshev(n: int, values: dict[int, str], odd: Iterable[int]) -> tuple[Point, ...]:
-    """The nodes (singular points) of T_n(x) + T_n(y) + T_n(z) + 1, with the Chebyshev polynomial T_n.
-
-    Their coordinates are cos(i pi / n), where two of the three numbers i are odd and one is even.
-
-    values: text of cos(i pi / n) for each i from 1 to n - 1.
-    odd: the odd numbers i.
-    """
-    return tuple(
-        tuple(values[i] for i in indices)
-        for indices in product(range(1, n), repeat=3)
-        if sum(i in odd for i in indices) == 2
-    )
-
+__all__ = ["SURFACES", "KnownSurface", "View"]
 
 _T4 = "(2*(2*{0}^2 - 1)^2 - 1)"
 _T6 = "(2*(4*{0}^3 - 3*{0})^2 - 1)"
@@ -112,12 +57,12 @@ _CLEBSCH = (
     " + 126*(x*y + y*z + z*x) - 9*(x^2 + y^2 + z^2) - 9*(x + y + z) + 1"
 )
 _KLEIN = "(x^2 + y^2 + z^2 + 2*y - 1)*((x^2 + y^2 + z^2 - 2*y - 1)^2 - 8*z^2) + 16*x*z*(x^2 + y^2 + z^2 - 2*y - 1)"
-_SEXTIC_NODES = _signed(("1", "1", "1")) + _signed(
-    *_permuted(("0", "(phi - 1)", "phi"), ("1", "0", "0"), ("1/2", "phi/2", "(phi - 1)/2"))
+_SEXTIC_NODES = signed(("1", "1", "1")) + signed(
+    *permuted(("0", "(phi - 1)", "phi"), ("1", "0", "0"), ("1/2", "phi/2", "(phi - 1)/2"))
 )
 # Points of the curve x^2 + 9/4 y^2 = 1, z = 0, on which f has zeros of multiplicity 3.
-_HEART_EQUATOR = _signed(("1", "0", "0"), ("0", "2/3", "0"), ("3/5", "8/15", "0"), ("4/5", "2/5", "0"))
-_HUNT_EDGE = _signed(
+_HEART_EQUATOR = signed(("1", "0", "0"), ("0", "2/3", "0"), ("3/5", "8/15", "0"), ("4/5", "2/5", "0"))
+_HUNT_EDGE = signed(
     ("sqrt(64/7)", "0", "sqrt(27/7)"), ("2", "6/sqrt(5)", "3/sqrt(5)"), ("0", "sqrt(64/5)", "sqrt(1/5)")
 )
 
@@ -140,12 +85,12 @@ SURFACES: dict[str, KnownSurface] = {
     "torus": KnownSurface("Torus", "(x^2 + y^2 + z^2 + 21/25)^2 - 4*(x^2 + y^2)", 1.41,
                           "elementary: radii 1 and 2/5", True),
     "spindle-torus": KnownSurface("Spindle torus", "(x^2 + y^2 + z^2 - 3/4)^2 - (x^2 + y^2)", 1.51,
-                             "elementary: radii 1/2 and 1", True, singular=_signed(("0", "0", "sqrt(3)/2"))),
+                             "elementary: radii 1/2 and 1", True, singular=signed(("0", "0", "sqrt(3)/2"))),
     "dupin-cyclide": KnownSurface("Dupin ring cyclide", "(x^2 + y^2 + z^2 + 3/16)^2 - 4*(x - 3/8)^2 - 3*y^2", 2.3,
                              "MathWorld, Cyclide: a = 1, b^2 = 3/4, c = 1/2, d = 3/4", True),
     "roman": KnownSurface("Roman surface of Steiner", "x^2*y^2 + x^2*z^2 + y^2*z^2 - 2*x*y*z", 1.2, "Steiner 1844",
                           False,
-                     singular=((0, 0, 0),) + _signed(*_permuted(("1", "0", "0"), ("1/2", "0", "0")))),
+                     singular=((0, 0, 0),) + signed(*permuted(("1", "0", "0"), ("1/2", "0", "0")))),
     "boy": KnownSurface("Boy surface of Apéry", _BOY, 2.5, "Apéry 1986", True, singular=(("0", "0", "0"),)),
     "klein-bottle": KnownSurface("Klein bottle", _KLEIN, 4.5, "MathWorld, Klein Bottle (Stewart 1991)", True,
                             singular=(("0", "1 + sqrt(2)", "0"), ("0", "1 - sqrt(2)", "0"), ("sqrt(2)", "1", "0"),
@@ -160,7 +105,7 @@ SURFACES: dict[str, KnownSurface] = {
     "piriform": KnownSurface("Piriform surface", "x^4 - x^3 + y^2 + z^2", 1.2, "MathWorld, Piriform Surface", True,
                         singular=((0, 0, 0),)),
     "chmutov-4": KnownSurface("Chmutov quartic", _sum(_T4, " + 1"), 1.7321, "Chmutov 1992", True,
-                         singular=_chebyshev(4, _COS4, (1, 3))),
+                         singular=chebyshev(4, _COS4, (1, 3))),
     "togliatti": KnownSurface("Togliatti quintic", _TOGLIATTI, 5.0, "Beauville 1980: 31 nodes", False,
                          singular=((0, 0, -0.3717480344601845), ("1 - sqrt(5)", 0, -1.8587401723009225))),
     "barth-sextic": KnownSurface(
@@ -168,7 +113,7 @@ SURFACES: dict[str, KnownSurface] = {
         " - (1 + 2*phi)*(x^2 + y^2 + z^2 - 1)^2", 2.0, "Barth 1996: 65 nodes, 15 of them at infinity", False,
         singular=_SEXTIC_NODES),
     "chmutov-6": KnownSurface("Chmutov sextic", _sum(_T6, " + 1"), 1.7321, "Chmutov 1992", True,
-                         singular=_chebyshev(6, _COS6, (1, 3, 5))),
+                         singular=chebyshev(6, _COS6, (1, 3, 5))),
     "banchoff-chmutov-6": KnownSurface("Banchoff-Chmutov sextic", _sum(_T6, ""), 1.7321, "Banchoff 1991", True),
     "distel": KnownSurface("Distel", "x^2 + y^2 + z^2 + 1000*(x^2 + y^2)*(x^2 + z^2)*(y^2 + z^2) - 1", 1.05,
                       "Hauser's gallery", True),
@@ -187,13 +132,13 @@ SURFACES: dict[str, KnownSurface] = {
                                      (-0.59110597854170510, 0, -0.36854854943848053),
                                      (0.83106941791721556, 0, -0.18493034305746936))),
     "chmutov-8": KnownSurface("Chmutov octic", _sum(_T8, " + 1"), 1.7321, "Chmutov 1992", True,
-                         singular=_chebyshev(8, _COS8, (1, 3, 5, 7))),
+                         singular=chebyshev(8, _COS8, (1, 3, 5, 7))),
     "endrass-octic": KnownSurface("Endraß octic", _ENDRASS, 2.6, "MathWorld, Endrass Octic: 168 nodes, 24 at infinity",
-                             False, singular=_signed(("1/sqrt(2)", "0", "0"), ("0", "1/sqrt(2)", "0"),
+                             False, singular=signed(("1/sqrt(2)", "0", "0"), ("0", "1/sqrt(2)", "0"),
                                                      ("1", "(sqrt(2) - 1)", "1/2"), ("sqrt(2)", "0", "1/2"),
                                                      ("(1 + sqrt(2))/2", "1/2", "0"), ("sqrt(2)", "0", "3/2"))),
     "barth-decic": KnownSurface("Barth decic", _DECIC, 2.6, "Barth 1996: 345 nodes, 45 of them at infinity", False,
-                           singular=_signed(*_permuted(("1", "0", "0"),
+                           singular=signed(*permuted(("1", "0", "0"),
                                                      ("0.5720614028176843", "0.21850801222441055",
                                                       "0.08346263385554731")))),
 }  # fmt: skip

@@ -47,6 +47,7 @@ class Prepared:
         by `updated`
     pace: how long passes without motion blur take; one for the same scenes
     after: the scene of the next frame of an animation, for motion vectors; None for a scene of its own
+    without: names of effects that are left out, whatever the scene asks for
     """
 
     scene: Scene
@@ -62,6 +63,7 @@ class Prepared:
     looked: set[str] = field(default_factory=set)
     pace: PassTimer = field(default_factory=PassTimer)
     after: Scene | None = None
+    without: tuple[str, ...] = ()
 
     @checked_arguments
     def updated(self, assignments: Mapping[str, Any]) -> "Prepared":
@@ -87,15 +89,20 @@ class Prepared:
         film."""
         if scene is self.scene or (scene.settings == self.scene.settings and scene.film == self.scene.film):
             return self
-        made = self._with(scene, self.packed if scene.film == self.scene.film else None)
+        made, film = self._with(scene, self.packed), scene.film
+        if len(made.order) != film.width * film.height or film.width != self.scene.film.width:
+            films.check_memory(film.width, film.height)
+            order, x, y = lanes(self.a, film.width, film.height)
+            made = replace(made, order=order, x=x, y=y)
         return replace(made, shutter=self.shutter.on(made)) if self.shutter else made
 
     def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
         """The scene `scene`, prepared with the packed numbers `packed`. If these are None, or if `scene` needs another
         kernel, everything is prepared again."""
-        effects, previous = features(scene), self.kernel
+        effects, previous = features(scene, without=self.without), self.kernel
         if packed is None or effects != self.features or scene.settings.precision != self.scene.settings.precision:
-            return replace(prepare(scene, self.a.backend, brute_force=previous.brute_force), after=self.after)
+            options = {"brute_force": previous.brute_force, "without": self.without}
+            return replace(prepare(scene, self.a.backend, **options), after=self.after)
         kernel = kernel_scene(
             packed, scene, effects, self.a, previous.atlas, previous.brute_force, (self.packed, previous)
         )
@@ -135,7 +142,9 @@ def prepare(
     if attach is not None:
         attach(packed)
     kernel = kernel_scene(packed, scene, effects, a, _atlas(scene, packed, a), brute_force)
-    return Prepared(scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene))
+    return Prepared(
+        scene, a, effects, packed, kernel, *lanes(a, width, height), _identities(scene), without=tuple(without)
+    )
 
 
 def refuse_within_kernel() -> None:

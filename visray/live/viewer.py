@@ -1,0 +1,47 @@
+"""A viewer: one browser, with its own camera and the size of its window."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from visray.live.frame import Frame
+from visray.live.picture import LivePicture, Pace
+from visray.setup import Prepared
+
+
+class Viewer:
+    """What one browser looks at, and where its pictures go.
+
+    send: function that gets each new state of the picture. It is called in the thread that renders, and must return at
+        once.
+    size: width and height of the picture in pixels.
+    camera: a camera, or None for that of the scene.
+
+    The other fields belong to the engine (engine.py).
+    """
+
+    def __init__(self, send: Callable[[Frame], None], size: tuple[int, int], camera: Any = None):
+        self.send = send
+        self._wanted = (camera, size)
+        self._lock = threading.Lock()
+        self.changed: Callable[[], None] = lambda: None
+        # State that only the thread that renders reads and writes.
+        self.shown: tuple[Any, tuple[int, int]] | None = None
+        self.prepared: Prepared | None = None
+        self.picture: LivePicture | None = None
+        self.pace = Pace()
+        self.change, self.begun = 0, 0.0
+
+    def look(self, camera: Any = None, size: tuple[int, int] | None = None) -> None:
+        """Looks with another camera, or at a picture of another size. May be called from any thread. Only the newest
+        values count."""
+        with self._lock:
+            old_camera, old_size = self._wanted
+            self._wanted = (camera or old_camera, size or old_size)
+        self.changed()
+
+    @property
+    def wanted(self) -> tuple[Any, tuple[int, int]]:
+        """The newest camera (None: that of the scene) and size."""
+        with self._lock:
+            return self._wanted

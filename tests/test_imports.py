@@ -98,10 +98,11 @@ frame_maker animating
 edges
 gradients
 study
+surface_picture.jet surface_picture.field surface_picture.whereabouts surface_picture.picture surface_picture.scene
 surface_picture
 live
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.resuming
-cli.animating cli.studies cli.files cli.describing cli.data cli.commands cli.program cli
+cli.animating cli.studies cli.files cli.describing cli.data cli.surface cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

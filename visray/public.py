@@ -39,6 +39,7 @@ from visray.setup import Prepared
 from visray.study.cost.study import cost
 from visray.study.cost.tuning import tune
 from visray.study.pixel.why import why
+from visray.surface_picture.scene import surface_scene
 from visray.textures import CheckerTexture, ImageTexture
 from visray.transforms import Matrix, Rotate, Scale, Translate
 from visray.version import __version__
@@ -103,6 +104,7 @@ __all__ = [
     "projected",
     "render",
     "replaced",
+    "surface_scene",
     "tune",
     "value",
     "why",

@@ -1,0 +1,147 @@
+"""The command `visray surface`: a picture of a surface f(x, y, z) = 0 without a scene file."""
+
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import isfinite
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from visray import clock
+from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
+from visray.errors import UserError
+from visray.terminal import write_line
+
+# Error of a picture for which nothing else is asked.
+ERROR = 0.01
+
+
+@app.command(name="surface")
+def surface_command(
+    formula: Annotated[
+        str,
+        Parameter(
+            help='f(x, y, z) as text, such as "x^2 + y^2 - z^2 - a", an equation, or the name of a known surface.',
+            allow_leading_hyphen=True,
+        ),
+    ],
+    /,
+    *,
+    output: Annotated[
+        list[Path],
+        Parameter(
+            name=("--output", "-o"),
+            help="A .png or .exr file. May be given more than once. Default: the name of the known surface, or "
+            "surface, as .png.",
+            show_default=False,
+        ),
+    ] = [],  # noqa: B006 - only read
+    param: Annotated[
+        list[str],
+        Parameter(help="NAME=NUMBER: a parameter of the formula. May be given more than once.", show_default=False),
+    ] = [],  # noqa: B006 - only read
+    clip: Annotated[
+        float | None,
+        Parameter(help="Radius of the ball in which the surface is drawn. Default: fitted.", allow_leading_hyphen=True),
+    ] = None,
+    towards: Annotated[
+        str | None,
+        Parameter(
+            name="--from",
+            help="X,Y,Z: direction from which the surface is seen; z is upwards. Default: chosen.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None,
+    color: Annotated[str | None, Parameter(help="RED,GREEN,BLUE from 0 to 1: colour of the outside.")] = None,
+    save: Annotated[Path | None, Parameter(help="Write the scene to this .json file.")] = None,
+    set: Settings = [],  # noqa: B006 - the name of the option; only read
+    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 640x640.")] = None,
+    spp: Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as many as the error needs.")] = None,
+    error: Annotated[
+        Share | None,
+        Parameter(help="Take samples until the error is no larger: 0.01 or 1% is 1 % of the luminance. Default: 1%."),
+    ] = None,
+    time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
+    threads: Threads = None,
+    quiet: flag("Print nothing, and show no progress.") = False,
+    json: Json = False,
+) -> int:
+    """Show the surface of a formula as a picture: clip, camera, lights and colours are fitted to it.
+
+    With --save the scene becomes a file, to be changed and rendered by `visray render`. `visray surfaces` lists the
+    known surfaces. A formula that begins with a minus stands after two of them: visray surface -- "-x^2 + y".
+    """
+    if quiet:
+        warnings.simplefilter("ignore")
+    film, numbers = parse_size(size), dict(map(_parse_parameter, param))
+    direction, rgb = _parse_triple("--from", towards, "1,-2,1"), _parse_triple("--color", color, "0.8,0.3,0.1")
+    from visray.adaptive.stopping import Goal
+    from visray.cli.rendering import render_command
+    from visray.output.files import check_writable, write_text
+    from visray.output.image import check_destination
+    from visray.progress import Bar
+    from visray.scene.check import checked
+    from visray.scene.load import dump
+    from visray.surface_picture.picture import surface_picture
+
+    if error is None and time is None and spp is None:
+        error = ERROR
+    Goal.from_arguments(error, time, spp, clock.now())
+    for path in output:
+        check_destination(path)
+    if save is not None:
+        if save.suffix.lower() != ".json":
+            raise UserError(f"{save}: a scene is a .json file; end the name so")
+        check_writable(save)
+    with Bar("looking at the surface", 1, not (quiet or json)):
+        made = surface_picture(formula, numbers, film or (640, 640), clip, direction, rgb)
+        scene = checked(made.scene)
+    with _scene_file(save, made.name) as file:
+        write_text(file, dump(scene, file.parent))
+        for text in made.notes:
+            warnings.warn(text, stacklevel=1)
+        if save is not None and not (quiet or json):
+            write_line(f"{save}: written")
+        report = {"notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
+        return render_command(
+            file, output=output or [Path(f"{made.name}.png")], spp=spp, error=error, time=time, threads=threads,
+            set=set, quiet=quiet, json=json, more=report,
+        )  # fmt: skip
+
+
+def _parse_parameter(text: str) -> tuple[str, float]:
+    """Name and value from a text such as a=0.5."""
+    name, sign, number = (part.strip() for part in text.partition("="))
+    try:
+        value = float(number)
+    except ValueError:
+        value = float("nan")
+    if not (name and sign and isfinite(value)):
+        raise UserError(f"--param = {text!r}: must be NAME=NUMBER, such as a=0.5")
+    return name, value
+
+
+def _parse_triple(option: str, text: str | None, example: str) -> tuple[float, float, float] | None:
+    """Three numbers from a text; None if there is no text. example: what would be right."""
+    if text is None:
+        return None
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not all(map(isfinite, numbers)):
+        raise UserError(f"{option} = {text!r}: must be three numbers with commas between, such as {example}")
+    return numbers
+
+
+@contextmanager
+def _scene_file(save: Path | None, stem: str) -> Iterator[Path]:
+    """Yields the path of the scene file: that of the user, or one in a folder that is removed afterwards."""
+    if save is not None:
+        yield save
+        return
+    with tempfile.TemporaryDirectory(prefix="visray-") as folder:
+        yield Path(folder, f"{stem}.json")

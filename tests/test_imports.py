@@ -62,6 +62,7 @@ animation.moment
 data_report mesh_report clip_report constant_report csg_report track_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
+output.system_viewer output.preview
 output.image output.lock
 output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence
 output.up_to_date output.frame_files output.movie_of_images
@@ -101,7 +102,7 @@ study
 surface_picture.jet surface_picture.field surface_picture.whereabouts surface_picture.picture surface_picture.scene
 surface_picture
 live
-cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.rendering cli.frame_report cli.resuming
+cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing cli.rendering cli.frame_report cli.resuming
 cli.animating cli.studies cli.files cli.describing cli.data cli.surface cli.commands cli.program cli
 public
 __init__ __main__
@@ -180,6 +181,7 @@ def outside(path: Path) -> set[str]:
         ("trimesh", ("meshes.",)),
         ("flip_evaluator", ("study.cost.errors",)),
         ("rich", ("tables", "progress")),
+        ("textual_image", ("output.preview",)),
         ("distributed", ("cluster.",)),
         ("dask", ("cluster.",)),
     ],

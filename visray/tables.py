@@ -4,17 +4,16 @@ are shown as escapes.
 Together with progress.py, the only access to rich.
 """
 
-import sys
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.table import Column
 from rich.table import Table as RichTable
 from rich.text import Text
 
 from visray import terminal
 
-__all__ = ["Column", "Table", "show", "styled"]
+__all__ = ["Column", "Console", "RenderableType", "Table", "console", "show", "styled"]
 
 
 class Table(RichTable):
@@ -38,21 +37,13 @@ def styled(text: str, style: str = "") -> Text:
     return Text(terminal.printable(text), style)
 
 
+def console(**more: Any) -> Console:
+    """A console of rich on standard output, which takes texts as they are. more: further arguments of rich's class."""
+    return Console(file=terminal.Output(), markup=False, emoji=False, highlight=False, **more)
+
+
 def show(*tables: Table) -> None:
     """Writes tables to standard output."""
-    console = Console(file=_Output(), markup=False, emoji=False, highlight=False)
+    paper = console()
     for table in tables:
-        console.print(table)
-
-
-class _Output:
-    """Standard output as a file for rich, which writes through the door to the terminal."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(sys.stdout, name)
-
-    def write(self, text: str) -> None:
-        terminal.write(text)
-
-    def flush(self) -> None:
-        """Does nothing, because the door writes at once."""
+        paper.print(table)

@@ -8,12 +8,22 @@ import io
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from visray.errors import UserError
+
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    termios = tty = None
+
+# Seconds in which the last answers of a terminal come, also of one that is far away.
+LATE = 0.2
 
 
 class _Unfailing(io.TextIOWrapper):
@@ -71,6 +81,85 @@ def write(text: str) -> None:
         raise
     except OSError as error:
         raise UserError(f"standard output: cannot be written, {error.strerror or error}") from error
+
+
+class Output:
+    """Standard output as a file for a library, which writes through this door.
+
+    is_terminal: what isatty() answers; None: whether it is a terminal.
+    """
+
+    def __init__(self, is_terminal: bool | None = None) -> None:
+        self.is_terminal = is_terminal
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(sys.stdout, name)
+
+    def isatty(self) -> bool:
+        return is_terminal() if self.is_terminal is None else self.is_terminal
+
+    def write(self, text: str) -> int:
+        write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Does nothing, because the door writes at once."""
+
+
+def is_terminal() -> bool:
+    """Whether standard output is a terminal."""
+    return sys.stdout.isatty()
+
+
+def can_write(text: str) -> bool:
+    """Whether the encoding of standard output has all characters of a text."""
+    try:
+        text.encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def answers() -> bool:
+    """Whether the terminal on standard output may be asked what it can do. Its answers are read from standard input, so
+    this must be a terminal too, and other programs must not be waiting for what the user types there."""
+    try:
+        if not (sys.stdout.isatty() and sys.__stdin__.isatty()):
+            return False
+        # The system stops a process in the background that changes how the terminal reads.
+        return termios is None or os.tcgetpgrp(sys.__stdin__.fileno()) == os.getpgrp()
+    except (AttributeError, OSError, ValueError):
+        return False  # a stream is missing, closed, or of no terminal that this process may steer
+
+
+@contextmanager
+def answered() -> Iterator[None]:
+    """A `with` block in which the terminal is asked questions. Answers are not shown; those that come late are dropped,
+    so that the shell does not take them for a command."""
+    if termios is None:
+        yield
+        return
+    number = sys.__stdin__.fileno()
+    mode = termios.tcgetattr(number)
+    tty.setcbreak(number, termios.TCSANOW)
+    try:
+        yield
+        time.sleep(LATE)
+    finally:
+        termios.tcsetattr(number, termios.TCSAFLUSH, mode)
+
+
+@contextmanager
+def as_output(is_terminal: bool) -> Iterator[None]:
+    """A `with` block in which a library that writes to sys.__stdout__ writes through this door.
+
+    is_terminal: whether the library takes it for a terminal, which it may ask.
+    """
+    before, sys.__stdout__ = sys.__stdout__, Output(is_terminal)
+    try:
+        yield
+    finally:
+        sys.__stdout__ = before
 
 
 def write_line(text: str) -> None:

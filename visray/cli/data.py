@@ -14,6 +14,8 @@ from cyclopts import Parameter
 from visray import clock
 from visray.cli.describing import describe_table
 from visray.cli.options import Integer, Json, Share, Threads, app, flag, parse_list, parse_size
+from visray.cli.picture_options import Preview, Show
+from visray.cli.showing import Showing
 from visray.errors import UserError
 from visray.terminal import write_line
 
@@ -114,6 +116,8 @@ def data_command(
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
     threads: Threads = None,
+    show: Show = False,
+    preview: Preview = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
 ) -> int:
@@ -124,7 +128,10 @@ def data_command(
     """
     if describe:
         return describe_table(file, json)
-    outputs = output or [Path(file.stem + ".png")]
+    if quiet:
+        warnings.simplefilter("ignore")
+    showing = Showing.of(show, preview, json)
+    outputs = showing.outputs(output, [Path(file.stem + ".png")])
     if save is not None:
         _check_save(save, file, outputs)
     edges = _parse_numbers("--extent", extent, "WEST,EAST,SOUTH,NORTH in degrees, such as -10,30,35,60", 4)
@@ -133,8 +140,6 @@ def data_command(
         parse_size(size),
         {"labels": _parse_pairs("--labels", labels), "units": _parse_pairs("--units", units)},
     )
-    if quiet:
-        warnings.simplefilter("ignore")
     from visray.data.source import table_from
 
     if not file.is_file():
@@ -150,6 +155,8 @@ def data_command(
 
     Goal.from_arguments(error, time, spp, clock.now())
     moves = animate is not None and any(is_for_frames(path) for path in outputs)
+    if moves and showing:
+        raise UserError("--show and --preview: show one picture; leave them out, and open the movie or the frames")
     for path in outputs:
         if not moves:
             check_destination(path)
@@ -183,7 +190,7 @@ def data_command(
         options |= {"quiet": quiet, "json": json, "more": report}
         if moves:
             return animate_command(scene, overwrite=overwrite, **options)
-        return render_command(scene, **options)
+        return render_command(scene, showing=showing, **options)
 
 
 def _how_to_animate(save: Path | None, file: Path) -> str:

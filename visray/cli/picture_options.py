@@ -26,6 +26,8 @@ Gamma = Annotated[str, Parameter(help="Display curve of the PNG file: srgb, or a
 Exposure = Annotated[float, Parameter(help="Exposure of the PNG file, in stops: 1 is twice as bright.")]
 Float = flag("Write colours of EXR files as 32-bit floats, not halves, which end at 65504.", name="--float")
 NoLegend = flag("Draw no legend into the picture of a data scene, and put none into its EXR file.")
+Show = flag("Show the picture in the system's viewer. Without -o, no file is written.")
+Preview = flag("Show the picture in the terminal. Without -o, no file is written.")
 Quiet = flag("Print nothing, and show no progress.")
 
 

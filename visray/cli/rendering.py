@@ -44,13 +44,16 @@ from visray.cli.picture_options import (
     Layers,
     NoLegend,
     Precision,
+    Preview,
     Quiet,
     Samples,
     Seed,
+    Show,
     Size,
     needed_layers,
     parse_gamma,
 )
+from visray.cli.showing import Showing
 from visray.errors import CheckpointWarning, UserError
 from visray.output.layers import names_from
 from visray.progress import Bar, Interrupts
@@ -154,13 +157,17 @@ def render_command(
         "Keep the samples in a file beside the first output, OUTPUT.checkpoint, until all is written."
     ) = False,
     resume: flag("Go on with the checkpoint of a render that has not ended, to the same bits.") = False,
+    show: Show = False,
+    preview: Preview = False,
     quiet: Quiet = False,
     json: Json = False,
+    showing: Annotated[Showing | None, Parameter(parse=False)] = None,
     more: Annotated[dict[str, Any] | None, Parameter(parse=False)] = None,
 ) -> int:
     """Render a scene to EXR and PNG files. Ctrl-C keeps what is done so far.
 
-    Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG.
+    Without -o the picture goes to the current folder, under the scene's name, as EXR and PNG. With --show or --preview
+    it is shown instead.
     """
     begun = clock.now()
     if quiet:
@@ -168,6 +175,10 @@ def render_command(
     with kept_notes() as notes:
         changes = {"spp": spp, "size": parse_size(size), "seed": seed, "precision": precision}
         check_cluster(cluster)
+        showing = showing or Showing.of(show, preview, json)
+        outputs = showing.outputs(output, [Path(scene.stem + suffix) for suffix in (".exr", ".png")])
+        if not outputs and (checkpoint or resume):
+            raise UserError("--checkpoint and --resume: the samples are kept beside the picture; give its file with -o")
         with Bar(f"reading {scene.name}", 1, not (quiet or json)):
             loaded = load_scene(scene, setup, compat, set, allow_outside=allow_outside, **changes)
         from visray.adaptive.error_floor import Files
@@ -179,7 +190,7 @@ def render_command(
 
         Goal.from_arguments(error, time, spp, begun)
         at = moment(loaded, at, frame)
-        outputs = files_at(loaded, output or [Path(scene.stem + suffix) for suffix in (".exr", ".png")], at)
+        outputs = files_at(loaded, outputs, at)
         names, curve = needed_layers(layers, outputs), parse_gamma(gamma)
         for path in outputs:
             check_destination(path, curve, exposure)
@@ -203,7 +214,7 @@ def render_command(
             )
             if image.metadata["interrupted"] and kept_samples is None and time is None:
                 text = "its samples are not kept; with --checkpoint, --resume would go on"
-                warn(f"{outputs[0]}: {text}", CheckpointWarning)
+                warn(f"{[*outputs, scene][0]}: {text}", CheckpointWarning)
             # While the files are written, Ctrl-C does not stop the program.
             with Interrupts():
                 results = [kept(legend, partial(image.legend().write, gamma=curve))] if legend else []
@@ -212,15 +223,18 @@ def render_command(
                 results += [kept(path, write) for path in outputs]
             if problems := [line for _, lines in results for line in lines]:
                 raise UserError(*problems)
-    facts, outputs = image.metadata, [*outputs, *([legend] if legend else [])]
+    facts, written, outputs = image.metadata, len(outputs), [*outputs, *([legend] if legend else [])]
     found = kept_samples.found if kept_samples else None
     # With --error or --time, the seconds count from the start of the program, as in the forecast.
     seconds = clock.now() - (clock.LOADED if "forecast_seconds" in facts else begun)
     if json:
         all_notes = [*(more or {}).get("notes", ()), *notes]
         write_json((more or {}) | _report(image, outputs, seconds) | {"found_spp": found, "notes": all_notes})
-    elif not quiet:
-        write_line(_line(image, outputs, seconds, found))
+    else:
+        showing.in_terminal(image, curve, exposure)
+        if not quiet:
+            write_line(_line(image, outputs, scene, seconds, found))
+    showing.in_window(image, outputs[:written], scene.stem, curve, exposure)
     if facts["interrupted"]:
         return INTERRUPTED
     return 0 if goal_met(facts) or time is not None else 1
@@ -239,17 +253,19 @@ def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, An
     )
 
 
-def _line(image: "Image", outputs: list[Path], seconds: float, found: float | None) -> str:
+def _line(image: "Image", outputs: list[Path], scene: Path, seconds: float, found: float | None) -> str:
     """The report of a render, as one line of text.
 
-    outputs: paths of the files written. seconds: duration of the render.
+    outputs: paths of the files written. scene: path of the scene file. seconds: duration of the render.
     found: samples per pixel of the checkpoint with which the render went on, or None.
     """
     facts = image.metadata
-    names = ", ".join(str(path) for path in outputs)
+    names = ", ".join(str(path) for path in outputs or [scene.stem])
     begun = "" if found is None else f", {found:.3g} spp of them found in the checkpoint"
     line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}{begun}, {seconds:.2f} s"
     if "residual_ulps" in facts:
         residual = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
         line += f"; roots: {facts['unresolved']} unresolved, {residual}"
+    if not outputs:
+        line += f"; not saved: -o {scene.stem}.png writes it"
     return line

@@ -16,7 +16,7 @@ import numpy as np
 
 from visray.arguments import checked_arguments
 from visray.errors import GoalWarning, UserError
-from visray.output import exr, files, png
+from visray.output import exr, files, png, system_viewer
 from visray.output.curves import LUMINANCE, Gamma, curve
 from visray.output.overlay import drawn_over
 from visray.output.rounding import rounding
@@ -148,6 +148,18 @@ class Image:
         gamma, exposure, legend: as in `display`.
         """
         return self._encoded(self.provenance(), gamma, exposure, legend)
+
+    @checked_arguments
+    def show(self, gamma: Gamma = "srgb", exposure: float = 0.0, legend: bool = True) -> None:
+        """Shows the picture: in a notebook there, else in the system's viewer, which is not waited for. Raises a
+        UserError if no program shows pictures.
+
+        gamma, exposure, legend: as in `display`.
+        """
+        data = self.png(gamma, exposure, legend)
+        if not system_viewer.show_in_notebook(data):
+            system_viewer.check_viewer()
+            system_viewer.show_png(data)
 
     def _encoded(self, facts: dict[str, Any], gamma: Gamma, exposure: float, legend: bool) -> bytes:
         """The bytes of a PNG file with the colour, and with the given facts as metadata."""

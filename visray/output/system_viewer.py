@@ -1,0 +1,88 @@
+"""The system's viewer: the program that shows a picture when its file is opened on the desktop."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from visray.errors import UserError
+from visray.output.png import write_png
+
+# Commands of Unix that show a file, those of desktops first: they start the program that the user has chosen.
+COMMANDS = (("xdg-open",), ("gio", "open"), ("display",), ("gm", "display"), ("eog",), ("feh",))
+# Environment variables, of which one is set where a Unix program can open a window.
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME")
+# Seconds in which a command that cannot show the file has said so.
+FAILS_WITHIN = 0.5
+
+
+def check_viewer() -> None:
+    """Raises a UserError if no picture can be shown. Call this before a long render."""
+    if sys.platform not in ("win32", "darwin"):
+        _unix_commands()
+
+
+def show_file(path: str | os.PathLike[str]) -> None:
+    """Shows the picture in a file. Returns while it is seen, and leaves the file. Raises a UserError if no program
+    shows it."""
+    if sys.platform == "win32":
+        try:
+            os.startfile(path)
+        except OSError as error:
+            raise UserError(f"show: {error.strerror}; open {os.fspath(path)} yourself") from error
+        return
+    commands = [("open",)] if sys.platform == "darwin" else _unix_commands()
+    if not any(_shows((*command, os.path.abspath(path))) for command in commands):
+        names = ", ".join(" ".join(command) for command in commands)
+        raise UserError(f"show: {names} failed; open {os.fspath(path)} yourself")
+
+
+def _unix_commands() -> list[tuple[str, ...]]:
+    """The commands of this machine that show a file. Raises a UserError if there are none."""
+    if not any(map(os.environ.get, DISPLAYS)):
+        raise UserError("show: there is no display to open a window on; write a file with -o, and open it elsewhere")
+    found = [command for command in COMMANDS if shutil.which(command[0])]
+    if not found:
+        raise UserError("show: no program that shows pictures was found; install xdg-utils, or write a file with -o")
+    return found
+
+
+def _shows(command: tuple[str, ...]) -> bool:
+    """Starts a command. Returns False if it fails at once, else True while it runs."""
+    # It has no share in the standard streams: a program that reads the report would wait until the picture is closed.
+    # It has a session of its own, so that Ctrl-C and the end of the terminal do not close the picture.
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    try:
+        process = subprocess.Popen(command, **streams, start_new_session=True)
+    except OSError:
+        return False
+    try:
+        return process.wait(FAILS_WITHIN) == 0
+    except subprocess.TimeoutExpired:
+        # Someone must wait for its end, or it stays in the list of processes.
+        threading.Thread(target=process.wait, daemon=True).start()
+        return True
+
+
+def show_png(data: bytes, name: str = "picture.png") -> None:
+    """Shows the bytes of a PNG file, from a file in a new folder among the temporary files, which the system removes.
+
+    name: of the file. Viewers write it above the picture.
+    """
+    path = Path(tempfile.mkdtemp(prefix="visray-"), name)
+    write_png(path, data)
+    show_file(path)
+
+
+def show_in_notebook(data: bytes) -> bool:
+    """Shows the bytes of a PNG file below the cell of a notebook. Returns False if no notebook runs this."""
+    ipython = sys.modules.get("IPython")
+    if ipython is None or not hasattr(ipython.get_ipython(), "kernel"):
+        return False
+    from IPython.display import Image, display
+
+    display(Image(data, format="png"))
+    return True

@@ -1,0 +1,159 @@
+"""All controls of a scene. They are made when they are asked for, because a scene may have 10,000 objects."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+
+from visray.data.rows import Rows
+from visray.live import data_controls, fields
+from visray.live.controls import Control, control, extent_of, name_of, placed
+from visray.materials import Material
+from visray.scene.scene import Scene
+
+# How near a word is to a part of an address that it is, that begins with it, or that contains it.
+SAME, BEGINS, CONTAINS = 0, 1, 3
+# Ranks of fields: what is changed most is shown first. A field that is not named here comes after these.
+RANKS = (
+    ("parameters", "date", "domain"),
+    ("kd", "intensity", "ambient", "fov", "aperture", "focus", "camera.height"),
+    ("kr", "kt", "ks", "shininess", "ior", "Id", "background", "top", "bottom", "textures.a", "textures.b"),
+    ("radius", "center", "position", "direction", "color"),
+)
+LAST = len(RANKS) + 1
+MEANINGS = {name: rank for rank, names in enumerate(RANKS) for name in names}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was searched for. controls: the best ones. more: number of others that fit, too."""
+
+    controls: tuple[Control, ...]
+    more: int
+
+
+class Controls:
+    """The controls of a scene."""
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.extent = extent_of(scene)
+
+    def __len__(self) -> int:
+        return len(self.texts)
+
+    def __iter__(self) -> Iterator[Control]:
+        return (made for address in self.texts if (made := self.at(address)) is not None)
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """By the address of each control the text that is searched, in small letters: the address, and for a row of
+        data its name."""
+        listed = [*data_controls.addresses(self.scene), *fields.addresses(self.scene)]
+        found = {address: address.lower() for address in listed}
+        for layer, rows in self._rows().items():
+            found |= {a: f"{a} {name}".lower() for a, name in fields.row_addresses(layer, rows)}
+        return found
+
+    def _rows(self) -> dict[str, Rows]:
+        """The rows of the data, by layer."""
+        return {} if self.scene.data is None else self.scene.data.rows
+
+    def with_scene(self, scene: Scene) -> "Controls":
+        """The controls of a scene in which only values are others, so that it has the same addresses."""
+        result = Controls(scene)
+        if "texts" in self.__dict__:
+            result.__dict__["texts"] = self.texts
+        return result
+
+    def at(self, address: str) -> Control | None:
+        """The control of an address, which may be that of a part of a vector, such as objects.ball.center.1; None if
+        there is no continuous value."""
+        return data_controls.control(self.scene, address) or control(self.scene, address, self.extent)
+
+    def below(self, owner: str, limit: int) -> Found:
+        """The controls of an entry, such as objects.ball. limit: at most so many."""
+        return self._found([a for a in self.texts if f"{a}.".startswith(f"{owner}.")], limit)
+
+    def of_object(self, name: str, limit: int) -> Found:
+        """The controls of an object and of its materials. name: of the object; those of data are data.base, or as
+        data.rain.12."""
+        owner = name if "." in name else f"objects.{name}"
+        if name not in self.scene.all_objects:
+            return Found((), 0)
+        obj = self.scene.all_objects[name]
+        geometry = getattr(obj, "geometry", None)
+        owners = [owner, *([f"geometries.{geometry}"] if geometry else [])]
+        owners += [f"materials.{m}" for m in dict.fromkeys(self.scene.materials_of(obj))]
+        if owner.startswith("data."):
+            owners.insert(1, f"data.layers.{owner.split('.')[1]}")
+        return self._found([a for o in owners for a in self.texts if f"{a}.".startswith(f"{o}.")], limit)
+
+    def relevant(self, limit: int) -> Found:
+        """The controls that a new scene shows: those that are changed most, at most so many."""
+        ranks = {a: self._rank(a) for a in self.texts}
+        best = sorted(ranks, key=ranks.get)
+        return self._found(best, limit)
+
+    def _rank(self, address: str) -> int:
+        """How early the control of an address is shown: 0 is first."""
+        section, *rest = address.split(".")
+        name = name_of(address)
+        rank = MEANINGS.get(f"{section}.{name}", MEANINGS.get(name, LAST - 1))
+        if section in ("objects", "geometries"):
+            return 0 if "parameters" in rest else max(rank, 3)
+        if section == "data" and rest[0] not in ("layers", "base", "date"):
+            return LAST
+        entry = self.scene.materials.get(rest[0]) if section == "materials" else None
+        return rank if entry is None or _matters(entry, name) else LAST
+
+    def _found(self, addresses: list[str], limit: int) -> Found:
+        """The controls of some addresses, at most so many."""
+        made = (x for a in addresses if (x := self.at(a)) is not None)
+        first = tuple(islice(made, limit))
+        return Found(first, max(0, len(addresses) - limit))
+
+
+def _matters(material: Material, name: str) -> bool:
+    """Whether a small change of a field of a material is likely to be seen."""
+    if name in ("kd", "ka"):
+        return material.texture is None
+    if name in ("kr", "kt"):
+        return any(getattr(material, name))
+    return any({"ior": material.kt, "dmax": material.kt, "shininess": material.ks}.get(name, (1,)))
+
+
+def search(controls: Controls, text: str, limit: int) -> Found:
+    """The controls whose addresses contain all words of a text, best first. Small and capital letters are the same. A
+    word may be the beginning or another piece of a part of the address; x, y and z are the parts of a vector.
+
+    limit: at most so many.
+    """
+    wanted = text.lower().replace(".", " ").split()
+    axis = {"x": 0, "y": 1, "z": 2}.get(wanted[-1]) if len(wanted) > 1 else None
+    scores = _scores(controls, wanted)
+    if scores or axis is None:
+        return controls._found(sorted(scores, key=scores.get), limit)
+    vectors = _scores(controls, wanted[:-1])
+    found = controls._found(sorted(vectors, key=vectors.get), limit)
+    parts = tuple(c.parts[axis] for c in found.controls if c.parts and c.kind in ("vector", "direction"))
+    return Found(parts, found.more)
+
+
+def _scores(controls: Controls, wanted: list[str]) -> dict[str, tuple]:
+    """How well addresses fit some words, those that have all of them. The least score is best."""
+    result = {}
+    for address, text in controls.texts.items():
+        if wanted and all(word in text for word in wanted):
+            parts = text.replace(".", " ").split()
+            distance = sum(min(_distance(word, part) for part in parts) for word in wanted)
+            section, _, label = placed(address)
+            result[address] = distance, controls._rank(address), len(label), len(address), address
+    return result
+
+
+def _distance(word: str, part: str) -> int:
+    """How far a word is from a part of an address."""
+    if word == part:
+        return SAME
+    return BEGINS if part.startswith(word) else CONTAINS if word in part else LAST

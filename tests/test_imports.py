@@ -101,7 +101,7 @@ gradients
 study
 surface_picture.jet surface_picture.field surface_picture.whereabouts surface_picture.picture surface_picture.scene
 surface_picture
-live.fields live.ranges live.controls live.data_controls live.search
+live.fields live.ranges live.controls live.data_controls live.search live.tabs
 live
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing cli.rendering cli.frame_report cli.resuming
 cli.animating cli.studies cli.files cli.describing cli.data cli.surface cli.commands cli.program cli

@@ -117,9 +117,7 @@ class Control:
         """The control of another value. Its slider is longer, if that is needed."""
         numbers = value if type(value) is tuple else (value,)
         scale = max(self.scale, *numbers) if self.kind == "color" else self.scale
-        return replace(
-            self, value=value, low=min(self.low, *numbers), high=max(self.high, *numbers), scale=scale
-        )
+        return replace(self, value=value, low=min(self.low, *numbers), high=max(self.high, *numbers), scale=scale)
 
 
 def control(scene: Scene, address: str, extent: float) -> Control | None:

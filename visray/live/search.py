@@ -147,8 +147,7 @@ def _scores(controls: Controls, wanted: list[str]) -> dict[str, tuple]:
         if wanted and all(word in text for word in wanted):
             parts = text.replace(".", " ").split()
             distance = sum(min(_distance(word, part) for part in parts) for word in wanted)
-            section, _, label = placed(address)
-            result[address] = distance, controls._rank(address), len(label), len(address), address
+            result[address] = distance, controls._rank(address), len(placed(address)[2])
     return result
 
 

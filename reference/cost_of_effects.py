@@ -33,7 +33,7 @@ from report import report_parser, write_report
 
 from visray.passes import expose
 from visray.setup import Prepared, prepare
-from visray.study.ablation import UncachedPicture
+from visray.study.timed_picture import UncachedPicture
 
 HERE = Path(__file__).resolve().parent
 SPP, PAIRS, COMPILED, PROCESSES = 16, 9, 3, 5

@@ -31,7 +31,7 @@ from report import report_parser
 
 from visray.passes import expose
 from visray.setup import prepare
-from visray.study.ablation import UncachedPicture
+from visray.study.timed_picture import UncachedPicture
 
 SIZE, SPP, THREADS, RUNS, COMPILED = 512, 4, 2, 7, 3
 NUMBERS = (2, 8, 32, 128)

@@ -43,7 +43,7 @@ from report import report_parser
 from visray.integrator import camera_ray, radiance
 from visray.passes import expose
 from visray.setup import prepare
-from visray.study.ablation import UncachedPicture
+from visray.study.timed_picture import UncachedPicture
 
 RUNS, SIDES, CLOCKS = 9, (2, 4), ("wall", "cpu")
 EDGE, POINTS = 1e-9, 32

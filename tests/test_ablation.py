@@ -18,20 +18,12 @@ from visray.passes import expose
 from visray.scene.load import dump
 from visray.scene.scene import Scene
 from visray.setup import prepare
-from visray.study import ablation
-from visray.study.ablation import (
-    FEWEST_RUNS,
-    LONGEST_SIDE,
-    MOST_SAMPLES,
-    RENDER_SECONDS,
-    Cost,
-    Spread,
-    UncachedPicture,
-    cost,
-    fitting_samples,
-    prepared_without,
-    reduced_size,
-)
+from visray.study import ablation, spread
+from visray.study.ablation import MOST_SAMPLES, RENDER_SECONDS, cost, fitting_samples
+from visray.study.effect_costs import Cost
+from visray.study.leaving_out import prepared_without
+from visray.study.spread import FEWEST_RUNS, Spread
+from visray.study.timed_picture import LONGEST_SIDE, UncachedPicture, marked_columns, reduced_size
 
 __all__ = ["folder"]  # the fixture
 
@@ -69,7 +61,7 @@ def test_the_mark_moves_no_pixel_and_makes_the_kernel_new() -> None:
     assert all(p.compiled()[1] > 0 for p in (one, other))
     # The second time it is the same kernel: nothing is compiled.
     assert max(one.kernels(), key=lambda k: k["operation_count"])["backend_time"] == 0
-    other = replace(made, x=ablation.marked_columns(made.a, made.x, one.mark))
+    other = replace(made, x=marked_columns(made.a, made.x, one.mark))
     np.testing.assert_array_equal(np.array(expose(other)[0].mean), np.array(expose(made)[0].mean))
 
 
@@ -118,7 +110,7 @@ def test_the_report_of_a_scene_without_any_effect() -> None:
 def test_the_report_of_a_scene_with_all_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     # Two runs, where a user is asked for eight: tracing takes the time.
     monkeypatch.setattr(ablation, "FEWEST_RUNS", 2)
-    monkeypatch.setattr(ablation, "CHANCE", 0.5)
+    monkeypatch.setattr(spread, "CHANCE", 0.5)
     scene = small(ALL(replace(FULL, objects={name: FULL.objects[name] for name in ("floor", "ball", "box")})))
     report = cost(scene, spp=2, runs=2)
     found = json.loads(json.dumps(report.as_json(), allow_nan=False))

@@ -21,9 +21,9 @@ from visray.renderer import render
 from visray.scene.address import replaced
 from visray.scene.scene import Film, Occlusion, Scatter, Scene, Settings
 from visray.setup import prepare
-from visray.study.ablation import UncachedPicture
 from visray.study.mitsuba.crosscheck import check
 from visray.study.pixel.why import why
+from visray.study.timed_picture import UncachedPicture
 from visray.textures import CheckerTexture
 
 KD = (0.3, 1.7, 0.05)

@@ -7,7 +7,7 @@ render does once whatever its size, and repeat best.
 All choices are measured in turns: the speed of the machine in a turn is common to them all, and is removed. Ctrl-C
 keeps the complete turns.
 Seeds, samples and rays are data, so choices share kernels. Each kernel contains a number that no kernel had before
-(ablation.new_mark), so it is compiled exactly once in a study, whatever Dr.Jit has in its cache.
+(timed_picture.new_mark), so it is compiled exactly once in a study, whatever Dr.Jit has in its cache.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,9 +25,10 @@ from visray.sampling import SamplePlan
 from visray.scene.adjusted import adjusted
 from visray.scene.scene import Scene
 from visray.setup import Prepared, arrays, prepare
-from visray.study import ablation
 from visray.study.cost.knobs import Choice
 from visray.study.cost.records import Band
+from visray.study.spread import sign_test_trims
+from visray.study.timed_picture import marked_columns, new_mark, reduced_size
 
 # Pixels of the longer side: quick, full; and the least.
 LONGEST, SMALLEST = (96, 192), 32
@@ -77,13 +78,13 @@ class Measurement:
 
 def band(values: Sequence[float]) -> Band:
     """The median, with its interval by the sign test; from the least to the largest value where there are too few."""
-    ordered, k = sorted(values), max(ablation.sign_test_trims(len(values), CHANCE), default=0)
+    ordered, k = sorted(values), max(sign_test_trims(len(values), CHANCE), default=0)
     return Band(median(values), ordered[k], ordered[-1 - k])
 
 
 def reduced(scene: Scene, longest: int) -> Scene:
     """The scene with a smaller film, the longer side at most so many pixels."""
-    return adjusted(scene, size=ablation.reduced_size(scene.film.width, scene.film.height, longest))
+    return adjusted(scene, size=reduced_size(scene.film.width, scene.film.height, longest))
 
 
 def blank(prepared: Prepared, pictures: int) -> Film:
@@ -102,7 +103,7 @@ def exposed(
     dr.eval(x, y, numbers)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        x = ablation.marked_columns(a, x, mark)
+        x = marked_columns(a, x, mark)
         plan = replace(SamplePlan.of(a, 0, spp, done, count), seed=numbers)
         film = film.with_moments(integrator.sample(prepared.kernel, plan, x, y, film.moments), done + count)
         dr.eval(film.moments)
@@ -155,7 +156,7 @@ class Studio:
     interrupts: Interrupts
     progress: bool = False
     elsewhere: Elsewhere | None = None
-    mark: int = field(default_factory=ablation.new_mark)
+    mark: int = field(default_factory=new_mark)
     compiled: dict[str, float] = field(default_factory=dict)
 
     @property

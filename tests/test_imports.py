@@ -23,7 +23,9 @@ polynomials.error polynomials.expression polynomials.constants polynomials.simpl
 polynomials.sympy_constants polynomials.functions polynomials.reader polynomials.grammar polynomials.monomials
 polynomials.modular polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.relations
 polynomials.factorization polynomials.program
-polynomials.volume polynomials.known_surface polynomials.catalogue polynomials
+polynomials.volume polynomials.known_surface polynomials.catalogue
+polynomials.everyday_characters polynomials.everyday_tokens polynomials.everyday_checks polynomials.everyday
+polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere

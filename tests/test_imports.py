@@ -106,7 +106,7 @@ surface_picture
 live.fields live.ranges live.controls live.data_controls live.search live.tabs
 live
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing cli.rendering cli.frame_report cli.resuming
-cli.animating cli.studies cli.files cli.describing cli.data cli.surface cli.commands cli.program cli
+cli.animating cli.studies cli.files cli.describing cli.data cli.view cli.surface cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

@@ -1,0 +1,151 @@
+"""The server of the live picture: viser's, which shows a page, with the pictures that the engine renders."""
+
+import math
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from visray.errors import UserError
+from visray.live import guard, parts
+from visray.live.client import Client, camera_of_scene
+from visray.live.engine import Change, Engine
+from visray.live.live import Live
+from visray.live.viewpoint import Pose, Space, page_fov, pose_of
+from visray.scene.scene import Scene
+
+# Seconds that everything has to end.
+PATIENCE = 2.0
+
+
+def needed() -> Any:
+    """The module viser. Raises a UserError if it is not installed."""
+    try:
+        import viser
+    except ImportError:
+        raise UserError("the live picture needs viser: pip install 'visray[view]'") from None
+    return viser
+
+
+def serve(
+    scene: Scene,
+    *,
+    name: str,
+    host: str,
+    port: int,
+    target: float,
+    file: Path | None = None,
+    command: Sequence[str] = (),
+    load: Callable[[], Scene] | None = None,
+) -> Live:
+    """Starts a live picture. host, port: where its server listens; the port is free."""
+    viser = needed()
+    engine = Engine(scene, target=target).start()
+    with silent():
+        server = viser.ViserServer(host=host, port=port, label=name, verbose=False)
+    if server.get_port() != port:
+        with silent():
+            server.stop()
+        engine.stop()
+        guard.chosen_port(host, port)
+        raise UserError(f"--port = {port}: another program has just taken it; try again")
+    live = Live(engine, server, name, Space.around(camera_of_scene(engine)), file, list(command), load)
+    _refuse_others(server, host)
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+    _set_home(live)
+    engine.on_scene(lambda change: _scene_changed(live, change))
+    engine.on_error(lambda lines: live.say_errors("scene", lines))
+    live.parts = parts.build(live)
+
+    @server.on_client_connect
+    async def _(handle: Any) -> None:
+        client = Client(live, handle)
+        _look(client, handle.camera)
+        live.came(client)
+        engine.add(client.viewer)
+
+        # As a coroutine it is called in the order of the messages.
+        @handle.camera.on_update
+        async def _(camera: Any) -> None:
+            _look(client, camera)
+
+    @server.on_client_disconnect
+    async def _(handle: Any) -> None:
+        client = live.clients.get(handle.client_id)
+        if client is not None:
+            client.leave()
+            live.left(client)
+
+    return live
+
+
+def stop(live: Live) -> bool:
+    """Ends a live picture. Returns whether all of it has ended: a thread that compiles may go on for a while."""
+    live.stopped()
+    for client in list(live.clients.values()):
+        client.sender.close()
+
+    def end() -> None:
+        with silent():
+            live.server.stop()
+        live.engine.stop()
+
+    thread = threading.Thread(target=end, daemon=True)
+    thread.start()
+    thread.join(PATIENCE)
+    return not thread.is_alive()
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """A `with` block in which viser prints nothing."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
+def _look(client: Client, camera: Any) -> None:
+    """A browser says where its camera is."""
+    up = tuple(camera.up_direction)
+    w, x, y, z = camera.wxyz
+    # The second column of the rotation, which is downwards in the picture.
+    true_up = (-2 * (x * y - w * z), -(1 - 2 * (x * x + z * z)), -2 * (y * z + w * x))
+    client.look(
+        Pose(tuple(camera.position), tuple(camera.look_at), up, true_up), (camera.image_width, camera.image_height)
+    )
+
+
+def _set_home(live: Live) -> None:
+    """Where pages that open begin, and where they return to."""
+    base = camera_of_scene(live.engine)
+    home, initial = pose_of(base, live.space), live.server.initial_camera
+    live.server.scene.set_up_direction(tuple(float(x) for x in base.up))
+    initial.position, initial.look_at, initial.up = home.position, home.look_at, home.up
+    initial.fov, initial.near, initial.far = math.radians(page_fov(base, 1)), home.distance / 1e3, home.distance * 1e3
+
+
+def _scene_changed(live: Live, change: Change) -> None:
+    """The scene has changed: pages follow its camera."""
+    if change.kind != "effects":
+        if change.kind == "scene" or any(a.startswith("camera") for a in change.addresses):
+            _set_home(live)
+        for client in list(live.clients.values()):
+            client.rebased(change)
+
+
+def _refuse_others(server: Any, host: str) -> None:
+    """Closes connections that come from pages of other sites."""
+    websockets = server._websock_server
+
+    async def check(connection: Any) -> None:
+        socket = websockets._live_connections.get(connection.client_id)
+        if socket is not None and not guard.is_welcome(host, socket.request.headers):
+            await socket.close(1008, "this page is of another site")
+
+    websockets.on_client_connect(check)

@@ -1,0 +1,90 @@
+"""What is above the tabs: how good the picture is, and what is wrong."""
+
+from typing import Any
+
+from visray import clock
+from visray.live.client import Client
+from visray.live.frame import Frame
+from visray.live.live import Live, escaped
+
+# Seconds between two states of the line, while the picture changes.
+PAUSE = 0.15
+GREY = "opacity:0.65"
+
+
+class StatusPart:
+    """A line for each browser about its picture, and the errors of the scene for all of them."""
+
+    def __init__(self, live: Live):
+        self.live = live
+        self.lines: dict[int, Any] = {}
+        self.shown_at: dict[int, float] = {}
+        self.grains: dict[int, int] = {}
+        self.errors = live.server.gui.add_html("", order=-20, visible=False)
+        live.on_client(self.came)
+        live.on_leave(self.left)
+        live.on_frame(self.frame)
+        live.on_errors(self.told)
+
+    def came(self, client: Client) -> None:
+        """A browser has come."""
+        self.lines[client.number] = client.handle.gui.add_html(waiting("preparing the scene"), order=-10)
+
+    def left(self, client: Client) -> None:
+        """A browser has left."""
+        for known in (self.lines, self.shown_at, self.grains):
+            known.pop(client.number, None)
+
+    def frame(self, client: Client, frame: Frame) -> None:
+        """A browser's picture has a new state."""
+        line, now, number = self.lines.get(client.number), clock.now(), client.number
+        if line is None:
+            return
+        soon = now - self.shown_at.get(number, -PAUSE) < PAUSE and self.grains.get(number) == frame.grain
+        if soon and not frame.finished:
+            return
+        self.shown_at[number], self.grains[number] = now, frame.grain
+        line.content = text_of(frame)
+
+    def busy(self, text: str | None) -> None:
+        """The engine does something that takes long, such as compiling. None: it is done."""
+        for line in list(self.lines.values()) if text else ():
+            line.content = waiting(text)
+
+    def told(self, errors: dict[str, tuple[str, ...]]) -> None:
+        """The errors have changed."""
+        lines = [line for source in errors.values() for line in source]
+        self.errors.content = errors_text(lines)
+        self.errors.visible = bool(lines)
+
+
+def text_of(frame: Frame) -> str:
+    """The line about a state, as HTML."""
+    size = f"{frame.size[0]} x {frame.size[1]}"
+    if frame.grain > 1:
+        return _line(f"squares of {frame.grain} x {frame.grain} pixels", f"{size}, {frame.seconds:.2g} s")
+    samples = f"{frame.samples:.3g} sample{'' if frame.samples == 1 else 's'} a pixel"
+    error = "error not known yet" if frame.error is None else f"error {percent(frame.error)}"
+    return _line(("✓ " if frame.finished else "") + error, f"{samples}, {size}, {frame.seconds:.2g} s")
+
+
+def percent(share: float) -> str:
+    """A share as text, such as 1.3 %."""
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+
+
+def waiting(text: str) -> str:
+    """The line while there is no picture yet, as HTML."""
+    return _line("…", text)
+
+
+def errors_text(lines: list[str]) -> str:
+    """Errors as HTML; "" if there are none."""
+    style = "margin:0.4em 0.8em;padding:0.5em 0.7em;border-left:4px solid #c92a2a;background:#fff0f0;color:#7a1010;"
+    items = "".join(f'<div style="margin:0.2em 0;overflow-wrap:anywhere">{escaped(line)}</div>' for line in lines)
+    return f'<div style="{style}font-size:0.85em"><b>The scene has errors</b>{items}</div>' if lines else ""
+
+
+def _line(main: str, more: str) -> str:
+    style = "padding:0.4em 0.9em 0.1em;font-size:0.9em;font-variant-numeric:tabular-nums"
+    return f'<div style="{style}"><b>{escaped(main)}</b> <span style="{GREY}">{escaped(more)}</span></div>'

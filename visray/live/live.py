@@ -17,7 +17,7 @@ In it, a part
 - wraps callbacks of widgets: `@live.safely`, so that an error is told in the page and never lost.
 
 Callbacks of widgets run in threads of viser. They may take long, but must not call Dr.Jit. Those of the engine run in
-the thread that renders, and must return soon. All texts from files go through `escaped` before they become HTML or Markdown.
+the thread that renders, and must return soon. Texts from files become HTML by `escaped`.
 """
 
 import html

@@ -22,7 +22,7 @@ GROWTH = 64
 SAFE_SHARE = 0.5
 # Dr.Jit has one history of kernels for the whole process. A thread that records its kernels holds this lock, so that
 # another thread neither clears the history nor adds to it. Kernels use all cores anyway.
-_HISTORY = threading.Lock()
+HISTORY = threading.Lock()
 
 
 @dataclass
@@ -121,7 +121,7 @@ def timed_eval(arrays: Any) -> float:
     if log is None and dr.flag(dr.JitFlag.KernelHistory):
         # Reading the history clears it, and the caller who records it would lose it.
         return _wall_seconds(arrays)
-    with _HISTORY, dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+    with HISTORY, dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         if log is not None:
             log.read()
         dr.kernel_history_clear()

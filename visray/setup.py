@@ -96,6 +96,18 @@ class Prepared:
             made = replace(made, order=order, x=x, y=y)
         return replace(made, shutter=self.shutter.on(made)) if self.shutter else made
 
+    def leaving_out(self, *effects: str) -> "Prepared":
+        """The prepared scene without some effects. Nothing is packed or placed again.
+
+        effects: names of effects, but not "area lights", which are kinds of lights
+        """
+        without = (*self.without, *effects)
+        on, previous = features(self.scene, without=without), self.kernel
+        kernel = kernel_scene(
+            self.packed, self.scene, on, self.a, previous.atlas, previous.brute_force, (self.packed, previous)
+        )
+        return replace(self, features=on, kernel=kernel, without=without, shutter=None)
+
     def _with(self, scene: Scene, packed: Packed | None) -> "Prepared":
         """The scene `scene`, prepared with the packed numbers `packed`. If these are None, or if `scene` needs another
         kernel, everything is prepared again."""

@@ -100,7 +100,7 @@ def _measured(
     effects: names of the effects; runs, progress: see `cost`
     """
     n, half = len(effects), len(effects) // 2
-    with Bar("measuring", (n + 1) + (n + FULL_COMPILATIONS) + runs * (2 * n + 1), progress) as bar:
+    with Bar("measuring", (n + 1) + (n + FULL_COMPILATIONS) + 2 * n * runs + 1, progress) as bar:
         step = _Steps(interrupts, bar)
         everything = step(partial(prepare, scene))
         pictures_without = {e: UncachedPicture.of(step(partial(prepared_without, scene, e))) for e in effects}
@@ -110,7 +110,7 @@ def _measured(
         compiled = {p.mark: step(p.compiled) for p in queue}
         turns = Alternation(full[0], pictures_without)
         rendered = turns.runs(runs)
-        for _ in range(runs * (2 * n + 1)):
+        for _ in range(turns.pictures(runs)):
             step(partial(next, rendered))
     operations, times = zip(*(compiled[p.mark] for p in full))
     total = Cost(operations[0], Spread.of(turns.full_seconds), Spread(median(times), min(times), max(times)))

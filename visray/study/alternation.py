@@ -22,11 +22,16 @@ class Alternation:
     full_seconds: list[float] = field(default_factory=list)
     differences: dict[str, list[float]] = field(default_factory=dict)
 
+    def pictures(self, count: int) -> int:
+        """Number of pictures that `runs` renders. Domain: before the first run."""
+        return 2 * count * len(self.without) + 1 if self.without else count
+
     def runs(self, count: int) -> Iterator[None]:
         """Runs each picture without an effect `count` times. One picture is rendered for each item of the iterator."""
         for _ in range(count):
-            self.full_seconds.append(self.full.seconds())
-            yield
+            if not (self.full_seconds and self.without):
+                self.full_seconds.append(self.full.seconds())
+                yield
             for effect, picture in self.without.items():
                 seconds = picture.seconds()
                 yield

@@ -20,6 +20,13 @@ def prepared_without(scene: Scene, *effects: str) -> Prepared:
     return prepare(scene, without=tuple(e for e in effects if e != AREA_LIGHTS))
 
 
+def less(prepared: Prepared, effect: str) -> Prepared:
+    """A prepared scene without one more effect, as in prepared_without. What both have is not prepared again."""
+    if effect != AREA_LIGHTS:
+        return prepared.leaving_out(effect)
+    return prepare(with_point_lights(prepared.scene), prepared.a.backend, without=prepared.without)
+
+
 def with_point_lights(scene: Scene) -> Scene:
     """The scene with point lights in the middles of its area lights."""
     shared = [f.name for f in fields(Light)]

@@ -7,6 +7,7 @@ from typing import Any
 import drjit as dr
 
 from visray import clock
+from visray.pass_timer import HISTORY
 from visray.passes import empty_film, exposed_once
 from visray.quantities import Arrays
 from visray.setup import Prepared
@@ -34,7 +35,7 @@ class TimedPicture:
     def kernels(self) -> list[dict[str, Any]]:
         """Renders the picture in one pass. Returns Dr.Jit's records of the kernels, a list of dicts."""
         film = empty_film(self.prepared)
-        with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        with HISTORY, dr.scoped_set_flag(dr.JitFlag.KernelHistory):
             dr.kernel_history_clear()
             exposed_once(self.to_trace(), film, self.prepared.scene.settings.spp)
             return dr.kernel_history([dr.KernelType.JIT])

@@ -24,7 +24,9 @@ TABLE = {
     "rain": [760.0, 640.0, 1020.0], "people": [700000.0, 2100000.0, 134000.0],
 }  # fmt: skip
 # Options of the command that concern the picture, and not the scene.
-OF_PICTURES = {"file", "output", "save", "describe", "error", "time", "threads", "quiet", "json", "overwrite"}
+OF_PICTURES = {
+    "file", "output", "save", "describe", "error", "time", "threads", "quiet", "json", "overwrite", "show", "preview",
+}  # fmt: skip
 # Parameters that the command has no option for: it takes a file, and names the map after the scene.
 OF_PYTHON = {"table", "map_file"}
 

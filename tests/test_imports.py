@@ -64,8 +64,8 @@ animation.moment
 data_report mesh_report clip_report constant_report csg_report track_report
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
-output.system_viewer output.preview
-output.image output.lock
+output.system_viewer
+output.image output.preview output.lock
 output.movie_mp4 output.movie_spool output.movie_gif output.movie_webp output.movie output.sequence
 output.up_to_date output.frame_files output.movie_of_images
 output

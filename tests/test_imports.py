@@ -23,7 +23,9 @@ polynomials.error polynomials.expression polynomials.constants polynomials.simpl
 polynomials.sympy_constants polynomials.functions polynomials.reader polynomials.grammar polynomials.monomials
 polynomials.modular polynomials.expansion polynomials.symbolic polynomials.sympy_factors polynomials.relations
 polynomials.factorization polynomials.program
-polynomials.volume polynomials.known_surface polynomials.catalogue
+polynomials.volume
+polynomials.known_surface polynomials.known_cubics polynomials.known_quartics polynomials.known_higher
+polynomials.catalogue
 polynomials.everyday_characters polynomials.everyday_tokens polynomials.everyday_checks polynomials.everyday
 polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
@@ -102,11 +104,13 @@ edges
 gradients
 study
 surface_picture.jet surface_picture.field surface_picture.whereabouts surface_picture.picture surface_picture.scene
+surface_picture.known_report surface_picture.captions surface_picture.sheet
 surface_picture
 live.fields live.ranges live.controls live.data_controls live.search live.tabs
 live
 cli.stuck cli.keeping cli.moment cli.options cli.picture_options cli.showing cli.rendering cli.frame_report cli.resuming
-cli.animating cli.studies cli.files cli.describing cli.data cli.view cli.surface cli.commands cli.program cli
+cli.animating cli.studies cli.files cli.describing cli.data cli.view cli.surface cli.surfaces
+cli.commands cli.program cli
 public
 __init__ __main__
 """.split()  # noqa: SIM905 - floors are read as lines

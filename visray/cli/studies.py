@@ -341,36 +341,6 @@ def stability(
 
 
 @app.command
-def surfaces(
-    name: Annotated[str | None, Parameter(help="The name of a surface. Default: all.")] = None, /, *, json: Json = False
-) -> int:
-    """List the known polynomial surfaces: names, parameters, and the radius of the clip.
-
-    A scene uses one by its name: {"type": "polynomial", "surface": "heart"}. With --json also the expression of each,
-    its source, and its singular points.
-    """
-    from visray.polynomials.catalogue import SURFACES
-    from visray.tables import Table, show
-
-    if name is not None and name not in SURFACES:
-        from visray.hints import hint
-
-        raise UserError(f"surfaces: there is no surface {name!r}; {hint(name, SURFACES)}")
-    chosen = {n: c for n, c in SURFACES.items() if name in (None, n)}
-    if json:
-        write_json({n: asdict(c) for n, c in chosen.items()})
-        return 0
-    table = Table("surface", "", "parameters", "clip")
-    for n, c in chosen.items():
-        parameters = ", ".join(f"{k} = {v:.6g}" for k, v in c.parameters.items())
-        table.add_row(n, c.title, parameters, f"{c.radius:g}")
-    show(table)
-    if name is not None:
-        write_line(chosen[name].expression)
-    return 0
-
-
-@app.command
 def doctor(*, json: Json = False) -> int:
     """Report what visray finds on this machine, and whether it can render a picture."""
     from visray.study import doctor as examination

@@ -3,7 +3,7 @@
 matplotlib's global state is neither used nor changed: no pyplot, and no settings but those that are passed.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,13 +112,25 @@ def _theme(below: np.ndarray | None, boxes: tuple[Box, ...]) -> str:
 
 def _shown(laid: Layout, inks: dict[str, Ink], pen: Pen, width: int, height: int) -> np.ndarray:
     """All but the colour bars, as matplotlib draws it. Shapes: uint8 (H, W, 4), sRGB and alpha."""
+    return _drawn(_artists(laid, inks, pen, height), width, height, "none")
+
+
+def text_picture(lines: Iterable[TextLine], ink: Ink, pen: Pen, width: int, height: int) -> np.ndarray:
+    """Lines of text on white. Shape: uint8 (height, width, 3), sRGB."""
+    return _drawn((_text(line, ink, pen, height, False) for line in lines), width, height, "white")[..., :3]
+
+
+def _drawn(artists: Iterable[Any], width: int, height: int, ground: str) -> np.ndarray:
+    """matplotlib's artists over a colour, from the back to the front. Shapes: uint8 (H, W, 4), sRGB and alpha."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     # With 72 dots an inch, matplotlib's points are pixels.
-    figure = Figure((width / 72, height / 72), dpi=72, facecolor="none", edgecolor="none", frameon=False, layout="none")
+    figure = Figure(
+        (width / 72, height / 72), dpi=72, facecolor=ground, edgecolor="none", frameon=ground != "none", layout="none"
+    )
     canvas = FigureCanvasAgg(figure)
-    for order, artist in enumerate(_artists(laid, inks, pen, height)):
+    for order, artist in enumerate(artists):
         artist.set_zorder(order)
         artist.set_snap(False)
         figure.add_artist(artist)

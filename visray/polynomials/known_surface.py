@@ -80,3 +80,8 @@ def chebyshev(n: int, values: dict[int, str], odd: Iterable[int]) -> tuple[Point
         for indices in product(range(1, n), repeat=3)
         if sum(i in odd for i in indices) == 2
     )
+
+
+def sum_over(form: str, last: str) -> str:
+    """Text of the sum of `form` with x, y and z in place of {0}, and of the text `last`."""
+    return " + ".join(form.format(v) for v in "xyz") + last

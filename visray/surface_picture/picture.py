@@ -12,7 +12,7 @@ from visray.errors import UserError
 from visray.hints import hint
 from visray.materials import Material
 from visray.polynomials import PolynomialError
-from visray.polynomials.catalogue import SURFACES
+from visray.polynomials.catalogue import SURFACES, View
 from visray.primitives.clips import Ball
 from visray.primitives.polynomial import Polynomial
 from visray.scene.scene import Film, Occlusion, Scene, Settings
@@ -53,14 +53,18 @@ def surface_picture(
     """The scene that shows a surface. Raises a UserError if the formula or a parameter is wrong."""
     shape, name, notes = _shape(formula.strip(), dict(parameters))
     field = Field(_compiled(shape, formula))
-    ball = _clip(shape, field, clip, formula)
+    known = (shape.surface and SURFACES[shape.surface].view) or View(TOWARDS)
+    ball = _clip(shape, field, clip or known.clip, formula)
     shape = replace(shape, clip=ball, material=FRONT)
     points = surface_points(field, np.array(ball.center), ball.radius)
-    up, towards = np.array([0.0, 0.0, 1.0]), np.array(view or TOWARDS, float)
-    axes = axes_towards(towards, up)
+    # A view from elsewhere has z upwards.
+    up = known.up if view is None else (0.0, 0.0, 1.0)
+    axes = axes_towards(np.array(view or known.direction, float), np.array(up))
     shown = Balls(points, np.zeros(len(points)))
     camera = fitted_view(shown, axes, size[0] / size[1])
-    camera = Camera(origin=camera.origin, target=camera.target, up=(0.0, 0.0, 1.0), fov=camera.fov)
+    slope = np.tan(np.radians(camera.fov / 2)) / (known.zoom if view is None else 1.0)
+    fov = round(float(np.degrees(2 * np.arctan(slope))), 3)
+    camera = Camera(origin=camera.origin, target=camera.target, up=up, fov=fov)
     colors = {FRONT: color or OUTSIDE, BACK: INSIDE}
     return SurfacePicture(
         Scene(

@@ -1,8 +1,12 @@
 """Feedback and interruption of long work: a progress bar that appears after two seconds, and Ctrl-C that stops the work
-at a safe point."""
+at a safe point. Work in a thread can be followed and stopped by another thread instead (Follower)."""
 
 import signal
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,6 +16,31 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 SHOWN_AFTER = 2.0
+
+
+@dataclass
+class Follower:
+    """Follows the long work of a thread from another one.
+
+    report: function that is called with what is done, as a text, and its share that is done, from 0 to 1
+    stopped: whether the work should stop at a safe point, as after Ctrl-C
+    """
+
+    report: Callable[[str, float], None]
+    stopped: bool = False
+
+    @contextmanager
+    def following(self) -> Iterator[None]:
+        """Follows what the current thread does in a `with` block."""
+        token = _FOLLOWER.set(self)
+        try:
+            yield
+        finally:
+            _FOLLOWER.reset(token)
+
+
+# The follower of the work of the current thread.
+_FOLLOWER: ContextVar[Follower | None] = ContextVar("follower", default=None)
 
 
 class Bar:
@@ -30,8 +59,11 @@ class Bar:
         self.begun, self.lock = clock.now(), threading.Lock()
         self.timer = threading.Timer(SHOWN_AFTER, self._appear)
         self.bar: Progress | None = None
+        self.follower = _FOLLOWER.get()
 
     def __enter__(self) -> "Bar":
+        if self.follower is not None:
+            self.follower.report(self.before, 0.0)
         if self.shown:
             self.timer.daemon = True
             self.timer.start()
@@ -48,6 +80,8 @@ class Bar:
 
     def update(self, done: float) -> None:
         """Reports that `done` of the steps are finished."""
+        if self.follower is not None:
+            self.follower.report(self.title, done / max(self.total, done) if done else 0.0)
         with self.lock:
             self.timer.cancel()
             if self.bar is None:
@@ -92,14 +126,14 @@ class Interrupts:
     request to the inner one is a request to the outer one too.
 
     last: number of the last signal that was a request, in any instance; None if there was none.
-    requested: whether Ctrl-C was pressed.
+    requested: whether Ctrl-C was pressed, or a Follower has stopped the work.
     has_results: whether there is something to keep. Until then, a process that Ctrl-C cannot reach may be ended.
     """
 
     last: ClassVar[int | None] = None
 
     def __init__(self, has_results: bool = True) -> None:
-        self.requested, self.has_results = False, has_results
+        self._requested, self.has_results, self.follower = False, has_results, _FOLLOWER.get()
         self.previous_handlers: dict[int, object] = {}
 
     def __enter__(self) -> "Interrupts":
@@ -112,6 +146,14 @@ class Interrupts:
         for number, handler in self.previous_handlers.items():
             if handler is not None:
                 signal.signal(number, handler)
+
+    @property
+    def requested(self) -> bool:
+        return self._requested or (self.follower is not None and self.follower.stopped)
+
+    @requested.setter
+    def requested(self, requested: bool) -> None:
+        self._requested = requested
 
     def loses_nothing(self) -> bool:
         """Whether nothing would be lost if the process ended now."""

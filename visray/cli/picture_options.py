@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from visray.cli.options import Integer, Share, flag
 from visray.errors import UserError
 from visray.modes import MODES, Mode
-from visray.output.layers import LAYERS, NAMES, Layer, names_from
+from visray.output.layers import LAYERS, NAMES, Layer, layers_of_files, names_from
 
 Samples = Annotated[Integer | None, Parameter(help="Samples per pixel. Default: as the scene says.")]
 Error = Annotated[
@@ -55,16 +55,16 @@ def needed_layers(text: str | None, outputs: list[Path]) -> tuple[str, ...]:
         all layers if there is an EXR file, else only colour, coverage, the certificate and the legend.
     outputs: paths of the files to write.
     """
-    has_exr = any(o.suffix.lower() == ".exr" for o in outputs)
+    suffixes = {o.suffix.lower() for o in outputs}
     if text is None or text == "all":
-        return NAMES if has_exr else ("RGB", "A", *names_from("certificate", "overlay"))
+        return layers_of_files(suffixes)
     by_lower = {name.lower(): name for name in NAMES}
     asked = [word.strip() for word in text.split(",")]
     if unknown := [word for word in asked if word.lower() not in by_lower]:
         raise UserError(f"--layers = {text!r}: there is no layer {unknown[0]!r}; choose from {', '.join(NAMES)}")
     always = ("RGB", "A", *names_from("overlay"))
     names = tuple(dict.fromkeys((*always, *(by_lower[word.lower()] for word in asked))))
-    if len(names) > len(always) and not has_exr:
+    if len(names) > len(always) and ".exr" not in suffixes:
         warnings.warn("--layers: only an EXR file has layers, and none is written", stacklevel=1)
     return names
 

@@ -3,6 +3,7 @@
 To add a layer, add a record below, and compute its values in the code of its source (docs/extending.md).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -98,6 +99,12 @@ NAMES = tuple(BY_NAME)
 def names_from(*sources: Source) -> tuple[str, ...]:
     """Names of the layers with one of these sources."""
     return tuple(layer.name for layer in LAYERS if layer.source in sources)
+
+
+def layers_of_files(suffixes: Iterable[str]) -> tuple[str, ...]:
+    """Names of the layers of a picture for files with these suffixes: all if there is an EXR file, else only colour,
+    coverage, the certificate and the legend."""
+    return NAMES if ".exr" in suffixes else ("RGB", "A", *names_from("certificate", "overlay"))
 
 
 def table() -> tuple[list[str], list[list[str]]]:

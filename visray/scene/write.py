@@ -96,6 +96,11 @@ def dump(scene: Scene, folder: str | Path | None = None, like: str | Path | None
     return pretty(tree) + "\n"
 
 
+def value_text(value: Any) -> str:
+    """A value of a scene as JSON in one line, as after the = of an assignment."""
+    return json.dumps(_json_tree(value), ensure_ascii=False, allow_nan=False)
+
+
 def text_with_files(scene: Scene, renamed: Callable[[str], str]) -> str:
     """Text of a scene file with other paths of files, which need not exist here.
 

@@ -26,6 +26,7 @@ polynomials.factorization polynomials.program
 polynomials.volume
 polynomials.known_surface polynomials.known_cubics polynomials.known_quartics polynomials.known_higher
 polynomials.catalogue
+polynomials.term_text polynomials.one_sign
 polynomials.everyday_characters polynomials.everyday_tokens polynomials.everyday_checks polynomials.everyday
 polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
@@ -64,6 +65,7 @@ scene.scene
 scene
 animation.moment
 data_report mesh_report clip_report constant_report csg_report track_report
+polynomials.sign_region polynomials.formula_facts
 feature_rules features material_report tables progress differentiable
 output.files output.layers output.exr_header output.silence output.exr output.rounding output.overlay output.png
 output.system_viewer

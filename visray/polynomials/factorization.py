@@ -33,12 +33,17 @@ class SquareFreeFactor:
 
     expression: the factor.
     degree: total degree of the factor, after cancellation of terms.
-    even: whether the factor's multiplicity in the polynomial is even. Then the factor does not change the sign of f.
+    multiplicity: how often it occurs in the polynomial.
     """
 
     expression: Expression
     degree: int
-    even: bool
+    multiplicity: int
+
+    @property
+    def even(self) -> bool:
+        """Whether the multiplicity is even. Then the factor does not change the sign of f."""
+        return self.multiplicity % 2 == 0
 
 
 def factorize(
@@ -64,7 +69,7 @@ def factorize(
         for factor, m in _square_free_factors(written, parameters):
             _add(factors, factor, n * m, parameters)
     factors = _coprime(factors, parameters)
-    square_free = tuple(SquareFreeFactor(f, len(_along(f, parameters)) - 1, n % 2 == 0) for f, n in factors)
+    square_free = tuple(SquareFreeFactor(f, len(_along(f, parameters)) - 1, n) for f, n in factors)
     check_relations([(f.expression, f.degree) for f in square_free], parameters)
     return square_free, _sign(expression, square_free, values)
 

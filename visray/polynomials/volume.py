@@ -92,13 +92,13 @@ def _share_below(w: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.clip(total / (48 * w.prod(0)), 0, 1)
 
 
-def _power(value: Any, n: int) -> Any:
+def affine_power(value: Any, n: int) -> Any:
     """value^n. Domain: n >= 1."""
     if not isinstance(value, Affine):
         return value**n
     if n == 1:
         return value
-    root = _power(value, n // 2).square()
+    root = affine_power(value, n // 2).square()
     return root * value if n % 2 else root
 
 
@@ -113,7 +113,7 @@ def _shares(
     n = centre.shape[1]
     axes = [Affine(centre[i], np.repeat(size * np.eye(3)[:, [i]], n, axis=1), np.zeros(n)) for i in range(3)]
     point = [axis * h for axis, h in zip(axes, half)]
-    forms = [interpret(f.code, constants, point, _power) for f in program.factors if not f.even]
+    forms = [interpret(f.code, constants, point, affine_power) for f in program.factors if not f.even]
     signs = [form.signs() for form in forms]
     total = np.prod([np.full(n, float(program.sign)), *signs], axis=0)
     unknown = np.sum([np.zeros(n), *(sign == 0 for sign in signs)], axis=0)

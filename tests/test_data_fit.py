@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from visray.camera import Camera
 from visray.data.base import GlobeBase, MapBase, PlaneBase
-from visray.data.fit import LATITUDES, POPULATED, Balls, Window, axes_over, balls, fitted_lights, fitted_view, middle_of
+from visray.data.fit import LATITUDES, POPULATED, axes_over, balls, middle_of
+from visray.fitting import Balls, Window, fitted_lights, fitted_view
 from visray.transforms import Rotate, Scale, Translate
 
 MOVED = (Rotate(rotate=40.0, axis=(1.0, 0.5, 0.0)), Scale(scale=30.0), Translate(translate=(100.0, -20.0, 3.0)))

@@ -32,7 +32,7 @@ polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes
 lights.light lights.point lights.directional lights.spot lights.rectangle lights.disk lights.sphere
-lights camera
+lights camera fitting
 number_table
 primitives.primitive primitives.flat primitives.convex primitives.revolved
 primitives.plane primitives.rectangle primitives.disk primitives.triangle
@@ -105,7 +105,8 @@ frame_maker animating
 edges
 gradients
 study
-surface_picture.jet surface_picture.field surface_picture.whereabouts surface_picture.picture surface_picture.scene
+surface_picture.jet surface_picture.field surface_picture.points surface_picture.whereabouts
+surface_picture.viewing surface_picture.picture surface_picture.scene
 surface_picture.known_report surface_picture.captions surface_picture.sheet
 surface_picture
 live.fields live.ranges live.controls live.data_controls live.search live.tabs

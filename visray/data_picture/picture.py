@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from visray.animation.animation import Animation
+from visray import fitting
 from visray.data import basemap, fit
 from visray.data.base import Base, GlobeBase
 from visray.data.data_scene import RESERVED, Data
@@ -103,7 +104,7 @@ def _scene(data: Data, rows: Rows, wishes: Wishes, texture: str, animation: Anim
     wrap = ("repeat", "clamp") if isinstance(data.base, GlobeBase) else "clamp"
     scene = Scene(
         film=Film(width=width, height=height),
-        background=fit.PAPER,
+        background=fitting.PAPER,
         textures={TEXTURE: ImageTexture(file=texture, wrap=wrap)},
         materials=materials,
         data=data,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from visray import fitting
 from visray.data import fit
 from visray.data.base import Base, GlobeBase
 from visray.data.rows import Rows
@@ -39,7 +40,7 @@ def viewed(scene: Scene, rows: Rows) -> Scene:
     window, aspect = _window(view), scene.film.width / scene.film.height
     for step in STEEPER:
         steeper = fit.axes_over(base, at, lowest + step)
-        if _distance(replace(view, camera=fit.fitted_view(balls, steeper, aspect, window))) <= FARTHER * _distance(
+        if _distance(replace(view, camera=fitting.fitted_view(balls, steeper, aspect, window))) <= FARTHER * _distance(
             view
         ):
             axes = steeper
@@ -58,20 +59,20 @@ def _weighted(rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.degrees(np.arctan2(-z, x)), np.degrees(np.arcsin(np.clip(y, -1, 1))), length
 
 
-def _fitted(scene: Scene, balls: fit.Balls, axes: np.ndarray, position: str) -> Scene:
+def _fitted(scene: Scene, balls: fitting.Balls, axes: np.ndarray, position: str) -> Scene:
     """The scene with a camera with given axes, lights, and the legend at one side.
 
     balls: what the picture shows
     position: of the legend
     """
-    aspect, window = scene.film.width / scene.film.height, fit.Window()
+    aspect, window = scene.film.width / scene.film.height, fitting.Window()
     legend = replace(scene.data.legend, position=position)
-    scene = replace(scene, data=replace(scene.data, legend=legend), lights=fit.fitted_lights(balls, axes))
+    scene = replace(scene, data=replace(scene.data, legend=legend), lights=fitting.fitted_lights(balls, axes))
     # The sizes in a legend, and so its own size, depend on the camera.
     for _ in range(2):
-        scene = replace(scene, camera=fit.fitted_view(balls, axes, aspect, window))
+        scene = replace(scene, camera=fitting.fitted_view(balls, axes, aspect, window))
         window = _window(scene)
-    return replace(scene, camera=fit.fitted_view(balls, axes, aspect, window))
+    return replace(scene, camera=fitting.fitted_view(balls, axes, aspect, window))
 
 
 def _distance(scene: Scene) -> float:
@@ -79,7 +80,7 @@ def _distance(scene: Scene) -> float:
     return float(np.linalg.norm(np.subtract(scene.camera.target, scene.camera.origin)))
 
 
-def _window(scene: Scene) -> fit.Window:
+def _window(scene: Scene) -> fitting.Window:
     """The part of the picture that the legend of a scene leaves free."""
     scene = _legible(scene)
     width, height = scene.film.width, scene.film.height
@@ -101,7 +102,7 @@ def _window(scene: Scene) -> fit.Window:
         left, right = 0.0, float(width)
     if bottom - top < LEAST_PART * height:
         top, bottom = 0.0, float(height)
-    return fit.Window(
+    return fitting.Window(
         left=2 * left / width - 1 + MARGIN,
         right=2 * right / width - 1 - MARGIN,
         bottom=1 - 2 * bottom / height + MARGIN,
@@ -119,7 +120,7 @@ def _legible(scene: Scene) -> Scene:
     return replace(scene, film=replace(scene.film, width=round(scale * width), height=round(scale * height)))
 
 
-def _at_all_times(scene: Scene, rows: Rows, balls: fit.Balls) -> fit.Balls:
+def _at_all_times(scene: Scene, rows: Rows, balls: fitting.Balls) -> fitting.Balls:
     """What an animation shows. balls: what the rows of one date show, with the largest sizes of all dates."""
     base, [layer] = scene.data.base, scene.data.layers.values()
     if places_move(layer, base):
@@ -131,15 +132,15 @@ def _at_all_times(scene: Scene, rows: Rows, balls: fit.Balls) -> fit.Balls:
         return balls
     centre = fit.outline(base).centre
     reach = (np.linalg.norm(balls.centre - centre, axis=1) + balls.radius).max()
-    return fit.Balls(centre, np.array([reach]))
+    return fitting.Balls(centre, np.array([reach]))
 
 
-def _gizmo_balls(base: Base, rows: Rows) -> fit.Balls:
+def _gizmo_balls(base: Base, rows: Rows) -> fitting.Balls:
     """The base and all gizmos; of places that change in time, with the largest sizes of all dates."""
     outline = fit.outline(base)
     if "a" in rows.fields and rows.gizmo.name == "line":
         points = np.concatenate([rows.fields["a"].T, rows.fields["b"].T])
-        return outline.joined(fit.Balls(points, np.tile(rows.fields["radius"], 2)))
+        return outline.joined(fitting.Balls(points, np.tile(rows.fields["radius"], 2)))
     stand = rows.stand
     if rows.in_time is not None:
         sizes = rows.in_time.sizes
@@ -148,5 +149,5 @@ def _gizmo_balls(base: Base, rows: Rows) -> fit.Balls:
         )
     extent = 2 * stand.radius if "height" not in rows.gizmo.sizes else stand.height
     tops = (stand.foot + stand.up * (stand.sign * extent * (1 - stand.sunk))).T
-    feet = fit.Balls(stand.foot.T, stand.radius)
-    return outline.joined(feet).joined(fit.Balls(tops, stand.radius))
+    feet = fitting.Balls(stand.foot.T, stand.radius)
+    return outline.joined(feet).joined(fitting.Balls(tops, stand.radius))

@@ -39,6 +39,13 @@ class Field:
         signs = (signs_of(f, self.compiled.values, p) for f in odd)
         return reduce(mul, signs, self.compiled.program.sign * np.ones(p.shape[:-1]))
 
+    def slope(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values and gradients at points. Shapes: p (N, 3); results (N), (3, N)."""
+        # With a step along i, the imaginary part of a polynomial is its derivative, without cancellation.
+        step = 1e-30 * np.maximum(np.linalg.norm(p, axis=1), 1e-30)
+        parts = [self.values(p + 1j * step[:, None] * axis) for axis in np.eye(3)]
+        return parts[0].real, np.stack([part.imag / step for part in parts])
+
     def jet(self, p: np.ndarray) -> Jet:
         """Values, gradients and Hessians at points. Shape: p (N, 3)."""
         axes, n = Jet.axes(p), len(p)

@@ -6,17 +6,30 @@ import numpy as np
 
 from visray.clip_report import directions
 from visray.surface_picture.field import Field
+from visray.surface_picture.points import distinct, found_points, special_points, surface_points, turning_points
 
-# Starts of the search for points: their distances from the origin, how many at each, and steps of each search.
-DISTANCES, STARTS, STEPS = 10.0 ** np.arange(-2, 4.1, 0.5), 48, 80
-# A search has found a point if Newton's next step is this share of the point's distance or shorter.
-CLOSE = 1e-7
 # Spheres on which signs are compared: their number, how much larger each is than the one before, and places on each.
-SPHERES, GROWTH, PLACES = 36, 1.3, 3000
-# A surface ends if the sign is the same on this many of the largest spheres.
-QUIET = 12
-# Lines along each axis and each step along them, and lines from the centre, that find points of a surface in a ball.
-GRID, ALONG, RAYS = 40, 72, 2000
+SPHERES, PLACES = 64, 2500
+# The smallest and the largest of them, in units of the distances of points; a surface ends if the sign is the same on
+# this many of the largest.
+SMALLEST, LARGEST, QUIET = 1.05, 300.0, 12
+# A ball about the origin is taken if its middle is nearer to it than this share of its radius.
+CENTRAL = 0.2
+# The share of the special points that must be in the clip of a surface that goes on.
+SHARE = 0.85
+# The clip is larger than the ball of the special points by 1 + ROOM / degree: surfaces of a high degree have more of
+# them, so that they show all of the shape.
+ROOM = 2.6
+# How far normals must turn in the clip of a surface without special points: 1 less the length of their mean.
+TURNED = 0.25
+# The clip is this much larger. If that is so in one of the first balls, all balls are alike.
+AROUND, ALIKE = 1.8, 5
+# Points from which special points are looked for.
+STARTS = 500
+# How often the ball of a surface that ends is looked at for parts of it, and how much larger than the parts before.
+ROUNDS, WIDER = 5, 1.4
+# Points, the farthest ones, from which farther points are looked for.
+FARTHEST = 64
 
 
 @dataclass(frozen=True)
@@ -32,58 +45,107 @@ class Whereabouts:
     compact: bool
 
 
-def found_points(field: Field) -> np.ndarray:
-    """Points of the surface near and far from the origin, by Newton's method. Shape: (N, 3), N = 0 if none is found."""
-    p = (DISTANCES[:, None, None] * directions(STARTS)).reshape(-1, 3)
-    with np.errstate(all="ignore"):
-        for _ in range(STEPS):
-            p = p - _newton_step(field, p)
-        left = np.linalg.norm(_newton_step(field, p), axis=1)
-        near = left <= CLOSE * (np.linalg.norm(p, axis=1) + CLOSE)
-    return p[near & np.isfinite(p).all(1)]
-
-
-def _newton_step(field: Field, p: np.ndarray) -> np.ndarray:
-    """How far each point moves along the gradient in one step. Shapes: (N, 3)."""
-    jet = field.jet(p)
-    square = (jet.gradient**2).sum(0)
-    return np.where(square > 0, jet.value * jet.gradient / np.where(square > 0, square, 1), 0).T
-
-
 def whereabouts(field: Field) -> Whereabouts | None:
-    """Where the surface is; None if no point of it is found."""
-    points = found_points(field)
+    """Where the surface is; None if no place is found at which f changes its sign."""
+    crossed, touched = found_points(field)
+    points = np.concatenate([crossed, touched])
     if not len(points):
         return None
     distance = np.linalg.norm(points, axis=1)
-    scale = max(distance.min(), 1e-3 * np.median(distance), 1e-9)
-    radii = scale * GROWTH ** np.arange(1, SPHERES + 1)
-    signs = np.array([field.signs(r * directions(PLACES)) for r in radii])
-    same = (signs == signs[-1, 0]).all(1) & (signs[-1, 0] != 0)
-    if not same[-QUIET:].all():
-        return Whereabouts(np.zeros(3), 2.5 * scale if scale > 0.01 else 2.0, False)
-    first = len(same) - int(np.argmin(same[::-1])) if not same.all() else 0
-    inside = surface_points(field, np.zeros(3), radii[first])
-    if not len(inside):
-        inside = points
-    middle = 0.5 * (inside.min(0) + inside.max(0))
-    reach = np.linalg.norm(inside - middle, axis=1).max()
-    if np.linalg.norm(middle) < 0.2 * reach:
-        middle = np.zeros(3)
-        reach = np.linalg.norm(inside, axis=1).max()
-    return Whereabouts(middle, float(reach), True)
+    scale = float(np.median(distance if not len(crossed) else np.linalg.norm(crossed, axis=1)))
+    radius = end_of(field, max(float(distance.min()), 1e-3 * scale, 1e-9), max(scale, 1e-9))
+    if radius:
+        return _all_of_it(field, points, radius)
+    return _heart_of_it(field, points, max(float(distance.min()), 1e-9))
 
 
-def surface_points(field: Field, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Points of the surface in a ball, spread over all of it. Shape: (N, 3)."""
-    t = np.linspace(-radius, radius, ALONG)
-    u, v = (x.ravel() for x in np.meshgrid(*2 * [np.linspace(-radius, radius, GRID)]))
-    found = []
-    for axis in range(3):
-        o = centre + np.insert(np.stack([u, v], 1), axis, 0, axis=1)
-        o = o[u * u + v * v < radius * radius]
-        found.append(field.all_crossings(o, np.tile(np.eye(3)[axis], (len(o), 1)), np.tile(t, (len(o), 1))))
-    t = np.linspace(0, radius, ALONG // 2)
-    found.append(field.all_crossings(np.tile(centre, (RAYS, 1)), directions(RAYS), np.tile(t, (RAYS, 1))))
-    points = np.concatenate(found)
-    return points[np.linalg.norm(points - centre, axis=1) <= radius]
+def end_of(field: Field, nearest: float, scale: float) -> float | None:
+    """Radius of a ball about the origin beyond which the polynomial keeps its sign; None if there is none.
+
+    nearest, scale: distances of the nearest point of the surface and of a middle one.
+    """
+    radii = np.geomspace(SMALLEST * nearest, LARGEST * scale, SPHERES)
+    lattice = np.array([p for p in np.ndindex(3, 3, 3) if p != (1, 1, 1)]) - 1.0
+    places = np.concatenate([directions(PLACES), lattice / np.linalg.norm(lattice, axis=1, keepdims=True)])
+    signs = np.array([field.signs(r * places) for r in radii])
+    last = np.sign(signs[-1].sum())
+    same = (signs * last >= 0).all(1)
+    if not last or not same[-QUIET:].all():
+        return None
+    return float(radii[0 if same.all() else len(same) - int(np.argmin(same[::-1]))])
+
+
+def _all_of_it(field: Field, points: np.ndarray, radius: float) -> Whereabouts:
+    """The ball of a surface that ends. points: some points of it. radius: of a ball about the origin that holds it."""
+    points = points[np.linalg.norm(points, axis=1) <= radius]
+    points = np.concatenate([points, surface_points(field, np.zeros(3), radius)])
+    ball = _around(points)
+    for _ in range(ROUNDS):
+        # Lines through a smaller ball are closer, and find more.
+        points = np.concatenate([points, surface_points(field, ball.centre, WIDER * ball.radius)])
+        before, ball = ball, _around(points)
+        if ball.radius < 1.01 * before.radius:
+            break
+    distance = np.linalg.norm(points - ball.centre, axis=1)
+    with np.errstate(all="ignore"):
+        far = turning_points(field, ball.centre, points[np.argsort(distance)[-FARTHEST:]])
+    far = far[np.linalg.norm(far - ball.centre, axis=1) <= WIDER * ball.radius]
+    return _around(np.concatenate([points, far]))
+
+
+def _around(points: np.ndarray) -> Whereabouts:
+    """A ball that holds points, about the origin if that is near its middle."""
+    middle = 0.5 * (points.min(0) + points.max(0))
+    reach = float(np.linalg.norm(points - middle, axis=1).max())
+    if np.linalg.norm(middle) < CENTRAL * reach:
+        middle, reach = np.zeros(3), float(np.linalg.norm(points, axis=1).max())
+    return Whereabouts(middle, max(reach, 1e-9), True)
+
+
+def _heart_of_it(field: Field, points: np.ndarray, nearest: float) -> Whereabouts:
+    """The ball of a surface that goes on: it holds singular points and the places where the shape changes.
+
+    points: some points of it. nearest: distance of the nearest of them.
+    """
+    centre = np.zeros(3)
+    special = special_points(field, centre, _some(points))
+    near = np.concatenate([special.singular, special.turning])
+    if len(near):
+        more = surface_points(field, centre, 1.5 * _reach(near, centre))
+        special = special_points(field, centre, np.concatenate([near, _some(more), _some(points)]))
+        near = distinct(np.concatenate([special.singular, special.turning]))
+    kept = np.concatenate([special.singular, special.still])
+    if len(kept):
+        middle = 0.5 * (kept.min(0) + kept.max(0))
+        if np.linalg.norm(middle) > 3 * np.linalg.norm(kept - middle, axis=1).max() + nearest / 3:
+            centre = middle
+            special = special_points(field, centre, _some(points) + centre)
+            near = np.concatenate([special.singular, special.turning])
+    degree = sum(f.degree for f in field.compiled.program.factors)
+    radius = (1 + ROOM / degree) * _reach(near, centre) if len(near) else 0.0
+    return Whereabouts(centre, radius if radius > 1e-6 * nearest else _bent(field, centre), False)
+
+
+def _some(points: np.ndarray) -> np.ndarray:
+    """At most twice as many of the points as STARTS, evenly chosen."""
+    return points[:: max(1, len(points) // STARTS)]
+
+
+def _reach(points: np.ndarray, centre: np.ndarray) -> float:
+    """Radius of a ball about a centre that holds most of the points."""
+    return float(np.quantile(np.linalg.norm(points - centre, axis=1), SHARE, method="higher"))
+
+
+def _bent(field: Field, centre: np.ndarray) -> float:
+    """Radius of a ball in which the normals of the surface clearly point in different directions; 1 if no ball is
+    special, as with planes and cones."""
+    radii = 10.0 ** np.arange(-3, 3.01, 0.1)
+    for radius in radii:
+        points = surface_points(field, centre, radius, 16)
+        if len(points):
+            _, gradient = field.slope(points)
+            length = np.linalg.norm(gradient, axis=0)
+            turned = 1 - np.linalg.norm((gradient[:, length > 0] / length[length > 0]).mean(1))
+            if turned > TURNED:
+                return AROUND * float(radius) if radius > radii[ALIKE] else 1.0
+    return 1.0

@@ -1,0 +1,95 @@
+"""From where a surface is looked at: the direction from which much of it is seen, and the camera."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from visray.camera import Camera
+from visray.fitting import Balls, fitted_view
+from visray.primitives.clips import Ball
+from visray.surface_picture.field import Field
+
+# Directions that are tried: azimuths in degrees from x to y, and elevations above the plane z = 0.
+AZIMUTHS, ELEVATIONS = np.arange(-180, 180, 15) - 52.5, (12.0, 24.0, 36.0, 50.0)
+# The direction of a view as in a book. Others are taken if they show more: at 90 degrees from it, this share more.
+BOOK, DEVIATION = (-52.5, 24.0), 0.25
+# Rays across a picture and steps along each, when directions are compared.
+ACROSS, STEPS = 30, 44
+# Cells of space, along the radius of the clip, of which is counted how many are seen.
+CELLS = 5
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What is seen of a surface from one direction, through parallel rays.
+
+    points: the points that rays hit. Shape: (N, 3).
+    front: whether each is seen from the side where f > 0. Shape: (N).
+    """
+
+    points: np.ndarray
+    front: np.ndarray
+
+
+def seen(field: Field, ball: Ball, axes: np.ndarray, across: int = ACROSS) -> Seen:
+    """What is seen of the surface in a ball. axes: of the camera, as in `axes_towards`. across: rays along the width."""
+    centre, r = np.array(ball.center), ball.radius
+    u, v = (x.ravel() for x in np.meshgrid(*2 * [(np.arange(across) + 0.5) * 2 / across - 1]))
+    inside = u * u + v * v < 1
+    u, v = u[inside], v[inside]
+    depth = np.sqrt(1 - u * u - v * v)
+    # Not quite through the same places on all rays, as surfaces often go through the middles of things.
+    t = np.linspace(-1, 1, STEPS) * r * depth[:, None]
+    d = np.tile(axes[2], (len(u), 1))
+    o = centre + r * (u[:, None] * axes[0] + v[:, None] * axes[1])
+    at, lines = field.first_crossings(o, d, t)
+    before = o[lines] + (at - 1e-4 * r)[:, None] * d[lines]
+    return Seen(o[lines] + at[:, None] * d[lines], field.front(before) > 0)
+
+
+def axes_towards(towards: Any, up: Any) -> np.ndarray:
+    """Axes of a camera that looks against a direction: to the right, up and forward, an axis in each row. A direction
+    along `up` is looked at with y upwards."""
+    forward = -np.array(towards, float) / np.linalg.norm(towards)
+    right = np.cross(forward, np.array(up, float))
+    if np.linalg.norm(right) < 1e-6 * np.linalg.norm(up):
+        right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [0.0, 0.0, 1.0])
+    right = right / np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def direction(azimuth: float, elevation: float) -> np.ndarray:
+    """Unit vector from angles in degrees; z is upwards. Shape: (3)."""
+    a, e = np.radians([azimuth, elevation])
+    return np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
+
+
+def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
+    """The direction towards the camera from which the most cells of the surface are seen, with each side counted. A
+    view as in a book is taken before others that show hardly more."""
+    book, best, most = direction(*BOOK), None, -1.0
+    for elevation in ELEVATIONS:
+        for azimuth in AZIMUTHS:
+            towards = direction(azimuth, elevation)
+            angle = np.degrees(np.arccos(np.clip(towards @ book, -1, 1)))
+            worth = _cells(seen(field, ball, axes_towards(towards, (0, 0, 1))), ball) / (1 + DEVIATION * angle / 90)
+            if worth > most * (1 + 1e-9):
+                best, most = towards, worth
+    return tuple(np.round(best, 3).tolist())
+
+
+def _cells(found: Seen, ball: Ball) -> int:
+    """Number of the cells of space, counted for each side, in which the surface is seen."""
+    cells = np.floor((found.points - np.array(ball.center)) / ball.radius * CELLS)
+    return len(np.unique(np.column_stack([cells, found.front]), axis=0))
+
+
+def camera_for(points: np.ndarray, towards: Any, up: Any, aspect: float, zoom: float = 1.0) -> Camera:
+    """The camera that sees all points from a direction. zoom: how much larger than if all just fitted."""
+    axes = axes_towards(towards, up)
+    camera = fitted_view(Balls(points, np.zeros(len(points))), axes, aspect)
+    slope = np.tan(np.radians(camera.fov / 2)) / zoom
+    fov = round(float(np.degrees(2 * np.arctan(slope))), 3)
+    upright = abs(axes[1] @ np.array(up, float)) > 1e-3 * np.linalg.norm(up)
+    return replace(camera, up=tuple(map(float, up)) if upright else camera.up, fov=fov)

@@ -52,12 +52,15 @@ class Balls:
         return float((np.linalg.norm(self.centre - self.middle(), axis=1) + self.radius).max())
 
 
-def fitted_view(shown: Balls, axes: np.ndarray, aspect: float, window: Window | None = None) -> Camera:
+def fitted_view(
+    shown: Balls, axes: np.ndarray, aspect: float, window: Window | None = None, share: float = ROUNDED
+) -> Camera:
     """The nearest camera with given axes that sees all balls in a window of its picture.
 
     shown: what the picture shows.
     aspect: width of the picture divided by its height.
     window: the part of the picture for it; None leaves a small margin.
+    share: of the size of what is shown to which numbers are rounded.
     """
     w, slope = window or Window(), np.tan(np.radians(FOV / 2))
     x, y, depth = axes @ shown.centre.T
@@ -66,7 +69,7 @@ def fitted_view(shown: Balls, axes: np.ndarray, aspect: float, window: Window | 
     z = min(across.nearest(), upwards.nearest())
     origin = np.array([across.middle(z), upwards.middle(z), z]) @ axes
     target = origin + axes[2] * float(np.median(depth) - z)
-    rounded = _rounding(shown)
+    rounded = _rounding(shown, share)
     return Camera(origin=rounded(origin), target=rounded(target), up=tuple(np.round(axes[1], 6).tolist()), fov=FOV)
 
 
@@ -99,9 +102,9 @@ class _Limits:
         return 0.5 * (self.least + self.most + (self.low + self.high) * z)
 
 
-def _rounding(shown: Balls) -> Any:
-    """A function that rounds points to a small share of the size of what is shown."""
-    places = int(np.ceil(-np.log10(ROUNDED * shown.reach())))
+def _rounding(shown: Balls, share: float) -> Any:
+    """A function that rounds points to a share of the size of what is shown."""
+    places = int(np.ceil(-np.log10(share * shown.reach())))
     return lambda point: tuple(np.round(point, places).tolist())
 
 
@@ -113,8 +116,8 @@ class Rig:
         left, so shadows fall to the right; the fill light is at the right.
     key_light, fill_light: their diffuse light.
     distance: of the lights from the middle of the scene, in radii of the scene.
-    key_radius, fill_radius: their radii, in radii of the scene. Shadows of the key light are soft, and those of the fill
-        light are so soft that they are hardly seen.
+    key_radius, fill_radius: their radii, in radii of the scene. Shadows of the key light are soft, and those of the
+        fill light are so soft that they are hardly seen.
     key_samples, fill_samples: points of a light that each sample of a pixel asks.
     """
 
@@ -129,10 +132,15 @@ class Rig:
     fill_samples: int = 1
 
 
-def fitted_lights(shown: Balls, axes: np.ndarray, rig: Rig = Rig()) -> dict[str, Light]:  # noqa: B008 - it is frozen
-    """A key light with soft shadows and a weak fill light, by their names."""
+def fitted_lights(
+    shown: Balls,
+    axes: np.ndarray,
+    rig: Rig = Rig(),
+    share: float = ROUNDED,
+) -> dict[str, Light]:
+    """A key light with soft shadows and a weak fill light, by their names. share: as in `fitted_view`."""
     backwards = axes * np.array([[1.0], [1.0], [-1.0]])
-    reach, rounded = shown.reach(), _rounding(shown)
+    reach, rounded = shown.reach(), _rounding(shown, share)
 
     def light(toward: tuple, radius: float, brightness: float, samples: int, shine: float) -> SphereLight:
         position = shown.middle() + rig.distance * reach * (toward / np.linalg.norm(toward)) @ backwards

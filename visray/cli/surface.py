@@ -12,6 +12,8 @@ from cyclopts import Parameter
 
 from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
+from visray.cli.picture_options import Preview, Show
+from visray.cli.showing import Showing
 from visray.errors import UserError
 from visray.terminal import write_line
 
@@ -55,7 +57,10 @@ def surface_command(
             allow_leading_hyphen=True,
         ),
     ] = None,
-    color: Annotated[str | None, Parameter(help="RED,GREEN,BLUE from 0 to 1: colour of the outside.")] = None,
+    color: Annotated[
+        str | None, Parameter(help="RED,GREEN,BLUE from 0 to 1: colour of the side that is seen more.")
+    ] = None,
+    inside: Annotated[str | None, Parameter(help="RED,GREEN,BLUE: colour of the other side.")] = None,
     save: Annotated[Path | None, Parameter(help="Write the scene to this .json file.")] = None,
     set: Settings = [],  # noqa: B006 - the name of the option; only read
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT in pixels. Default: 640x640.")] = None,
@@ -66,6 +71,8 @@ def surface_command(
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
     threads: Threads = None,
+    show: Show = False,
+    preview: Preview = False,
     quiet: flag("Print nothing, and show no progress.") = False,
     json: Json = False,
 ) -> int:
@@ -76,8 +83,10 @@ def surface_command(
     """
     if quiet:
         warnings.simplefilter("ignore")
-    film, numbers = parse_size(size), dict(map(_parse_parameter, param))
-    direction, rgb = _parse_triple("--from", towards, "1,-2,1"), _parse_triple("--color", color, "0.8,0.3,0.1")
+    numbers, texts = dict(map(_parse_parameter, param)), {"--color": color, "--inside": inside}
+    colors = [_parse_triple(option, text, "0.8,0.3,0.1") for option, text in texts.items()]
+    direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
+    showing = Showing.of(show, preview, json)
     from visray.adaptive.stopping import Goal
     from visray.cli.rendering import render_command
     from visray.output.files import check_writable, write_text
@@ -85,7 +94,7 @@ def surface_command(
     from visray.progress import Bar
     from visray.scene.check import checked
     from visray.scene.load import dump
-    from visray.surface_picture.picture import surface_picture
+    from visray.surface_picture.picture import SIZE, Wishes, surface_picture
 
     if error is None and time is None and spp is None:
         error = ERROR
@@ -97,18 +106,21 @@ def surface_command(
             raise UserError(f"{save}: a scene is a .json file; end the name so")
         check_writable(save)
     with Bar("looking at the surface", 1, not (quiet or json)):
-        made = surface_picture(formula, numbers, film or (640, 640), clip, direction, rgb)
+        made = surface_picture(formula, numbers, Wishes(film or SIZE, clip, direction, *colors))
         scene = checked(made.scene)
     with _scene_file(save, made.name) as file:
         write_text(file, dump(scene, file.parent))
         for text in made.notes:
             warnings.warn(text, stacklevel=1)
-        if save is not None and not (quiet or json):
-            write_line(f"{save}: written")
-        report = {"notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
+        if not (quiet or json):
+            write_line(f"{made.name}: " + "; ".join(f"{name} {text}" for name, text in made.choices.items()))
+            if save is not None:
+                write_line(f"{save}: written")
+        report = {"choices": made.choices, "notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
+        outputs = showing.outputs(output, [Path(f"{made.name}.png")])
         return render_command(
-            file, output=output or [Path(f"{made.name}.png")], spp=spp, error=error, time=time, threads=threads,
-            set=set, quiet=quiet, json=json, more=report,
+            file, output=outputs, spp=spp, error=error, time=time, threads=threads, set=set, showing=showing,
+            quiet=quiet, json=json, more=report,
         )  # fmt: skip
 
 

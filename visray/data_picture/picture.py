@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from visray.animation.animation import Animation
 from visray import fitting
+from visray.animation.animation import Animation
 from visray.data import basemap, fit
 from visray.data.base import Base, GlobeBase
 from visray.data.data_scene import RESERVED, Data

@@ -11,7 +11,7 @@ from visray.polynomials import Compiled, interpret
 from visray.surface_picture.jet import Jet
 
 # Halvings of the way between two places with different signs.
-HALVINGS = 40
+HALVINGS = 30
 
 
 @dataclass(frozen=True)
@@ -56,27 +56,31 @@ class Field:
     def first_crossings(self, o: np.ndarray, d: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances of the first changes of the sign along lines o + t d, and the numbers of these lines.
 
-        t: places on each line at which signs are compared, in rising order; the first counts for no crossing.
+        t: places on each line at which signs are compared, in rising order.
         Shapes: o, d (N, 3), t (N, T); results (M).
         """
-        signs = self.signs(o[:, None, :] + t[..., None] * d[:, None, :])
-        change = signs[:, 1:] * signs[:, :-1] < 0
+        above = self.values(o[:, None, :] + t[..., None] * d[:, None, :]) > 0
+        change = above[:, 1:] != above[:, :-1]
         lines = np.flatnonzero(change.any(1))
         at = change[lines].argmax(1)
         return self._bisected(o[lines], d[lines], t[lines, at], t[lines, at + 1]), lines
 
-    def all_crossings(self, o: np.ndarray, d: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Points of all changes of the sign along lines o + t d. Arguments as above. Shape: result (M, 3)."""
-        signs = self.signs(o[:, None, :] + t[..., None] * d[:, None, :])
+    def all_crossings(self, o: np.ndarray, d: np.ndarray, t: np.ndarray, sure: bool = False) -> np.ndarray:
+        """Points of all changes of the sign along lines o + t d. Shape: result (M, 3).
+
+        o, d, t: as above. sure: whether only signs count that rounding does not change.
+        """
+        p = o[:, None, :] + t[..., None] * d[:, None, :]
+        signs = self.signs(p) if sure else np.where(self.values(p) > 0, 1, -1)
         lines, at = np.nonzero(signs[:, 1:] * signs[:, :-1] < 0)
         found = self._bisected(o[lines], d[lines], t[lines, at], t[lines, at + 1])
         return o[lines] + found[:, None] * d[lines]
 
     def _bisected(self, o: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """The places between `low` and `high` at which the sign changes."""
-        before = self.signs(o + low[:, None] * d)
+        before = self.values(o + low[:, None] * d) > 0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            same = self.signs(o + middle[:, None] * d) == before
+            same = (self.values(o + middle[:, None] * d) > 0) == before
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return 0.5 * (low + high)

@@ -1,32 +1,29 @@
 """The scene that shows a surface: clip, camera, lights and colours are fitted to it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from visray import polynomials
-from visray.camera import Camera
-from visray.data.fit import Balls, fitted_lights, fitted_view
 from visray.errors import UserError
-from visray.hints import hint
-from visray.materials import Material
-from visray.polynomials import PolynomialError
-from visray.polynomials.catalogue import SURFACES, View
 from visray.primitives.clips import Ball
-from visray.primitives.polynomial import Polynomial
 from visray.scene.scene import Film, Occlusion, Scene, Settings
 from visray.surface_picture.field import Field
-from visray.surface_picture.whereabouts import surface_points, whereabouts
+from visray.surface_picture.look import AMBIENT_LIGHT, BACKGROUND, RIG, materials, side
+from visray.surface_picture.points import surface_points
+from visray.surface_picture.reading import SURFACE, Asked, asked
+from visray.surface_picture.viewing import axes_towards, best_direction, camera_for, lights_for, seen
+from visray.surface_picture.whereabouts import whereabouts
 
-# Direction towards the camera, with z upwards.
-TOWARDS = (0.86, -1.2, 0.75)
-OUTSIDE, INSIDE = (0.75, 0.27, 0.07), (0.06, 0.26, 0.5)
-PAPER = (0.88, 0.9, 0.92)
-# Share of a material's kd that is its ka.
-AMBIENT = 0.3
-# Names of the surface and of its materials in the scene.
-SURFACE, FRONT, BACK = "surface", "outside", "inside"
+SIZE = (640, 640)
+UP = (0.0, 0.0, 1.0)
+# The clip of a surface that ends is larger than the surface by this share.
+MARGIN = 0.02
+# Rays across the picture that decide which side of the surface is seen more.
+ACROSS = 60
+
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -34,95 +31,116 @@ class SurfacePicture:
     """A scene that shows a surface.
 
     name: name for its file, without an ending.
-    notes: what was chosen that the user may not expect.
+    choices: what was chosen, each a text by a name.
+    notes: what may not be expected.
     """
 
     scene: Scene
     name: str
+    choices: dict[str, str]
     notes: tuple[str, ...]
 
 
-def surface_picture(
-    formula: str,
-    parameters: Mapping[str, float],
-    size: tuple[int, int] = (640, 640),
-    clip: float | None = None,
-    view: tuple[float, float, float] | None = None,
-    color: tuple[float, float, float] | None = None,
-) -> SurfacePicture:
-    """The scene that shows a surface. Raises a UserError if the formula or a parameter is wrong."""
-    shape, name, notes = _shape(formula.strip(), dict(parameters))
-    field = Field(_compiled(shape, formula))
-    known = (shape.surface and SURFACES[shape.surface].view) or View(TOWARDS)
-    ball = _clip(shape, field, clip or known.clip, formula)
-    shape = replace(shape, clip=ball, material=FRONT)
+@dataclass(frozen=True)
+class Wishes:
+    """What is asked for beside the formula; None: to be chosen.
+
+    size: width and height of the picture in pixels.
+    clip: radius of the ball about the origin in which the surface is drawn.
+    towards: direction from the surface towards the camera.
+    color, inside: linear colours of the side that is seen more, and of the other side.
+    """
+
+    size: tuple[int, int] = SIZE
+    clip: float | None = None
+    towards: Triple | None = None
+    color: Triple | None = None
+    inside: Triple | None = None
+
+
+def surface_picture(formula: str, parameters: Mapping[str, float], wishes: Wishes = Wishes()) -> SurfacePicture:
+    """The scene that shows a surface. Raises a UserError if the formula, a parameter or a wish is wrong."""
+    surface = asked(formula, parameters)
+    field = Field(surface.compiled)
+    ball, whole = _clip(surface, field, wishes.clip)
     points = surface_points(field, np.array(ball.center), ball.radius)
-    # A view from elsewhere has z upwards.
-    up = known.up if view is None else (0.0, 0.0, 1.0)
-    axes = axes_towards(np.array(view or known.direction, float), np.array(up))
-    shown = Balls(points, np.zeros(len(points)))
-    camera = fitted_view(shown, axes, size[0] / size[1])
-    slope = np.tan(np.radians(camera.fov / 2)) / (known.zoom if view is None else 1.0)
-    fov = round(float(np.degrees(2 * np.arctan(slope))), 3)
-    camera = Camera(origin=camera.origin, target=camera.target, up=up, fov=fov)
-    colors = {FRONT: color or OUTSIDE, BACK: INSIDE}
-    return SurfacePicture(
-        Scene(
-            camera=camera,
-            film=Film(width=size[0], height=size[1]),
-            background=PAPER,
-            ambient=(1.0, 1.0, 1.0),
-            materials={k: _material(x, BACK if k == FRONT else None) for k, x in colors.items()},
-            lights=fitted_lights(shown, axes),
-            objects={SURFACE: shape},
-            settings=Settings(sampler="sobol", occlusion=Occlusion(sky=1)),
-        ),
-        name,
-        tuple(notes),
+    if not len(points):
+        raise UserError(_nothing_in(surface, field, ball))
+    view = surface.known.view if surface.known else None
+    up, zoom = (view.up, view.zoom) if view and wishes.towards is None else (UP, 1.0)
+    towards = wishes.towards or (view.direction if view else best_direction(field, ball))
+    front = seen(field, ball, axes_towards(towards, up), ACROSS).front
+    width, height = wishes.size
+    scene = Scene(
+        camera=camera_for(points, towards, up, width / height, zoom),
+        film=Film(width=width, height=height),
+        background=BACKGROUND,
+        ambient=AMBIENT_LIGHT,
+        materials=materials(front, wishes.color, wishes.inside),
+        lights=lights_for(ball, towards, up, RIG),
+        objects={SURFACE: replace(surface.shape, clip=ball, material=side(front))},
+        settings=Settings(sampler="sobol", occlusion=Occlusion(sky=1)),
+    )
+    return SurfacePicture(scene, surface.name, _choices(surface, ball, whole, towards), surface.notes)
+
+
+def _clip(surface: Asked, field: Field, radius: float | None) -> tuple[Ball, bool]:
+    """The ball in which the surface is drawn, and whether it holds the whole surface. radius: that is asked for."""
+    known = surface.known
+    if radius is not None:
+        if not (isinstance(radius, (int, float)) and math.isfinite(radius) and radius > 0):
+            raise UserError(f"--clip = {radius!r}: must be a number greater than 0, the radius of a ball")
+        return Ball(center=known.centre if known else (0.0, 0.0, 0.0), radius=float(radius)), False
+    if known:
+        own = known.view.clip if known.view else None
+        return Ball(center=known.centre, radius=own or known.radius), known.compact and own is None
+    found = whereabouts(field)
+    if found is None:
+        raise UserError(_nowhere(surface))
+    unit = 10.0 ** math.floor(math.log10(0.02 * found.radius))
+    centre = np.round(found.centre / unit) * unit
+    places = max(0, -round(math.log10(unit)))
+    centre = tuple(round(float(x), places) + 0.0 for x in centre)
+    if not found.compact:
+        return Ball(center=centre, radius=_two_digits(found.radius, round)), False
+    reach = found.radius + float(np.linalg.norm(found.centre - np.array(centre)))
+    return Ball(center=centre, radius=_two_digits((1 + MARGIN) * reach, math.ceil)), True
+
+
+def _two_digits(x: float, rounding) -> float:
+    """A number > 0, rounded to two digits."""
+    power = math.floor(math.log10(x)) - 1
+    return float(f"{rounding(x / 10.0**power)}e{power}")
+
+
+def _nowhere(surface: Asked) -> str:
+    """The error of a formula whose surface is found nowhere."""
+    values = ", ".join(f"{name} = {value:g}" for name, value in surface.shape.parameters.items())
+    given = f" with {values}" if values else ""
+    return (
+        f"{surface.label}{given}: has no real points that make a surface: between 0 and 10,000 from the origin, f has "
+        "the same sign wherever it was looked at; a surface is where f changes its sign, so change a sign or a number"
     )
 
 
-def axes_towards(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Axes of a camera that looks against a direction: to the right, up and forward, an axis in each row."""
-    forward = -towards / np.linalg.norm(towards)
-    right = np.cross(forward, up)
-    right = right / np.linalg.norm(right)
-    return np.stack([right, np.cross(right, forward), forward])
-
-
-def _material(color: tuple, back: str | None) -> Material:
-    """A material with a colour, a soft highlight, and the material of its other side."""
-    ka = tuple(round(AMBIENT * x, 4) for x in color)
-    return Material(ka=ka, kd=color, ks=(0.25, 0.25, 0.25), shininess=60, back=back)
-
-
-def _shape(formula: str, parameters: dict[str, float]) -> tuple[Polynomial, str, list[str]]:
-    """The surface without a clip of its own, its name, and notes."""
-    if formula in SURFACES:
-        known = SURFACES[formula]
-        if unknown := [name for name in parameters if name not in known.parameters]:
-            raise UserError(
-                f"{unknown[0]}: the surface {formula} has no such parameter; {hint(unknown[0], known.parameters)}"
-            )
-        return Polynomial(surface=formula, parameters=parameters), formula, []
-    return Polynomial(expression=formula, parameters=parameters), SURFACE, []
-
-
-def _compiled(shape: Polynomial, formula: str) -> polynomials.Compiled:
-    """The polynomial in coordinates about the origin."""
-    try:
-        return polynomials.build(shape.source(), shape.parameters)
-    except PolynomialError as error:
-        raise UserError(f"{formula}: {error}") from None
-
-
-def _clip(shape: Polynomial, field: Field, radius: float | None, formula: str) -> Ball:
-    """The ball in which the surface is drawn."""
-    if shape.surface is not None:
-        return Ball(center=SURFACES[shape.surface].centre, radius=radius or SURFACES[shape.surface].radius)
-    if radius is not None:
-        return Ball(radius=radius)
+def _nothing_in(surface: Asked, field: Field, ball: Ball) -> str:
+    """The error of a clip that the surface misses."""
     found = whereabouts(field)
     if found is None:
-        raise UserError(f"{formula}: no real points were found")
-    return Ball(center=tuple(np.round(found.centre, 3).tolist()), radius=float(f"{1.03 * found.radius:.3g}"))
+        return _nowhere(surface)
+    reach = _two_digits(float(np.linalg.norm(found.centre)) + found.radius, math.ceil)
+    return (
+        f"--clip = {ball.radius:g}: no point of {surface.label} is so near to the origin; without --clip it is fitted, "
+        f"and {reach:g} shows the surface"
+    )
+
+
+def _choices(surface: Asked, ball: Ball, whole: bool, towards: Triple) -> dict[str, str]:
+    """What was chosen, as texts by names."""
+    centre = "" if not any(ball.center) else " about " + ", ".join(f"{x:g}" for x in ball.center)
+    cut = "the whole surface is in it" if whole else "which cuts the surface"
+    chosen = {"degree": f"{surface.degree}"}
+    if surface.shape.parameters:
+        chosen["parameters"] = ", ".join(f"{name} = {value:g}" for name, value in surface.shape.parameters.items())
+    chosen["clip"] = f"a ball of radius {ball.radius:g}{centre}, {cut}"
+    return chosen | {"seen from": ", ".join(f"{x:.3g}" for x in towards)}

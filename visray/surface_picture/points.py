@@ -44,7 +44,7 @@ def found_points(field: Field) -> tuple[np.ndarray, np.ndarray]:
     """Points of the surface near and far from the origin at which the sign changes: those where lines cross it, and
     those that Newton's method finds. Shapes: (N, 3), (M, 3)."""
     lines = directions(WIDE)
-    crossed = field.all_crossings(np.zeros((WIDE, 3)), lines, np.tile(FAR, (WIDE, 1)))
+    crossed = field.all_crossings(np.zeros((WIDE, 3)), lines, np.tile(FAR, (WIDE, 1)), sure=True)
     p = (DISTANCES[:, None, None] * directions(STARTS)).reshape(-1, 3)
     with np.errstate(all="ignore"):
         for _ in range(STEPS):

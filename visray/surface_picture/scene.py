@@ -1,12 +1,16 @@
 """`vr.surface_scene`: the scene that `visray surface` renders, for Python."""
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
-from visray.arguments import checked_arguments
+from visray.arguments import checked_arguments, python_number, shown
+from visray.errors import UserError
+from visray.scene.adjusted import adjusted
 from visray.scene.check import checked
 from visray.scene.scene import Scene
-from visray.surface_picture.picture import surface_picture
+from visray.surface_picture.picture import SIZE, Wishes, surface_picture
 
 
 class SurfaceWarning(UserWarning):
@@ -18,10 +22,11 @@ def surface_scene(
     formula: str,
     parameters: Mapping | None = None,
     *,
-    size: Sequence = (640, 640),
+    size: Sequence = SIZE,
     clip: float | None = None,
     view: Sequence | None = None,
     color: Sequence | None = None,
+    inside: Sequence | None = None,
 ) -> Scene:
     """A scene that shows a surface f(x, y, z) = 0, with nothing else to be written.
 
@@ -30,11 +35,39 @@ def surface_scene(
     size: width and height of the picture in pixels.
     clip: radius of the ball about the origin in which the surface is drawn.
     view: direction from the surface towards the camera, as three numbers; z is upwards.
-    color: colour of the outside, linear red, green and blue.
+    color, inside: linear colours of the side that is seen more, and of the other: red, green and blue.
 
     What is chosen and may not be expected is told by warnings. Raises a UserError if an argument is wrong.
     """
-    made = surface_picture(formula, parameters or {}, tuple(size), clip, view and tuple(view), color and tuple(color))
+    film = adjusted(Scene(), size=size).film
+    wishes = Wishes(
+        size=(film.width, film.height),
+        clip=clip,
+        towards=_triple("view", view),
+        color=_triple("color", color),
+        inside=_triple("inside", inside),
+    )
+    try:
+        made = surface_picture(formula, dict(parameters or {}), wishes)
+    except UserError as error:
+        raise UserError(*map(_in_python, error.lines)) from None
+    scene = checked(made.scene)
     for text in made.notes:
-        warnings.warn(text, SurfaceWarning, stacklevel=3)
-    return checked(made.scene)
+        warnings.warn(_in_python(text), SurfaceWarning, stacklevel=3)
+    return scene
+
+
+def _triple(name: str, given: Sequence | None) -> tuple[float, float, float] | None:
+    """Three numbers. Raises a UserError if they are none."""
+    if given is None:
+        return None
+    numbers = [python_number(x) for x in given]
+    if len(numbers) != 3 or not all(isinstance(x, (int, float)) and isfinite(x) for x in numbers):
+        raise UserError(f"{name} = {shown(given)}: must be three numbers, such as (1, -2, 1)")
+    return tuple(map(float, numbers))
+
+
+def _in_python(text: str) -> str:
+    """A message in which options of the command have become arguments."""
+    text = re.sub(r"--param (\w+)=(\S+)", r'parameters={"\1": \2}', text)
+    return re.sub(r"--(\w+)", r"\1", text)

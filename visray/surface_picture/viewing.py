@@ -6,18 +6,24 @@ from typing import Any
 import numpy as np
 
 from visray.camera import Camera
-from visray.fitting import Balls, fitted_view
+from visray.fitting import Balls, Rig, fitted_lights, fitted_view
+from visray.lights.light import Light
 from visray.primitives.clips import Ball
 from visray.surface_picture.field import Field
 
 # Directions that are tried: azimuths in degrees from x to y, and elevations above the plane z = 0.
-AZIMUTHS, ELEVATIONS = np.arange(-180, 180, 15) - 52.5, (12.0, 24.0, 36.0, 50.0)
-# The direction of a view as in a book. Others are taken if they show more: at 90 degrees from it, this share more.
-BOOK, DEVIATION = (-52.5, 24.0), 0.25
+AZIMUTHS, ELEVATIONS = np.arange(-180, 180, 30) - 52.5, (12.0, 25.0, 36.0)
+# The direction of a view as in a book. Another is taken if it shows more: this share more for each degree that it is
+# turned or raised.
+BOOK, TURNED, RAISED = (-52.5, 25.0), 0.002, 0.01
+# Beside the best azimuth, those at this distance in degrees are tried too.
+FINER = 12.0
 # Rays across a picture and steps along each, when directions are compared.
 ACROSS, STEPS = 30, 44
 # Cells of space, along the radius of the clip, of which is counted how many are seen.
 CELLS = 5
+# Numbers of the camera are rounded to this share of the size of the surface, and those of the lights.
+ROUNDED, ROUNDED_LIGHTS = 1e-3, 0.03
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Seen:
 
 
 def seen(field: Field, ball: Ball, axes: np.ndarray, across: int = ACROSS) -> Seen:
-    """What is seen of the surface in a ball. axes: of the camera, as in `axes_towards`. across: rays along the width."""
+    """What is seen of the surface in a ball. axes: of the camera (`axes_towards`). across: rays along the width."""
     centre, r = np.array(ball.center), ball.radius
     u, v = (x.ravel() for x in np.meshgrid(*2 * [(np.arange(across) + 0.5) * 2 / across - 1]))
     inside = u * u + v * v < 1
@@ -68,15 +74,25 @@ def direction(azimuth: float, elevation: float) -> np.ndarray:
 def best_direction(field: Field, ball: Ball) -> tuple[float, float, float]:
     """The direction towards the camera from which the most cells of the surface are seen, with each side counted. A
     view as in a book is taken before others that show hardly more."""
-    book, best, most = direction(*BOOK), None, -1.0
+    worth = {}
+
+    def worth_of(azimuth: float, elevation: float) -> float:
+        if (azimuth, elevation) not in worth:
+            towards = direction(azimuth, elevation)
+            turned = abs((azimuth - BOOK[0] + 180) % 360 - 180)
+            other = 1 + TURNED * turned + RAISED * abs(elevation - BOOK[1])
+            worth[azimuth, elevation] = _cells(seen(field, ball, axes_towards(towards, (0, 0, 1))), ball) / other
+        return worth[azimuth, elevation]
+
+    worth_of(*BOOK)
     for elevation in ELEVATIONS:
         for azimuth in AZIMUTHS:
-            towards = direction(azimuth, elevation)
-            angle = np.degrees(np.arccos(np.clip(towards @ book, -1, 1)))
-            worth = _cells(seen(field, ball, axes_towards(towards, (0, 0, 1))), ball) / (1 + DEVIATION * angle / 90)
-            if worth > most * (1 + 1e-9):
-                best, most = towards, worth
-    return tuple(np.round(best, 3).tolist())
+            worth_of(float(azimuth), elevation)
+    azimuth, elevation = max(worth, key=worth.get)
+    # The first of equal ones is taken, so the same surface is always seen from the same direction.
+    for beside in (-FINER, FINER):
+        worth_of(azimuth + beside, elevation)
+    return tuple(np.round(direction(*max(worth, key=worth.get)), 2).tolist())
 
 
 def _cells(found: Seen, ball: Ball) -> int:
@@ -88,8 +104,14 @@ def _cells(found: Seen, ball: Ball) -> int:
 def camera_for(points: np.ndarray, towards: Any, up: Any, aspect: float, zoom: float = 1.0) -> Camera:
     """The camera that sees all points from a direction. zoom: how much larger than if all just fitted."""
     axes = axes_towards(towards, up)
-    camera = fitted_view(Balls(points, np.zeros(len(points))), axes, aspect)
+    camera = fitted_view(Balls(points, np.zeros(len(points))), axes, aspect, share=ROUNDED)
     slope = np.tan(np.radians(camera.fov / 2)) / zoom
     fov = round(float(np.degrees(2 * np.arctan(slope))), 3)
     upright = abs(axes[1] @ np.array(up, float)) > 1e-3 * np.linalg.norm(up)
     return replace(camera, up=tuple(map(float, up)) if upright else camera.up, fov=fov)
+
+
+def lights_for(ball: Ball, towards: Any, up: Any, rig: Rig) -> dict[str, Light]:
+    """The lights of a picture, which stand to the camera as the rig says."""
+    shown = Balls(np.array([ball.center]), np.array([ball.radius]))
+    return fitted_lights(shown, axes_towards(towards, up), rig, ROUNDED_LIGHTS)

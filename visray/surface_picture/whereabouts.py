@@ -9,7 +9,7 @@ from visray.surface_picture.field import Field
 from visray.surface_picture.points import distinct, found_points, special_points, surface_points, turning_points
 
 # Spheres on which signs are compared: their number, how much larger each is than the one before, and places on each.
-SPHERES, PLACES = 64, 2500
+SPHERES, PLACES = 48, 2000
 # The smallest and the largest of them, in units of the distances of points; a surface ends if the sign is the same on
 # this many of the largest.
 SMALLEST, LARGEST, QUIET = 1.05, 300.0, 12

@@ -1,0 +1,35 @@
+"""How a picture of a surface looks: two colours, two lights, and a plain background."""
+
+import numpy as np
+
+from visray.fitting import PAPER, Rig
+from visray.materials import Material
+
+# Linear colours of the side of the surface that is seen more, and of the other.
+WARM, COOL = (0.76, 0.25, 0.06), (0.06, 0.24, 0.46)
+# Share of its kd that is the ka of a material, and the light that it shows then, which is less in hollows.
+AMBIENT, AMBIENT_LIGHT = 0.3, (1.0, 1.0, 1.0)
+SHINE, SHININESS = 0.25, 60.0
+BACKGROUND = PAPER
+RIG = Rig()
+# Names of the two materials: outside is the side that is seen more.
+OUTSIDE, INSIDE = "outside", "inside"
+
+
+def side(front: np.ndarray) -> str:
+    """Name of the material of the front, where f > 0. front: whether the front is seen at each of many points."""
+    return OUTSIDE if 2 * np.count_nonzero(front) >= len(front) else INSIDE
+
+
+def materials(front: np.ndarray, outside: tuple | None, inside: tuple | None) -> dict[str, Material]:
+    """The materials of both sides. outside, inside: their colours; None for the usual ones. front: as in `side`."""
+    colors = {OUTSIDE: outside or WARM, INSIDE: inside or COOL}
+    first = side(front)
+    second = INSIDE if first == OUTSIDE else OUTSIDE
+    return {first: _material(colors[first], second), second: _material(colors[second], None)}
+
+
+def _material(color: tuple, back: str | None) -> Material:
+    """A material with a colour, a soft highlight, and the material of its other side."""
+    ka = tuple(round(AMBIENT * x, 4) for x in color)
+    return Material(ka=ka, kd=tuple(map(float, color)), ks=(SHINE,) * 3, shininess=SHININESS, back=back)

@@ -1,0 +1,122 @@
+"""What is asked for: the formula or the name of a known surface, with its parameters, as a polynomial."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+from visray import polynomials
+from visray.errors import UserError
+from visray.hints import hint, similar
+from visray.polynomials import Compiled, PolynomialError
+from visray.polynomials.catalogue import SURFACES, KnownSurface
+from visray.polynomials.everyday import everyday
+from visray.primitives.polynomial import Polynomial
+
+# Name of the object, and of the files of a surface without a name.
+SURFACE = "surface"
+# Value of a letter without a value.
+DEFAULT = 1.0
+# Longest formula that a message shows.
+SHOWN = 60
+# A text that may be meant as the name of a surface.
+_WORDS = re.compile(r"[A-Za-zß]{3,}([ _-]?[A-Za-z0-9]+)*")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The surface that is asked for.
+
+    shape: the polynomial without a clip of its own.
+    compiled: the polynomial in coordinates about the origin.
+    known: the known surface, or None.
+    name: of the surface, for files.
+    label: the formula or the name, for messages.
+    notes: how the formula was read, where that may surprise.
+    """
+
+    shape: Polynomial
+    compiled: Compiled
+    known: KnownSurface | None
+    name: str
+    label: str
+    notes: tuple[str, ...]
+
+    @property
+    def degree(self) -> int:
+        """Degree of the surface; factors that occur several times count once."""
+        return sum(f.degree for f in self.compiled.program.factors)
+
+
+def asked(formula: str, parameters: Mapping[str, float]) -> Asked:
+    """Reads a formula or the name of a known surface. Raises a UserError if it, or a parameter, is wrong."""
+    text = " ".join(formula.split())
+    label = text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+    values = {name: _finite(name, value) for name, value in parameters.items()}
+    name = re.sub(r"[ _]", "-", text).casefold()
+    name = next((known for known in SURFACES if known.casefold() == name), name)
+    if name in SURFACES:
+        known = SURFACES[name]
+        _check_names(values, tuple(known.parameters), f"the surface {name}")
+        shape, notes = Polynomial(surface=name, parameters=values), []
+        return Asked(shape, _compiled(shape, label), known, name, name, tuple(notes))
+    if _WORDS.fullmatch(text) and (near := similar(name, list(SURFACES))):
+        raise UserError(f'{label}: no surface has this name; did you mean "{near[0]}"? (visray surfaces lists them)')
+    try:
+        read = everyday(text, values)
+    except PolynomialError as error:
+        lists = "; visray surfaces lists the known names" if _WORDS.fullmatch(text) else ""
+        raise UserError(f"{label}: {error}{lists}") from None
+    _check_names(values, read.parameters, "the formula")
+    free = [letter for letter in read.parameters if letter not in values]
+    notes = [*read.notes, *([_about_letters(free)] if free else [])]
+    shape = Polynomial(expression=read.expression, parameters=dict.fromkeys(free, DEFAULT) | values)
+    shape = Polynomial(
+        expression=read.expression, parameters={name: shape.parameters[name] for name in read.parameters}
+    )
+    compiled = _compiled(shape, label)
+    return Asked(shape, compiled, None, SURFACE, label, (*notes, *_about_degree(shape, compiled)))
+
+
+def _finite(name: str, value: float) -> float:
+    """The value of a parameter. Raises a UserError if it is no finite number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        raise UserError(f"{name} = {value!r}: must be a finite number")
+    return float(value)
+
+
+def _check_names(values: Mapping[str, float], names: tuple[str, ...], where: str) -> None:
+    """Raises a UserError if a parameter with a value is none of the names. where: what has these names."""
+    for name in values:
+        if name not in names:
+            raise UserError(f"{name}: is no parameter of {where}; {hint(name, names) if names else 'it has none'}")
+
+
+def _about_letters(letters: list[str]) -> str:
+    """The note about letters that have no value."""
+    given = " = ".join([*letters, f"{DEFAULT:g}"])
+    options = " ".join(f"--param {letter}=2" for letter in letters[:1])
+    return f"{given}, as no value was given; {options} gives another"
+
+
+def _compiled(shape: Polynomial, label: str) -> Compiled:
+    """The polynomial in coordinates about the origin. Raises a UserError if it makes no surface."""
+    try:
+        return polynomials.build(shape.source(), shape.parameters)
+    except PolynomialError as error:
+        values = ", ".join(f"{name} = {value:g}" for name, value in shape.parameters.items())
+        raise UserError(f"{label}{f' with {values}' if values else ''}: {error}") from None
+
+
+def _about_degree(shape: Polynomial, compiled: Compiled) -> list[str]:
+    """A note, if the values of the parameters make the degree smaller than the formula looks."""
+    names = frozenset(shape.parameters)
+    try:
+        written = polynomials.build(shape.source(), shape.parameters, varied=names)
+    except PolynomialError:
+        return []
+    degree, usual = (sum(f.degree for f in x.program.factors) for x in (compiled, written))
+    if degree == usual:
+        return []
+    values = ", ".join(f"{name} = {value:g}" for name, value in shape.parameters.items())
+    return [f"with {values} the degree is {degree}, not {usual}"]

@@ -12,6 +12,7 @@ import visray as vr
 from visray import setup
 from visray.arguments import checked_argument, python_number
 from visray.errors import UserError
+from visray.live import view as live_view
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 BALL = vr.Scene(objects={"a": vr.Sphere()}, lights={"l": vr.PointLight(position=(3.0, 4.0, 5.0))})
@@ -39,7 +40,7 @@ class Begun(Exception):
 
 @pytest.fixture
 def no_work(monkeypatch):
-    """Nothing is prepared or rendered."""
+    """Nothing is prepared, rendered or served."""
 
     def begin(*_, **__):
         raise Begun
@@ -48,6 +49,8 @@ def no_work(monkeypatch):
     for module in [m for name, m in sys.modules.items() if name.startswith("visray.")]:
         for name in [name for name, value in vars(module).items() if value is prepare]:
             monkeypatch.setattr(module, name, begin)
+    # A live picture would listen at a port, and prepare in a thread of its own.
+    monkeypatch.setattr(live_view, "started", begin)
 
 
 def refuses_or_begins(function, arguments):

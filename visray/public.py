@@ -24,6 +24,7 @@ from visray.errors import UserError
 from visray.explaining import explain
 from visray.gradients import derivative, difference, gradient
 from visray.lights import *
+from visray.live.view import view
 from visray.materials import Material
 from visray.output.image import Image
 from visray.output.movie_of_images import write_movie
@@ -107,6 +108,7 @@ __all__ = [
     "surface_scene",
     "tune",
     "value",
+    "view",
     "why",
     "write_movie",
 ]  # fmt: skip

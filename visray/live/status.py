@@ -86,5 +86,6 @@ def errors_text(lines: list[str]) -> str:
 
 
 def _line(main: str, more: str) -> str:
-    style = "padding:0.4em 0.9em 0.1em;font-size:0.9em;font-variant-numeric:tabular-nums"
-    return f'<div style="{style}"><b>{escaped(main)}</b> <span style="{GREY}">{escaped(more)}</span></div>'
+    style = "padding:0.5em 0.9em 0.4em;line-height:1.35;font-size:0.9em;font-variant-numeric:tabular-nums"
+    small = f'<div style="{GREY};font-size:0.88em">{escaped(more)}</div>'
+    return f'<div style="{style}"><b>{escaped(main)}</b>{small}</div>'

@@ -5,6 +5,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from visray.data.color_rule import ColorRule
+from visray.lights.light import Light
 from visray.live.fields import Field, Limits, field_at, limits, numbers_of
 from visray.live.ranges import ENDLESS, Range, range_around, range_of
 from visray.output.curves import curve, linear
@@ -21,6 +23,10 @@ ENTRIES = {
     "objects": "object",
 }
 AXES = ("x", "y", "z")
+# Fields that not every record with them reads.
+UNREAD = ("center", "exponent", "b", "c")
+# Fields that leave an effect out if they are 0.
+FROM_ZERO = ("aperture", "kr", "kt", "ks", "a", "b", "c")
 # Fields of data whose three numbers are a colour, as on a screen.
 SRGB = ("color", "palette", "under", "over", "missing")
 
@@ -45,6 +51,7 @@ class Control:
     scale: the light of a white picker: 1, or the largest part of a colour beyond 1.
     center: of a `range` with a fixed middle, this; else None.
     rule: address and fields of the record that is assigned instead of the value, if the scene has no such record yet.
+    track: name of the track of an animation that moves the value, so that nothing else can; "" if there is none.
     """
 
     address: str
@@ -62,6 +69,7 @@ class Control:
     scale: float = 1.0
     center: float | None = None
     rule: tuple[str, tuple[tuple[str, Any], ...]] | None = None
+    track: str = ""
 
     def assignments(self, value: Value) -> dict[str, Value]:
         """What gives the scene this value: values by address."""
@@ -130,16 +138,48 @@ def control(scene: Scene, address: str, extent: float) -> Control | None:
     kind, shown = kind_of(address, found, most), "linear"
     if kind == "color" and most.quantity is None:
         kind, shown = "share", getattr(found.owner, "encoding", "srgb")
-    reach = range_of(name_of(address), numbers_of(found.value), most, extent)
+    name = name_of(address)
+    reach = range_of(f"color.{name}" if ".color." in address else name, numbers_of(found.value), most, extent)
     scale = max(1.0, *found.value) if kind == "color" else 1.0
     if kind in ("color", "share"):
         reach = Range(0.0, scale, 0.001)
+    if name == "shininess":
+        reach = Range(0.0, max(float(min(reach.high, _brightest(scene))), found.value), 1.0)
+    if is_code(address):
+        reach = reach._replace(has_slider=False)
     if kind == "direction":
         longest = max(1.0, *map(abs, found.value))
         reach = Range(-longest, longest, 0.01)
     if kind == "range":
         reach = range_around(found.value, "log" in (getattr(found.owner, key, None) for key in ("scale", "norm")))
-    return made(address, kind, found.value, reach, most.unit, shown=shown, scale=scale)
+    unit = most.unit
+    if name in FROM_ZERO and not any(numbers_of(found.value)):
+        unit = f"{unit}; from 0 it takes some seconds, because this effect is not in the kernel yet"
+    return made(address, kind, found.value, reach, unit, shown=shown, scale=scale)
+
+
+def is_code(address: str) -> bool:
+    """Whether each new value at an address compiles a new kernel: the place of the clip of a polynomial, about which it
+    is expanded, and its tolerance."""
+    *_, last = parts = [part for part in address.split(".") if not part.isdigit()]
+    return last == "tolerance" or parts[-2:] in (["clip", "center"], ["clip", "min"], ["clip", "max"])
+
+
+def is_read(scene: Scene, address: str) -> bool:
+    """Whether the scene reads the value at an address. Others may contain only what they do."""
+    name = name_of(address)
+    if name not in UNREAD or address.split(".")[0] not in ("data", "lights"):
+        return True
+    found = field_at(scene, address)
+    if isinstance(found.owner, ColorRule):
+        return {"center": "symmetric", "exponent": "power"}.get(name, found.owner.norm) == found.owner.norm
+    return not (isinstance(found.owner, Light) and not found.owner.has_position and name in ("b", "c"))
+
+
+def _brightest(scene: Scene) -> int:
+    """The largest shininess that the kernel of a scene provides for (Features.shininess_bits)."""
+    largest = max([m.shininess for m in scene.materials.values()], default=0)
+    return 2 ** max(8, 4 * -(-int(largest).bit_length() // 4)) - 1
 
 
 def made(address: str, kind: Kind, value: Value, reach: Range, unit: str = "", **more: Any) -> Control:

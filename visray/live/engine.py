@@ -104,6 +104,18 @@ class Engine:
         """Changes values of the scene, by address."""
         self._wish(values=values)
 
+    @property
+    def wished(self) -> Mapping[str, Any]:
+        """Values that were asked for and that the scene does not have yet, by address."""
+        with self._lock:
+            return self._wishes.values
+
+    @property
+    def seeks(self) -> bool:
+        """Whether a moment was asked for that is not the one of the scene yet."""
+        with self._lock:
+            return self._wishes.seconds is not None
+
     def seek(self, seconds: float) -> None:
         """Shows another moment of an animated scene."""
         self._wish(seconds=seconds)

@@ -12,6 +12,7 @@ USUAL = {
     "angle": (0.0, 90.0),
     "rotate": (-180.0, 180.0),
     "priority": (-10.0, 10.0),
+    "color.exponent": (0.1, 3.0),
 }
 # The largest number of the slider of a field with this name that contains 0.
 FROM_ZERO = {"shininess": 100.0, "exponent": 10.0, "intensity": 2.0}
@@ -44,7 +45,7 @@ def step_of(width: float) -> float:
 def range_of(name: str, values: tuple[float, ...], limits: Limits, extent: float) -> Range:
     """The range of a slider that contains some numbers, which are those of a field now.
 
-    name: name of the field, without numbers.
+    name: name of the field, without numbers; where that says too little, with its owner, such as color.exponent.
     limits: what the field may contain.
     extent: size of the scene, in world units; of data, in their units.
     """

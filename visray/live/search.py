@@ -1,14 +1,15 @@
 """All controls of a scene. They are made when they are asked for, because a scene may have 10,000 objects."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
 from visray.data.rows import Rows
 from visray.live import data_controls, fields
-from visray.live.controls import Control, control, extent_of, name_of, placed
+from visray.live.controls import Control, control, extent_of, is_read, name_of, placed
 from visray.materials import Material
+from visray.scene.edits import within
 from visray.scene.scene import Scene
 
 # How near a word is to a part of an address that it is, that begins with it, or that contains it.
@@ -49,7 +50,8 @@ class Controls:
     def texts(self) -> dict[str, str]:
         """By the address of each control the text that is searched, in small letters: the address, and for a row of
         data its name."""
-        listed = [*data_controls.addresses(self.scene), *fields.addresses(self.scene)]
+        own = (a for a in fields.addresses(self.scene) if is_read(self.scene, a))
+        listed = [*data_controls.addresses(self.scene), *own]
         found = {address: address.lower() for address in listed}
         for layer, rows in self._rows().items():
             found |= {a: f"{a} {name}".lower() for a, name in fields.row_addresses(layer, rows)}
@@ -69,7 +71,17 @@ class Controls:
     def at(self, address: str) -> Control | None:
         """The control of an address, which may be that of a part of a vector, such as objects.ball.center.1; None if
         there is no continuous value."""
-        return data_controls.control(self.scene, address) or control(self.scene, address, self.extent)
+        made = data_controls.control(self.scene, address) or control(self.scene, address, self.extent)
+        track = made and next((name for other, name in self.tracks.items() if within(address, other)), "")
+        if not track:
+            return made
+        return replace(made, track=track, hint=f"{made.hint}; animation.tracks.{track} moves it")
+
+    @cached_property
+    def tracks(self) -> dict[str, str]:
+        """By the addresses that the tracks of the animation write the names of the tracks."""
+        tracks = {} if self.scene.animation is None else self.scene.animation.tracks
+        return {a: name for name, x in tracks.items() if not x.needs_scene for a in x.addresses()}
 
     def below(self, owner: str, limit: int) -> Found:
         """The controls of an entry, such as objects.ball. limit: at most so many."""

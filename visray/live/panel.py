@@ -1,0 +1,221 @@
+"""The tab with the controls of the scene: what is searched for, or what is changed most, or those of a clicked object.
+
+All browsers share the widgets, so that they agree. A lock guards them: their callbacks run in threads of viser, and the
+engine tells of changes in the thread that renders.
+"""
+
+import threading
+from typing import Any
+
+from visray.live.controls import Control
+from visray.live.engine import Change
+from visray.live.fields import field_at
+from visray.live.live import Live, Pick, escaped
+from visray.live.playing import Playing
+from visray.live.search import Controls, Found, search
+from visray.live.tabs import tab
+from visray.live.widgets import ControlWidget, short
+from visray.scene.address import parse_assignment
+from visray.scene.animation_values import track_values
+from visray.scene.edits import within
+from visray.scene.scene import DEFAULT_MATERIAL, Scene
+
+# Most controls that are shown at once.
+MOST = 30
+# Seconds after the last letter until the answer comes.
+PAUSE = 0.15
+SEARCH_HINT = "words of an address, such as ball radius; or an assignment, such as materials.red.kd = 0.8, 0.1, 0.1"
+
+
+class PanelPart:
+    """Sliders and pickers for the values of the scene."""
+
+    def __init__(self, live: Live):
+        self.live, self.engine, self.gui = live, live.engine, live.server.gui
+        self._lock = threading.RLock()
+        self.file, self.controls = self.engine.scene, Controls(self.engine.scene)
+        self.widgets: list[ControlWidget] = []
+        self._focus, self._box, self._last = "", None, None
+        with tab(live.server, "Scene") as self._tab:
+            self.text = self.gui.add_text("search", "", hint=SEARCH_HINT)
+            self.assign = self.gui.add_button("Set this value", visible=False)
+            self.playing = Playing(live)
+            self.head = self.gui.add_html("")
+            self._place = self.gui.add_folder(None)
+            self.back = self.gui.add_button("All back to the file", icon="restore", visible=False)
+        self.text.on_update(live.safely(lambda event: self.searched()))
+        self.assign.on_click(live.safely(lambda event: self._assign_text()))
+        self.back.on_click(live.safely(lambda event: self.engine.show(self.file)))
+        self.list()
+        self.engine.on_scene(live.safely(self.changed))
+        self.engine.on_error(live.safely(self.refused))
+        live.on_pick(self.picked)
+
+    def focus_on(self, name: str) -> None:
+        """Shows the controls of an object first. name: its name or its address; "" shows those of the whole scene."""
+        with self._lock:
+            self._focus = name.removeprefix("objects.")
+            self.text.value = ""
+            self.list()
+
+    def picked(self, pick: Pick) -> None:
+        """Somebody has clicked on the picture."""
+        self.focus_on(pick.address or "")
+
+    def searched(self) -> None:
+        """Somebody writes into the search box."""
+        asked = self.text.value
+        # Whoever writes on has not read the answer.
+        if not self.live.ended.wait(PAUSE) and asked == self.text.value:
+            self.list()
+
+    def list(self) -> None:
+        """Shows the controls that are searched for, those of the object in focus, or those that are changed most."""
+        with self._lock:
+            text, equals, _ = self.text.value.partition("=")
+            self.assign.visible = bool(equals)
+            found, title = self._found(text.strip())
+            self.head.content = head_text(title, len(found.controls), found.more)
+            if [*map(form, found.controls)] != [form(w.control) for w in self.widgets]:
+                self._show(found.controls)
+            for widget, control in zip(self.widgets, found.controls):
+                widget.follow(control)
+                self._offer_back(widget)
+
+    def _found(self, text: str) -> tuple[Found, str]:
+        """The controls to show, and what they are."""
+        if text:
+            return search(self.controls, text, MOST), f"with {text}"
+        if self._focus:
+            found = self.controls.of_object(self._focus, MOST)
+            if found.controls:
+                return found, f"of {self._focus}, which was clicked"
+        return self.controls.relevant(MOST), "of the scene"
+
+    def _show(self, controls: tuple[Control, ...]) -> None:
+        """Makes widgets for some controls, in a folder for each entry of the scene."""
+        if self._box is not None:
+            self._box.remove()
+        with self._place:
+            self._box = self.gui.add_folder(None)
+        folders, self.widgets = {}, []
+        for i, control in enumerate(controls):
+            if control.owner not in folders:
+                with self._box:
+                    folders[control.owner] = self.gui.add_folder(folder_title(control))
+            calls = self.live.safely(self._moved), self.live.safely(self._put_back)
+            widget = ControlWidget(self.gui, folders[control.owner], control, i, *calls)
+            self.widgets.append(widget)
+
+    def _moved(self, widget: ControlWidget) -> None:
+        """Somebody has moved a widget."""
+        with self._lock:
+            # A widget that is told what to show calls this, too.
+            if widget.moved and widget in self.widgets:
+                self._last = widget
+                self.engine.assign(widget.control.assignments(widget.taken()))
+
+    def _put_back(self, widget: ControlWidget) -> None:
+        """Gives a value back what the file says."""
+        with self._lock:
+            self._last = widget
+            self.engine.assign(dict(back(self.file, a) for a in widget.control.assignments(widget.control.value)))
+
+    def _assign_text(self) -> None:
+        """Assigns what is written in the search box."""
+        address, value = parse_assignment(self.text.value)
+        with self._lock:
+            self._last = None
+            self.engine.assign({address: value})
+
+    def changed(self, change: Change) -> None:
+        """The scene has changed: shows its values."""
+        with self._lock:
+            scene = self.engine.scene
+            if change.kind == "scene":
+                self.file = scene
+            if change.kind == "scene" or any(field_changed(self.controls.scene, scene, a) for a in change.addresses):
+                self.controls = Controls(scene)
+                self.list()
+            else:
+                self.controls = self.controls.with_scene(scene)
+                self._show_values(change.addresses)
+            self.playing.changed()
+            self.back.visible = bool(self.engine.edits)
+
+    def _show_values(self, addresses: tuple[str, ...]) -> None:
+        """Shows the values at some addresses of the scene, unless newer ones are on their way, and those that tracks
+        move."""
+        wished, moving = self.engine.wished, {}
+        if any(w.control.track for w in self.widgets):
+            moving = track_values(self.engine.scene, self.engine.time)
+        for widget in self.widgets:
+            own = widget.control.address
+            if own in moving:
+                widget.show(moving[own])
+            elif any(related(own, a) for a in addresses) and not any(related(own, a) for a in wished):
+                if not widget.moved and (control := self.controls.at(own)) is not None:
+                    widget.follow(control)
+                    self._offer_back(widget)
+
+    def _offer_back(self, widget: ControlWidget) -> None:
+        """Shows the button that puts a value back, if the file says another one."""
+        old = Controls(self.file).at(widget.control.address)
+        is_same = old is None or old.value == widget.control.value
+        widget.offer("" if is_same else f"{widget.control.label}: back to {short(old.value)}")
+
+    def refused(self, lines: tuple[str, ...]) -> None:
+        """The scene has refused values, for these reasons: each is shown below the widget that it is about. (): all is
+        well."""
+        with self._lock:
+            said: dict[int, str] = {}
+            for line in lines:
+                address = line.partition(": ")[0].partition(" = ")[0]
+                about = [w for w in self.widgets if related(w.control.address, address)]
+                if self._last in about or len(about) == 1:
+                    said[id(self._last if self._last in about else about[0])] = line
+            for widget in self.widgets:
+                widget.say(said.get(id(widget), ""))
+
+
+def form(control: Control) -> tuple:
+    """What a widget must be made anew for."""
+    return control.address, control.kind, control.has_slider, control.track
+
+
+def back(file: Scene, address: str) -> tuple[str, Any]:
+    """An address, and the value that the file has there; if the file has no such address, those of what contains it."""
+    while "." in address and (found := field_at(file, address)) is None:
+        address = address.rpartition(".")[0]
+    found = field_at(file, address)
+    return address, found.value
+
+
+def field_changed(old: Scene, new: Scene, address: str) -> bool:
+    """Whether a value has become one of another type, such as another kind of object, so that the scene has other
+    controls. Numbers of rows, which are no fields, do not change any."""
+    before, after = (field_at(scene, address) for scene in (old, new))
+    if before is None or after is None:
+        return before is not after
+    return type(before.value) is not type(after.value) or isinstance(after.value, (str, dict))
+
+
+def related(address: str, other: str) -> bool:
+    """Whether one of two addresses is a part of the other one."""
+    return within(address, other) or within(other, address)
+
+
+def folder_title(control: Control) -> str:
+    """Title of the folder of an entry, such as "material red"."""
+    if "." not in control.owner:
+        return control.owner
+    name = control.owner.partition(".")[2]
+    return f"{control.group} {name}" if name != DEFAULT_MATERIAL else name
+
+
+def head_text(title: str, count: int, more: int) -> str:
+    """What the widgets are, as HTML."""
+    number = "nothing" if not count else "1 value" if count == 1 else f"{count} values"
+    rest = f", and {more:,} more: search for them" if more else ""
+    style = "padding:0.2em 0.9em 0.4em;font-size:0.85em;opacity:0.75;overflow-wrap:anywhere"
+    return f'<div style="{style}">{escaped(f"{number} {title}{rest}")}</div>'

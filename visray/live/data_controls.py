@@ -121,4 +121,7 @@ def _row(scene: Scene, address: str) -> Control | None:
     ends = float(known.min()), float(known.max())
     low, high = min(0.0, *ends, now), max(*ends, now)
     high = high if high > low else low + 1.0
-    return made(address, "number", now, Range(low, high, step_of(high - low)), "as in the data")
+    step = step_of(high - low)
+    # A row whose gizmo has no size is not shown, and has no numbers any more.
+    low = step if low == 0 and now >= step and name != "color" else low
+    return made(address, "number", now, Range(low, high, step), "as in the data")

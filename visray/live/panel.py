@@ -153,10 +153,12 @@ class PanelPart:
             own = widget.control.address
             if own in moving:
                 widget.show(moving[own])
-            elif any(related(own, a) for a in addresses) and not any(related(own, a) for a in wished):
-                if not widget.moved and (control := self.controls.at(own)) is not None:
-                    widget.follow(control)
-                    self._offer_back(widget)
+                continue
+            is_behind = any(related(own, a) for a in addresses) and not any(related(own, a) for a in wished)
+            control = self.controls.at(own) if is_behind and not widget.moved else None
+            if control is not None:
+                widget.follow(control)
+                self._offer_back(widget)
 
     def _offer_back(self, widget: ControlWidget) -> None:
         """Shows the button that puts a value back, if the file says another one."""

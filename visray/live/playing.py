@@ -1,6 +1,7 @@
 """The time of an animated scene: a slider, and a button that plays it."""
 
 import threading
+
 from visray import clock
 from visray.live.live import Live
 from visray.live.ranges import step_of

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from visray.live.fields import Limits
+from visray.quantities import FARTHEST
 
 # The most that a field with this name is usually moved through. The field may contain other numbers, too.
 USUAL = {
@@ -51,7 +52,8 @@ def range_of(name: str, values: tuple[float, ...], limits: Limits, extent: float
     """
     lowest, highest = min(values), max(values)
     if max(abs(lowest), abs(highest)) >= ENDLESS:
-        return Range(limits.least, limits.most, step_of(extent), has_slider=False)
+        step = step_of(extent)
+        return Range(*_allowed(limits.least, limits.most, step, limits), step, has_slider=False)
     low, high = _ends(name, lowest, highest, limits, extent)
     step = step_of(high - low)
     low, high = _allowed(low, high, step, limits)
@@ -75,7 +77,8 @@ def _ends(name: str, lowest: float, highest: float, limits: Limits, extent: floa
         return limits.least, limits.most
     zero = 2 * extent if name == "focus" else FROM_ZERO.get(name, _default(limits, extent))
     largest = max(abs(lowest), abs(highest))
-    reach = nice(2 * largest) if largest > 0 else nice(zero)
+    # What is below all lengths is as good as 0.
+    reach = nice(2 * largest) if largest > 1 / FARTHEST else nice(zero)
     if limits.unit.startswith("world units") and limits.least < 0:
         # Places: a slider that moves a small thing through the whole scene.
         reach = max(reach, nice(extent / 2))

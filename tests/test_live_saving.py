@@ -95,14 +95,14 @@ def test_another_kind_of_camera_is_written_whole(file: Path) -> None:
 
 def test_rows_of_data_are_written(tmp_path: Path) -> None:
     base = load(SCENES / "data-globe.json")
-    now = seen(base, {"data.quakes.3.radius": 0.25, "data.quakes.0.lon": -12.5})
+    now = seen(base, {"data.quakes.3.radius": 5.25, "data.quakes.0.lon": -12.5})
     words = shlex.split(command_line(["visray", "view", "g.json"], base, now, Wish()))
     assert words == [
         "visray",
         "render",
         "g.json",
         "--set",
-        "data.quakes.3.radius=0.25",
+        "data.quakes.3.radius=5.25",
         "--set",
         "data.quakes.0.lon=-12.5",
     ]

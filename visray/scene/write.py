@@ -24,6 +24,7 @@ from visray.data.number_column import NumberColumn
 from visray.data.size_rule import SizeRule
 from visray.data.source import TableValue
 from visray.materials import Material
+from visray.meshes.reading import files_of_mesh
 from visray.number_table import NumberTable
 from visray.operands import ROLES, like_operands, named_operands
 from visray.primitives.clips import Ball, Block
@@ -143,6 +144,13 @@ def with_files(scene: Scene, renamed: Callable[[str], str]) -> Scene:
         layers = {name: replace(data.layers[name], source=renamed(source)) for name, source in sources.items()}
         data = replace(data, layers=data.layers | layers) if layers else data
     return replace(scene, data=data, **{name: moved(getattr(scene, name)) for name in WITH_FILES})
+
+
+def files_of(scene: Scene) -> tuple[str, ...]:
+    """Paths of all files that are read for a scene, without the scene's own."""
+    named: list[str] = []
+    with_files(scene, lambda file: named.append(file) or file)
+    return tuple(dict.fromkeys(path for file in named for path in files_of_mesh(file)))
 
 
 def _relative_path(folder: str | Path, file: str) -> str:

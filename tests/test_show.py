@@ -168,3 +168,12 @@ def test_a_movie_is_not_shown(viewers, capsys):
     table = str(ROOT / "scenes/data/ports.csv")
     assert main(["data", table, "--time-column", "name", "--animate", "2", "-o", "a.mp4", "--show"]) == 2
     assert capsys.readouterr().err.startswith("visray: --show and --preview: ")
+
+
+def test_what_shows_pictures_is_imported_when_it_is_used():
+    """The help, and errors in what is typed, come at once."""
+    lazy = {"numpy", "PIL", "rich", "textual_image"}
+    script = f"import sys, visray.cli.commands; print(sorted({lazy} & set(sys.modules)))"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment)
+    assert done.stdout == "[]\n"

@@ -233,7 +233,8 @@ def render_command(
     else:
         showing.in_terminal(image, curve, exposure)
         if not quiet:
-            write_line(_line(image, outputs, scene, seconds, found))
+            not_saved = "" if written else f"; not saved: -o {scene.stem}.png writes it"
+            write_line(_line(image, outputs or [Path(scene.stem)], seconds, found) + not_saved)
     showing.in_window(image, outputs[:written], scene.stem, curve, exposure)
     if facts["interrupted"]:
         return INTERRUPTED
@@ -253,19 +254,17 @@ def _report(image: "Image", outputs: list[Path], seconds: float) -> dict[str, An
     )
 
 
-def _line(image: "Image", outputs: list[Path], scene: Path, seconds: float, found: float | None) -> str:
+def _line(image: "Image", outputs: list[Path], seconds: float, found: float | None) -> str:
     """The report of a render, as one line of text.
 
-    outputs: paths of the files written. scene: path of the scene file. seconds: duration of the render.
+    outputs: paths of the files written, or the name of a picture that is only shown. seconds: duration of the render.
     found: samples per pixel of the checkpoint with which the render went on, or None.
     """
     facts = image.metadata
-    names = ", ".join(str(path) for path in outputs or [scene.stem])
+    names = ", ".join(str(path) for path in outputs)
     begun = "" if found is None else f", {found:.3g} spp of them found in the checkpoint"
     line = f"{names}: {image.width} x {image.height}, {summary_of_samples(facts)}{begun}, {seconds:.2f} s"
     if "residual_ulps" in facts:
         residual = f"residual {facts['residual_ulps']:.2g} ulp at most" if facts["residual_ulps"] else "none seen"
         line += f"; roots: {facts['unresolved']} unresolved, {residual}"
-    if not outputs:
-        line += f"; not saved: -o {scene.stem}.png writes it"
     return line

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from visray.errors import UserError
-from visray.output.curves import Gamma
 
 if TYPE_CHECKING:
+    from visray.output.curves import Gamma
     from visray.output.image import Image
     from visray.output.preview import Screen
 
@@ -48,7 +48,7 @@ class Showing:
         """The files to write. given: those of -o. usual: what is written without -o, unless the picture is shown."""
         return given or ([] if self else usual)
 
-    def in_terminal(self, image: "Image", gamma: Gamma = "srgb", exposure: float = 0.0) -> None:
+    def in_terminal(self, image: "Image", gamma: "Gamma" = "srgb", exposure: float = 0.0) -> None:
         """Shows the picture in the terminal, with --preview. Call this before the report is printed."""
         if self.screen is not None:
             from visray.output.preview import preview
@@ -56,7 +56,7 @@ class Showing:
             preview(image, gamma, exposure, on=self.screen)
 
     def in_window(
-        self, image: "Image", outputs: list[Path], name: str, gamma: Gamma = "srgb", exposure: float = 0.0
+        self, image: "Image", outputs: list[Path], name: str, gamma: "Gamma" = "srgb", exposure: float = 0.0
     ) -> None:
         """Shows the picture in the system's viewer, with --show. Call this last, as the viewer may fail.
 

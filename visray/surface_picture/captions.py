@@ -25,7 +25,9 @@ def captioned(picture: np.ndarray, title: str, below: str, height: int) -> np.nd
         lines = []
         for text, size, baseline in zip((title, below), SIZES, BASELINES):
             bold, em = text is title, size * height
-            em *= min(1.0, WIDEST * width / max(1.0, pen.width(text, em, bold)))
+            # Widths of letters are rounded to pixels, so they do not shrink as much as their size.
+            while pen.width(text, em, bold) > WIDEST * width and em > 1:
+                em *= 0.96
             lines.append(
                 TextLine(text, 0.5 * width, baseline * height, em, "caption", bold=bold, faint=not bold, align="center")
             )

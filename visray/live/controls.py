@@ -212,7 +212,8 @@ def placed(address: str) -> tuple[str, str, str]:
     """(group, owner, label) of an address."""
     section, *rest = address.split(".")
     if section in ENTRIES:
-        return ENTRIES[section], f"{section}.{rest[0]}", ".".join(rest[1:])
+        label = rest[2:] if rest[1:-1] == ["parameters"] else rest[1:]
+        return ENTRIES[section], f"{section}.{rest[0]}", ".".join(label)
     if section in ("camera", "settings"):
         return section, section, ".".join(rest)
     if section != "data" or len(rest) < 2:

@@ -42,7 +42,7 @@ class PanelPart:
             self.playing = Playing(live)
             self.head = self.gui.add_html("")
             self._place = self.gui.add_folder(None)
-            self.back = self.gui.add_button("All back to the file", icon="restore", visible=False)
+            self.back = self.gui.add_button("All back to the file", icon="restore", color="gray", visible=False)
         self.text.on_update(live.safely(lambda event: self.searched()))
         self.assign.on_click(live.safely(lambda event: self._assign_text()))
         self.back.on_click(live.safely(lambda event: self.engine.show(self.file)))
@@ -72,9 +72,12 @@ class PanelPart:
     def list(self) -> None:
         """Shows the controls that are searched for, those of the object in focus, or those that are changed most."""
         with self._lock:
-            text, equals, _ = self.text.value.partition("=")
-            self.assign.visible = bool(equals)
-            found, title = self._found(text.strip())
+            text = self.text.value.strip()
+            found, title = self._found(text)
+            # Names may have such a sign, too.
+            self.assign.visible = "=" in text and not found.controls
+            if self.assign.visible:
+                found, title = self._found(text.partition("=")[0].strip())
             self.head.content = head_text(title, len(found.controls), found.more)
             if [*map(form, found.controls)] != [form(w.control) for w in self.widgets]:
                 self._show(found.controls)
@@ -131,6 +134,8 @@ class PanelPart:
     def changed(self, change: Change) -> None:
         """The scene has changed: shows its values."""
         with self._lock:
+            if self.live.ended.is_set():
+                return
             scene = self.engine.scene
             if change.kind == "scene":
                 self.file = scene
@@ -171,7 +176,7 @@ class PanelPart:
         well."""
         with self._lock:
             said: dict[int, str] = {}
-            for line in lines:
+            for line in () if self.live.ended.is_set() else lines:
                 address = line.partition(": ")[0].partition(" = ")[0]
                 about = [w for w in self.widgets if related(w.control.address, address)]
                 if self._last in about or len(about) == 1:

@@ -7,7 +7,7 @@ from itertools import islice
 
 from visray.data.rows import Rows
 from visray.live import data_controls, fields
-from visray.live.controls import Control, control, extent_of, is_read, name_of, placed
+from visray.live.controls import Control, control, extent_of, is_code, is_read, name_of, placed
 from visray.materials import Material
 from visray.scene.edits import within
 from visray.scene.scene import Scene
@@ -113,7 +113,7 @@ class Controls:
         name = name_of(address)
         rank = MEANINGS.get(f"{section}.{name}", MEANINGS.get(name, LAST - 1))
         if section in ("objects", "geometries"):
-            return 0 if "parameters" in rest else max(rank, 3)
+            return 0 if "parameters" in rest else LAST if is_code(address) else max(rank, 3)
         if section == "data" and rest[0] not in ("layers", "base", "date"):
             return LAST
         entry = self.scene.materials.get(rest[0]) if section == "materials" else None

@@ -82,7 +82,9 @@ class ControlWidget:
         if self._button is None:
             hint = f"{self.control.address}: back to the value of the file"
             with self._folder:
-                self._button = self._gui.add_button(back, order=self._order + BACK, icon="arrow-back-up", hint=hint)
+                self._button = self._gui.add_button(
+                    back, order=self._order + BACK, icon="arrow-back-up", color="gray", hint=hint
+                )
             self._button.on_click(lambda event: self._back(self))
         self._button.label = back or self._button.label
         self._button.visible = bool(back)

@@ -4,8 +4,11 @@ are shown as escapes.
 Together with progress.py, the only access to rich.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+import rich
 from rich.console import Console, RenderableType
 from rich.table import Column
 from rich.table import Table as RichTable
@@ -13,7 +16,7 @@ from rich.text import Text
 
 from visray import terminal
 
-__all__ = ["Column", "Console", "RenderableType", "Table", "console", "show", "styled"]
+__all__ = ["Column", "Console", "RenderableType", "Table", "console", "show", "silent_rich", "styled"]
 
 
 class Table(RichTable):
@@ -40,6 +43,17 @@ def styled(text: str, style: str = "") -> Text:
 def console(**more: Any) -> Console:
     """A console of rich on standard output, which takes texts as they are. more: further arguments of rich's class."""
     return Console(file=terminal.Output(), markup=False, emoji=False, highlight=False, **more)
+
+
+@contextmanager
+def silent_rich() -> Iterator[None]:
+    """A `with` block in which other libraries print nothing by way of rich."""
+    shared = rich.get_console()
+    before, shared.quiet = shared.quiet, True
+    try:
+        yield
+    finally:
+        shared.quiet = before
 
 
 def show(*tables: Table) -> None:

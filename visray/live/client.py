@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from visray.animation.moment import assignments, still_at
 from visray.live.engine import Change, Engine
@@ -11,9 +11,6 @@ from visray.live.frame import Frame
 from visray.live.sending import Sender, shower
 from visray.live.viewer import Viewer
 from visray.live.viewpoint import Pose, camera_at, page_fov, pose_of, widened, widening
-
-if TYPE_CHECKING:
-    from visray.live.live import Live
 
 # A picture has at most this many pixels; in a larger window each of them is shown larger.
 MOST_PIXELS = 2_200_000
@@ -40,6 +37,7 @@ def camera_of_scene(engine: Engine) -> Any:
 class Client:
     """A browser.
 
+    live: the live picture (live.Live)
     number: its number, unique in a live picture
     handle: viser's handle of it
     viewer: what the engine renders for it
@@ -47,7 +45,7 @@ class Client:
     frame: newest state of its picture; None before the first
     """
 
-    def __init__(self, live: "Live", handle: Any):
+    def __init__(self, live: Any, handle: Any):
         self.live, self.handle, self.number = live, handle, handle.client_id
         self.frame: Frame | None = None
         self.base = camera_of_scene(live.engine)

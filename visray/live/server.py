@@ -2,8 +2,7 @@
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from visray.live.engine import Change, Engine
 from visray.live.live import Live
 from visray.live.viewpoint import Pose, Space, page_fov, pose_of
 from visray.scene.scene import Scene
+from visray.tables import silent_rich
 
 # Seconds that everything has to end.
 PATIENCE = 2.0
@@ -42,10 +42,10 @@ def serve(
     """Starts a live picture. host, port: where its server listens; the port is free."""
     viser = needed()
     engine = Engine(scene, target=target).start()
-    with silent():
+    with silent_rich():
         server = viser.ViserServer(host=host, port=port, label=name, verbose=False)
     if server.get_port() != port:
-        with silent():
+        with silent_rich():
             server.stop()
         engine.stop()
         guard.chosen_port(host, port)
@@ -87,7 +87,7 @@ def stop(live: Live) -> bool:
         client.sender.close()
 
     def end() -> None:
-        with silent():
+        with silent_rich():
             live.server.stop()
         live.engine.stop()
 
@@ -95,19 +95,6 @@ def stop(live: Live) -> bool:
     thread.start()
     thread.join(PATIENCE)
     return not thread.is_alive()
-
-
-@contextmanager
-def silent() -> Iterator[None]:
-    """A `with` block in which viser prints nothing."""
-    import rich
-
-    console = rich.get_console()
-    before, console.quiet = console.quiet, True
-    try:
-        yield
-    finally:
-        console.quiet = before
 
 
 def _look(client: Client, camera: Any) -> None:

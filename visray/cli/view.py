@@ -86,18 +86,23 @@ def show_live(
 
     reload: Any = load if file is not None else None
     shown = started(scene, name=name, host=host, port=port, error=error, file=file, command=command, load=reload)
-    if at is not None:
-        shown.live.engine.seek(at)
-    if not is_local(host):
-        terminal.note(
-            f"--host {host}: anybody who reaches this machine can change the scene, and can have files beside it read "
-            "as textures"
-        )
-    terminal.write_line(f"{name}: {shown.url} (Ctrl-C ends)")
-    if browser and _has_windows():
-        shown.open()
-    shown.wait()
-    if not shown.stop():
+    try:
+        if at is not None:
+            shown.live.engine.seek(at)
+        if not is_local(host):
+            terminal.note(
+                f"--host {host}: anybody who reaches this machine can change the scene, and can have files beside it "
+                "read as textures"
+            )
+        terminal.write_line(f"{name}: {shown.url} (Ctrl-C ends)")
+        if browser and _has_windows():
+            shown.open()
+        shown.wait()
+    except KeyboardInterrupt:
+        pass  # as in `wait`
+    finally:
+        ended = shown.stop()
+    if not ended:
         # A thread that compiles cannot be interrupted; nothing of it is to be kept.
         leftovers.remove_all()
         sys.stdout.flush()

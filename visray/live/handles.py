@@ -63,8 +63,8 @@ def _points(record: Any, address: str) -> list[Place]:
     """The points among the fields of a light or an object."""
     return [
         Place(f"{address}.{field}", getattr(record, field), lambda p, at=f"{address}.{field}": {at: p})
-        for field in quantities(type(record))
-        if field in POINTS
+        for field, quantity in quantities(type(record)).items()
+        if field in POINTS and quantity.size == 3
     ]
 
 

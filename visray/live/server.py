@@ -15,8 +15,8 @@ from visray.live.viewpoint import Pose, Space, page_fov, pose_of
 from visray.scene.scene import Scene
 from visray.tables import silent_rich
 
-# Seconds that everything has to end.
-PATIENCE = 2.0
+# Seconds that everything has to end. Less than a second, after which Ctrl-C would be thought to be unheard.
+PATIENCE = 0.7
 
 
 def needed() -> Any:

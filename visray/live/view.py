@@ -1,5 +1,6 @@
 """`vr.view`: a live picture of a scene, in a browser or in a notebook."""
 
+import atexit
 import html
 import threading
 import webbrowser
@@ -25,6 +26,8 @@ class LiveView:
 
     def __init__(self, live: Any, url: str):
         self.live, self.url = live, url
+        # viser's own end prints a line.
+        atexit.register(self.stop)
         self._ended, self._has_ended, self._stopping = threading.Event(), False, threading.Lock()
 
     def stop(self) -> bool:
@@ -34,6 +37,7 @@ class LiveView:
         with self._stopping:
             if not self._ended.is_set():
                 self._ended.set()
+                atexit.unregister(self.stop)
                 self._has_ended = stop(self.live)
         return self._has_ended
 

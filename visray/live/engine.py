@@ -19,8 +19,10 @@ from visray.live.picture import LivePicture
 from visray.live.viewer import Viewer
 from visray.scene.address import changed
 from visray.scene.adjusted import adjusted
+from visray.scene.edits import within
 from visray.scene.scene import Scene
-from visray.setup import Prepared, prepare
+from visray.setup import Prepared
+from visray.study.leaving_out import AREA_LIGHTS, prepared_without
 
 
 @dataclass(frozen=True)
@@ -206,10 +208,12 @@ class Engine:
             kind = "time" if kind == "values" and not wishes.values else kind
         if wishes.values:
             scene, edits = changed(scene, wishes.values), edits | dict(wishes.values)
-        afresh = kind in ("scene", "effects") or self._base is None
         values = dict(wishes.values)
         if scene.animation is not None:
             values |= moment_assignments(scene, time)
+        # Without area lights, the prepared scene has other lights than the scene.
+        has_other_lights = AREA_LIGHTS in left_out and any(within(address, "lights") for address in values)
+        afresh = kind in ("scene", "effects") or self._base is None or has_other_lights
         for viewer in self.viewers:
             if afresh:
                 viewer.prepared = None
@@ -225,7 +229,7 @@ class Engine:
         if self._base is None:
             scene = still_at(self.scene, self.time if self.scene.animation is not None else None)
             scene = adjusted(scene, sampler=adaptive_sampler(scene.settings.sampler))
-            self._base = prepare(scene, without=self.left_out)
+            self._base = prepared_without(scene, *self.left_out)
         return self._base
 
     def _follow(self, viewer: Viewer) -> bool:

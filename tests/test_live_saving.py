@@ -145,7 +145,7 @@ def test_a_file_that_has_changed_meanwhile_is_said() -> None:
 
 def test_effects_left_out_are_said() -> None:
     notes = replace(seen(SCENE), left_out=("shadows", "specular")).notes()
-    assert notes == ("shadows, specular: switched off here only; the picture is made with all effects",)
+    assert notes == ("shadows, specular: switched off only here; saved files have all effects",)
 
 
 def test_the_saved_scene_is_what_is_seen(file: Path) -> None:

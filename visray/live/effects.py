@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from visray import clock
-from visray.features import Feature
+from visray.features import Feature, features
 from visray.live.engine import Change
 from visray.live.live import Live, escaped
 from visray.live.measuring import EffectCost, Measurement
@@ -15,9 +15,8 @@ from visray.setup import Prepared
 
 # Seconds between two reports of how far a measurement is.
 PAUSE = 0.2
-# The reason of effects that are switched off with others.
-LEFT_OUT = "left out"
 END = object()
+MEASURE = "Measure what each costs"
 
 
 @dataclass
@@ -45,13 +44,11 @@ class EffectsPart:
         self.is_stale, self.told_at = False, 0.0
         self.size = ""
         gui = live.server.gui
-        with tab(live.server, "Price"):
-            with gui.add_folder("Effects"):
-                self.button = gui.add_button("Measure what each costs", hint="Takes some seconds for each effect")
-                self.state = gui.add_html("")
-                self.folder = gui.add_folder("Simulated", expand_by_default=True)
-            self.others = gui.add_folder("Effects that the scene does not need", expand_by_default=False)
-            with self.others:
+        with tab(live.server, "Price"), gui.add_folder("Effects", order=2):
+            self.button = gui.add_button(MEASURE, hint="What each costs on this machine. Takes some seconds for each")
+            self.state = gui.add_html("")
+            self.folder = gui.add_folder(None)
+            with gui.add_folder("Not needed by the scene", expand_by_default=False):
                 self.absent = gui.add_html("")
         self.button.on_click(live.safely(self.pressed))
         live.engine.on_scene(self.changed)
@@ -72,20 +69,25 @@ class EffectsPart:
     def _list_again(self) -> None:
         """Shows the effects as they are now."""
         viewer = next((c.viewer for c in self.live.clients.values()), None)
-        self.live.engine.ask(lambda prepared: self.list(prepared.features.listed), viewer)
+        self.live.engine.ask(lambda prepared: self.show(prepared, self.live.engine.left_out), viewer)
 
-    def list(self, listed: tuple[Feature, ...]) -> None:
-        """Shows these effects, with switches for those that are simulated or that somebody has switched off."""
+    def show(self, prepared: Prepared, off: tuple[str, ...]) -> None:
+        """Shows the effects of a scene, with switches for those that it needs. off: those that somebody has switched
+        off"""
+        listed = prepared.features.listed
+        needed = {f.name for f in listed if f.on} | set(off)
+        if off:
+            # Effects that only refine one that is off are shown, but cannot be switched.
+            needed |= set(features(prepared.scene).names())
         with self._lock:
             if [(f.name, f.on, f.reason) for f in listed] != [(f.name, f.on, f.reason) for f in self.listed]:
                 self.listed = listed
-                off = self.live.engine.left_out
-                shown = [f for f in listed if f.on or f.name in off or f.reason == LEFT_OUT]
-                self._make_rows(shown)
-                for f in shown:
-                    row = self.rows[f.name]
-                    row.switch.value, row.switch.disabled = f.on, not (f.on or f.name in off)
-                self.absent.content = absent_text([f for f in listed if f not in shown])
+                self._make_rows([f for f in listed if f.name in needed])
+                for f in listed:
+                    if f.name in needed:
+                        row = self.rows[f.name]
+                        row.switch.value, row.switch.disabled = f.on, not (f.on or f.name in off)
+                self.absent.content = absent_text([f for f in listed if f.name not in needed])
             self._show_costs()
 
     def _make_rows(self, shown: list[Feature]) -> None:
@@ -148,7 +150,7 @@ class EffectsPart:
     def cancel(self) -> None:
         """Ends a measurement. Costs that are known stay."""
         self.pieces = None
-        self.button.label = "Measure what each costs"
+        self.button.label = MEASURE
         self._show_costs()
 
     def _show_costs(self) -> None:

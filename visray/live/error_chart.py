@@ -84,7 +84,7 @@ class ErrorChartPart:
         self.active: int | None = None
         self.drawn_at = 0.0
         gui = live.server.gui
-        with tab(live.server, "Price"), gui.add_folder("Error against time"):
+        with tab(live.server, "Price"), gui.add_folder("Error against time", order=1):
             self.line = gui.add_html(_line("The error is not known yet."))
             self.chart = gui.add_uplot(height=HEIGHT, visible=False, **chart(Course(), live.engine.target))
         live.on_frame(self.frame)
@@ -134,7 +134,8 @@ def chart(course: Course, target: float) -> dict[str, Any]:
     seconds = np.array(course.seconds or [0.1, 1.0])
     errors = 100 * np.array(course.errors or [10.0, 1.0])
     goal = np.full(len(seconds), 100 * target)
-    x, y = ends(seconds), ends(np.append(errors, 100 * target))
+    # The line of what is asked for lies within the chart, not on its edge.
+    x, y = decades(seconds), ends(np.append(errors, 80 * target))
     blue, grey = "#1c7ed6", "#868e96"
     return {
         "data": (seconds, errors, goal),
@@ -147,14 +148,24 @@ def chart(course: Course, target: float) -> dict[str, Any]:
             "x": {"time": False, "distr": 3, "log": 10, "range": x},
             "y": {"distr": 3, "log": 10, "range": y},
         },
-        "axes": ({"label": "seconds", "labelSize": 18}, {"label": "error, %", "labelSize": 18}),
+        "axes": (
+            {"label": "seconds", "labelSize": 16, "size": 32},
+            {"label": "error, %", "labelSize": 16, "size": 40},
+        ),
         "legend": {"show": False},
+        "padding": (10, 16, 0, 0),
     }
 
 
 def ends(values: np.ndarray) -> tuple[float, float]:
     """Ends of a logarithmic scale for values greater than 0: each is 1, 2 or 5 times a power of ten."""
     return _step(float(values.min()), down=True), _step(float(values.max()), down=False)
+
+
+def decades(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a logarithmic scale for values greater than 0: powers of ten."""
+    low = math.floor(math.log10(values.min()))
+    return 10.0**low, 10.0 ** max(math.ceil(math.log10(values.max())), low + 1)
 
 
 def _step(value: float, down: bool) -> float:

@@ -83,7 +83,7 @@ class Seen:
         """What a file or a command line does not say, as sentences."""
         notes = []
         if self.left_out:
-            notes.append(f"{', '.join(self.left_out)}: switched off here only; the picture is made with all effects")
+            notes.append(f"{', '.join(self.left_out)}: switched off only here; saved files have all effects")
         if not self.at_home and self.camera_moves:
             notes.append("the animation moves the camera, so a scene file has that camera and not the one of this page")
         return tuple(notes)

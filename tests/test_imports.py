@@ -27,7 +27,8 @@ polynomials.volume
 polynomials.known_surface polynomials.known_cubics polynomials.known_quartics polynomials.known_higher
 polynomials.catalogue
 polynomials.term_text polynomials.one_sign
-polynomials.everyday_characters polynomials.everyday_tokens polynomials.everyday_checks polynomials.everyday
+polynomials.everyday_characters polynomials.everyday_latex polynomials.everyday_tokens polynomials.everyday_checks
+polynomials.everyday_clearing polynomials.everyday
 polynomials
 roots.number_types roots.isolation roots.refinement roots.chord roots.crossing roots.signed_distance roots
 textures materials modes

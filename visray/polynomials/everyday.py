@@ -4,6 +4,7 @@ The reading is: a product needs no sign; f = g is the surface f - g = 0; single 
 parameters. What can be read in two ways, such as x/2y, is an error, with both ways in the message.
 """
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -11,8 +12,12 @@ from visray.polynomials import grammar
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.everyday_characters import wrong
 from visray.polynomials.everyday_checks import ENDS, OPERATORS, STARTS, check_brackets, check_order
+from visray.polynomials.everyday_clearing import cleared, is_sum
 from visray.polynomials.everyday_tokens import Token, Tokens
 from visray.polynomials.literals import AXES, CONSTANTS, EULER, exact_parameters
+
+# Letters that name a polynomial, as in f = x^2 + y^2 - 1.
+_NAMES_OF_F = {"f", "F", "g", "h", "p"}
 
 
 @dataclass(frozen=True)
@@ -40,24 +45,30 @@ def everyday(text: str, known: Collection[str] = ()) -> Everyday:
     exact_parameters(dict.fromkeys(known, 1.0))
     if len(text) > grammar.MAX_LENGTH:
         raise PolynomialError(f"it is {len(text)} characters long; at most {grammar.MAX_LENGTH}")
-    read = Tokens(text, known)
+    read = Tokens(_without_frame(text), known)
     if not read.tokens:
         raise PolynomialError(f"it is empty; {grammar.EXAMPLE}")
     check_brackets(read.tokens)
     sides = [_unwrapped(side) for side in _sides(read)]
-    for side in sides:
-        check_order(side, text)
-    expression = _difference([_joined(side) for side in sides if side])
+    clear = [check_order(side, text) for side in sides]
+    expression, notes = _difference([_joined(side) for side in sides]), tuple(read.notes)
+    if any(clear):
+        expression, more = cleared(expression)
+        notes += more
     names = dict.fromkeys(t.text for side in sides for t in side if t.kind == "name")
     parameters = tuple(n for n in names if n not in (*AXES, *CONSTANTS) and (n != EULER or n in known))
     if not names.keys() & set(AXES):
         raise PolynomialError("it has no x, y or z, so it is no surface; " + grammar.EXAMPLE)
     _check(expression, parameters, known)
-    return Everyday(expression, parameters, tuple(read.notes))
+    return Everyday(expression, parameters, notes)
 
 
 def _check(expression: str, parameters: tuple[str, ...], known: Collection[str]):
     """Raises PolynomialError if the strict grammar refuses the expression."""
+    if len(expression) > grammar.MAX_LENGTH:
+        raise PolynomialError(
+            f"it is too long: {len(expression)} characters with all signs; at most {grammar.MAX_LENGTH}"
+        )
     values = known if isinstance(known, Mapping) else {}
     if known and not values:
         return  # the values are not known yet, and decide about roots and divisors
@@ -66,6 +77,13 @@ def _check(expression: str, parameters: tuple[str, ...], known: Collection[str])
     except PolynomialError as error:
         assumed = ", ".join(f"{name} = 1" for name in parameters if name not in values)
         raise PolynomialError(f"{error} (with {assumed})" if assumed else str(error)) from None
+
+
+def _without_frame(text: str) -> str:
+    """The text with spaces in place of what stands around a formula: a name before it, as in "E: x = 1", and a full
+    stop behind it."""
+    text = re.sub(r"[.,;\s]+$", lambda m: " " * len(m[0]), text.replace(":=", " ="))
+    return re.sub(r"^\s*(?![xyz]\s*:)[A-Za-z]\w*\s*:", lambda m: " " * len(m[0]), text)
 
 
 def _sides(read: Tokens) -> list[list[Token]]:
@@ -87,6 +105,11 @@ def _sides(read: Tokens) -> list[list[Token]]:
                 raise wrong(f"{missing[0]} in a function of the others", read.tokens[0].at, "write f(x, y, z) = ...")
             read.note(f"the surface is the graph {missing[0]} = ...")
             sides.insert(0, [Token("name", missing[0], 0, 0)])
+    elif (
+        len(sides) == 2 and len(sides[0]) == 1 and sides[0][0].text in _NAMES_OF_F and not set(read.known) & _NAMES_OF_F
+    ):
+        read.note(f"{sides[0][0].text} is read as the name of the polynomial, so the surface is where it is 0")
+        sides = sides[1:]
     if len(sides) > 2:
         raise wrong("a second =", signs[-1].at, "a surface is f = g, with one =")
     for side, sign in zip(sides, [*signs[: len(sides) - 1], None]):
@@ -148,5 +171,4 @@ def _difference(sides: list[str]) -> str:
     if len(sides) == 1:
         return sides[0]
     left, right = sides
-    simple = right.replace("(", "").isalnum() or not any(c in right for c in "+-")
-    return f"{left} - {right}" if simple else f"{left} - ({right})"
+    return f"{left} - ({right})" if is_sum(right) else f"{left} - {right}"

@@ -10,10 +10,10 @@ from visray.polynomials.error import PolynomialError
 
 SUPERSCRIPTS = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁽⁾ⁿ", "0123456789+-()n", strict=True))
 SUBSCRIPTS = dict(zip("₀₁₂₃₄₅₆₇₈₉", "0123456789", strict=True))
-ROOT = "√"
+ROOT, BOTH_SIGNS = "√", "±"
 # What stands between the numbers of ½, where it is taken apart.
 FRACTION_SIGN = "\u2044"
-_SIGNS = dict.fromkeys("−–—‐‑‒", "-") | dict.fromkeys("·⋅×∙•∗✕", "*") | dict.fromkeys("∕⁄÷", "/")  # noqa: RUF001
+_SIGNS = dict.fromkeys("−–—‐‑‒", "-") | dict.fromkeys("·⋅×∙•∗✕", "*") | dict.fromkeys("∕⁄÷:", "/")  # noqa: RUF001
 _GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER (?:FINAL )?([A-Z]+)(?: SYMBOL)?")
 # Greek letters that may be written as words. Those with x, y or z in them are read letter by letter.
 GREEK_WORDS = set(
@@ -25,12 +25,10 @@ _COMPARISON = "a surface is where both sides are equal, as in f = g; write ="
 _HINTS = dict.fromkeys("<>≤≥≠", _COMPARISON)
 _HINTS |= {
     "|": "a size |...| has a corner, and no polynomial has; square it, as in x^2 for |x|",
-    "±": "a surface has one sign; squares hold both, as in x^2 = a for x = ±sqrt(a)",
     "∞": "only finite numbers have a meaning",
     "∛": "write 2^(1/3) for the cube root of 2",
     "∜": "write 2^(1/4) for the fourth root of 2",
     ";": "write one formula",
-    ":": "write / for a quotient and = between two sides",
     "%": "write 0.5 for 50 %",
     "!": "write the number that the factorial is",
     "'": "a polynomial is written without derivatives",
@@ -59,10 +57,10 @@ def plain(text: str) -> tuple[str, list[int]]:
 def _plain(c: str, at: int) -> str:
     """The plain characters for one character: mostly itself. at: its position, for errors."""
     if c.isascii():
-        if c in _HINTS or not (c.isalnum() or c.isspace() or c in "+-*/^()[]{}=.,_\\$"):
+        if c in _HINTS or not (c.isalnum() or c.isspace() or c in "+-*/:^()[]{}=.,_\\$"):
             raise wrong(f"unexpected {c!r}", at, _HINTS.get(c, _MEANT))
-        return " " if c.isspace() else c
-    if c in SUPERSCRIPTS or c in SUBSCRIPTS or c == ROOT:
+        return " " if c.isspace() else _SIGNS.get(c, c)
+    if c in SUPERSCRIPTS or c in SUBSCRIPTS or c in (ROOT, BOTH_SIGNS):
         return c
     if c in _SIGNS:
         return _SIGNS[c]

@@ -3,6 +3,9 @@
 A formula that can be read in two ways is an error too. All columns in messages are those of the user's text.
 """
 
+import re
+from fractions import Fraction
+
 from visray.polynomials.error import PolynomialError
 from visray.polynomials.everyday_characters import wrong
 from visray.polynomials.everyday_tokens import UNKNOWN_FUNCTIONS, Token
@@ -11,6 +14,7 @@ from visray.polynomials.literals import AXES, CONSTANTS
 ENDS = ("number", "name", ")", "exponent")
 STARTS = ("number", "name", "function", "(")
 OPERATORS = ("+", "-", "*", "/", "^")
+_EXPONENT = re.compile(r"[+-]?\d{1,30}(/[1-9]\d{0,5}|\.\d{0,6})?")
 
 
 def check_brackets(tokens: list[Token]):
@@ -29,8 +33,13 @@ def check_brackets(tokens: list[Token]):
         raise PolynomialError(f"the bracket at column {opened[-1].at + 1} is not closed; add a )")
 
 
-def check_order(side: list[Token], text: str):
-    """Raises PolynomialError where two tokens cannot follow one another, and for what is no polynomial."""
+def check_order(side: list[Token], text: str) -> bool:
+    """Whether there are fractions or roots of x, y or z, which everyday_clearing.py has to clear.
+
+    PolynomialError is raised where two tokens cannot follow one another, and for what is no polynomial.
+    text: the user's text.
+    """
+    clear = False
     partner = _partners(side)
     before: Token | None = None
     for k, token in enumerate(side):
@@ -46,14 +55,18 @@ def check_order(side: list[Token], text: str):
         if (token.kind in ("*", "/", "^", ")") and not ends) or (token.kind == "exponent" and before is None):
             what = "an empty bracket" if token.kind == ")" and before and before.kind == "(" else None
             raise wrong(what or f"nothing before the {token.text}", token.at, "add what is missing or leave it out")
+        if token.text == "±":
+            root = side[k + 1 : k + 2]
+            if not root or root[0].text != "sqrt" or not _check_function(side, k + 1, partner):
+                raise wrong("unexpected '±'", token.at, "it stands before a square root of x, y or z; write + or -")
         if token.kind == "function":
-            _check_function(side, k, partner)
+            clear |= _check_function(side, k, partner)
         if token.kind == "^" and k + 1 < len(side):
-            _check_power(side, k, partner, text)
+            clear |= _check_power(side, k, partner, text)
         before = token
     if before and before.kind in (*OPERATORS, "function"):
         raise PolynomialError(f"it breaks off after {before.text}; add what follows or leave it out")
-    _check_divisors(side, partner, text)
+    return _check_divisors(side, partner, text) or clear
 
 
 def _partners(side: list[Token]) -> dict[int, int]:
@@ -79,22 +92,29 @@ def _source(tokens: list[Token], text: str) -> str:
     return shown if len(shown) <= 20 else f"{shown[:17]}..."
 
 
-def _check_function(side: list[Token], k: int, partner: dict[int, int]):
-    """Raises PolynomialError for a function of x, y or z, and for one without brackets."""
+def _check_function(side: list[Token], k: int, partner: dict[int, int]) -> bool:
+    """Whether a function is a square root of x, y or z.
+
+    PolynomialError is raised for another function of x, y or z, and for one without brackets.
+    """
     function, name = side[k], side[k].text
     if k + 1 == len(side):
         raise wrong(f"{name} of nothing", function.at, f"write {name}(2)")
     after = side[k + 1]
     inside = side[k + 2 : partner[k + 1]] if after.kind == "(" else [after]
     if name in UNKNOWN_FUNCTIONS:
-        raise wrong(f"{name} is no function here", function.at, "sums, products and whole powers make a polynomial")
-    if _varies(inside):
-        advice = "square both sides, so that no root is left" if name == "sqrt" else "take a polynomial near it"
-        advice = {"sin": "near 0, x - x^3/6 + x^5/120 is like sin x", "cos": "near 0, 1 - x^2/2 + x^4/24 is like cos x",
-                  "exp": "near 0, 1 + x + x^2/2 + x^3/6 is like exp x"}.get(name, advice)  # fmt: skip
+        advice = {"pow": "write x^2", "sqr": "write x^2", "cbrt": "write 2^(1/3)"}.get(name, "a polynomial has none")
+        raise wrong(f"{name} is no function here", function.at, advice)
+    if _varies(inside) and name != "sqrt":
+        advice = {
+            "sin": "near 0, x - x^3/6 + x^5/120 is like sin x",
+            "cos": "near 0, 1 - x^2/2 + x^4/24 is like cos x",
+            "exp": "near 0, 1 + x + x^2/2 + x^3/6 is like exp x",
+        }.get(name, "take a polynomial that is near it")
         raise PolynomialError(f"{name} of x, y or z at column {function.at + 1} is no polynomial; {advice}")
     if after.kind not in ("number", "name") if name == "sqrt" and after.kind != "(" else after.kind != "(":
         raise wrong(f"{name} without brackets", function.at, f"write {name}(2)")
+    return _varies(inside)
 
 
 def _base(side: list[Token], k: int, partner: dict[int, int]) -> list[Token]:
@@ -106,42 +126,49 @@ def _base(side: list[Token], k: int, partner: dict[int, int]) -> list[Token]:
     return side[start : end + 1]
 
 
-def _check_power(side: list[Token], k: int, partner: dict[int, int], text: str):
-    """Raises PolynomialError for an exponent of x, y or z that is no whole number. k: index of the sign ^."""
+def _check_power(side: list[Token], k: int, partner: dict[int, int], text: str) -> bool:
+    """Whether the exponent of x, y or z is negative or a half. k: index of the sign ^.
+
+    PolynomialError is raised if it is no number, or another fraction.
+    """
     base, after = _base(side, k, partner), side[k + 1]
     if k >= 2 and side[k - 2].kind == "^" and (side[k - 1].kind == "exponent" or after.kind == "exponent"):
         raise wrong("a second exponent", side[k].at, "write (x^2)^3, or one exponent")
     exponent = side[k + 2 : partner[k + 1]] if after.kind == "(" else side[k + 1 : k + 2]
     if after.kind in ("+", "-"):
         exponent = side[k + 1 : k + 3]
-    whole = len(exponent) == 1 and exponent[0].text.isdecimal() and exponent[0].kind in ("number", "exponent")
     if exponent and _varies(exponent):
         raise wrong(f"the exponent {_source(exponent, text)}", after.at, "an exponent is a number, as in x^2")
-    if _varies(base) and not whole:
-        minus = exponent and exponent[0].text[0] in "-⁻"
-        advice = "a polynomial has no negative powers" if minus else "write a whole number, as in x^2"
-        raise wrong(f"the exponent {_source(exponent or [after], text)} of {_source(base, text)}", after.at, advice)
+    if not _varies(base):
+        return False
+    written = "".join(t.text for t in exponent)
+    value = Fraction(written) if _EXPONENT.fullmatch(written) else None
+    if value is None or value.denominator > 2:
+        shown = f"the exponent {_source(exponent or [after], text)} of {_source(base, text)}"
+        raise wrong(shown, after.at, "write a whole number, as in x^2")
+    return value < 0 or value.denominator == 2
 
 
-def _check_divisors(side: list[Token], partner: dict[int, int], text: str):
-    """Raises PolynomialError for a divisor with x, y or z, and for products after a divisor without a sign.
+def _check_divisors(side: list[Token], partner: dict[int, int], text: str) -> bool:
+    """Whether there is a divisor with x, y or z.
 
-    1/2x is half of x, because everybody reads it so. All others are read in two ways.
+    PolynomialError is raised for a product without a sign after a divisor, which is read in two ways. Only 1/2x is half
+    of x for everybody.
     """
+    found = False
     for k, token in enumerate(side):
         if token.kind != "/":
             continue
         end = _operand_end(side, k + 1, partner)
         divisor, more = side[k + 1 : end], side[end : end + 1]
-        if _varies(divisor):
-            shown = _source(divisor, text)
-            raise wrong(f"it divides by {shown}", divisor[0].at, f"multiply both sides by {shown}")
+        found |= _varies(divisor)
         above = _base(side, k, partner)
         if more and more[0].kind in STARTS and _varies_or_named(above + divisor):
             last = _source(side[end : _operand_end(side, end, partner)], text)
             a, b = _source(above, text), _source(divisor, text)
             shown = f"{a}/{b} {last}" if last[0].isdigit() else f"{a}/{b}{last}"
             raise wrong(f"{shown} can be read in two ways", above[0].at, f"write {a}/{b}*{last} or {a}/({b}*{last})")
+    return found
 
 
 def _varies_or_named(tokens: list[Token]) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from visray.polynomials.everyday_characters import (
+    BOTH_SIGNS,
     GREEK_WORDS,
     ROOT,
     SUBSCRIPTS,
@@ -17,6 +18,7 @@ from visray.polynomials.everyday_characters import (
     renamed,
     wrong,
 )
+from visray.polynomials.everyday_latex import without_latex
 from visray.polynomials.literals import AXES, CONSTANTS, EULER, FUNCTIONS, LITERAL, shortened
 
 ALIASES = {"ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan"}
@@ -28,9 +30,6 @@ _WORDS = {"sqrt", *FUNCTIONS, *ALIASES}
 # Greatest number of letters other than x, y and z that stand together. More of them are a word that is not known.
 MOST_LETTERS = 3
 _SUBSCRIPT = re.compile(r"_\{(\w+)\}|_([A-Za-z]+|\d+)|(\d+)", re.ASCII)
-_LATEX_SIGNS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "left": "", "right": "", "quad": "", "qquad": ""}
-_LATEX_SIGNS |= dict.fromkeys(r",;:! ", "") | {"{": "(", "}": ")"}
-_CLOSING = {"(": ")", "[": "]", "{": "}"}
 
 
 @dataclass(frozen=True)
@@ -57,12 +56,11 @@ class Tokens:
 
     def __init__(self, text: str, known: Collection[str]):
         self.user, self.known, self.notes = text, sorted(known, key=len, reverse=True), {}
-        self.text, self.columns = plain(text)
+        self.text, self.columns = without_latex(*plain(text))
         self.columns.append(len(text))
         small = any(c in AXES for c in self.text)
         self.capitals = not small and any(c in "XYZ" for c in self.text) and not set("XYZ") & set(known)
-        # Signs that \frac puts behind closing brackets.
-        self.after: dict[int, str] = {}
+        self.numbered = not any(c in "yzYZ" for c in self.text)
         self.tokens = [t for t in self._all() if t.kind]
         if any(re.fullmatch("[lL]am(_.*)?", t.text) for t in self.tokens) and not re.search("[lL]am(?!b|d)", text):
             self.note("lambda is called lam, because lambda has another meaning in Python")
@@ -96,18 +94,14 @@ class Tokens:
                 constant = name in CONSTANTS
                 end = i + 1 if constant else self._after_subscript(i + 1)
                 yield self.token("name", name if constant else name + self._subscript(i + 1), i, end)
-            elif c == "\\":
-                yield from self._latex(i)
-                end = self.read_to
             else:
                 end = i + 2 if text[i : i + 2] in ("**", "==") else i + 1
-                kind = {"**": "^", "==": "=", "[": "(", "{": "(", "]": ")", "}": ")", ROOT: "function"}
+                kind = {"**": "^", "==": "=", "[": "(", "{": "(", "]": ")", "}": ")", ROOT: "function", BOTH_SIGNS: "+"}
                 sign = kind.get(text[i:end], text[i:end])
                 kept = "" if sign in (" ", "$") else sign
                 if sign in SUBSCRIPTS or sign in ("_", "."):
                     raise wrong(f"unexpected {sign!r}", self.columns[i], "a subscript belongs to a letter, as in a_1")
                 yield self.token(kept, "sqrt" if c == ROOT else text[i:end], i, end)
-                yield from (self.token(s, s, i, end) for s in self.after.get(i, ""))
             i = end
 
     def _run(self, start: int, kind) -> int:
@@ -185,52 +179,15 @@ class Tokens:
             raise wrong(f"capital {letter} besides small letters", at, f"write {letter.lower()}")
         stop = self._after_subscript(i + 1)
         subscript = self._subscript(i + 1)
+        if letter == "x" and self.numbered and subscript in ("_1", "_2", "_3"):
+            self.note("x_1, x_2 and x_3 are read as x, y and z")
+            return stop, "letter", AXES[int(subscript[1]) - 1]
         if axis and subscript:
-            shown, number = self.text[i:stop], subscript.strip("_")
-            power = f"{letter.lower()}^{number} for the power" if number.isdigit() else f"{letter.lower()}"
-            raise wrong(f"unknown name {shown}", at, f"write {power}; the coordinates are x, y and z")
+            shown, number = self.text[i:stop], subscript
+            power = f"write {letter.lower()}^{number} for the power; " if subscript.isdigit() else ""
+            raise wrong(f"unknown name {shown}", at, f"{power}the coordinates are x, y and z")
         if letter == EULER and not subscript:
+            if not re.match(r"\s*(\^|\*\*)", self.text[i + 1 :]):
+                self.note("e is read as the number 2.718...; it is a parameter if it has a value")
             return i + 1, "name", EULER
         return stop, "letter", letter.lower() if axis else letter + subscript
-
-    def _latex(self, i: int) -> Iterator[Token]:
-        """Yields the tokens of a command of LaTeX. Sets read_to behind it."""
-        match = re.match(r"\\([A-Za-z]+|.)?", self.text[i:])
-        name, self.read_to = match[1] or "", i + match.end()
-        at, short = self.columns[i], name.removeprefix("var")
-        if name in _LATEX_SIGNS:
-            sign = _LATEX_SIGNS[name]
-            yield self.token(sign, sign, i, self.read_to)
-        elif name in ("frac", "dfrac", "tfrac"):
-            yield from self._fraction(i)
-        elif name in _WORDS:
-            if re.match(r"\s*\[", self.text[self.read_to :]):
-                raise wrong("a root of another degree", at, "write 2^(1/3) for the cube root of 2")
-            yield self.token("function", ALIASES.get(name, name), i, self.read_to)
-        elif short in GREEK_WORDS or short in CONSTANTS:
-            subscript = "" if short in CONSTANTS else self._subscript(self.read_to)
-            self.read_to = self.read_to if short in CONSTANTS else self._after_subscript(self.read_to)
-            yield self.token("name", renamed(short) + subscript, i, self.read_to)
-        else:
-            raise wrong(f"unknown command \\{shortened(name)}", at, "write the formula as in x^2 + y^2 = 1")
-
-    def _fraction(self, i: int) -> Iterator[Token]:
-        """Yields the bracket before a fraction \\frac{a}{b}, and notes the signs that follow its parts."""
-        above = re.match(r"\s*\{", self.text[self.read_to :])
-        first = above and self._closing(self.read_to + above.end() - 1)
-        below = first and re.match(r"\s*\{", self.text[first + 1 :])
-        second = below and self._closing(first + below.end())
-        if not second:
-            raise wrong("a fraction without two pairs of braces", self.columns[i], "write it as (a)/(b)")
-        self.after[first] = "/"
-        self.after[second] = ")" + self.after.get(second, "")
-        yield self.token("(", "(", i, self.read_to)
-
-    def _closing(self, start: int) -> int | None:
-        """The position of the bracket that closes the one at `start`."""
-        depth = 0
-        for i in range(start, len(self.text)):
-            depth += (self.text[i] == "{") - (self.text[i] == "}")
-            if not depth:
-                return i
-        return None

@@ -13,6 +13,8 @@ from visray import polynomials
 from visray.geometry import Frame
 from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES
+from visray.polynomials.everyday import Everyday, everyday
+from visray.polynomials.grammar import LONGEST_MENDED
 from visray.primitives.algebraic import Algebraic, PlacedPolynomial, PolynomialRows
 from visray.primitives.clips import Ball, Block, Clip
 from visray.primitives.primitive import Bounds, identity, scalars
@@ -124,8 +126,26 @@ class Polynomial(Algebraic):
             polynomials.check_sizes(self.compiled(), max(map(float, scalars(self.clip_volume()).half_sides())))
         except PolynomialError as error:
             part = "" if error.part is None else f".{error.part}"
-            return [(f"{given[0]}{part}", str(error))]
+            return [(f"{given[0]}{part}", self._with_mended(str(error)))]
         return []
+
+    def _with_mended(self, message: str) -> str:
+        """The message about an expression that is wrong. If it is right as people write formulas elsewhere, as x² = 2y
+        is, the message has it as visray reads it."""
+        read = self._everyday()
+        if read is None or read.notes or not set(read.parameters) <= self.parameters.keys():
+            return message
+        same = read.expression.replace(" ", "") == self.expression.replace(" ", "")
+        if same or len(read.expression) > LONGEST_MENDED:
+            return message
+        return f"{message.split('; ')[0]}; write {read.expression}"
+
+    def _everyday(self) -> Everyday | None:
+        """The expression as people write formulas elsewhere; None if there is none, or if that is wrong too."""
+        try:
+            return None if self.expression is None else everyday(self.expression, self.parameters)
+        except PolynomialError:
+            return None
 
     def _unused(self) -> list[tuple[str, str]]:
         """A list with one error (field, message) for the first parameter that f does not contain, or the empty list."""
@@ -136,6 +156,9 @@ class Polynomial(Algebraic):
         else:
             names, place = (), "monomis, which have none"
         unused = [name for name in self.parameters if name not in names and (names or self.expression is None)]
+        if unused and (read := self._everyday()):
+            # The letter is in it, as in 2ax; the missing sign is the error to be told.
+            unused = [name for name in unused if name not in read.parameters]
         return [("parameters", f"{unused[0]} is not in {place}; leave it out")] if unused else []
 
     def carrier(self) -> Frame:

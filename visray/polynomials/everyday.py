@@ -55,8 +55,9 @@ def everyday(text: str, known: Collection[str] = ()) -> Everyday:
     if any(clear):
         expression, more = cleared(expression)
         notes += more
-    names = dict.fromkeys(t.text for side in sides for t in side if t.kind == "name")
-    parameters = tuple(n for n in names if n not in (*AXES, *CONSTANTS) and (n != EULER or n in known))
+    names = dict.fromkeys(re.findall(r"(?<![\w.])[A-Za-z]\w*", expression))
+    letters = dict.fromkeys(t.text for side in sides for t in side if t.kind == "name")
+    parameters = tuple(n for n in letters if n in names and n not in (*AXES, *CONSTANTS, *({EULER} - {*known})))
     if not names.keys() & set(AXES):
         raise PolynomialError("it has no x, y or z, so it is no surface; " + grammar.EXAMPLE)
     _check(expression, parameters, known)

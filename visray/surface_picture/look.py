@@ -6,12 +6,13 @@ from visray.fitting import PAPER, Rig
 from visray.materials import Material
 
 # Linear colours of the side of the surface that is seen more, and of the other.
-WARM, COOL = (0.76, 0.25, 0.06), (0.06, 0.24, 0.46)
+WARM, COOL = (0.8, 0.22, 0.04), (0.03, 0.22, 0.48)
 # Share of its kd that is the ka of a material, and the light that it shows then, which is less in hollows.
-AMBIENT, AMBIENT_LIGHT = 0.3, (1.0, 1.0, 1.0)
-SHINE, SHININESS = 0.25, 60.0
+AMBIENT, AMBIENT_LIGHT = 0.25, (1.0, 1.0, 1.0)
+SHINE, SHININESS = 0.3, 80.0
 BACKGROUND = PAPER
-RIG = Rig()
+# The key light is higher than over a map, so that the shapes of hollows are seen.
+RIG = Rig(key=(-0.6, 0.48, 0.64), key_light=0.9, fill_light=0.25)
 # Names of the two materials: outside is the side that is seen more.
 OUTSIDE, INSIDE = "outside", "inside"
 

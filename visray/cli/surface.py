@@ -14,6 +14,7 @@ from visray import clock
 from visray.cli.options import Integer, Json, Settings, Share, Threads, app, flag, parse_size
 from visray.cli.picture_options import Preview, Show
 from visray.cli.showing import Showing
+from visray.cli.view import Host, NoBrowser, Port, show_live
 from visray.errors import UserError
 from visray.terminal import write_line
 
@@ -71,6 +72,10 @@ def surface_command(
     ] = None,
     time: Annotated[float | None, Parameter(help="Make the best picture in this many seconds.")] = None,
     threads: Threads = None,
+    view: flag("Show it live in the browser, to be turned and changed. Ctrl-C ends it.") = False,
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    no_browser: NoBrowser = False,
     show: Show = False,
     preview: Preview = False,
     quiet: flag("Print nothing, and show no progress.") = False,
@@ -78,22 +83,30 @@ def surface_command(
 ) -> int:
     """Show the surface of a formula as a picture: clip, camera, lights and colours are fitted to it.
 
-    With --save the scene becomes a file, to be changed and rendered by `visray render`. `visray surfaces` lists the
-    known surfaces. A formula that begins with a minus stands after two of them: visray surface -- "-x^2 + y".
+    Letters other than x, y and z are parameters. `visray surfaces` lists the known surfaces. With --save the scene
+    becomes a file, to be changed and rendered by `visray render`. With --view, sliders change the parameters.
     """
     if quiet:
         warnings.simplefilter("ignore")
-    numbers, texts = dict(map(_parse_parameter, param)), {"--color": color, "--inside": inside}
+    numbers, texts = _parse_parameters(param), {"--color": color, "--inside": inside}
     colors = [_parse_triple(option, text, "0.8,0.3,0.1") for option, text in texts.items()]
     direction, film = _parse_triple("--from", towards, "1,-2,1"), parse_size(size)
     showing = Showing.of(show, preview, json)
+    from visray.output.files import check_writable, write_text
+
+    if save is not None:
+        if save.suffix.lower() != ".json":
+            raise UserError(f"{save}: a scene is a .json file; end the name so")
+        check_writable(save)
+    if view and (output or showing or json):
+        raise UserError("--view: shows a live picture, which its page can save; leave out -o, --show and --json")
     from visray.adaptive.stopping import Goal
     from visray.cli.rendering import render_command
-    from visray.output.files import check_writable, write_text
     from visray.output.image import check_destination
     from visray.progress import Bar
+    from visray.scene.address import changed, parse_assignment
     from visray.scene.check import checked
-    from visray.scene.load import dump
+    from visray.scene.load import dump, load
     from visray.surface_picture.picture import SIZE, Wishes, surface_picture
 
     if error is None and time is None and spp is None:
@@ -101,27 +114,45 @@ def surface_command(
     Goal.from_arguments(error, time, spp, clock.now())
     for path in output:
         check_destination(path)
-    if save is not None:
-        if save.suffix.lower() != ".json":
-            raise UserError(f"{save}: a scene is a .json file; end the name so")
-        check_writable(save)
     with Bar("looking at the surface", 1, not (quiet or json)):
         made = surface_picture(formula, numbers, Wishes(film or SIZE, clip, direction, *colors))
         scene = checked(made.scene)
+    if set:
+        scene = changed(scene, dict(map(parse_assignment, set)))
+    for text in made.notes:
+        warnings.warn(text, stacklevel=1)
+    if not (quiet or json):
+        write_line(f"{made.name}: " + "; ".join(f"{name} {text}" for name, text in made.choices.items()))
     with _scene_file(save, made.name) as file:
         write_text(file, dump(scene, file.parent))
-        for text in made.notes:
-            warnings.warn(text, stacklevel=1)
-        if not (quiet or json):
-            write_line(f"{made.name}: " + "; ".join(f"{name} {text}" for name, text in made.choices.items()))
-            if save is not None:
-                write_line(f"{save}: written")
+        if save is not None and not (quiet or json):
+            write_line(f"{save}: written")
+        if view:
+            options = {"host": host, "port": port, "error": error or ERROR, "browser": not no_browser}
+            words = ["visray", "view", str(save)] if save else _words(formula, param, set)
+            return show_live(
+                (lambda: load(file)) if save else lambda: scene, name=made.name, file=save, command=words, **options
+            )
         report = {"choices": made.choices, "notes": list(made.notes)} | ({} if save is None else {"scene": str(save)})
-        outputs = showing.outputs(output, [Path(f"{made.name}.png")])
         return render_command(
-            file, output=outputs, spp=spp, error=error, time=time, threads=threads, set=set, showing=showing,
-            quiet=quiet, json=json, more=report,
+            file, output=showing.outputs(output, [Path(f"{made.name}.png")]), spp=spp, error=error, time=time,
+            threads=threads, showing=showing, quiet=quiet, json=json, more=report,
         )  # fmt: skip
+
+
+def _words(formula: str, param: list[str], assignments: list[str]) -> list[str]:
+    """The words of a command that shows the same picture."""
+    options = [word for text in param for word in ("--param", text)]
+    return ["visray", "surface", formula, *options, *(word for text in assignments for word in ("--set", text))]
+
+
+def _parse_parameters(texts: list[str]) -> dict[str, float]:
+    """Names and values of the parameters from texts such as a=0.5."""
+    pairs = [_parse_parameter(text) for text in texts]
+    names = [name for name, _ in pairs]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise UserError(f"--param: {twice[0]} has two values; give one")
+    return dict(pairs)
 
 
 def _parse_parameter(text: str) -> tuple[str, float]:

@@ -12,6 +12,7 @@ from visray.polynomials import Compiled, PolynomialError
 from visray.polynomials.catalogue import SURFACES, KnownSurface
 from visray.polynomials.everyday import everyday
 from visray.primitives.polynomial import Polynomial
+from visray.terminal import printable
 
 # Name of the object, and of the files of a surface without a name.
 SURFACE = "surface"
@@ -43,6 +44,12 @@ class Asked:
     notes: tuple[str, ...]
 
     @property
+    def described(self) -> str:
+        """The formula with the values of its parameters, for messages."""
+        values = _listed(self.shape.parameters)
+        return f"{self.label} with {values}" if values else self.label
+
+    @property
     def degree(self) -> int:
         """Degree of the surface; factors that occur several times count once."""
         return sum(f.degree for f in self.compiled.program.factors)
@@ -51,15 +58,15 @@ class Asked:
 def asked(formula: str, parameters: Mapping[str, float]) -> Asked:
     """Reads a formula or the name of a known surface. Raises a UserError if it, or a parameter, is wrong."""
     text = " ".join(formula.split())
-    label = text if len(text) <= SHOWN else text[: SHOWN - 3] + "..."
+    label = printable(text if len(text) <= SHOWN else text[: SHOWN - 3] + "...") or "the formula"
     values = {name: _finite(name, value) for name, value in parameters.items()}
     name = re.sub(r"[ _]", "-", text).casefold()
     name = next((known for known in SURFACES if known.casefold() == name), name)
     if name in SURFACES:
         known = SURFACES[name]
         _check_names(values, tuple(known.parameters), f"the surface {name}")
-        shape, notes = Polynomial(surface=name, parameters=values), []
-        return Asked(shape, _compiled(shape, label), known, name, name, tuple(notes))
+        shape = Polynomial(surface=name, parameters=values)
+        return Asked(shape, _compiled(shape, label), known, name, name, ())
     if _WORDS.fullmatch(text) and (near := similar(name, list(SURFACES))):
         raise UserError(f'{label}: no surface has this name; did you mean "{near[0]}"? (visray surfaces lists them)')
     try:
@@ -70,12 +77,15 @@ def asked(formula: str, parameters: Mapping[str, float]) -> Asked:
     _check_names(values, read.parameters, "the formula")
     free = [letter for letter in read.parameters if letter not in values]
     notes = [*read.notes, *([_about_letters(free)] if free else [])]
-    shape = Polynomial(expression=read.expression, parameters=dict.fromkeys(free, DEFAULT) | values)
-    shape = Polynomial(
-        expression=read.expression, parameters={name: shape.parameters[name] for name in read.parameters}
-    )
+    given = {name: values.get(name, DEFAULT) for name in read.parameters}
+    shape = Polynomial(expression=read.expression, parameters=given)
     compiled = _compiled(shape, label)
     return Asked(shape, compiled, None, SURFACE, label, (*notes, *_about_degree(shape, compiled)))
+
+
+def _listed(parameters: Mapping[str, float]) -> str:
+    """Names and values as text."""
+    return ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
 
 
 def _finite(name: str, value: float) -> float:
@@ -104,7 +114,7 @@ def _compiled(shape: Polynomial, label: str) -> Compiled:
     try:
         return polynomials.build(shape.source(), shape.parameters)
     except PolynomialError as error:
-        values = ", ".join(f"{name} = {value:g}" for name, value in shape.parameters.items())
+        values = _listed(shape.parameters)
         raise UserError(f"{label}{f' with {values}' if values else ''}: {error}") from None
 
 
@@ -118,5 +128,4 @@ def _about_degree(shape: Polynomial, compiled: Compiled) -> list[str]:
     degree, usual = (sum(f.degree for f in x.program.factors) for x in (compiled, written))
     if degree == usual:
         return []
-    values = ", ".join(f"{name} = {value:g}" for name, value in shape.parameters.items())
-    return [f"with {values} the degree is {degree}, not {usual}"]
+    return [f"with {_listed(shape.parameters)} the degree is {degree}, not {usual}"]

@@ -70,4 +70,4 @@ def _triple(name: str, given: Sequence | None) -> tuple[float, float, float] | N
 def _in_python(text: str) -> str:
     """A message in which options of the command have become arguments."""
     text = re.sub(r"--param (\w+)=(\S+)", r'parameters={"\1": \2}', text)
-    return re.sub(r"--(\w+)", r"\1", text)
+    return re.sub(r"--(\w+)", r"\1", text.replace("--from", "view"))

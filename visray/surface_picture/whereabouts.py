@@ -38,11 +38,13 @@ class Whereabouts:
 
     centre, radius: the ball.
     compact: whether the ball holds the whole surface; else the surface goes on.
+    points: some points of the surface, not all of them in the ball. Shape: (N, 3).
     """
 
     centre: np.ndarray
     radius: float
     compact: bool
+    points: np.ndarray
 
 
 def whereabouts(field: Field) -> Whereabouts | None:
@@ -99,7 +101,7 @@ def _around(points: np.ndarray) -> Whereabouts:
     reach = float(np.linalg.norm(points - middle, axis=1).max())
     if np.linalg.norm(middle) < CENTRAL * reach:
         middle, reach = np.zeros(3), float(np.linalg.norm(points, axis=1).max())
-    return Whereabouts(middle, max(reach, 1e-9), True)
+    return Whereabouts(middle, max(reach, 1e-9), True, points)
 
 
 def _heart_of_it(field: Field, points: np.ndarray, nearest: float) -> Whereabouts:
@@ -123,7 +125,7 @@ def _heart_of_it(field: Field, points: np.ndarray, nearest: float) -> Whereabout
             near = np.concatenate([special.singular, special.turning])
     degree = sum(f.degree for f in field.compiled.program.factors)
     radius = (1 + ROOM / degree) * _reach(near, centre) if len(near) else 0.0
-    return Whereabouts(centre, radius if radius > 1e-6 * nearest else _bent(field, centre), False)
+    return Whereabouts(centre, radius if radius > 1e-6 * nearest else _bent(field, centre), False, points)
 
 
 def _some(points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,90 @@
+"""`visray surface`: the files that it writes, what it says, and the one line that bad input gets."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+import visray as vr
+from visray.cli import main
+
+SMALL = ("--size", "48x32", "--spp", "2")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def said(capsys, *words: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of the command."""
+    code = main(["surface", *words])
+    return code, *capsys.readouterr()
+
+
+def test_a_formula_becomes_a_picture(capsys):
+    code, out, err = said(capsys, "x^2 + y^2 - z^2 - a", "--param", "a=0.5", *SMALL)
+    assert code == 0 and err == "" and Pillow.open("surface.png").size == (48, 32)
+    assert out.startswith(
+        "surface: degree 2; parameters a = 0.5; clip a ball of radius 1.6, which cuts the surface; seen from "
+    )
+
+
+def test_a_known_surface_gives_the_name(capsys):
+    assert said(capsys, "heart", *SMALL, "--quiet") == (0, "", "")
+    assert [p.name for p in Path().iterdir()] == ["heart.png"]
+
+
+def test_a_saved_scene_renders_the_same_picture(capsys):
+    words = ("xyz = 1", "-o", "a.exr", "--save", "s.json", "--set", "lights.key.samples=1", "--color", "0.1,0.5,0.2")
+    assert said(capsys, *words, *SMALL)[0] == 0
+    assert main(["render", "s.json", "-o", "b.exr", "--spp", "2"]) == 0
+    np.testing.assert_array_equal(vr.Image.read("a.exr")["RGB"], vr.Image.read("b.exr")["RGB"])
+    raw = json.loads(Path("s.json").read_text())
+    assert raw["lights"]["key"]["samples"] == 1 and raw["materials"]["outside"]["kd"] == [0.1, 0.5, 0.2]
+
+
+def test_the_default_is_an_error_of_one_percent(capsys):
+    code, out, _ = said(capsys, "x + y = z", "--size", "24x24", "--json")
+    report = json.loads(out)
+    assert code == 0 and report["error_asked"] == 0.01 and report["error"] <= 0.01
+    assert report["choices"]["degree"] == "1" and report["outputs"] == ["surface.png"]
+
+
+def test_a_formula_may_begin_with_a_minus(capsys):
+    assert said(capsys, "-x^2 - y^2 - z^2 + 1", *SMALL, "--quiet")[0] == 0
+    assert said(capsys, *SMALL, "--quiet", "--", "-x^2 - y^2 - z^2 + 1")[0] == 0
+
+
+def test_letters_without_a_value_are_noted(capsys):
+    code, out, err = said(capsys, "a x^2 + y^2 + z^2 = b", *SMALL, "--json")
+    text = "a = b = 1, as no value was given; --param a=2 gives another"
+    assert code == 0 and text in json.loads(out)["notes"] and text in err
+
+
+WRONG = {
+    "sign": (["x", "--param", "a"], "--param = 'a': must be NAME=NUMBER, such as a=0.5"),
+    "nan": (["x - a", "--param", "a=nan"], "--param = 'a=nan': must be NAME=NUMBER, such as a=0.5"),
+    "twice": (["x - a", "--param", "a=1", "--param", "a=2"], "--param: a has two values; give one"),
+    "letter": (["x - a", "--param", "b=1"], "b: is no parameter of the formula; one of a"),
+    "clip": (["x", "--clip", "0"], "--clip = 0: must be greater than 0, and at most 1e+09"),
+    "negative clip": (["x", "--clip", "-1"], "--clip = -1: must be greater than 0, and at most 1e+09"),
+    "from": (["x", "--from", "1,2"], "--from = '1,2': must be three numbers with commas between, such as 1,-2,1"),
+    "save": (["x", "--save", "s.txt"], "s.txt: a scene is a .json file; end the name so"),
+    "view": (["x", "--view", "-o", "a.png"], "--view: shows a live picture, which its page can save; leave out -o"),
+    "output": (["x", "-o", "a.jpg"], "a.jpg: "),
+    "both": (["x", "--spp", "4", "--error", "0.1"], "spp = 4: goes with neither error nor time"),
+    "name": (["barth-sextc"], 'barth-sextc: no surface has this name; did you mean "barth-sextic"?'),
+    "nothing": (["x^2 + y^2 + z^2 + 1"], "x^2 + y^2 + z^2 + 1: shows nothing: it has no real points"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_bad_input_gets_one_line(case, capsys):
+    words, text = WRONG[case]
+    code, out, err = said(capsys, *words, "--size", "24x24")
+    assert code == 2 and out == "" and len(err.splitlines()) == 1
+    assert err.startswith(f"visray: {text}")
+    assert list(Path().iterdir()) == []

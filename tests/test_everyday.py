@@ -3,6 +3,7 @@
 # ruff: noqa: RUF001 - the letters and signs of formulas
 import re
 from decimal import Decimal, localcontext
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -353,3 +354,14 @@ def test_scene_files_are_strict_and_tell_the_reading(expression, message):
     assert Polynomial(expression=expression, parameters={"a": 2.0} if "a" in expression else {}).flaws() == [
         ("expression", message)
     ]
+
+
+def test_the_page_shows_what_is_read():
+    page = (Path(__file__).parents[1] / "docs" / "polynomial-surfaces.md").read_text()
+    table = page.split("| you write | it is read as |")[1].split("\n\n")[0]
+    rows = [[re.findall(r"`([^`]*)`", cell) for cell in row.split(" | ")] for row in table.splitlines()[2:]]
+    in_words = ("ax^2 + by", "ab x", "1/2x", "(sqrt(x^2+y^2) - R)^2 + z^2 = r^2")
+    shown = [(left, right) for left, right in rows if left[0] not in in_words]
+    assert len(shown) == 8 == len(rows) - len(in_words)
+    for left, right in shown:
+        assert [*dict.fromkeys(everyday(text).expression for text in left)] == right

@@ -159,7 +159,8 @@ def chart(course: Course, target: float) -> dict[str, Any]:
 
 def ends(values: np.ndarray) -> tuple[float, float]:
     """Ends of a logarithmic scale for values greater than 0: each is 1, 2 or 5 times a power of ten."""
-    return _step(float(values.min()), down=True), _step(float(values.max()), down=False)
+    low, high = _step(float(values.min()), down=True), _step(float(values.max()), down=False)
+    return low, max(high, 2 * low)
 
 
 def decades(values: np.ndarray) -> tuple[float, float]:

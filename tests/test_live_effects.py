@@ -112,3 +112,62 @@ def test_a_cost_says_its_noise() -> None:
     assert noise.text() == "in the noise: < 0.40 ms, 4.0 % of the picture at most"
     large = EffectCost(Spread(0.125, 0.11, 0.14), Spread(0.5, 0.4, 0.6))
     assert large.text() == "125 ± 15 ms, 50 % of the picture"
+
+
+def test_a_page_switches_effects() -> None:
+    """Shadows, which coloured shadows refine, and area lights, whose lights become others."""
+    pytest.importorskip("viser")
+    from page import Page, eventually
+    from page_widgets import value_of, write
+
+    tagged = "<b>red</b>"
+    glass = {"glass": vr.Material(kt=(0.5, 0.5, 0.5)), tagged: LIT.materials["red"]}
+    window = vr.Sphere(center=(1, 2, 1), radius=0.4, material="glass")
+    objects = {name: replace(x, material=tagged) for name, x in LIT.objects.items()} | {"window": window}
+    with vr.view(replace(LIT, materials=glass, objects=objects), error=0.5) as shown:
+        engine, page = shown.live.engine, Page(shown.url)
+        page.look()
+        assert value_of(page, "shadows") is True
+        eventually(lambda: "needed by materials.&lt;b&gt;red" in page.html())
+        assert "<b>red</b>" not in page.html()
+        write(page, "shadows", False)
+        eventually(lambda: engine.left_out == ("shadows",))
+        eventually(lambda: value_of(page, "coloured shadows", "disabled"))
+        assert value_of(page, "coloured shadows") is False and value_of(page, "specular") is True
+        write(page, "area lights", False)
+        eventually(lambda: engine.left_out == ("shadows", "area lights"))
+        lights = engine.ask(lambda prepared: prepared.scene.lights).result(60)
+        assert isinstance(lights["lamp"], vr.PointLight)
+        # Values of lights change all the same, also those that a point light does not have.
+        engine.assign({"lights.lamp.radius": 0.5, "lights.lamp.position": (1.0, 5.0, 2.0)})
+        eventually(lambda: len(engine.edits) == 2)
+        lights = engine.ask(lambda prepared: prepared.scene.lights).result(60)
+        assert lights["lamp"].position == (1.0, 5.0, 2.0) and engine.scene.lights["lamp"].radius == 0.5
+        write(page, "shadows", True)
+        write(page, "area lights", True)
+        eventually(lambda: engine.left_out == ())
+        assert engine.ask(lambda prepared: prepared.scene.lights).result(60)["lamp"].radius == 0.5
+        eventually(lambda: value_of(page, "coloured shadows", "disabled") is False)
+        page.close()
+
+
+def test_a_page_measures(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("viser")
+    from page import Page, eventually
+    from page_widgets import press
+
+    monkeypatch.setattr(TimedPicture, "kernels", lambda self: [])
+    monkeypatch.setattr(
+        TimedPicture, "seconds", lambda self: 1e-7 * samples_of(self.prepared) * len(self.prepared.features.names())
+    )
+    with vr.view(LIT, error=0.5) as shown:
+        page = Page(shown.url)
+        page.look(window=(64, 48))
+        eventually(lambda: page.pictures)
+        press(page, "Measure what each costs")
+        # Six effects: without one of them a picture takes 5/6 of its time.
+        eventually(lambda: page.html().count("17 % of the picture") >= len(features(LIT).names()) - 1)
+        eventually(lambda: "One sample of each of 64 x 48 pixels took 1.84 ms. Medians" in page.html())
+        shown.live.engine.assign({"objects.ball.radius": 0.25})
+        eventually(lambda: "before the last change of the scene" in page.html())
+        page.close()

@@ -1,7 +1,9 @@
 """What is seen in the browser is made again: as a scene file, as a command line, and as a picture, to the same bits."""
 
+import html
 import json
 import shlex
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -224,3 +226,96 @@ def test_a_free_name(tmp_path: Path) -> None:
     assert free_name(file).name == "heart-edited.json"
     (tmp_path / "heart-edited.json").touch()
     assert free_name(file).name == "heart-edited-2.json"
+
+
+@pytest.fixture
+def opened(file: Path) -> Iterator[tuple[Any, Any]]:
+    """A live picture of the file, and a page that shows it from elsewhere."""
+    pytest.importorskip("viser")
+    from page import Page, eventually
+
+    with vr.view(file, error=0.2) as shown:
+        page = Page(shown.url)
+        page.look(position=(0.0, 0.0, 4.5))
+        eventually(lambda: shown.live.clients and not next(iter(shown.live.clients.values())).at_home)
+        yield shown.live, page
+        page.close()
+
+
+def test_a_page_gets_the_scene_and_the_picture(opened: tuple[Any, Any], file: Path) -> None:
+    from page import eventually
+    from page_widgets import downloads, press, told, write
+
+    live, page = opened
+    live.engine.assign({"objects.ball.radius": 0.375})
+    eventually(lambda: live.engine.edits)
+    camera = next(iter(live.clients.values())).camera
+    expected = replace(changed(SCENE, {"objects.ball.radius": 0.375}), camera=camera)
+    press(page, "Download the scene")
+    name = "it-s-a-ball"
+    eventually(lambda: f"{name}.json" in downloads(page))
+    Path("again.json").write_bytes(downloads(page)[f"{name}.json"])
+    assert load("again.json").hash() == expected.hash()
+    press(page, "Write it beside the file")
+    eventually(lambda: "written" in told(page))
+    assert load("it's a ball-edited.json").hash() == expected.hash() and load(file).hash() == SCENE.hash()
+    write(page, "size", "10x7")
+    write(page, "quality", "2 spp")
+    write(page, "format", "EXR")
+    press(page, "Make the picture")
+    eventually(lambda: f"{name}.exr" in downloads(page))
+    eventually(lambda: f"{name}.exr: 10 x 7, 2 spp" in told(page))
+    Path("a.exr").write_bytes(downloads(page)[f"{name}.exr"])
+    picture = vr.render(expected, size=(10, 7), spp=2, layers=("RGB",), progress=False)
+    np.testing.assert_array_equal(Image.read("a.exr")["RGB"], picture["RGB"].astype(np.float16))
+
+
+def test_a_page_gets_the_command_line(opened: tuple[Any, Any]) -> None:
+    from page import eventually
+    from page_widgets import press, told, write
+
+    live, page = opened
+    live.engine.leave_out(("shadows",))
+    eventually(lambda: live.engine.left_out)
+    press(page, "Command line")
+    eventually(lambda: "visray render" in page.html())
+    camera = next(iter(live.clients.values())).camera
+    now = Seen(load(live.file), (), None, camera, False)
+    line = command_line(live.command, load(live.file), now, Wish(error=0.01), ["it-s-a-ball.png"])
+    assert html.escape(line) in page.html() and "shadows: switched off only here" in page.html()
+    write(page, "quality", "<b>")
+    press(page, "Make the picture")
+    eventually(lambda: "must be an error such as 1 %" in told(page))
+
+
+def test_a_scene_without_a_file_has_no_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("viser")
+    from page import Page, eventually
+    from page_widgets import downloads, press, told, value_of
+
+    monkeypatch.chdir(tmp_path)
+    with vr.view(SCENE, error=0.2) as shown:
+        page = Page(shown.url)
+        page.look()
+        press(page, "Command line")
+        eventually(lambda: "has no file that a command could name" in told(page))
+        assert value_of(page, "Write it beside the file", "visible") is False
+        press(page, "Download the scene")
+        eventually(lambda: "scene.json" in downloads(page))
+        page.close()
+
+
+def test_a_picture_is_cancelled(opened: tuple[Any, Any]) -> None:
+    from page import eventually
+    from page_widgets import downloads, press, told, value_of, write
+
+    _, page = opened
+    write(page, "quality", "4000000 spp")
+    press(page, "Make the picture")
+    eventually(lambda: value_of(page, "Cancel", "visible"))
+    press(page, "Make the picture")
+    eventually(lambda: "a picture is being made already" in told(page))
+    press(page, "Cancel")
+    eventually(lambda: "the picture was cancelled" in told(page))
+    eventually(lambda: value_of(page, "Cancel", "visible") is False)
+    assert downloads(page) == {}

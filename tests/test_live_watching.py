@@ -143,3 +143,46 @@ def test_other_files_are_watched(file: Path, tmp_path: Path) -> None:
     watch = FileWatch(file, lambda: calls.append(1) or load(file), load(file), [tmp_path / "setup.json"])
     written(tmp_path / "setup.json", "{}")
     assert settled(watch) is None and calls == [1]
+
+
+def test_a_page_shows_errors_and_recovers(file: Path) -> None:
+    pytest.importorskip("viser")
+    from page import Page, eventually
+    from page_widgets import told
+
+    with vr.view(file, error=0.5) as shown:
+        live, page = shown.live, Page(shown.url)
+        page.look()
+        eventually(lambda: page.pictures)
+        live.engine.assign({"objects.ball.radius": 0.75})
+        eventually(lambda: live.engine.edits)
+        written(file, with_radius("<img src=x onerror=alert(1)>"))
+        eventually(lambda: "The scene has errors" in page.html())
+        assert "objects.ball.radius" in page.html() and "&lt;img src=x" in page.html() and "<img" not in page.html()
+        assert live.engine.scene.objects["ball"].radius == 0.75
+        file.unlink()
+        eventually(lambda: "has been deleted or renamed" in page.html())
+        written(file, with_radius(0.25))
+        eventually(lambda: live.engine.scene.objects["ball"].radius == 0.25)
+        eventually(lambda: "ball.json has changed and was read again; 1 value changed here is dropped" in told(page))
+        assert live.engine.edits == {} and "The scene has errors" not in page.html()
+        page.close()
+
+
+def test_cameras_stay_unless_that_of_the_file_changes(file: Path) -> None:
+    pytest.importorskip("viser")
+    from page import Page, eventually
+
+    with vr.view(file, error=0.5) as shown:
+        live, page = shown.live, Page(shown.url)
+        page.look(position=(1.0, 2.0, 3.0))
+        client = eventually(lambda: next(iter(live.clients.values()), None))
+        eventually(lambda: not client.at_home)
+        camera = client.camera
+        written(file, with_radius(0.25))
+        eventually(lambda: live.engine.scene.objects["ball"].radius == 0.25)
+        assert client.camera == camera and not client.at_home
+        written(file, with_radius(0.25) | {"camera": {"origin": [0, 0, 9]}})
+        eventually(lambda: client.at_home)
+        assert client.camera.origin == (0.0, 0.0, 9.0)
+        page.close()

@@ -51,6 +51,7 @@ class Control:
     scale: the light of a white picker: 1, or the largest part of a colour beyond 1.
     center: of a `range` with a fixed middle, this; else None.
     rule: address and fields of the record that is assigned instead of the value, if the scene has no such record yet.
+    title: name of the row of data that has the value; "" for others.
     track: name of the track of an animation that moves the value, so that nothing else can; "" if there is none.
     """
 
@@ -69,6 +70,7 @@ class Control:
     scale: float = 1.0
     center: float | None = None
     rule: tuple[str, tuple[tuple[str, Any], ...]] | None = None
+    title: str = ""
     track: str = ""
 
     def assignments(self, value: Value) -> dict[str, Value]:

@@ -14,13 +14,12 @@ from visray.data.resolve import timed_layer
 from visray.data.resolved_colors import ResolvedColors
 from visray.errors import UserError
 from visray.live.controls import Control, made
-from visray.live.fields import Limits
-from visray.live.ranges import Range, range_around, range_of, step_of
+from visray.live.ranges import Range, range_around, step_of
 from visray.scene.address import value
 from visray.scene.scene import Scene
 
 DATE = "data.date"
-PLACES = {"lon": (-360.0, 360.0), "lat": (-90.0, 90.0)}
+PLACES = {"lon": Range(-180.0, 180.0, 0.1), "lat": Range(-90.0, 90.0, 0.1)}
 
 
 def addresses(scene: Scene) -> Iterator[str]:
@@ -111,17 +110,19 @@ def _row(scene: Scene, address: str) -> Control | None:
         now = float(value(scene, address))
     except UserError:
         return None
-    _, layer, _, name = address.split(".")
+    _, layer, number, name = address.split(".")
     if np.isnan(now):
         return None
-    known = scene.data.rows[layer].known(name)
-    known = known[np.isfinite(known)]
+    rows = scene.data.rows[layer]
+    title = "" if rows.texts is None else str(rows.texts[rows.index(int(number))])
     if name in PLACES:
-        return made(address, "number", now, range_of(name, (now,), Limits(*PLACES[name]), 1.0), "degrees")
+        return made(address, "number", now, PLACES[name].containing(now), "degrees", title=title)
+    known = rows.known(name)
+    known = known[np.isfinite(known)]
     ends = float(known.min()), float(known.max())
     low, high = min(0.0, *ends, now), max(*ends, now)
     high = high if high > low else low + 1.0
     step = step_of(high - low)
     # A row whose gizmo has no size is not shown, and has no numbers any more.
     low = step if low == 0 and now >= step and name != "color" else low
-    return made(address, "number", now, Range(low, high, step), "as in the data")
+    return made(address, "number", now, Range(low, high, step), "as in the data", title=title)

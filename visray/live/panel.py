@@ -18,7 +18,7 @@ from visray.live.widgets import ControlWidget, short
 from visray.scene.address import parse_assignment
 from visray.scene.animation_values import track_values
 from visray.scene.edits import within
-from visray.scene.scene import DEFAULT_MATERIAL, Scene
+from visray.scene.scene import Scene
 
 # Most controls that are shown at once.
 MOST = 30
@@ -213,11 +213,13 @@ def related(address: str, other: str) -> bool:
 
 
 def folder_title(control: Control) -> str:
-    """Title of the folder of an entry, such as "material red"."""
-    if "." not in control.owner:
-        return control.owner
+    """Title of the folder of an entry, such as "material red", "layer rain" or "data rain.12, Zurich"."""
     name = control.owner.partition(".")[2]
-    return f"{control.group} {name}" if name != DEFAULT_MATERIAL else name
+    if not name:
+        return control.owner
+    if name.startswith("layers."):
+        return f"layer {name.removeprefix('layers.')}"
+    return f"{control.group} {name}, {control.title}" if control.title else f"{control.group} {name}"
 
 
 def head_text(title: str, count: int, more: int) -> str:

@@ -31,6 +31,10 @@ class Range(NamedTuple):
     step: float
     has_slider: bool = True
 
+    def containing(self, *values: float) -> "Range":
+        """The range, made longer so that it contains some values."""
+        return self._replace(low=min(self.low, *values), high=max(self.high, *values))
+
 
 def nice(x: float) -> float:
     """The smallest of 1, 2 and 5, times a power of ten, that is not below x. Domain: x > 0."""
@@ -57,7 +61,7 @@ def range_of(name: str, values: tuple[float, ...], limits: Limits, extent: float
     low, high = _ends(name, lowest, highest, limits, extent)
     step = step_of(high - low)
     low, high = _allowed(low, high, step, limits)
-    return Range(min(low, lowest), max(high, highest), step)
+    return Range(low, high, step).containing(*values)
 
 
 def range_around(ends: tuple[float, float], is_positive: bool) -> Range:

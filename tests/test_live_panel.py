@@ -1,5 +1,6 @@
 """The panel of the live picture: its widgets change the scene, and show what others change. No browser is needed."""
 
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -26,6 +27,7 @@ SCENE = checked(vr.Scene(
 ))  # fmt: skip
 UP = vr.KeysTrack(address="objects.ball.center", times=(0.0, 4.0), values=((0.0, 0.0, 0.0), (0.0, 4.0, 0.0)))
 TABLE = {"lon": [0.0, 10.0, 20.0], "lat": [50.0, 51.0, 52.0], "rain": [3.0, 1.0, 2.0]}
+CHROMIUM = shutil.which("chromium")
 # Seconds until a test gives up.
 LIMIT = 20.0
 
@@ -268,6 +270,39 @@ def test_the_range_of_a_palette(panel_of):
     widget._button.value = True
     assert until(lambda: now(panel, "data.layers.rain.color") == "rain")
     assert until(lambda: widget.handle.value == (1.0, 3.0))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
+def test_two_browsers_agree(panel):
+    api = pytest.importorskip("playwright.sync_api")
+    options = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader"]
+    size = {"width": 900, "height": 700}
+    with api.sync_playwright() as play, play.chromium.launch(executable_path=CHROMIUM, args=options) as browser:
+        pages = [browser.new_page(viewport=size) for _ in range(2)]
+        for page in pages:
+            page.goto(f"http://127.0.0.1:{panel.live.server.get_port()}")
+            page.get_by_text("search", exact=True).wait_for()
+        search = pages[0].locator("input:visible").first
+        search.fill("ball radius")
+        assert until(lambda: [w.control.address for w in panel.widgets][:1] == ["objects.ball.radius"])
+        for page in pages:
+            page.locator("input[value='0.7']:visible").first.wait_for()
+        track = pages[0].locator(".mantine-Slider-track:visible").first.bounding_box()
+        x, y = track["x"], track["y"] + track["height"] / 2
+        pages[0].mouse.move(x + 0.2 * track["width"], y)
+        pages[0].mouse.down()
+        for i in range(50):
+            pages[0].mouse.move(x + (0.2 + 0.012 * i) * track["width"], y)
+        pages[0].mouse.up()
+        shown = panel.widgets[0].handle
+        assert until(lambda: now(panel, "objects.ball.radius") == rounded(shown.value) and shown.value > 0.9)
+        # The number beside the slider of the other browser.
+        pages[1].locator(f"input[value='{rounded(shown.value):g}']:visible").first.wait_for()
+        # A name with HTML in it is text.
+        search.fill("onclick kd")
+        for page in pages:
+            page.get_by_text(f"material {TAG}").wait_for()
 
 
 def test_what_the_file_says():

@@ -35,7 +35,7 @@ class PanelPart:
         self._lock = threading.RLock()
         self.file, self.controls = self.engine.scene, Controls(self.engine.scene)
         self.widgets: list[ControlWidget] = []
-        self._focus, self._box, self._last = "", None, None
+        self._focus, self._box, self._last, self._ended = "", None, None, False
         with tab(live.server, "Scene") as self._tab:
             self.text = self.gui.add_text("search", "", hint=SEARCH_HINT)
             self.assign = self.gui.add_button("Set this value", visible=False)
@@ -50,6 +50,7 @@ class PanelPart:
         self.engine.on_scene(live.safely(self.changed))
         self.engine.on_error(live.safely(self.refused))
         live.on_pick(self.picked)
+        live.on_stop(self.ended)
 
     def focus_on(self, name: str) -> None:
         """Shows the controls of an object first. name: its name or its address; "" shows those of the whole scene."""
@@ -57,6 +58,11 @@ class PanelPart:
             self._focus = name.removeprefix("objects.")
             self.text.value = ""
             self.list()
+
+    def ended(self) -> None:
+        """The live picture ends: nothing is shown any more."""
+        with self._lock:
+            self._ended = True
 
     def picked(self, pick: Pick) -> None:
         """Somebody has clicked on the picture."""
@@ -134,7 +140,7 @@ class PanelPart:
     def changed(self, change: Change) -> None:
         """The scene has changed: shows its values."""
         with self._lock:
-            if self.live.ended.is_set():
+            if self._ended:
                 return
             scene = self.engine.scene
             if change.kind == "scene":
@@ -176,12 +182,12 @@ class PanelPart:
         well."""
         with self._lock:
             said: dict[int, str] = {}
-            for line in () if self.live.ended.is_set() else lines:
+            for line in lines:
                 address = line.partition(": ")[0].partition(" = ")[0]
                 about = [w for w in self.widgets if related(w.control.address, address)]
                 if self._last in about or len(about) == 1:
                     said[id(self._last if self._last in about else about[0])] = line
-            for widget in self.widgets:
+            for widget in [] if self._ended else self.widgets:
                 widget.say(said.get(id(widget), ""))
 
 

@@ -49,6 +49,7 @@ def panel_of() -> Iterator[Callable[[vr.Scene], PanelPart]]:
     yield start
     for live in started:
         stop(live)
+        live.engine.stop()
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
     python reference/docs_pictures.py                    # the scenes of the pages, and the gallery
     python reference/docs_pictures.py bowl everything    # only these files of scenes/
     python reference/docs_pictures.py barth-turn blur    # strips of animated scenes, and sharp beside blurred
+    python reference/docs_pictures.py surfaces           # the contact sheet of the known surfaces
 
 The scene "everything" is the picture at the top of README.md.
 """
@@ -16,6 +17,7 @@ from pathlib import Path
 from PIL import Image
 
 import visray as vr
+from visray.surface_picture.sheet import contact_sheet
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -54,6 +56,9 @@ SCENES = {
     "data": ("docs/data.md", 0, "--spp 64 --allow-outside"),
     "legends": ("docs/legends.md", 0, "--size 720x450 --spp 64 --allow-outside"),
 }
+
+# The contact sheet of the known surfaces: size and columns of its pictures, and their samples per pixel.
+SHEET_SIZE, SHEET_COLUMNS, SHEET_SPP = (144, 144), 8, 400
 
 
 def block(page: str, language: str, number: int = 0) -> str:
@@ -119,6 +124,13 @@ def blur() -> None:
     beside("blur", [vr.render(x, at=t, size=size, spp=256, layers=("RGB",)) for x in scenes])
 
 
+def surfaces() -> None:
+    """Makes the contact sheet of the known surfaces."""
+    target = DOCS / "surfaces.png"
+    contact_sheet(tuple(vr.SURFACES), SHEET_SIZE, SHEET_COLUMNS, SHEET_SPP).write(target)
+    save_small(target, target)
+
+
 def beside(name: str, images: list[vr.Image]) -> None:
     """Writes pictures of one size beside each other to docs/animation-NAME.png."""
     target = DOCS / f"animation-{name}.png"
@@ -138,8 +150,8 @@ def beside(name: str, images: list[vr.Image]) -> None:
 if __name__ == "__main__":
     if len(sys.argv) == 1:
         scenes_of_pages()
-    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur"):
-        if scene_name == "blur":
-            blur()
+    for scene_name in sys.argv[1:] or (*GALLERY, *STRIPS, "blur", "surfaces"):
+        if scene_name in ("blur", "surfaces"):
+            {"blur": blur, "surfaces": surfaces}[scene_name]()
         else:
             (strip if scene_name in STRIPS else picture)(scene_name)

@@ -108,13 +108,13 @@ SURFACES: dict[str, KnownSurface] = {
         "Hunt surface", "4*(x^2 + y^2 + z^2 - 13)^3 + 27*(3*x^2 + y^2 - 4*z^2 - 12)^2", 3.7,
         "MathWorld, Hunt's Surface", True,
         singular=_HUNT_EDGE, singular_count=None, singular_curves="two closed edges, and points",
-        view=View((3, -8, 6)),
+        view=View((3, -8, 6), zoom=0.94),
     ),
     "nepali": KnownSurface(
         "Nepali", "(x*y - z^3 - 1)^2 - (1 - x^2 - y^2)^3", 1.8, "Hauser's gallery", True,
         singular=((1, 0, -1), (0, 1, -1), (-1, 0, -1), (0, -1, -1)),
         singular_count=None, singular_curves="a closed edge, on the cylinder x^2 + y^2 = 1",
-        view=View((3, -8, 4)),
+        view=View((3, -8, 4), zoom=0.94),
     ),
     "zitrus": KnownSurface(
         "Zitrus", "x^2 + z^2 - y^3*(1 - y)^3", 0.52, "Hauser's gallery", True, centre=(0.0, 0.5, 0.0),

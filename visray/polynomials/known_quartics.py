@@ -11,7 +11,7 @@ _KUMMER = (
 
 SURFACES: dict[str, KnownSurface] = {
     "report-quartic": KnownSurface(
-        "Quartic of the report on VisRayTrace", "0.9*x^2 + z^2 + y^4 + y^3 - 3*y^2 - 1", 3.5,
+        "VisRayTrace quartic", "0.9*x^2 + z^2 + y^4 + y^3 - 3*y^2 - 1", 3.5,
         "report on the original VisRayTrace", True,
         view=View((8, 3, 2.5)),
     ),

@@ -113,7 +113,12 @@ def _check_function(side: list[Token], k: int, partner: dict[int, int]) -> bool:
         }.get(name, "take a polynomial that is near it")
         raise PolynomialError(f"{name} of x, y or z at column {function.at + 1} is no polynomial; {advice}")
     if after.kind not in ("number", "name") if name == "sqrt" and after.kind != "(" else after.kind != "(":
-        raise wrong(f"{name} without brackets", function.at, f"write {name}(2)")
+        raise wrong(
+            f"{name} without brackets", function.at, f"write {name}({after.text if after.text[0].isalnum() else 2})"
+        )
+    power = k + 2 < len(side) and side[k + 2].kind in ("^", "(", "name", "function")
+    if after.kind != "(" and power and not (after.kind == "number" and side[k + 2].kind != "^"):
+        raise wrong("a root without brackets", function.at, f"write {name}(...) around all that is under the root")
     return _varies(inside)
 
 
@@ -143,10 +148,11 @@ def _check_power(side: list[Token], k: int, partner: dict[int, int], text: str) 
         return False
     written = "".join(t.text for t in exponent)
     value = Fraction(written) if _EXPONENT.fullmatch(written) else None
-    if value is None or value.denominator > 2:
+    whole = value is not None and value >= 0 and value.denominator == 1
+    if value is None or value.denominator > 2 or (whole and not written.isdecimal()):
         shown = f"the exponent {_source(exponent or [after], text)} of {_source(base, text)}"
         raise wrong(shown, after.at, "write a whole number, as in x^2")
-    return value < 0 or value.denominator == 2
+    return not whole
 
 
 def _check_divisors(side: list[Token], partner: dict[int, int], text: str) -> bool:
@@ -162,13 +168,31 @@ def _check_divisors(side: list[Token], partner: dict[int, int], text: str) -> bo
         end = _operand_end(side, k + 1, partner)
         divisor, more = side[k + 1 : end], side[end : end + 1]
         found |= _varies(divisor)
-        above = _base(side, k, partner)
+        # What is above the line: all of the product before it, of which a message shows the last factor.
+        above, last_above = _product(side, k, partner), _powered(side, k, partner)
         if more and more[0].kind in STARTS and _varies_or_named(above + divisor):
             last = _source(side[end : _operand_end(side, end, partner)], text)
-            a, b = _source(above, text), _source(divisor, text)
+            a, b = _source(last_above, text), _source(divisor, text)
             shown = f"{a}/{b} {last}" if last[0].isdigit() else f"{a}/{b}{last}"
-            raise wrong(f"{shown} can be read in two ways", above[0].at, f"write {a}/{b}*{last} or {a}/({b}*{last})")
+            raise wrong(
+                f"{shown} can be read in two ways", last_above[0].at, f"write {a}/{b}*{last} or {a}/({b}*{last})"
+            )
     return found
+
+
+def _powered(side: list[Token], k: int, partner: dict[int, int]) -> list[Token]:
+    """The tokens of the operand, with its power, that ends before index k."""
+    base = _base(side, k, partner)
+    before = k - len(base) - 1
+    return [*_powered(side, before, partner), side[before], *base] if before > 0 and side[before].kind == "^" else base
+
+
+def _product(side: list[Token], k: int, partner: dict[int, int]) -> list[Token]:
+    """The tokens of the product that ends before index k."""
+    start = k
+    while start and side[start - 1].kind not in ("+", "-", "("):
+        start = partner[start - 1] if side[start - 1].kind == ")" else start - 1
+    return side[start:k]
 
 
 def _varies_or_named(tokens: list[Token]) -> bool:

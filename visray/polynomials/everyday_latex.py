@@ -10,7 +10,7 @@ _SIGNS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "pm": BOTH_SIGNS, "
 _WITHOUT_MEANING = set(
     "left right quad qquad displaystyle textstyle big Big bigl bigr Bigl Bigr bigg Bigg rm limits".split()  # noqa: SIM905
 )
-_WITHOUT_MEANING |= {"", *",;:! "}
+_WITHOUT_MEANING |= {"", "mathrm", "mathit", *",;:! ()[]"}
 _WORDS = {*FUNCTIONS, "ln", "arcsin", "arccos", "arctan"}
 _COMMAND = re.compile(r"\\([A-Za-z]+|.)?")
 _OPENING = re.compile(r"\s*\{")
